@@ -1,0 +1,2 @@
+//! The `yarp` command.
+fn main() {}

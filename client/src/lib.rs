@@ -1,0 +1,1 @@
+//! What a robot program uses: ports and remote devices

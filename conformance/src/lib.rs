@@ -1,0 +1,1 @@
+//! Recorded traffic and live peers against our server, ports and wrappers

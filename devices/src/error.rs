@@ -1,0 +1,211 @@
+//! What can go wrong with a device.
+
+use std::error::Error;
+use std::io;
+use std::time::Duration;
+
+use crate::{AxisIndex, Mode};
+
+/// Why a device did not do, or did not answer, what it was asked.
+///
+/// A refused command leaves every joint as it was. Joints are counted from 0, as on the wire.
+///
+/// ```
+/// use yarp_devices::DeviceError;
+///
+/// let error = DeviceError::OutOfRange {
+///     joint: 3.into(),
+///     quantity: "position",
+///     asked: 200.0,
+///     min: -51.5,
+///     max: 179.0,
+///     unit: "deg",
+/// };
+/// assert_eq!(error.to_string(), "joint 3 asked for position 200 deg, allowed -51.5 to 179 deg");
+/// ```
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum DeviceError {
+    /// A value lies outside its limits.
+    #[error("joint {joint} asked for {quantity} {asked} {unit}, allowed {min} to {max} {unit}")]
+    OutOfRange {
+        /// The joint asked.
+        joint: AxisIndex,
+        /// What the value is, for instance `position`.
+        quantity: &'static str,
+        /// The value refused.
+        asked: f64,
+        /// The smallest value allowed.
+        min: f64,
+        /// The largest value allowed.
+        max: f64,
+        /// The unit of the three numbers.
+        unit: &'static str,
+    },
+    /// A value is NaN or infinite.
+    #[error("joint {joint} asked for {quantity} {asked}, expected a finite number")]
+    NotFinite {
+        /// The joint asked.
+        joint: AxisIndex,
+        /// What the value is, for instance `position`.
+        quantity: &'static str,
+        /// The value refused.
+        asked: f64,
+    },
+    /// The device has no such axis.
+    #[error("no joint {asked}: the device has {axes}, counted from 0")]
+    NoSuchAxis {
+        /// The axis asked for.
+        asked: AxisIndex,
+        /// How many there are.
+        axes: usize,
+    },
+    /// One command names a joint twice.
+    #[error("joint {joint} is named twice in one command")]
+    RepeatedAxis {
+        /// The joint named twice.
+        joint: AxisIndex,
+    },
+    /// The number of values is not the number of selected axes.
+    #[error("expected {expected} {what}, got {got}")]
+    WrongCount {
+        /// What the values are, for instance `positions`.
+        what: &'static str,
+        /// The number of selected axes.
+        expected: usize,
+        /// The number of values.
+        got: usize,
+    },
+    /// The joint is in a control mode that does not take this command.
+    #[error("joint {joint} is in {mode} mode, {command} needs {needed} mode")]
+    WrongMode {
+        /// The joint asked.
+        joint: AxisIndex,
+        /// The command refused, for instance `position move`.
+        command: &'static str,
+        /// The mode it is in.
+        mode: Mode,
+        /// The mode it must be in.
+        needed: Mode,
+    },
+    /// The device does not have this control mode, or nobody can command it.
+    #[error("joint {joint} cannot be set to {mode} mode")]
+    NoSuchMode {
+        /// The joint asked.
+        joint: AxisIndex,
+        /// The mode refused.
+        mode: Mode,
+    },
+    /// The joint moves, and this may only be done at rest.
+    #[error("joint {joint} is moving, stop it to {what}")]
+    Moving {
+        /// The joint asked.
+        joint: AxisIndex,
+        /// What needs it at rest, for instance `change its limits`.
+        what: &'static str,
+    },
+    /// The device cannot do this at all.
+    #[error("{what} is not supported by this device")]
+    NotSupported {
+        /// The call or feature, in words.
+        what: String,
+    },
+    /// The newest state is too old to be trusted.
+    #[error("{what} is {age:?} old, at most {limit:?} is trusted")]
+    Stale {
+        /// Which state, for instance `encoder reading`.
+        what: &'static str,
+        /// How old the newest is.
+        age: Duration,
+        /// How old it may be.
+        limit: Duration,
+    },
+    /// No state has come yet.
+    #[error("no {what} has come yet")]
+    NoDataYet {
+        /// Which state, for instance `encoder reading`.
+        what: &'static str,
+    },
+    /// The device at the other end of a connection said no, without saying why.
+    #[error("{peer} refused {step}; try {advice}")]
+    Refused {
+        /// Who refused, for instance the name of a port.
+        peer: String,
+        /// What it was asked to do.
+        step: String,
+        /// What to try next.
+        advice: String,
+    },
+    /// The device at the other end of a connection could not be reached or understood.
+    #[error("{step} with {peer} failed; try {advice}")]
+    Remote {
+        /// Who should have answered, for instance the name of a port.
+        peer: String,
+        /// What was being done.
+        step: String,
+        /// What to try next.
+        advice: String,
+        /// The failure underneath, if there is one.
+        #[source]
+        source: Option<Box<dyn Error + Send + Sync>>,
+    },
+    /// A resource of the machine, such as a thread or a bus, could not be had.
+    #[error("could not start {what}")]
+    Start {
+        /// The resource.
+        what: &'static str,
+        /// Why not.
+        #[source]
+        source: io::Error,
+    },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_name_the_joint_the_value_and_the_limit() {
+        let check = |error: DeviceError, expected: &str| assert_eq!(error.to_string(), expected);
+        check(
+            DeviceError::WrongMode {
+                joint: 2.into(),
+                command: "position move",
+                mode: Mode::Velocity,
+                needed: Mode::Position,
+            },
+            "joint 2 is in velocity mode, position move needs position mode",
+        );
+        check(
+            DeviceError::NotFinite {
+                joint: 0.into(),
+                quantity: "velocity",
+                asked: f64::NAN,
+            },
+            "joint 0 asked for velocity NaN, expected a finite number",
+        );
+        check(
+            DeviceError::NoSuchMode {
+                joint: 1.into(),
+                mode: Mode::Torque,
+            },
+            "joint 1 cannot be set to torque mode",
+        );
+        check(
+            DeviceError::Moving {
+                joint: 1.into(),
+                what: "change its limits",
+            },
+            "joint 1 is moving, stop it to change its limits",
+        );
+        check(
+            DeviceError::Remote {
+                peer: "/wam/rpc:i".into(),
+                step: "asking for the number of axes".into(),
+                advice: "whether the server runs".into(),
+                source: None,
+            },
+            "asking for the number of axes with /wam/rpc:i failed; try whether the server runs",
+        );
+    }
+}

@@ -1,0 +1,34 @@
+//! Number, names and kinds of the axes.
+
+use crate::{AxisIndex, DeviceError};
+
+/// How many axes a device has and what they are (stock: `IAxisInfo`, and `getAxes` of every other interface).
+///
+/// Every other interface extends this one, since none makes sense without the number of axes.
+pub trait AxisInfo: Send + Sync {
+    /// The number of axes (`getAxes`); it does not change while the device lives.
+    fn axes(&self) -> usize;
+
+    /// The name of an axis (`getAxisName`), distinct within the device.
+    ///
+    /// Errors: [`DeviceError::NoSuchAxis`].
+    fn axis_name(&self, axis: AxisIndex) -> Result<String, DeviceError>;
+
+    /// Whether an axis turns or slides (`getJointType`), and so which units its values have.
+    ///
+    /// Errors: [`DeviceError::NoSuchAxis`].
+    fn joint_type(&self, axis: AxisIndex) -> Result<JointType, DeviceError>;
+}
+
+/// Whether a joint turns or slides (stock: `JointTypeEnum`).
+#[derive(Clone, Copy, Debug, Default, Eq, Hash, PartialEq)]
+#[non_exhaustive]
+pub enum JointType {
+    /// Turns: degrees, deg/s, deg/s².
+    Revolute,
+    /// Slides: metres, m/s, m/s².
+    Prismatic,
+    /// Not known; the units are the device's own.
+    #[default]
+    Unknown,
+}

@@ -1,0 +1,72 @@
+//! How far and how fast each joint may go.
+
+use std::fmt;
+
+use crate::{AxisIndex, AxisInfo, DeviceError};
+
+/// The limits commands are judged by (stock: `IControlLimits`, which speaks of one axis at a time).
+pub trait ControlLimits: AxisInfo {
+    /// Where a joint may be, degrees or metres (`getLimits`, in 4.0 `getPosLimits`).
+    ///
+    /// Errors: [`DeviceError::NoSuchAxis`].
+    fn position_limits(&self, axis: AxisIndex) -> Result<Limits, DeviceError>;
+
+    /// Sets where a joint may be, degrees or metres (`setLimits`, in 4.0 `setPosLimits`).
+    ///
+    /// The joint must be at rest, and where it is must lie inside. Limits can be drawn closer, and widened again
+    /// as far as the device was built for.
+    ///
+    /// Errors: [`DeviceError::NoSuchAxis`], [`DeviceError::NotFinite`], [`DeviceError::OutOfRange`],
+    /// [`DeviceError::Moving`]; then the limits stay.
+    fn set_position_limits(&self, axis: AxisIndex, limits: Limits) -> Result<(), DeviceError>;
+
+    /// How fast a joint may move in either direction, deg/s or m/s (`getVelLimits`).
+    ///
+    /// These bound the magnitude of a velocity: `min` is usually 0.
+    ///
+    /// Errors: [`DeviceError::NoSuchAxis`].
+    fn velocity_limits(&self, axis: AxisIndex) -> Result<Limits, DeviceError>;
+
+    /// Sets how fast a joint may move in either direction, deg/s or m/s (`setVelLimits`).
+    ///
+    /// The joint must be at rest. A reference speed above the new limit is brought down to it.
+    ///
+    /// Errors: as [`set_position_limits`](Self::set_position_limits).
+    fn set_velocity_limits(&self, axis: AxisIndex, limits: Limits) -> Result<(), DeviceError>;
+}
+
+/// The smallest and the largest value allowed; both belong to the range.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Limits {
+    /// The smallest value allowed.
+    pub min: f64,
+    /// The largest value allowed.
+    pub max: f64,
+}
+
+impl Limits {
+    /// Limits from `min` to `max`.
+    pub const fn new(min: f64, max: f64) -> Self {
+        Self { min, max }
+    }
+
+    /// Whether `value` lies inside; never true for NaN.
+    pub fn contains(self, value: f64) -> bool {
+        self.min <= value && value <= self.max
+    }
+
+    /// The nearest value inside. Answers `value` itself if the limits are the wrong way round.
+    pub fn clamp(self, value: f64) -> f64 {
+        if self.min <= self.max {
+            value.clamp(self.min, self.max)
+        } else {
+            value
+        }
+    }
+}
+
+impl fmt::Display for Limits {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} to {}", self.min, self.max)
+    }
+}

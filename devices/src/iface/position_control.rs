@@ -1,0 +1,49 @@
+//! Moves from where a joint is to where it shall be.
+
+use crate::{Axes, DeviceError, MotionControl};
+
+/// Point-to-point moves along a path the device makes (stock: `IPositionControl`).
+///
+/// The joints must be in [`Mode::Position`](crate::Mode::Position). A move keeps within the reference speed
+/// and acceleration of its joint. A new target takes the place of the old one at any time, also during a move,
+/// without a jump in velocity. Acceleration and `stop` are in [`MotionControl`].
+pub trait PositionControl: MotionControl {
+    /// Starts moving the joints to `targets` and returns at once (`positionMove`).
+    ///
+    /// * `targets`: degrees or metres, inside [`ControlLimits::position_limits`](crate::ControlLimits::position_limits).
+    /// * Errors: [`DeviceError::OutOfRange`], [`DeviceError::NotFinite`], [`DeviceError::WrongMode`], or what is
+    ///   wrong with the selection; then no joint moves.
+    fn position_move(&self, axes: Axes<'_>, targets: &[f64]) -> Result<(), DeviceError>;
+
+    /// Starts moving the joints by `distances` from where they are now, and returns at once (`relativeMove`).
+    ///
+    /// Now is the present position, not the last target. Errors as for [`position_move`](Self::position_move),
+    /// judged by the place to arrive at.
+    fn relative_move(&self, axes: Axes<'_>, distances: &[f64]) -> Result<(), DeviceError>;
+
+    /// Whether all these joints are at rest, their moves and stops ended (`checkMotionDone`).
+    ///
+    /// True for an empty selection. A joint in velocity mode is done when it stands, be it at a limit.
+    ///
+    /// Errors: [`DeviceError::NoSuchAxis`].
+    fn motion_done(&self, axes: Axes<'_>) -> Result<bool, DeviceError>;
+
+    /// Where the joints were last told to go, degrees or metres (`getTargetPosition(s)`).
+    ///
+    /// After a stop or a change to position mode, the place where the joint comes to rest.
+    ///
+    /// Errors: [`DeviceError::NoSuchAxis`].
+    fn target_positions(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError>;
+
+    /// Sets how fast moves may become (`setRefSpeed(s)`, in 4.0 `setTrajSpeed(s)`).
+    ///
+    /// * `speeds`: deg/s or m/s, above zero, up to the velocity limit; they apply from the next move on.
+    /// * Errors: [`DeviceError::OutOfRange`], [`DeviceError::NotFinite`], or what is wrong with the
+    ///   selection; then none is set.
+    fn set_reference_speeds(&self, axes: Axes<'_>, speeds: &[f64]) -> Result<(), DeviceError>;
+
+    /// How fast moves may become, deg/s or m/s (`getRefSpeed(s)`, in 4.0 `getTrajSpeed(s)`).
+    ///
+    /// Errors: [`DeviceError::NoSuchAxis`].
+    fn reference_speeds(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError>;
+}

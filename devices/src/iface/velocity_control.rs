@@ -1,0 +1,28 @@
+//! Moves at a given velocity.
+
+use crate::{Axes, DeviceError, MotionControl};
+
+/// Moves at a velocity until told otherwise (stock: `IVelocityControl`).
+///
+/// The joints must be in [`Mode::Velocity`](crate::Mode::Velocity). Velocity changes with the reference
+/// acceleration, and a joint slows down in time to come to rest at its position limit. A velocity stays in force
+/// until the next command: **nothing times out here**. Whoever drives a robot over a network puts a watchdog in
+/// between. Acceleration and `stop` are in [`MotionControl`].
+pub trait VelocityControl: MotionControl {
+    /// Makes the joints move at `velocities` and returns at once (`velocityMove`).
+    ///
+    /// * `velocities`: deg/s or m/s, signed, of magnitude up to
+    ///   [`ControlLimits::velocity_limits`](crate::ControlLimits::velocity_limits). More is refused, not cut down, so
+    ///   that joints never keep a direction nobody asked for. A velocity into a limit already reached is
+    ///   accepted and does nothing.
+    /// * Errors: [`DeviceError::OutOfRange`], [`DeviceError::NotFinite`], [`DeviceError::WrongMode`], or what is
+    ///   wrong with the selection; then every joint goes on as before. A device behind a network may send
+    ///   velocities without waiting for an answer, and then cannot report what the far end refused.
+    fn velocity_move(&self, axes: Axes<'_>, velocities: &[f64]) -> Result<(), DeviceError>;
+
+    /// The velocities last asked for, deg/s or m/s; 0 after a stop or a change of mode (`getRefVelocity`,
+    /// `getRefVelocities`, in 4.0 `getTargetVelocity`, `getTargetVelocities`).
+    ///
+    /// Errors: [`DeviceError::NoSuchAxis`].
+    fn reference_velocities(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError>;
+}

@@ -1,0 +1,40 @@
+//! Device interfaces and devices: the simulated WAM arm.
+//!
+//! * [`iface`]: one trait per device interface, with its contract.
+//! * [`Device`]: which of the interfaces a device has.
+//! * [`fake`]: simulated axes, as pure models without clock or thread.
+//! * [`wam`]: the seven-joint WAM arm, for now simulated.
+//! * [`checks`]: behaviours that every device with these interfaces must show.
+//!
+//! Values are degrees, deg/s and deg/s² for revolute joints, metres, m/s and m/s² for prismatic ones:
+//! the convention of the stock interfaces. No radians cross an interface. Nothing here knows a socket.
+//!
+//! ```
+//! use yarp_devices::wam::SimulatedWam;
+//! use yarp_devices::{Axes, AxisIndex, Device};
+//!
+//! # fn main() -> Result<(), yarp_devices::DeviceError> {
+//! let arm = SimulatedWam::start()?;
+//! let elbow = Axes::One(AxisIndex::from(3));
+//! let board = arm.position_control().expect("the arm moves point to point");
+//! board.position_move(elbow, &[170.0])?;
+//! assert_eq!(board.target_positions(elbow)?, [170.0]);
+//! # Ok(())
+//! # }
+//! ```
+
+mod axes;
+pub mod checks;
+mod device;
+mod error;
+pub mod fake;
+pub mod iface;
+pub mod wam;
+
+pub use axes::{Axes, AxisIndex};
+pub use device::Device;
+pub use error::DeviceError;
+pub use iface::{
+    AxisInfo, ControlLimits, ControlMode, EncoderReading, Encoders, JointType, Limits, Mode,
+    MotionControl, PositionControl, VelocityControl,
+};

@@ -1,0 +1,1 @@
+//! The YARP name server

@@ -1,0 +1,1 @@
+//! YARP ports on tokio: open, connect, read, write, call

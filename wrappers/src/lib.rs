@@ -1,0 +1,1 @@
+//! Network wrappers: devices served on ports, and remote devices cast back

@@ -1,0 +1,304 @@
+//! The text form.
+//!
+//! Items are separated by blanks or commas; `( )` nests a list, `{ }` holds a blob, `[ ]` a vocab,
+//! `" "` a string. Checked against stock 3.5.0.
+
+use std::fmt;
+use std::str::FromStr;
+
+use bytes::Bytes;
+use nom::IResult;
+use nom::bytes::complete::take_while;
+
+use super::{Bottle, Text, Value, number_text};
+use crate::limits::Limits;
+use crate::vocab::{Vocab32, Vocab64};
+
+/// Why text is not a bottle. Stock takes any text; we refuse only what has no bounds.
+#[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum TextError {
+    /// Lists nested deeper than the limit.
+    #[error("lists nested deeper than {limit} in the text of a bottle")]
+    TooDeep {
+        /// The limit in force.
+        limit: usize,
+    },
+}
+
+impl Bottle {
+    /// Reads the text form.
+    ///
+    /// Any text is a bottle, as in stock: what is left open at the end (a quote, a bracket) is
+    /// dropped. The one error is nesting beyond [`Limits::DEFAULT`].
+    pub fn parse(text: &str) -> Result<Self, TextError> {
+        Self::parse_bytes(text.as_bytes())
+    }
+
+    /// Reads the text form of bytes that need not be UTF-8.
+    pub fn parse_bytes(text: &[u8]) -> Result<Self, TextError> {
+        parse_list(text, Limits::DEFAULT.depth)
+    }
+}
+
+impl FromStr for Bottle {
+    type Err = TextError;
+
+    fn from_str(text: &str) -> Result<Self, TextError> {
+        Self::parse(text)
+    }
+}
+
+fn is_separator(byte: u8) -> bool {
+    matches!(byte, b' ' | b'\t' | b'\r' | b'\n' | b',')
+}
+
+fn parse_list(text: &[u8], depth: usize) -> Result<Bottle, TextError> {
+    if depth == 0 {
+        let limit = Limits::DEFAULT.depth;
+        return Err(TextError::TooDeep { limit });
+    }
+    let mut bottle = Bottle::new();
+    let mut rest = text;
+    while let Ok((after, Some(token))) = next_token(rest) {
+        rest = after;
+        bottle.push(classify(token, depth)?);
+    }
+    Ok(bottle)
+}
+
+/// The next token, or `None` at the end; what is still open at the end is no token.
+fn next_token(input: &[u8]) -> IResult<&[u8], Option<&[u8]>> {
+    let (start, _) = take_while(is_separator)(input)?;
+    let mut balance = Balance::default();
+    for (index, &byte) in start.iter().enumerate() {
+        if is_separator(byte) && balance.is_even() {
+            return Ok((&start[index..], Some(&start[..index])));
+        }
+        balance.add(byte);
+    }
+    let whole = !start.is_empty() && balance.is_even();
+    Ok((&[], whole.then_some(start)))
+}
+
+/// Keeps count of quotes and brackets over a text that arrives in pieces.
+///
+/// ```
+/// use yarp_wire::bottle::Balance;
+/// let mut balance = Balance::default();
+/// balance.extend(b"(a \"b) ");
+/// assert!(!balance.is_even());
+/// balance.extend(b"\")");
+/// assert!(balance.is_even());
+/// ```
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Balance {
+    quoted: bool,
+    escaped: bool,
+    round: i64,
+    curly: i64,
+}
+
+impl Balance {
+    /// Goes on over `text`.
+    pub fn extend(&mut self, text: &[u8]) {
+        text.iter().for_each(|byte| self.add(*byte));
+    }
+
+    /// Whether every quote and bracket so far has its partner, and no backslash is waiting.
+    pub fn is_even(&self) -> bool {
+        !self.quoted && !self.escaped && self.round == 0 && self.curly == 0
+    }
+
+    /// Whether the text so far ends in a backslash that takes the next character.
+    pub fn is_escaped(&self) -> bool {
+        self.escaped
+    }
+
+    fn add(&mut self, byte: u8) {
+        if std::mem::take(&mut self.escaped) {
+            return;
+        }
+        match byte {
+            b'"' => self.quoted = !self.quoted,
+            b'\\' => self.escaped = true,
+            b'(' if !self.quoted => self.round += 1,
+            b')' if !self.quoted => self.round -= 1,
+            b'{' if !self.quoted => self.curly += 1,
+            b'}' if !self.quoted => self.curly -= 1,
+            _ => {}
+        }
+    }
+}
+
+/// The value one token stands for.
+fn classify(token: &[u8], depth: usize) -> Result<Value, TextError> {
+    if token == b"null" {
+        return Ok(Vocab32::new("null").into());
+    }
+    if let Some(number) = std::str::from_utf8(token).ok().and_then(number_text::parse) {
+        return Ok(number);
+    }
+    Ok(match token {
+        [b'(', ..] => parse_list(inner(token), depth - 1)?.into(),
+        [b'[', ..] => vocab(token),
+        [b'{', ..] => blob(parse_list(inner(token), depth - 1)?),
+        b"true" => Value::bool(true),
+        b"false" => Value::bool(false),
+        _ => Value::String(unescape(token)),
+    })
+}
+
+/// What stands between the first and the last character, whatever they are.
+fn inner(token: &[u8]) -> &[u8] {
+    token.get(1..token.len().max(2) - 1).unwrap_or_default()
+}
+
+fn vocab(token: &[u8]) -> Value {
+    let word = inner(token);
+    if word.len() <= 4 {
+        Vocab32::from_bytes(word).into()
+    } else {
+        Vocab64::from_bytes(word).into()
+    }
+}
+
+fn blob(items: Bottle) -> Value {
+    let bytes: Bytes = items
+        .iter()
+        .map(|item| item.as_i32().unwrap_or(0) as u8)
+        .collect();
+    Value::Blob(bytes)
+}
+
+fn unescape(token: &[u8]) -> Text {
+    let token = if token.first() == Some(&b'"') {
+        inner(token)
+    } else {
+        token
+    };
+    let mut out = Vec::with_capacity(token.len());
+    let mut bytes = token.iter();
+    while let Some(&byte) = bytes.next() {
+        if byte != b'\\' {
+            out.push(byte);
+            continue;
+        }
+        match bytes.next() {
+            Some(b'n') => out.push(b'\n'),
+            Some(b'r') => out.push(b'\r'),
+            Some(b'0') => out.push(0),
+            Some(&other) => out.push(other),
+            None => {}
+        }
+    }
+    out.into()
+}
+
+impl fmt::Display for Bottle {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (index, value) in self.iter().enumerate() {
+            if index > 0 {
+                f.write_str(" ")?;
+            }
+            value.fmt(f)?;
+        }
+        Ok(())
+    }
+}
+
+/// The form inside a list: strings quoted where they must be, vocabs in brackets.
+impl fmt::Display for Value {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Int8(v) => v.fmt(f),
+            Self::Int16(v) => v.fmt(f),
+            Self::Int32(v) => v.fmt(f),
+            Self::Int64(v) => v.fmt(f),
+            Self::Float32(v) => f.write_str(&number_text::print(f64::from(*v))),
+            Self::Float64(v) => f.write_str(&number_text::print(*v)),
+            Self::Vocab32(Vocab32::TRUE) => f.write_str("true"),
+            Self::Vocab32(Vocab32::FALSE) => f.write_str("false"),
+            Self::Vocab32(v) => write!(f, "[{v}]"),
+            Self::Vocab64(v) => write!(f, "[{v}]"),
+            Self::String(text) => print_string(f, text),
+            Self::Blob(bytes) => print_blob(f, bytes),
+            Self::List(list) | Self::Dictionary(list) => write!(f, "({list})"),
+        }
+    }
+}
+
+fn print_blob(f: &mut fmt::Formatter<'_>, bytes: &[u8]) -> fmt::Result {
+    f.write_str("{")?;
+    for (index, byte) in bytes.iter().enumerate() {
+        if index > 0 {
+            f.write_str(" ")?;
+        }
+        write!(f, "{byte}")?;
+    }
+    f.write_str("}")
+}
+
+fn print_string(f: &mut fmt::Formatter<'_>, text: &Text) -> fmt::Result {
+    let text = text.to_lossy();
+    if is_bare(&text) {
+        return f.write_str(&text);
+    }
+    f.write_str("\"")?;
+    for c in text.chars() {
+        match c {
+            '\n' => f.write_str("\\n")?,
+            '\r' => f.write_str("\\r")?,
+            '\0' => f.write_str("\\0")?,
+            '\\' => f.write_str("\\\\")?,
+            '"' => f.write_str("\\\"")?,
+            other => write!(f, "{other}")?,
+        }
+    }
+    f.write_str("\"")
+}
+
+/// Whether stock prints the string without quotes.
+fn is_bare(text: &str) -> bool {
+    let word = |c: char| c.is_ascii_alphabetic() || c == '_';
+    let mut chars = text.chars();
+    chars.next().is_some_and(word)
+        && chars.all(|c| word(c) || c.is_ascii_digit() || matches!(c, '.' | '-'))
+        && !matches!(text, "true" | "false")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[track_caller]
+    fn check(text: &str, printed: &str) {
+        assert_eq!(Bottle::parse(text).unwrap().to_string(), printed, "{text}");
+    }
+
+    /// Each line read and printed by stock 3.5.0.
+    #[test]
+    fn text_reads_and_prints_as_in_stock() {
+        check("", "");
+        check("hello 5", "hello 5");
+        check("a,b", "a b");
+        check(r#""" (a (b)) {1 2} "a b" x."#, r#""" (a (b)) {1 2} "a b" x."#);
+        check("5x -x +3", r#""5x" 0 3"#);
+        check("inf nan null", "inf nan [null]");
+        check("true false", "true false");
+        check("[add] \"/x\"", "[add] \"/x\"");
+        check("(1 (2", "");
+        check("a \"b c", "a");
+        check("a)b c", "");
+        check(r#"a\ b"#, r#""a b""#);
+        check(r#""a\nb""#, r#""a\nb""#);
+        check("(  a   b )", "(a b)");
+        check("{256 1 -1}", "{0 1 255}");
+    }
+
+    #[test]
+    fn nesting_is_bounded() {
+        let text = "(".repeat(1000) + &")".repeat(1000);
+        assert_eq!(Bottle::parse(&text), Err(TextError::TooDeep { limit: 200 }));
+    }
+}

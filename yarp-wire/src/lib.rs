@@ -1,0 +1,31 @@
+//! The YARP wire protocol without any input or output.
+//!
+//! Nothing in this crate opens a socket, starts a task, sleeps or asks for the time: bytes go in,
+//! events and bytes come out. Every length that arrives is checked against [`Limits`] and memory
+//! grows only as bytes arrive.
+//!
+//! * [`bottle`]: the values that ports exchange, in binary and in text.
+//! * [`vocab`], [`name`], [`stamp`], [`number`]: the small words of the protocol.
+//! * [`carrier`]: one file per carrier, and the one table that lists them.
+//! * [`connection`]: the state machines of both sides of a connection.
+//! * [`admin`], [`name_service`]: the messages that programs send to ports and to the name server.
+
+pub mod admin;
+pub mod bottle;
+pub mod carrier;
+pub mod connection;
+pub mod dialect;
+pub mod limits;
+pub mod name;
+pub mod name_service;
+pub mod number;
+pub mod stamp;
+pub mod vector;
+pub mod vocab;
+
+pub use bottle::{Bottle, Value};
+pub use dialect::Dialect;
+pub use limits::Limits;
+pub use name::{Contact, PortName};
+pub use stamp::Stamp;
+pub use vocab::{Vocab32, Vocab64};

@@ -1,0 +1,43 @@
+//! What a peer may make us hold.
+
+/// Bounds on what the bytes of a peer can claim.
+///
+/// A claim above a bound is an error that ends that connection; a claim below it costs nothing
+/// until the bytes themselves arrive.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+#[non_exhaustive]
+pub struct Limits {
+    /// Largest message payload in bytes.
+    pub message: usize,
+    /// Longest line on a text connection in bytes, and longest text message.
+    pub line: usize,
+    /// Deepest nesting of lists.
+    pub depth: usize,
+}
+
+impl Limits {
+    /// 1 GiB messages, 16 MiB of text, lists nested 200 deep.
+    pub const DEFAULT: Self = Self {
+        message: 1 << 30,
+        line: 16 << 20,
+        depth: 200,
+    };
+
+    /// The same bounds with another largest message, in bytes.
+    pub const fn with_message(mut self, bytes: usize) -> Self {
+        self.message = bytes;
+        self
+    }
+
+    /// The same bounds with another longest line, in bytes.
+    pub const fn with_line(mut self, bytes: usize) -> Self {
+        self.line = bytes;
+        self
+    }
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}

@@ -1,0 +1,5 @@
+//! names
+/// x
+pub struct Contact; 
+/// y
+pub struct PortName;
