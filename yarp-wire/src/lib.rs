@@ -16,6 +16,7 @@ pub mod carrier;
 pub mod connection;
 pub mod dialect;
 pub mod limits;
+pub mod message;
 pub mod name;
 pub mod name_service;
 pub mod number;

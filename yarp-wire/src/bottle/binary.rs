@@ -268,9 +268,23 @@ impl Bottle {
         expected: Dialect,
         limits: Limits,
     ) -> Result<(Self, Option<Dialect>), DecodeError> {
-        let evidence = detect(bytes, limits);
-        let bottle = Self::decode(bytes, evidence.unwrap_or(expected), limits)?;
-        Ok((bottle, evidence))
+        let mut first = None;
+        for dialect in [expected, expected.other()] {
+            let mut scanner = Scanner::new(dialect, limits);
+            match scanner.scan(bytes) {
+                Ok(Scan::Complete { length }) if length == bytes.len() => {
+                    let mut reader = Reader {
+                        bytes,
+                        at: 0,
+                        dialect,
+                    };
+                    return Ok((reader.list(), scanner.betrayed().then_some(dialect)));
+                }
+                _ if first.is_none() => first = Some(Self::decode(bytes, dialect, limits)),
+                _ => {}
+            }
+        }
+        first.expect("two readings were tried").map(|bottle| (bottle, None))
     }
 }
 

@@ -1,1 +1,118 @@
-//! Carriers.
+//! The ways bytes travel between two ports.
+//!
+//! Each carrier has a file of its own that says what is peculiar to it; [`ALL`] is the one table
+//! that lists them. To add one: write its file, add its line to the table.
+
+mod fast_tcp;
+mod name_ser;
+mod specifier;
+mod tcp;
+mod text;
+mod text_ack;
+
+use std::fmt;
+
+pub use specifier::{CarrierSpec, CarrierSpecError, Sender};
+
+/// Bytes by which an acceptor knows the carrier.
+pub const MAGIC: usize = 8;
+
+/// How messages stand in the stream.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+#[non_exhaustive]
+pub enum Framing {
+    /// Index, command block, binary payload.
+    Indexed,
+    /// A command line, then lines of text.
+    Lines,
+    /// Lines that each are a request to the name server.
+    NameService,
+}
+
+/// What there is to know about a carrier.
+#[derive(Debug)]
+#[non_exhaustive]
+pub struct Carrier {
+    /// Its name in carrier strings.
+    pub name: &'static str,
+    /// What an initiator sends first.
+    pub magic: [u8; MAGIC],
+    /// Whether an acceptor takes these first bytes for this carrier.
+    pub recognises: fn(&[u8; MAGIC]) -> bool,
+    /// How messages stand in the stream.
+    pub framing: Framing,
+    /// Whether the acceptor acknowledges each message.
+    pub acknowledges: bool,
+    /// Whether stock lists its connections with `(connectionless 1)` and closes them out of band.
+    pub connectionless: bool,
+}
+
+/// Every carrier, in the order in which an acceptor tries them.
+pub static ALL: [&Carrier; 5] = [
+    &name_ser::NAME_SER,
+    &tcp::TCP,
+    &fast_tcp::FAST_TCP,
+    &text::TEXT,
+    &text_ack::TEXT_ACK,
+];
+
+impl Carrier {
+    /// The carrier that these first bytes of a connection select.
+    pub fn detect(magic: &[u8; MAGIC]) -> Option<&'static Self> {
+        ALL.into_iter().find(|carrier| (carrier.recognises)(magic))
+    }
+
+    /// The carrier of this name, without modifiers.
+    pub fn by_name(name: &str) -> Option<&'static Self> {
+        ALL.into_iter().find(|carrier| carrier.name == name)
+    }
+}
+
+impl PartialEq for Carrier {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name
+    }
+}
+
+impl Eq for Carrier {}
+
+impl fmt::Display for Carrier {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name)
+    }
+}
+
+/// The magic of a binary carrier: the number 7777 plus its specifier.
+const fn magic(specifier: i32) -> [u8; MAGIC] {
+    crate::number::encode(7777 + specifier)
+}
+
+/// The specifier in a magic; its low four bits choose the carrier.
+const fn specifier(magic: &[u8; MAGIC]) -> Option<i32> {
+    match crate::number::decode(magic) {
+        Some(number) => number.checked_sub(7777),
+        None => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_bytes_select_the_carrier() {
+        let check = |magic: &[u8; MAGIC], name: Option<&str>| {
+            assert_eq!(Carrier::detect(magic).map(|carrier| carrier.name), name);
+        };
+        check(b"YA\xe4\x1e\0\0RP", Some("tcp"));
+        check(b"YA\x64\x1e\0\0RP", Some("fast_tcp"));
+        check(b"CONNECT ", Some("text"));
+        check(b"CONNACK ", Some("text_ack"));
+        check(b"NAME_SER", Some("name_ser"));
+        check(b"GARBAGE!", None);
+        check(b"YA\0\0\0\x80RP", None);
+        for carrier in ALL {
+            check(&carrier.magic, Some(carrier.name));
+        }
+    }
+}

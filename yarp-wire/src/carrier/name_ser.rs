@@ -1,0 +1,13 @@
+//! `name_ser`: bare lines for the name server, each starting `NAME_SERVER `.
+
+use super::{Carrier, Framing};
+
+/// The first eight letters of `NAME_SERVER` select it.
+pub(super) static NAME_SER: Carrier = Carrier {
+    name: "name_ser",
+    magic: *b"NAME_SER",
+    recognises: |magic| magic == b"NAME_SER",
+    framing: Framing::NameService,
+    acknowledges: false,
+    connectionless: true,
+};

@@ -1,0 +1,164 @@
+//! Carrier strings with modifiers, and how a sender announces itself.
+
+use std::fmt;
+use std::str::FromStr;
+
+use nom::bytes::complete::take_while1;
+use nom::character::complete::char;
+use nom::combinator::{all_consuming, opt};
+use nom::multi::many0;
+use nom::sequence::preceded;
+use nom::{IResult, Parser};
+
+use crate::bottle::Bottle;
+
+/// `BASE(+KEY[.VALUE])*`, such as `fast_tcp` or `tcp+log.in`.
+#[derive(Clone, Debug, Default, Eq, Hash, PartialEq)]
+pub struct CarrierSpec {
+    /// The carrier.
+    pub base: String,
+    /// Keys and values after it.
+    pub modifiers: Vec<(String, Option<String>)>,
+}
+
+/// Text that is no carrier string.
+#[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
+#[error("{text:?} is not a carrier: expected `NAME`, or `NAME+KEY.VALUE`")]
+pub struct CarrierSpecError {
+    /// What stands there.
+    pub text: String,
+}
+
+impl CarrierSpec {
+    /// The value of modifier `key`, or an empty string if it has none.
+    pub fn modifier(&self, key: &str) -> Option<&str> {
+        self.modifiers
+            .iter()
+            .find(|(k, _)| k == key)
+            .map(|(_, value)| value.as_deref().unwrap_or_default())
+    }
+}
+
+impl FromStr for CarrierSpec {
+    type Err = CarrierSpecError;
+
+    fn from_str(text: &str) -> Result<Self, CarrierSpecError> {
+        match all_consuming(spec).parse(text) {
+            Ok((_, spec)) => Ok(spec),
+            Err(_) => Err(CarrierSpecError {
+                text: text.to_owned(),
+            }),
+        }
+    }
+}
+
+fn spec(input: &str) -> IResult<&str, CarrierSpec> {
+    let blank = |c: char| c.is_whitespace() || c.is_control();
+    let word = move |input| take_while1(move |c| c != '+' && c != '.' && !blank(c))(input);
+    let value = move |input| take_while1(move |c| c != '+' && !blank(c))(input);
+    let modifier = preceded(char('+'), (word, opt(preceded(char('.'), value))));
+    let (rest, (base, modifiers)) = (word, many0(modifier)).parse(input)?;
+    let modifiers = modifiers
+        .into_iter()
+        .map(|(key, value): (&str, Option<&str>)| (key.to_owned(), value.map(str::to_owned)))
+        .collect();
+    let base = base.to_owned();
+    Ok((rest, CarrierSpec { base, modifiers }))
+}
+
+impl fmt::Display for CarrierSpec {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.base)?;
+        for (key, value) in &self.modifiers {
+            write!(f, "+{key}")?;
+            if let Some(value) = value {
+                write!(f, ".{value}")?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What an initiator says about itself: its name, and the modifiers of the carrier.
+///
+/// `/w` over `tcp+log.in` announces `/w (log in)`.
+#[derive(Clone, Debug, Eq, PartialEq)]
+pub struct Sender {
+    /// The name of the port, or a word such as `admin` for programs that have none.
+    pub name: String,
+    /// Modifiers it asks for.
+    pub modifiers: Vec<(String, Option<String>)>,
+}
+
+impl Sender {
+    /// A sender without modifiers.
+    pub fn plain(name: impl Into<String>) -> Self {
+        Self {
+            name: name.into(),
+            modifiers: Vec::new(),
+        }
+    }
+
+    /// Reads what a connection header announces.
+    pub fn parse(text: &[u8]) -> Self {
+        let items = Bottle::parse_bytes(text).unwrap_or_default();
+        let name = match items.get(0) {
+            Some(name) => name.to_plain_string(),
+            None => String::from_utf8_lossy(text).into_owned(),
+        };
+        let modifiers = items
+            .iter()
+            .skip(1)
+            .map(|item| match item.as_list() {
+                Some(pair) => {
+                    let word = |i| pair.get(i).map(crate::Value::to_plain_string);
+                    (word(0).unwrap_or_default(), word(1))
+                }
+                None => (item.to_plain_string(), None),
+            })
+            .collect();
+        Self { name, modifiers }
+    }
+}
+
+impl fmt::Display for Sender {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.name)?;
+        for (key, value) in &self.modifiers {
+            write!(f, " ({key}")?;
+            if let Some(value) = value {
+                write!(f, " {}", value.replace('.', " "))?;
+            }
+            f.write_str(")")?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn modifiers_travel_with_the_name() {
+        let spec: CarrierSpec = "fast_tcp+send.portmonitor+file.zlib+type.dll".parse().unwrap();
+        assert_eq!(spec.base, "fast_tcp");
+        assert_eq!(spec.modifier("file"), Some("zlib"));
+        assert_eq!(spec.to_string(), "fast_tcp+send.portmonitor+file.zlib+type.dll");
+        let sender = Sender {
+            name: "/w".into(),
+            modifiers: spec.modifiers,
+        };
+        let announced = "/w (send portmonitor) (file zlib) (type dll)";
+        assert_eq!(sender.to_string(), announced);
+        assert_eq!(Sender::parse(announced.as_bytes()), sender);
+        assert_eq!(Sender::parse(b"<ping>"), Sender::plain("<ping>"));
+    }
+
+    #[test]
+    fn what_is_no_carrier_is_refused() {
+        for bad in ["", "+a", "tcp+", "tcp +a", "tcp+.x"] {
+            assert!(bad.parse::<CarrierSpec>().is_err(), "{bad:?}");
+        }
+    }
+}

@@ -1,0 +1,222 @@
+//! The side that listened.
+
+use bytes::{Buf, BufMut, BytesMut};
+
+use super::line::LineReader;
+use super::{Message, MessageReader, ProtocolError, put_acknowledgement, put_reply};
+use crate::bottle::detect;
+use crate::carrier::{Carrier, Framing, MAGIC, Sender};
+use crate::dialect::Dialect;
+use crate::limits::Limits;
+use crate::message::{Command, Form, WireObject};
+use crate::number;
+
+/// What an acceptor has learned.
+#[derive(Debug)]
+pub enum Event {
+    /// The header is complete: the peer is this sender on this carrier.
+    Opened {
+        /// The carrier.
+        carrier: &'static Carrier,
+        /// Who it is and what it asks for.
+        sender: Sender,
+    },
+    /// A message. Answer it with [`Acceptor::reply`] and [`Acceptor::acknowledge`] as it asks.
+    Message(Message),
+}
+
+/// The side of a connection that listened.
+#[derive(Debug)]
+pub struct Acceptor {
+    port: u16,
+    dialect: Dialect,
+    settled: bool,
+    limits: Limits,
+    state: State,
+}
+
+#[derive(Debug)]
+enum State {
+    Magic,
+    Sender(&'static Carrier, LineReader),
+    Open(&'static Carrier, MessageReader),
+}
+
+/// Longest sender name, modifiers included. Stock reads 1000.
+const LONGEST_SENDER: usize = 4096;
+
+impl Acceptor {
+    /// An acceptor on TCP port `port`, for a peer of unknown generation.
+    ///
+    /// `dialect` is what replies are written in until the peer's own messages betray another.
+    pub fn new(port: u16, dialect: Dialect, limits: Limits) -> Self {
+        Self {
+            port,
+            dialect,
+            settled: false,
+            limits,
+            state: State::Magic,
+        }
+    }
+
+    /// The carrier, once it is known.
+    pub fn carrier(&self) -> Option<&'static Carrier> {
+        match &self.state {
+            State::Magic => None,
+            State::Sender(carrier, _) | State::Open(carrier, _) => Some(carrier),
+        }
+    }
+
+    /// The generation the peer is taken to be of.
+    pub fn dialect(&self) -> Dialect {
+        self.dialect
+    }
+
+    /// Takes the next event from `input`; what the protocol answers by itself goes to `output`.
+    ///
+    /// `None` while bytes are missing.
+    pub fn poll(
+        &mut self,
+        input: &mut BytesMut,
+        output: &mut BytesMut,
+    ) -> Result<Option<Event>, ProtocolError> {
+        loop {
+            match &mut self.state {
+                State::Magic => {
+                    let Some(magic) = input.first_chunk::<MAGIC>() else {
+                        return Ok(None);
+                    };
+                    let carrier = Carrier::detect(magic)
+                        .ok_or(ProtocolError::UnknownCarrier { magic: *magic })?;
+                    input.advance(MAGIC);
+                    self.state = State::Sender(carrier, LineReader::new(LONGEST_SENDER));
+                }
+                State::Sender(carrier, line) => {
+                    let carrier = *carrier;
+                    let Some(sender) = read_sender(carrier, line, input)? else {
+                        return Ok(None);
+                    };
+                    self.open(carrier, &sender, output);
+                    return Ok(Some(Event::Opened { carrier, sender }));
+                }
+                State::Open(_, reader) => {
+                    let message = reader.read(input)?;
+                    if let Some(message) = &message {
+                        self.learn(message);
+                    }
+                    return Ok(message.map(Event::Message));
+                }
+            }
+        }
+    }
+
+    /// Bytes that the message in progress still needs, as far as it has said.
+    pub fn missing(&self, input: &BytesMut) -> usize {
+        match &self.state {
+            State::Open(_, reader) => reader.missing(input),
+            _ => 0,
+        }
+    }
+
+    /// Appends the reply to the message at hand.
+    pub fn reply(&self, object: &dyn WireObject, output: &mut BytesMut) {
+        if let State::Open(carrier, _) = &self.state {
+            put_reply(output, carrier, object, self.dialect);
+        }
+    }
+
+    /// Appends lines in answer to a command; only text connections have them.
+    pub fn answer_lines(&self, lines: &str, output: &mut BytesMut) {
+        if let State::Open(carrier, _) = &self.state
+            && carrier.framing == Framing::Lines
+        {
+            output.put_slice(lines.as_bytes());
+        }
+    }
+
+    /// Appends the acknowledgement of the message at hand, if the carrier has them.
+    pub fn acknowledge(&self, output: &mut BytesMut) {
+        if let State::Open(carrier, _) = &self.state {
+            put_acknowledgement(output, carrier);
+        }
+    }
+
+    fn open(&mut self, carrier: &'static Carrier, sender: &Sender, output: &mut BytesMut) {
+        match carrier.framing {
+            Framing::Indexed => number::put(output, i32::from(self.port)),
+            Framing::Lines => {
+                output.put_slice(format!("Welcome {}\r\n", sender.name).as_bytes());
+            }
+            Framing::NameService => {}
+        }
+        let reader = MessageReader::new(carrier.framing, self.dialect, self.limits);
+        self.state = State::Open(carrier, reader);
+    }
+
+    /// Settles the generation of the peer as soon as a message that wants a reply betrays it.
+    fn learn(&mut self, message: &Message) {
+        let wants_reply = matches!(
+            message.command,
+            Command::Admin | Command::Data { reply: true, .. }
+        );
+        if self.settled || !wants_reply || message.payload.form() == Form::Text {
+            return;
+        }
+        if let Some(dialect) = detect(message.payload.bytes(), self.limits) {
+            self.dialect = dialect;
+            self.settled = true;
+            if let State::Open(_, reader) = &mut self.state {
+                reader.set_dialect(dialect);
+            }
+        }
+    }
+}
+
+fn read_sender(
+    carrier: &Carrier,
+    line: &mut LineReader,
+    input: &mut BytesMut,
+) -> Result<Option<Sender>, ProtocolError> {
+    match carrier.framing {
+        Framing::NameService => Ok(Some(Sender::plain("anon"))),
+        Framing::Lines => Ok(line.read(input)?.map(|name| Sender::parse(&name))),
+        Framing::Indexed => {
+            let Some(length) = input.first_chunk::<4>() else {
+                return Ok(None);
+            };
+            let length = i32::from_le_bytes(*length);
+            let bytes = usize::try_from(length)
+                .ok()
+                .filter(|bytes| (1..=LONGEST_SENDER).contains(bytes))
+                .ok_or(ProtocolError::SenderLength {
+                    length,
+                    limit: LONGEST_SENDER,
+                })?;
+            if input.len() < 4 + bytes {
+                return Ok(None);
+            }
+            input.advance(4);
+            let name = input.split_to(bytes);
+            let end = name.iter().position(|b| *b == 0).unwrap_or(name.len());
+            Ok(Some(Sender::parse(&name[..end])))
+        }
+    }
+}
+
+/// What stock tells a peer whose first bytes select no carrier.
+pub fn refusal(magic: &[u8; MAGIC]) -> String {
+    let shown: String = magic
+        .iter()
+        .map(|byte| if byte.is_ascii_graphic() || *byte == b' ' { char::from(*byte) } else { '?' })
+        .collect();
+    [
+        "* Error. Protocol not found.",
+        "* Hello. You appear to be trying to communicate with a YARP Port.",
+        "* The first 8 bytes sent to a YARP Port are critical for identifying the",
+        "* protocol you wish to speak.",
+        &format!("* The first 8 bytes you sent were not associated with any particular protocol ({shown})."),
+        "* Goodbye.",
+        "",
+    ]
+    .join("\r\n")
+}

@@ -1,0 +1,277 @@
+//! The side that connected.
+
+use std::collections::VecDeque;
+
+use bytes::{Buf, BufMut, Bytes, BytesMut};
+
+use super::line::LineReader;
+use super::outgoing::ACKNOWLEDGEMENT_LINE;
+use super::{ProtocolError, put_head};
+use crate::bottle::{Balance, DecodeError, Scan, Scanner};
+use crate::carrier::{Carrier, Framing, Sender};
+use crate::dialect::Dialect;
+use crate::limits::Limits;
+use crate::message::{Command, Form, Payload};
+use crate::number;
+
+/// What an initiator has learned.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Progress {
+    /// The acceptor has answered the header: messages may be sent.
+    Ready,
+    /// The reply to the oldest message that waits for one.
+    Reply(Payload),
+    /// The lines that answer a command on a text connection.
+    Lines(Vec<String>),
+    /// The oldest message is done with: acknowledged, or replied to where there are no
+    /// acknowledgements.
+    Done,
+}
+
+/// The side of a connection that connected.
+#[derive(Debug)]
+pub struct Initiator {
+    carrier: &'static Carrier,
+    dialect: Dialect,
+    limits: Limits,
+    ready: bool,
+    welcomed: bool,
+    waiting: VecDeque<Waiting>,
+    scanner: Option<Scanner>,
+    line: LineReader,
+    text: BytesMut,
+    balance: Balance,
+    lines: Vec<String>,
+}
+
+/// What the oldest unanswered messages still wait for.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+enum Waiting {
+    Reply,
+    Lines,
+    Acknowledgement,
+}
+
+impl Initiator {
+    /// Starts a connection: appends magic and sender to `output`.
+    ///
+    /// `dialect` is the generation of the acceptor: what messages to it are written in.
+    pub fn new(
+        carrier: &'static Carrier,
+        sender: &Sender,
+        dialect: Dialect,
+        limits: Limits,
+        output: &mut BytesMut,
+    ) -> Self {
+        output.put_slice(&carrier.magic);
+        let name = sender.to_string();
+        match carrier.framing {
+            Framing::Indexed => {
+                output.put_i32_le(name.len() as i32 + 1);
+                output.put_slice(name.as_bytes());
+                output.put_u8(0);
+            }
+            Framing::Lines => {
+                output.put_slice(name.as_bytes());
+                output.put_slice(b"\r\n");
+            }
+            Framing::NameService => output.put_slice(b"VER "),
+        }
+        Self {
+            carrier,
+            dialect,
+            limits,
+            ready: false,
+            welcomed: false,
+            waiting: VecDeque::new(),
+            scanner: None,
+            line: LineReader::new(limits.line),
+            text: BytesMut::new(),
+            balance: Balance::default(),
+            lines: Vec::new(),
+        }
+    }
+
+    /// The carrier.
+    pub fn carrier(&self) -> &'static Carrier {
+        self.carrier
+    }
+
+    /// The generation the acceptor is taken to be of.
+    pub fn dialect(&self) -> Dialect {
+        self.dialect
+    }
+
+    /// Appends the head of a message whose payload of `length` bytes the driver appends next.
+    pub fn send(&mut self, command: &Command, length: usize, output: &mut impl BufMut) {
+        put_head(output, self.carrier, command, length);
+        match command {
+            Command::Admin | Command::Data { reply: true, .. } => {
+                self.waiting.push_back(Waiting::Reply);
+            }
+            Command::Data { .. } | Command::Quit | Command::Reverse => {}
+            _ if self.carrier.framing == Framing::Lines && self.carrier.acknowledges => {
+                self.waiting.push_back(Waiting::Lines);
+                return;
+            }
+            _ => {}
+        }
+        if self.carrier.acknowledges {
+            self.waiting.push_back(Waiting::Acknowledgement);
+        }
+    }
+
+    /// Whether every message sent is done with.
+    pub fn is_idle(&self) -> bool {
+        self.waiting.is_empty()
+    }
+
+    /// Takes the next event from `input`, or `None` while bytes are missing.
+    pub fn poll(&mut self, input: &mut BytesMut) -> Result<Option<Progress>, ProtocolError> {
+        if !self.ready {
+            return self.poll_header(input);
+        }
+        match self.carrier.framing {
+            Framing::Indexed => self.poll_binary(input),
+            Framing::Lines | Framing::NameService => self.poll_text(input),
+        }
+    }
+
+    fn poll_header(&mut self, input: &mut BytesMut) -> Result<Option<Progress>, ProtocolError> {
+        match self.carrier.framing {
+            Framing::Indexed => {
+                let Some(reply) = input.first_chunk::<{ number::LENGTH }>() else {
+                    return Ok(None);
+                };
+                if number::decode(reply).is_none() {
+                    return Err(ProtocolError::HeaderReply { got: *reply });
+                }
+                input.advance(number::LENGTH);
+            }
+            Framing::Lines if self.carrier.acknowledges => {
+                if self.line.read(input)?.is_none() {
+                    return Ok(None);
+                }
+                self.welcomed = true;
+            }
+            // A text initiator sends without waiting for the welcome.
+            Framing::Lines => {}
+            Framing::NameService => self.welcomed = true,
+        }
+        self.ready = true;
+        Ok(Some(Progress::Ready))
+    }
+
+    fn poll_binary(&mut self, input: &mut BytesMut) -> Result<Option<Progress>, ProtocolError> {
+        match self.waiting.front() {
+            None => match input.len() {
+                0 => Ok(None),
+                // An acceptor that closes while it waits for a message sends one more
+                // acknowledgement first.
+                count if self.carrier.acknowledges && count <= number::LENGTH => Ok(None),
+                count => Err(ProtocolError::Unexpected { count }),
+            },
+            Some(Waiting::Acknowledgement) => {
+                let Some(head) = input.first_chunk::<{ number::LENGTH }>() else {
+                    return Ok(None);
+                };
+                let discard = number::decode(head)
+                    .and_then(|n| usize::try_from(n).ok())
+                    .filter(|n| *n <= self.limits.line)
+                    .ok_or_else(|| ProtocolError::Acknowledgement { got: head.to_vec() })?;
+                if input.len() < number::LENGTH + discard {
+                    return Ok(None);
+                }
+                input.advance(number::LENGTH + discard);
+                self.waiting.pop_front();
+                Ok(Some(Progress::Done))
+            }
+            Some(Waiting::Reply | Waiting::Lines) => self.poll_reply(input),
+        }
+    }
+
+    /// A reply has no length in front: its own structure tells where it ends.
+    fn poll_reply(&mut self, input: &mut BytesMut) -> Result<Option<Progress>, ProtocolError> {
+        let scanner = self
+            .scanner
+            .get_or_insert_with(|| Scanner::new(self.dialect, self.limits));
+        let scan = match scanner.scan(input) {
+            Ok(scan) => scan,
+            Err(error @ DecodeError::UnknownCode { dialect, .. }) if dialect == self.dialect => {
+                // Perhaps the acceptor is of the other generation after all.
+                let mut other = Scanner::new(dialect.other(), self.limits);
+                let Ok(scan) = other.scan(input) else {
+                    return Err(error.into());
+                };
+                self.dialect = dialect.other();
+                self.scanner = Some(other);
+                scan
+            }
+            Err(error) => return Err(error.into()),
+        };
+        let Scan::Complete { length } = scan else {
+            return Ok(None);
+        };
+        self.scanner = None;
+        self.waiting.pop_front();
+        let bytes = input.split_to(length).freeze();
+        let payload = Payload::new(bytes, Form::Binary(self.dialect));
+        Ok(Some(Progress::Reply(payload)))
+    }
+
+    fn poll_text(&mut self, input: &mut BytesMut) -> Result<Option<Progress>, ProtocolError> {
+        while let Some(line) = self.line.read(input)? {
+            if !self.welcomed {
+                self.welcomed = true;
+                continue;
+            }
+            match self.waiting.front() {
+                // Stock text initiators ignore what they did not ask for.
+                None => {}
+                Some(Waiting::Acknowledgement) => {
+                    self.waiting.pop_front();
+                    return Ok(Some(Progress::Done));
+                }
+                Some(Waiting::Lines) if line == ACKNOWLEDGEMENT_LINE => {
+                    self.waiting.pop_front();
+                    return Ok(Some(Progress::Lines(std::mem::take(&mut self.lines))));
+                }
+                Some(Waiting::Lines) => {
+                    let held: usize = self.lines.iter().map(String::len).sum();
+                    if held + line.len() > self.limits.line {
+                        let limit = self.limits.line;
+                        return Err(ProtocolError::LineTooLong { limit });
+                    }
+                    self.lines.push(String::from_utf8_lossy(&line).into_owned());
+                }
+                Some(Waiting::Reply) => {
+                    if let Some(text) = self.text_reply(&line)? {
+                        self.waiting.pop_front();
+                        let payload = Payload::new(text, Form::Text);
+                        return Ok(Some(Progress::Reply(payload)));
+                    }
+                }
+            }
+        }
+        Ok(None)
+    }
+
+    /// A reply goes on over further lines while a bracket or quote is open.
+    fn text_reply(&mut self, line: &[u8]) -> Result<Option<Bytes>, ProtocolError> {
+        if !self.text.is_empty() {
+            self.text.extend_from_slice(b"\n");
+            self.balance.extend(b"\n");
+        }
+        if self.text.len() + line.len() > self.limits.line {
+            let limit = self.limits.line;
+            return Err(ProtocolError::LineTooLong { limit });
+        }
+        self.text.extend_from_slice(line);
+        self.balance.extend(line);
+        if !self.balance.is_even() {
+            return Ok(None);
+        }
+        self.balance = Balance::default();
+        Ok(Some(self.text.split().freeze()))
+    }
+}

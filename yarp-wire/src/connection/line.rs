@@ -1,0 +1,68 @@
+//! Lines of text as stock reads them.
+
+use bytes::{Buf, Bytes, BytesMut};
+
+use super::ProtocolError;
+
+/// Collects a line from bytes that arrive in pieces.
+///
+/// CR and NUL are dropped; LF ends the line, unless a backslash stands before it: then both
+/// disappear and the line goes on.
+#[derive(Clone, Debug)]
+pub(super) struct LineReader {
+    line: Vec<u8>,
+    limit: usize,
+}
+
+impl LineReader {
+    pub(super) fn new(limit: usize) -> Self {
+        Self {
+            line: Vec::new(),
+            limit,
+        }
+    }
+
+    /// Takes bytes from `input` up to and including the end of a line.
+    pub(super) fn read(&mut self, input: &mut BytesMut) -> Result<Option<Bytes>, ProtocolError> {
+        while !input.is_empty() {
+            let end = input.iter().position(|byte| *byte == b'\n');
+            let piece = &input[..end.unwrap_or(input.len())];
+            if self.line.len() + piece.len() > self.limit {
+                return Err(ProtocolError::LineTooLong { limit: self.limit });
+            }
+            self.line
+                .extend(piece.iter().filter(|byte| !matches!(byte, b'\r' | 0)));
+            let taken = piece.len();
+            let Some(end) = end else {
+                input.advance(taken);
+                break;
+            };
+            input.advance(end + 1);
+            if self.line.last() == Some(&b'\\') {
+                self.line.pop();
+            } else {
+                return Ok(Some(std::mem::take(&mut self.line).into()));
+            }
+        }
+        Ok(None)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_end_continue_and_are_bounded() {
+        let read = |text: &[u8]| {
+            let mut reader = LineReader::new(20);
+            reader.read(&mut BytesMut::from(text))
+        };
+        assert_eq!(read(b"ab\r\nc"), Ok(Some("ab".into())));
+        assert_eq!(read(b"ab"), Ok(None));
+        assert_eq!(read(b"a\\\r\nb\n"), Ok(Some("ab".into())));
+        assert_eq!(read(b"a\0b\n"), Ok(Some("ab".into())));
+        let long = read(&[b'x'; 21]);
+        assert_eq!(long, Err(ProtocolError::LineTooLong { limit: 20 }));
+    }
+}

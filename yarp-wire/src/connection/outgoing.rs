@@ -1,0 +1,66 @@
+//! Messages, replies and acknowledgements into a stream.
+
+use bytes::{BufMut, BytesMut};
+
+use crate::carrier::{Carrier, Framing};
+use crate::dialect::Dialect;
+use crate::message::{Command, Index, WireObject};
+use crate::number;
+
+/// The acknowledgement of a text connection.
+pub const ACKNOWLEDGEMENT_LINE: &str = "<ACK>";
+
+/// Appends a message: its head and, if it has one, its content.
+pub fn put_message(
+    out: &mut BytesMut,
+    carrier: &Carrier,
+    command: &Command,
+    content: Option<&dyn WireObject>,
+    dialect: Dialect,
+) {
+    let mut payload = BytesMut::new();
+    if let Some(content) = content {
+        put_reply(&mut payload, carrier, content, dialect);
+    }
+    put_head(out, carrier, command, payload.len());
+    out.extend_from_slice(&payload);
+}
+
+/// Appends all of a message that comes before a payload of `length` bytes.
+pub fn put_head(out: &mut impl BufMut, carrier: &Carrier, command: &Command, length: usize) {
+    match carrier.framing {
+        Framing::Indexed => {
+            Index::put(out, command.block_len(), length);
+            command.put_block(out);
+        }
+        Framing::Lines => command.put_line(out),
+        Framing::NameService => {}
+    }
+}
+
+/// Appends a reply, or the payload of a message: the object alone, in the form of the carrier.
+pub fn put_reply(
+    out: &mut BytesMut,
+    carrier: &Carrier,
+    object: &dyn WireObject,
+    dialect: Dialect,
+) {
+    match carrier.framing {
+        Framing::Indexed => object.write_binary(out, dialect),
+        Framing::Lines | Framing::NameService => object.write_text(out),
+    }
+}
+
+/// Appends an acknowledgement, if the carrier has them.
+pub fn put_acknowledgement(out: &mut impl BufMut, carrier: &Carrier) {
+    if !carrier.acknowledges {
+        return;
+    }
+    match carrier.framing {
+        Framing::Indexed => number::put(out, 0),
+        Framing::Lines | Framing::NameService => {
+            out.put_slice(ACKNOWLEDGEMENT_LINE.as_bytes());
+            out.put_slice(b"\r\n");
+        }
+    }
+}

@@ -1,0 +1,126 @@
+//! The index in front of a binary message.
+
+use bytes::BufMut;
+
+use crate::number;
+
+/// What a binary message announces of its size.
+///
+/// ```text
+/// 59 41 0A 00 00 00 52 50            number 10: bytes of the index header
+/// LEN OUT FF FF FF FF FF FF FF FF    how many lengths follow
+/// LEN x int32                        blocks of the message
+/// OUT x int32                        blocks of a reply; stock sends one 0
+/// ```
+///
+/// Where one block ends and the next begins carries no meaning; the sum does.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub struct Index {
+    /// Bytes of the message after the index.
+    pub total: usize,
+}
+
+/// Bytes of the index header.
+const HEADER: usize = 10;
+/// Number and header.
+const FIXED: usize = number::LENGTH + HEADER;
+
+/// Why bytes are no index.
+#[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum IndexError {
+    /// The number in front is not the one expected.
+    #[error("expected a message index (number 10), got {got:02X?}")]
+    NoIndex {
+        /// The eight bytes.
+        got: [u8; number::LENGTH],
+    },
+    /// A block length below zero.
+    #[error("message index lists a block of {length} bytes")]
+    NegativeLength {
+        /// The length as it stands.
+        length: i32,
+    },
+    /// More bytes than the limit.
+    #[error("message index announces {total} bytes, allowed {limit}")]
+    TooLong {
+        /// What it announces.
+        total: usize,
+        /// The limit in force.
+        limit: usize,
+    },
+}
+
+impl Index {
+    /// Reads an index at the start of `bytes`: the index and its own size, or `None` while bytes
+    /// are missing.
+    pub fn read(bytes: &[u8], limit: usize) -> Result<Option<(Self, usize)>, IndexError> {
+        let Some(head) = bytes.first_chunk::<{ number::LENGTH }>() else {
+            return Ok(None);
+        };
+        if number::decode(head) != Some(HEADER as i32) {
+            return Err(IndexError::NoIndex { got: *head });
+        }
+        let Some(fixed) = bytes.first_chunk::<FIXED>() else {
+            return Ok(None);
+        };
+        let counts = [fixed[number::LENGTH], fixed[number::LENGTH + 1]];
+        let blocks: usize = counts.iter().map(|count| usize::from(*count)).sum();
+        let end = FIXED + 4 * blocks;
+        let Some(lengths) = bytes.get(FIXED..end) else {
+            return Ok(None);
+        };
+        let mut total = 0usize;
+        for length in lengths.chunks_exact(4) {
+            let length = i32::from_le_bytes(length.try_into().expect("four bytes"));
+            total += usize::try_from(length).map_err(|_| IndexError::NegativeLength { length })?;
+        }
+        if total > limit {
+            return Err(IndexError::TooLong { total, limit });
+        }
+        Ok(Some((Self { total }, end)))
+    }
+
+    /// Appends an index of a command block and, if there is one, a payload.
+    ///
+    /// A message of one part is announced as one block, otherwise as two.
+    pub fn put(out: &mut impl BufMut, command: usize, payload: usize) {
+        let blocks = if payload == 0 { 1 } else { 2 };
+        number::put(out, HEADER as i32);
+        out.put_u8(blocks);
+        out.put_u8(1);
+        out.put_slice(&[0xff; 8]);
+        out.put_i32_le(command as i32);
+        if blocks == 2 {
+            out.put_i32_le(payload as i32);
+        }
+        out.put_i32_le(0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_index_adds_up() {
+        let mut bytes = Vec::new();
+        Index::put(&mut bytes, 8, 12);
+        assert_eq!(bytes.len(), 30);
+        assert_eq!(Index::read(&bytes, 100), Ok(Some((Index { total: 20 }, 30))));
+        for end in 0..30 {
+            assert_eq!(Index::read(&bytes[..end], 100), Ok(None));
+        }
+        let error = IndexError::TooLong { total: 20, limit: 19 };
+        assert_eq!(Index::read(&bytes, 19), Err(error));
+    }
+
+    #[test]
+    fn lying_lengths_are_refused() {
+        let mut bytes = Vec::new();
+        Index::put(&mut bytes, 8, 12);
+        bytes[18..22].copy_from_slice(&(-1i32).to_le_bytes());
+        assert_eq!(Index::read(&bytes, 100), Err(IndexError::NegativeLength { length: -1 }));
+        assert!(matches!(Index::read(b"GARBAGE!", 100), Err(IndexError::NoIndex { .. })));
+    }
+}

@@ -1,0 +1,15 @@
+//! The parts of one message on a connection.
+//!
+//! ```text
+//! index (binary carriers)  |  command block or line  |  payload
+//! ```
+
+mod command;
+mod index;
+mod object;
+mod payload;
+
+pub use command::{Command, CommandError};
+pub use index::{Index, IndexError};
+pub use object::{RawText, ReadObject, WireObject};
+pub use payload::{Form, Payload};

@@ -1,0 +1,72 @@
+//! What can travel as a payload.
+
+use bytes::{BufMut, Bytes, BytesMut};
+
+use crate::bottle::{Bottle, DecodeError};
+use crate::dialect::Dialect;
+use crate::limits::Limits;
+use crate::message::Payload;
+
+/// Something that can be sent and read: a [`Bottle`], a vector, a struct of your own.
+///
+/// The binary form of nearly every YARP type is laid out as a bottle, so that tools can print
+/// it; the text form then follows from it and need not be written.
+pub trait WireObject {
+    /// Appends the binary form for readers of `dialect`.
+    fn write_binary(&self, out: &mut BytesMut, dialect: Dialect);
+
+    /// Appends the text form with its line ends.
+    ///
+    /// Stock prints a type that is no bottle as the bottle it is laid out as, ended by a single LF.
+    fn write_text(&self, out: &mut BytesMut) {
+        let mut binary = BytesMut::new();
+        self.write_binary(&mut binary, Dialect::V4);
+        if let Ok(bottle) = Bottle::decode(&binary.freeze(), Dialect::V4, Limits::DEFAULT) {
+            out.put_slice(bottle.to_string().as_bytes());
+        }
+        out.put_slice(b"\n");
+    }
+}
+
+/// Something that a payload can be read as.
+pub trait ReadObject: Sized {
+    /// Reads a whole payload in the binary form of `dialect`.
+    fn read_binary(bytes: &Bytes, dialect: Dialect) -> Result<Self, DecodeError>;
+
+    /// Reads a whole payload, in whatever form it came.
+    fn read(payload: &Payload) -> Result<Self, DecodeError> {
+        let dialect = payload.dialect();
+        Self::read_binary(&payload.to_binary(dialect)?, dialect)
+    }
+}
+
+impl WireObject for Bottle {
+    fn write_binary(&self, out: &mut BytesMut, dialect: Dialect) {
+        self.encode_into(out, dialect);
+    }
+
+    fn write_text(&self, out: &mut BytesMut) {
+        out.put_slice(self.to_string().as_bytes());
+        out.put_slice(b"\r\n");
+    }
+}
+
+impl ReadObject for Bottle {
+    fn read_binary(bytes: &Bytes, dialect: Dialect) -> Result<Self, DecodeError> {
+        Self::decode(bytes, dialect, Limits::DEFAULT)
+    }
+}
+
+/// Text that is sent as it stands on every carrier, as the name server's answers are.
+#[derive(Clone, Debug, Default, Eq, PartialEq)]
+pub struct RawText(pub String);
+
+impl WireObject for RawText {
+    fn write_binary(&self, out: &mut BytesMut, _dialect: Dialect) {
+        out.put_slice(self.0.as_bytes());
+    }
+
+    fn write_text(&self, out: &mut BytesMut) {
+        out.put_slice(self.0.as_bytes());
+    }
+}
