@@ -1,1 +1,161 @@
-//! To come.
+//! What programs ask of a port itself.
+
+use crate::bottle::{Bottle, Value};
+use crate::vocab::Vocab32;
+
+/// A request to a port, sent with the command `a`.
+///
+/// Words may come as vocabs or as strings.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum AdminRequest {
+    /// `[help]`
+    Help,
+    /// `[ver]`
+    Version,
+    /// `[add] DEST [CARRIER]`: connect to DEST.
+    Add(String),
+    /// `[del] NAME`: drop the connection to or from NAME.
+    Remove(String),
+    /// `[list] [in|out] [NAME]`
+    List(Direction, Option<String>),
+    /// `[set] [in|out] NAME ...`
+    Set(Direction, Option<String>),
+    /// `[get] [in|out] NAME`
+    Get(Direction, Option<String>),
+    /// `[prop] [get] [KEY]`
+    GetProperty(Option<String>),
+    /// `[prop] [set] KEY VALUE...`
+    SetProperty(String, Bottle),
+    /// `[prop]` with another action.
+    UnknownProperty,
+    /// `[atch]` and `[dtch]` name a direction, if they are complete.
+    Attach(Option<Direction>),
+    /// `[dtch] [in|out]`
+    Detach(Option<Direction>),
+    /// Anything else: for the owner's own reader, if it has one.
+    Other(Bottle),
+}
+
+/// Which connections of a port.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub enum Direction {
+    /// Those it reads from.
+    In,
+    /// Those it writes to.
+    Out,
+}
+
+impl AdminRequest {
+    /// Reads a request.
+    pub fn parse(request: &Bottle) -> Self {
+        let word = |index: usize| request.get(index).and_then(Value::as_vocab);
+        let text = |index: usize| request.get(index).map(Value::to_plain_string);
+        let is = |index, name: &str| word(index) == Some(Vocab32::new(name));
+        let direction = |index| {
+            if is(index, "in") {
+                Some(Direction::In)
+            } else if is(index, "out") {
+                Some(Direction::Out)
+            } else {
+                None
+            }
+        };
+        // Only words of at most four characters are commands; `address` is not `[addr]`.
+        let Some(head) = request.get(0).map(Value::to_plain_string) else {
+            return Self::Other(request.clone());
+        };
+        match head.as_str() {
+            "help" => Self::Help,
+            "ver" => Self::Version,
+            "add" => {
+                let destination = text(1).unwrap_or_default();
+                Self::Add(match text(2) {
+                    Some(carrier) => format!("{carrier}:/{destination}"),
+                    None => destination,
+                })
+            }
+            "del" => Self::Remove(text(1).unwrap_or_default()),
+            "list" => Self::List(direction(1).unwrap_or(Direction::Out), text(2)),
+            "set" => Self::Set(direction(1).unwrap_or(Direction::Out), text(2)),
+            "get" => Self::Get(direction(1).unwrap_or(Direction::Out), text(2)),
+            "prop" if is(1, "get") => Self::GetProperty(text(2)),
+            "prop" if is(1, "set") => {
+                let values = request.iter().skip(3).cloned().collect();
+                Self::SetProperty(text(2).unwrap_or_default(), values)
+            }
+            "prop" => Self::UnknownProperty,
+            "atch" => Self::Attach(direction(1)),
+            "dtch" => Self::Detach(direction(1)),
+            _ => Self::Other(request.clone()),
+        }
+    }
+}
+
+/// `[list] [out] NAME`: asks for the connection to NAME.
+pub fn list(direction: Direction, name: Option<&str>) -> Bottle {
+    let direction = match direction {
+        Direction::In => "in",
+        Direction::Out => "out",
+    };
+    let mut request = Bottle::from_iter([word("list"), word(direction)]);
+    request.extend(name.map(Value::from));
+    request
+}
+
+/// `[add] "CARRIER://DEST"`.
+pub fn add(destination: &str) -> Bottle {
+    Bottle::from_iter([word("add"), destination.into()])
+}
+
+/// `[del] "NAME"`.
+pub fn remove(name: &str) -> Bottle {
+    Bottle::from_iter([word("del"), name.into()])
+}
+
+/// `[ver]`.
+pub fn version() -> Bottle {
+    Bottle::of(Vocab32::new("ver"))
+}
+
+fn word(word: &str) -> Value {
+    Vocab32::new(word).into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[track_caller]
+    fn check(text: &str, expected: AdminRequest) {
+        let request = Bottle::parse(text).unwrap();
+        assert_eq!(AdminRequest::parse(&request), expected, "{text}");
+    }
+
+    #[test]
+    fn requests_read_as_in_stock() {
+        let some = |name: &str| Some(name.to_owned());
+        check("[help]", AdminRequest::Help);
+        check("ver", AdminRequest::Version);
+        check("[list] [out] \"/r\"", AdminRequest::List(Direction::Out, some("/r")));
+        check("list in", AdminRequest::List(Direction::In, None));
+        check("[list]", AdminRequest::List(Direction::Out, None));
+        check("[add] \"tcp://r\"", AdminRequest::Add("tcp://r".into()));
+        check("[add] /r udp", AdminRequest::Add("udp://r".into()));
+        check("[del] /r", AdminRequest::Remove("/r".into()));
+        check("[prop] [get]", AdminRequest::GetProperty(None));
+        check(
+            "[prop] [set] colour red",
+            AdminRequest::SetProperty("colour".into(), Bottle::of("red")),
+        );
+        check("[prop] [x]", AdminRequest::UnknownProperty);
+        check("[address] 1", AdminRequest::Other(Bottle::parse("[address] 1").unwrap()));
+    }
+
+    #[test]
+    fn requests_print_as_in_stock() {
+        assert_eq!(list(Direction::Out, Some("/r")).to_string(), "[list] [out] \"/r\"");
+        assert_eq!(add("tcp://r").to_string(), "[add] \"tcp://r\"");
+        assert_eq!(remove("/r").to_string(), "[del] \"/r\"");
+    }
+}

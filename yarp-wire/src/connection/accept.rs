@@ -204,19 +204,12 @@ fn read_sender(
 }
 
 /// What stock tells a peer whose first bytes select no carrier.
-pub fn refusal(magic: &[u8; MAGIC]) -> String {
-    let shown: String = magic
-        .iter()
-        .map(|byte| if byte.is_ascii_graphic() || *byte == b' ' { char::from(*byte) } else { '?' })
-        .collect();
-    [
-        "* Error. Protocol not found.",
-        "* Hello. You appear to be trying to communicate with a YARP Port.",
-        "* The first 8 bytes sent to a YARP Port are critical for identifying the",
-        "* protocol you wish to speak.",
-        &format!("* The first 8 bytes you sent were not associated with any particular protocol ({shown})."),
-        "* Goodbye.",
-        "",
-    ]
-    .join("\r\n")
-}
+pub const REFUSAL: &str = "\
+* Error. Protocol not found.\r\n\
+* Hello. You appear to be trying to communicate with a YARP Port.\r\n\
+* The first 8 bytes sent to a YARP Port are critical for identifying the\r\n\
+* protocol you wish to speak.\r\n\
+* The first 8 bytes you sent were not associated with any particular protocol.\r\n\
+* If you are a human, try typing \"CONNECT foo\" followed by a <RETURN>.\r\n\
+* The 8 bytes \"CONNECT \" correspond to a simple text-mode protocol.\r\n\
+* Goodbye.\r\n";

@@ -42,6 +42,8 @@ pub struct Initiator {
     text: BytesMut,
     balance: Balance,
     lines: Vec<String>,
+    /// An acknowledgement came where a reply was due: the acceptor had none to give.
+    acknowledged_early: bool,
 }
 
 /// What the oldest unanswered messages still wait for.
@@ -89,7 +91,17 @@ impl Initiator {
             text: BytesMut::new(),
             balance: Balance::default(),
             lines: Vec::new(),
+            acknowledged_early: false,
         }
+    }
+
+    /// The writing side of a connection whose header is done with: one that was reversed.
+    pub fn established(carrier: &'static Carrier, dialect: Dialect, limits: Limits) -> Self {
+        let mut nowhere = BytesMut::new();
+        let mut initiator = Self::new(carrier, &Sender::plain(""), dialect, limits, &mut nowhere);
+        initiator.ready = true;
+        initiator.welcomed = true;
+        initiator
     }
 
     /// The carrier.
@@ -220,6 +232,10 @@ impl Initiator {
     }
 
     fn poll_text(&mut self, input: &mut BytesMut) -> Result<Option<Progress>, ProtocolError> {
+        if std::mem::take(&mut self.acknowledged_early) {
+            self.waiting.pop_front();
+            return Ok(Some(Progress::Done));
+        }
         while let Some(line) = self.line.read(input)? {
             if !self.welcomed {
                 self.welcomed = true;
@@ -243,6 +259,16 @@ impl Initiator {
                         return Err(ProtocolError::LineTooLong { limit });
                     }
                     self.lines.push(String::from_utf8_lossy(&line).into_owned());
+                }
+                Some(Waiting::Reply)
+                    if self.carrier.acknowledges
+                        && self.text.is_empty()
+                        && line == ACKNOWLEDGEMENT_LINE =>
+                {
+                    self.waiting.pop_front();
+                    self.acknowledged_early = true;
+                    let nothing = Payload::new(Bytes::new(), Form::Text);
+                    return Ok(Some(Progress::Reply(nothing)));
                 }
                 Some(Waiting::Reply) => {
                     if let Some(text) = self.text_reply(&line)? {

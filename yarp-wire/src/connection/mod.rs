@@ -21,7 +21,7 @@ mod initiate;
 mod line;
 mod outgoing;
 
-pub use accept::{Acceptor, Event, refusal};
+pub use accept::{Acceptor, Event, REFUSAL};
 pub use error::ProtocolError;
 pub use incoming::{Message, MessageReader};
 pub use initiate::{Initiator, Progress};
