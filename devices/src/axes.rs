@@ -177,7 +177,11 @@ mod tests {
         check(Axes::One(2.into()), 1, "");
         check(Axes::Group(&indices(&[2, 0])), 2, "");
         check(Axes::Group(&[]), 0, "");
-        check(Axes::One(3.into()), 1, "no joint 3: the device has 3, counted from 0");
+        check(
+            Axes::One(3.into()),
+            1,
+            "no joint 3: the device has 3, counted from 0",
+        );
         check(
             Axes::Group(&indices(&[0, 7])),
             2,

@@ -1,8 +1,6 @@
 //! What a device can do, asked at run time.
 
-use crate::{
-    AxisInfo, ControlLimits, ControlMode, Encoders, PositionControl, VelocityControl,
-};
+use crate::{AxisInfo, ControlLimits, ControlMode, Encoders, PositionControl, VelocityControl};
 
 /// A device, seen as the set of interfaces it has.
 ///

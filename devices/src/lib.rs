@@ -38,3 +38,8 @@ pub use iface::{
     AxisInfo, ControlLimits, ControlMode, EncoderReading, Encoders, JointType, Limits, Mode,
     MotionControl, PositionControl, VelocityControl,
 };
+
+/// Compiles the example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -192,8 +192,16 @@ mod tests {
         check(Mode::NotConfigured, code(b"cfgn"), "not configured");
         check(Mode::Configured, code(b"cfgy"), "configured");
         check(Mode::UNKNOWN, code(b"unkw"), "unknown [unkw]");
-        check(Mode::Unknown(code(b"imve")), code(b"imve"), "unknown [imve]");
+        check(
+            Mode::Unknown(code(b"imve")),
+            code(b"imve"),
+            "unknown [imve]",
+        );
         check(Mode::Unknown(0), 0, "unknown 0x00000000");
-        check(Mode::Unknown(0x0100_6161), 0x0100_6161, "unknown 0x01006161");
+        check(
+            Mode::Unknown(0x0100_6161),
+            0x0100_6161,
+            "unknown 0x01006161",
+        );
     }
 }

@@ -11,9 +11,10 @@ pub trait MotionControl: AxisInfo {
     /// Brings the joints to rest with their reference acceleration, in whatever mode they are (`stop`).
     ///
     /// Returns at once; the joints slow down without a jump and then hold where they came to rest. In
-    /// position mode that place becomes the target, in velocity mode the reference velocity becomes 0.
+    /// position mode that place becomes the target, in velocity mode the reference velocity becomes 0, and an idle
+    /// joint stays as it is. Naming a joint twice does no harm: a stop is not refused over a detail.
     ///
-    /// Errors: [`DeviceError::NoSuchAxis`], [`DeviceError::RepeatedAxis`].
+    /// Errors: [`DeviceError::NoSuchAxis`]; then none is stopped.
     fn stop(&self, axes: Axes<'_>) -> Result<(), DeviceError>;
 
     /// Sets how hard the joints speed up and slow down (`setRefAcceleration(s)`, in 4.0
