@@ -1,1 +1,24 @@
-//! YARP ports on tokio: open, connect, read, write, call
+//! YARP ports on tokio: open, connect, read, write, call.
+//!
+//! [`Network`] knows the name server; [`Port`] is a port on it; [`Dialogue`] is a short
+//! conversation with a port of somebody else; [`remote`] asks ports of others to connect.
+//! [`blocking`] is the same for programs that do not write async.
+
+pub mod addresses;
+pub mod blocking;
+mod cancel;
+mod dialogue;
+mod error;
+mod network;
+mod port;
+mod probe;
+pub mod remote;
+mod stream;
+
+pub use dialogue::Dialogue;
+pub use error::PortError;
+pub use network::{Network, Place};
+pub use port::{
+    AdminHandler, Answer, ConnectionChange, Envelope, Handler, Port, PortOptions, Queue, Received, Reply,
+    Watcher,
+};

@@ -1,0 +1,30 @@
+//! The addresses of this machine.
+
+use std::net::IpAddr;
+
+/// All addresses of this machine's interfaces as text, IPv4 first.
+///
+/// Link-local IPv6 addresses name their interface by index, as stock does: `fe80::1%4`.
+pub fn own() -> Vec<String> {
+    let mut interfaces = if_addrs::get_if_addrs().unwrap_or_default();
+    interfaces.sort_by_key(|interface| interface.ip().is_ipv6());
+    interfaces
+        .iter()
+        .map(|interface| match (interface.ip(), interface.index) {
+            (IpAddr::V6(ip), Some(index)) if ip.is_unicast_link_local() => {
+                format!("{ip}%{index}")
+            }
+            (ip, _) => ip.to_string(),
+        })
+        .collect()
+}
+
+/// The address under which others reach this machine: the first that is not loopback.
+pub fn best() -> String {
+    let interfaces = if_addrs::get_if_addrs().unwrap_or_default();
+    interfaces
+        .iter()
+        .map(if_addrs::Interface::ip)
+        .find(|ip| ip.is_ipv4() && !ip.is_loopback())
+        .map_or("127.0.0.1".to_owned(), |ip| ip.to_string())
+}

@@ -1,0 +1,153 @@
+//! Short conversations with a port, as the command line tools have them.
+
+use std::time::Duration;
+
+use bytes::BytesMut;
+use tokio::net::TcpStream;
+use yarp_wire::carrier::{Carrier, Sender};
+use yarp_wire::connection::{Initiator, Progress, ProtocolError, put_reply};
+use yarp_wire::message::{Command, Payload, WireObject};
+use yarp_wire::{Bottle, Dialect, Limits};
+
+use crate::error::PortError;
+use crate::stream;
+
+/// A connection of a program that is no port itself: it sends, waits for the answer, sends again.
+#[derive(Debug)]
+pub struct Dialogue {
+    peer: String,
+    stream: TcpStream,
+    initiator: Initiator,
+    input: BytesMut,
+    output: BytesMut,
+    deadline: Duration,
+}
+
+impl Dialogue {
+    /// Connects to `host:port` as `sender` and waits for the header reply.
+    ///
+    /// Each later wait also ends at `deadline`.
+    pub async fn open(
+        peer: &str,
+        (host, port): (&str, u16),
+        carrier: &'static Carrier,
+        sender: &str,
+        deadline: Duration,
+    ) -> Result<Self, PortError> {
+        let stream = stream::connect(peer, host, port, deadline).await?;
+        let mut output = BytesMut::new();
+        let initiator = Initiator::new(
+            carrier,
+            &Sender::plain(sender),
+            Dialect::default(),
+            Limits::DEFAULT,
+            &mut output,
+        );
+        let mut dialogue = Self {
+            peer: peer.to_owned(),
+            stream,
+            initiator,
+            input: BytesMut::new(),
+            output,
+            deadline,
+        };
+        dialogue.flush().await?;
+        dialogue.progress("connection header").await?;
+        Ok(dialogue)
+    }
+
+    /// Sends a message and waits for its reply.
+    pub async fn request(
+        &mut self,
+        command: &Command,
+        content: &(dyn WireObject + Sync),
+    ) -> Result<Payload, PortError> {
+        let mut payload = BytesMut::new();
+        let carrier = self.initiator.carrier();
+        put_reply(&mut payload, carrier, content, self.initiator.dialect());
+        self.initiator
+            .send(command, payload.len(), &mut self.output);
+        self.output.extend_from_slice(&payload);
+        self.flush().await?;
+        let mut reply = None;
+        while !self.initiator.is_idle() {
+            if let Progress::Reply(payload) = self.progress("reply").await? {
+                reply = Some(payload);
+            }
+        }
+        reply.ok_or_else(|| PortError::Lost {
+            peer: self.peer.clone(),
+            reason: "no reply came".to_owned(),
+        })
+    }
+
+    /// Sends an admin request and waits for its answer.
+    pub async fn admin(&mut self, request: &Bottle) -> Result<Bottle, PortError> {
+        let payload = self.request(&Command::Admin, request).await?;
+        payload.to_bottle().map_err(|source| PortError::Unreadable {
+            peer: self.peer.clone(),
+            source,
+        })
+    }
+
+    /// Sends a bare command and waits for the lines that answer it (`text_ack` only).
+    pub async fn command(&mut self, command: &Command) -> Result<Vec<String>, PortError> {
+        self.initiator.send(command, 0, &mut self.output);
+        self.flush().await?;
+        let mut lines = Vec::new();
+        while !self.initiator.is_idle() {
+            if let Progress::Lines(answer) = self.progress("answer").await? {
+                lines = answer;
+            }
+        }
+        Ok(lines)
+    }
+
+    async fn flush(&mut self) -> Result<(), PortError> {
+        let writing = stream::write_all(&self.stream, &mut self.output);
+        match tokio::time::timeout(self.deadline, writing).await {
+            Ok(Ok(())) => Ok(()),
+            Ok(Err(error)) => Err(self.lost(error.to_string())),
+            Err(_) => Err(self.late("sending")),
+        }
+    }
+
+    async fn progress(&mut self, step: &'static str) -> Result<Progress, PortError> {
+        let deadline = tokio::time::Instant::now() + self.deadline;
+        loop {
+            let polled = self.initiator.poll(&mut self.input);
+            if let Some(progress) = polled.map_err(|source| self.broken(source))? {
+                return Ok(progress);
+            }
+            let reading = stream::read_some(&self.stream, &mut self.input, 0);
+            match tokio::time::timeout_at(deadline, reading).await {
+                Ok(Ok(0)) => return Err(self.lost("it closed".to_owned())),
+                Ok(Ok(_)) => {}
+                Ok(Err(error)) => return Err(self.lost(error.to_string())),
+                Err(_) => return Err(self.late(step)),
+            }
+        }
+    }
+
+    fn lost(&self, reason: String) -> PortError {
+        PortError::Lost {
+            peer: self.peer.clone(),
+            reason,
+        }
+    }
+
+    fn late(&self, step: &'static str) -> PortError {
+        PortError::Deadline {
+            peer: self.peer.clone(),
+            step,
+            seconds: self.deadline.as_secs_f64(),
+        }
+    }
+
+    fn broken(&self, source: ProtocolError) -> PortError {
+        PortError::Protocol {
+            peer: self.peer.clone(),
+            source,
+        }
+    }
+}

@@ -1,0 +1,287 @@
+//! Answers to admin requests, in stock's words.
+
+use yarp_wire::admin::{AdminRequest, Direction};
+use yarp_wire::{Bottle, Value, Vocab32};
+
+use super::core::Core;
+use super::options::{Input, Outputs, Serving};
+
+/// Stock's answer to `[help]`. Source: recorded traffic of 3.12.3 and 4.0.0.
+const HELP: [&str; 20] = [
+    "[help]                  # give this help",
+    "[ver]                   # report protocol version information",
+    "[add] $portname         # add an output connection",
+    "[add] $portname $car    # add an output with a given protocol",
+    "[del] $portname         # remove an input or output connection",
+    "[list] [in]             # list input connections",
+    "[list] [out]            # list output connections",
+    "[list] [in]  $portname  # give details for input",
+    "[list] [out] $portname  # give details for output",
+    "[prop] [get]            # get all user-defined port properties",
+    "[prop] [get] $prop      # get a user-defined port property (prop, val)",
+    "[prop] [set] $prop $val # set a user-defined port property (prop, val)",
+    "[prop] [get] $portname  # get Qos properties of a connection to/from a port",
+    "[prop] [set] $portname  # set Qos properties of a connection to/from a port",
+    "[prop] [get] $cur_port  # get information about current process (e.g., scheduling priority, pid)",
+    "[prop] [set] $cur_port  # set properties of the current process (e.g., scheduling priority, pid)",
+    "[atch] [out] $prop      # attach a portmonitor plug-in to the port's output",
+    "[atch] [in]  $prop      # attach a portmonitor plug-in to the port's input",
+    "[dtch] [out]            # detach portmonitor plug-in from the port's output",
+    "[dtch] [in]             # detach portmonitor plug-in from the port's input",
+];
+
+/// Most properties a port keeps for others, so that they cannot fill its memory.
+const MOST_PROPERTIES: usize = 1024;
+
+impl Core {
+    /// The answer to an admin request.
+    pub(super) async fn administer(&self, request: &Bottle) -> Bottle {
+        match AdminRequest::parse(request) {
+            AdminRequest::Help => {
+                let mut answer = Bottle::of(Vocab32::MANY);
+                answer.extend(HELP.map(Value::from));
+                answer
+            }
+            AdminRequest::Version => Bottle::from_iter([
+                Vocab32::new("ver").into(),
+                Value::Int32(1),
+                Value::Int32(2),
+                Value::Int32(3),
+            ]),
+            AdminRequest::Add(destination) => {
+                counted(self.add_output_in_words(&destination).await)
+            }
+            AdminRequest::Remove(name) => self.remove(&name).await,
+            AdminRequest::List(direction, None) => self.names(direction),
+            AdminRequest::List(direction, Some(name)) => self.details(direction, &name),
+            AdminRequest::Set(direction, name) => self.set_parameters(direction, name),
+            AdminRequest::Get(direction, name) => self.parameters(direction, name),
+            AdminRequest::GetProperty(key) => self.property(key),
+            AdminRequest::SetProperty(key, values) => self.set_property(key, values),
+            AdminRequest::UnknownProperty => fail("property action not known"),
+            AdminRequest::Attach(None) => fail("attach command must be followed by [out] or [in]"),
+            AdminRequest::Attach(Some(_)) => fail(
+                "Portmonitor carrier modifier cannot be find or it is not enabled in YARP!",
+            ),
+            AdminRequest::Detach(None) => fail("detach command must be followed by [out] or [in]"),
+            AdminRequest::Detach(Some(_)) => ok(),
+            AdminRequest::Other(request) => {
+                let own = self.options.admin.as_ref().and_then(|admin| admin(&request));
+                own.unwrap_or_else(|| fail("send [help] for list of valid commands"))
+            }
+            _ => fail("send [help] for list of valid commands"),
+        }
+    }
+
+    async fn remove(&self, name: &str) -> Bottle {
+        match (
+            self.remove_output_in_words(name).await,
+            self.remove_input_in_words(name),
+        ) {
+            (Ok(text), _) | (Err(_), Ok(text)) => counted(Ok(text)),
+            (Err(out), Err(back)) => counted(Err(out + &back)),
+        }
+    }
+
+    fn names(&self, direction: Direction) -> Bottle {
+        match direction {
+            Direction::In => {
+                let inputs = self.inputs();
+                inputs.iter().map(|input| input.from.as_str().into()).collect()
+            }
+            Direction::Out => {
+                let outputs = self.outputs();
+                outputs.iter().map(|output| output.to.as_str().into()).collect()
+            }
+        }
+    }
+
+    fn details(&self, direction: Direction, name: &str) -> Bottle {
+        let name = yarp_wire::Contact::parse(name).name;
+        let mut answer = Bottle::new();
+        let mut add = |from: &str, to: &str, carrier: &str, connectionless: bool| {
+            answer.push(pair("from", from));
+            answer.push(pair("to", to));
+            answer.push(pair("carrier", carrier));
+            if connectionless {
+                answer.push(pair("connectionless", 1));
+            }
+        };
+        match direction {
+            Direction::In => {
+                for input in self.inputs().iter().filter(|input| input.from == name) {
+                    let connectionless = input.carrier.connectionless;
+                    add(&input.from, &self.name, &input.carrier_text, connectionless);
+                }
+            }
+            Direction::Out => {
+                for output in self.outputs().iter().filter(|output| output.to == name) {
+                    let connectionless = output.carrier.connectionless;
+                    add(&self.name, &output.to, &output.carrier_text, connectionless);
+                }
+            }
+        }
+        answer
+    }
+
+    /// No carrier here has parameters to set; stock answers success for any connection there is.
+    fn set_parameters(&self, direction: Direction, name: Option<String>) -> Bottle {
+        match self.find(direction, name) {
+            Ok(name) => {
+                let way = match direction {
+                    Direction::In => "from",
+                    Direction::Out => "to",
+                };
+                counted(Ok(format!("Configured connection {way} {name}\r\n")))
+            }
+            Err(answer) => answer,
+        }
+    }
+
+    fn parameters(&self, direction: Direction, name: Option<String>) -> Bottle {
+        match self.find(direction, name) {
+            Ok(_) => Bottle::of(Value::Dictionary(Bottle::new())),
+            Err(answer) => answer,
+        }
+    }
+
+    /// The connection meant, or stock's answer that there is none.
+    fn find(&self, direction: Direction, name: Option<String>) -> Result<String, Bottle> {
+        let Some(name) = name else {
+            return Err(counted(Err("target port is not specified.\r\n".to_owned())));
+        };
+        let (known, place, way) = match direction {
+            Direction::In => {
+                let known = self.inputs().iter().any(|input| input.from == name);
+                (known, "input", "from")
+            }
+            Direction::Out => {
+                let known = self.outputs().iter().any(|output| output.to == name);
+                (known, "output", "to")
+            }
+        };
+        if known {
+            Ok(name)
+        } else if name == self.name {
+            Err(fail(&format!("No port modifier is attached to the {place}")))
+        } else {
+            // Stock says incoming for either direction.
+            let text = format!("Could not find an incoming connection {way} {name}\r\n");
+            Err(counted(Err(text)))
+        }
+    }
+
+    fn property(&self, key: Option<String>) -> Bottle {
+        let Some(key) = key else {
+            let properties = self.properties();
+            return properties
+                .iter()
+                .map(|(key, values)| {
+                    let mut entry = Bottle::of(key.as_str());
+                    entry.extend(values.iter().cloned());
+                    entry.into()
+                })
+                .collect();
+        };
+        if key == self.name {
+            return self.own_properties();
+        }
+        if key.starts_with('/') {
+            return self.connection_properties(&key);
+        }
+        let properties = self.properties();
+        let found = properties.iter().find(|(name, _)| *name == key);
+        found.map(|(_, values)| values.clone()).unwrap_or_default()
+    }
+
+    fn set_property(&self, key: String, values: Bottle) -> Bottle {
+        if key.starts_with('/') {
+            // Thread policies and packet priorities are not offered: say so.
+            return fail("scheduling and quality of service cannot be set on this port");
+        }
+        let mut properties = self.properties();
+        if let Some(entry) = properties.iter_mut().find(|(name, _)| *name == key) {
+            entry.1 = values;
+        } else if properties.len() < MOST_PROPERTIES {
+            properties.push((key, values));
+            properties.sort_by(|a, b| a.0.cmp(&b.0));
+        } else {
+            return fail("too many properties");
+        }
+        ok()
+    }
+
+    fn connection_properties(&self, name: &str) -> Bottle {
+        let known = self.inputs().iter().any(|input| input.from == name)
+            || self.outputs().iter().any(|output| output.to == name);
+        if !known {
+            return fail(&format!("cannot find any connection to/from {name}"));
+        }
+        Bottle::from_iter([scheduling(), group("qos", [pair("tos", 0)])])
+    }
+
+    fn own_properties(&self) -> Bottle {
+        let arguments: Vec<String> = std::env::args().collect();
+        let program = std::env::current_exe().unwrap_or_default();
+        let host = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+        let is_rpc = matches!(self.options.input, Input::Queue(_, Serving::Replies))
+            || self.options.outputs == Outputs::One;
+        let number = |flag: bool| i32::from(flag);
+        Bottle::from_iter([
+            scheduling(),
+            group(
+                "process",
+                [
+                    pair("arguments", arguments[1..].join(" ")),
+                    pair("name", program.to_string_lossy().into_owned()),
+                    pair("pid", std::process::id() as i32),
+                    pair("policy", 0),
+                    pair("priority", 0),
+                ],
+            ),
+            group(
+                "platform",
+                [pair("hostname", host.trim()), pair("os", "Linux")],
+            ),
+            group(
+                "port",
+                [
+                    pair("is_input", 1),
+                    pair("is_output", number(self.options.outputs != Outputs::None)),
+                    pair("is_rpc", number(is_rpc)),
+                    pair("type", self.options.type_name.clone().unwrap_or_default()),
+                ],
+            ),
+        ])
+    }
+}
+
+fn ok() -> Bottle {
+    Bottle::of(Vocab32::OK)
+}
+
+fn fail(reason: &str) -> Bottle {
+    Bottle::from_iter([Vocab32::FAIL.into(), reason.into()])
+}
+
+/// `0 TEXT` or `-1 TEXT`.
+fn counted(result: Result<String, String>) -> Bottle {
+    let (code, text) = match result {
+        Ok(text) => (0, text),
+        Err(text) => (-1, text),
+    };
+    Bottle::from_iter([Value::Int32(code), text.into()])
+}
+
+fn pair(key: &str, value: impl Into<Value>) -> Value {
+    Bottle::from_iter([key.into(), value.into()]).into()
+}
+
+fn group<const N: usize>(key: &str, pairs: [Value; N]) -> Value {
+    pair(key, Value::Dictionary(Bottle::from_iter(pairs)))
+}
+
+fn scheduling() -> Value {
+    let policy = [pair("policy", 0), pair("priority", 0), pair("tid", 0)];
+    group("sched", policy)
+}

@@ -1,0 +1,254 @@
+//! What the tasks of one port share.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use yarp_wire::carrier::{Carrier, CarrierSpec};
+use yarp_wire::{Bottle, Contact, Dialect};
+
+use super::inbox::Inbox;
+use super::options::{ConnectionChange, Input, Outputs, PortOptions};
+use super::output::Output;
+use crate::cancel::{Cancel, Cancelled};
+use crate::error::PortError;
+use crate::network::Network;
+use crate::probe;
+
+/// How long a goodbye to a reader may take.
+pub(crate) const GOODBYE: Duration = Duration::from_secs(1);
+
+pub(crate) struct Core {
+    pub(crate) name: String,
+    pub(crate) host: String,
+    pub(crate) number: u16,
+    pub(crate) network: Network,
+    pub(crate) options: PortOptions,
+    pub(crate) inbox: Option<Inbox>,
+    pub(crate) cancelled: Cancelled,
+    outputs: Mutex<Vec<Arc<Output>>>,
+    inputs: Mutex<Vec<InputEntry>>,
+    properties: Mutex<Vec<(String, Bottle)>>,
+    next_input: AtomicU64,
+}
+
+/// An incoming connection as others see it.
+pub(crate) struct InputEntry {
+    pub(crate) id: u64,
+    pub(crate) from: String,
+    pub(crate) carrier_text: String,
+    pub(crate) carrier: &'static Carrier,
+    cancel: Cancel,
+}
+
+impl Core {
+    pub(crate) fn new(
+        name: String,
+        host: String,
+        number: u16,
+        network: Network,
+        options: PortOptions,
+        cancelled: Cancelled,
+    ) -> Self {
+        let inbox = match options.input {
+            Input::Queue(queue, _) => Some(Inbox::new(queue)),
+            _ => None,
+        };
+        Self {
+            name,
+            host,
+            number,
+            network,
+            options,
+            inbox,
+            cancelled,
+            outputs: Mutex::default(),
+            inputs: Mutex::default(),
+            properties: Mutex::default(),
+            next_input: AtomicU64::new(1),
+        }
+    }
+
+    fn outputs_mut(&self) -> MutexGuard<'_, Vec<Arc<Output>>> {
+        let mut outputs = self.outputs.lock().unwrap_or_else(PoisonError::into_inner);
+        outputs.retain(|output| {
+            let ended = output.outbox.is_closed();
+            if ended {
+                self.report_output(output, false);
+            }
+            !ended
+        });
+        outputs
+    }
+
+    pub(crate) fn inputs(&self) -> MutexGuard<'_, Vec<InputEntry>> {
+        self.inputs.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(crate) fn properties(&self) -> MutexGuard<'_, Vec<(String, Bottle)>> {
+        self.properties.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The outgoing connections that are up.
+    pub(crate) fn outputs(&self) -> Vec<Arc<Output>> {
+        self.outputs_mut().clone()
+    }
+
+    /// Calls `visit` for each outgoing connection that is up, without allocating.
+    pub(crate) fn for_each_output(&self, mut visit: impl FnMut(&Arc<Output>)) {
+        self.outputs_mut().iter().for_each(&mut visit);
+    }
+
+    /// Connects to a reader; connections to the same reader end first.
+    pub(crate) async fn connect(&self, to: &Contact) -> Result<(), PortError> {
+        if self.options.outputs == Outputs::None {
+            return Err(PortError::OutputsNotAllowed {
+                name: self.name.clone(),
+            });
+        }
+        let found = self.network.resolve(to).await?;
+        let spec = self.carrier_spec(to, &found.carrier)?;
+        let carrier = Carrier::by_name(&spec.base).ok_or_else(|| PortError::NoCarrier {
+            carrier: spec.base.clone(),
+            known: known_carriers(),
+        })?;
+        self.disconnect(&found.name).await;
+        if self.options.outputs == Outputs::One && !self.outputs_mut().is_empty() {
+            return Err(PortError::AlreadyConnected {
+                name: self.name.clone(),
+            });
+        }
+        let address = (found.host.as_str(), found.port);
+        let dialect = match carrier.framing {
+            yarp_wire::carrier::Framing::Indexed => {
+                probe::generation(&found.name, address, self.network.deadline()).await
+            }
+            _ => Some(Dialect::default()),
+        };
+        let output = Output::connect(
+            &self.name,
+            &found.name,
+            address,
+            &spec,
+            carrier,
+            dialect.unwrap_or(self.options.dialect),
+            self.network.deadline(),
+            self.cancelled.clone(),
+        )
+        .await?;
+        self.add_output(output);
+        Ok(())
+    }
+
+    fn carrier_spec(&self, to: &Contact, registered: &str) -> Result<CarrierSpec, PortError> {
+        let text = to.carrier.as_deref().unwrap_or(registered);
+        text.parse().map_err(|_| PortError::NoCarrier {
+            carrier: text.to_owned(),
+            known: known_carriers(),
+        })
+    }
+
+    pub(crate) fn add_output(&self, output: Output) {
+        let output = Arc::new(output);
+        self.report_output(&output, true);
+        self.outputs_mut().push(output);
+    }
+
+    /// Ends the outgoing connections to `name`; tells whether there was one.
+    pub(crate) async fn disconnect(&self, name: &str) -> bool {
+        let gone: Vec<_> = self
+            .outputs_mut()
+            .extract_if(.., |output| output.to == name)
+            .collect();
+        for output in &gone {
+            output.close(GOODBYE).await;
+            self.report_output(output, false);
+        }
+        !gone.is_empty()
+    }
+
+    /// Ends the incoming connections from `name`; tells whether there was one.
+    pub(crate) fn drop_inputs(&self, name: &str) -> bool {
+        let inputs = self.inputs();
+        let mut found = false;
+        for entry in inputs.iter().filter(|entry| entry.from == name) {
+            entry.cancel.cancel();
+            found = true;
+        }
+        found
+    }
+
+    /// Takes note of an incoming connection. An older one from the same port ends.
+    pub(crate) fn add_input(
+        &self,
+        from: &str,
+        carrier: &'static Carrier,
+        carrier_text: String,
+    ) -> (u64, Cancelled) {
+        let id = self.next_input.fetch_add(1, Ordering::Relaxed);
+        let (cancel, cancelled) = Cancel::new();
+        self.report(from, &self.name, &carrier_text, true, true);
+        let mut inputs = self.inputs();
+        if is_port(from) {
+            inputs
+                .iter()
+                .filter(|entry| entry.from == from)
+                .for_each(|entry| entry.cancel.cancel());
+        }
+        inputs.push(InputEntry {
+            id,
+            from: from.to_owned(),
+            carrier_text,
+            carrier,
+            cancel,
+        });
+        (id, cancelled)
+    }
+
+    /// Takes note that an incoming connection ended.
+    pub(crate) fn remove_input(&self, id: u64) {
+        let mut inputs = self.inputs();
+        let Some(index) = inputs.iter().position(|entry| entry.id == id) else {
+            return;
+        };
+        let entry = inputs.remove(index);
+        drop(inputs);
+        self.report(&entry.from, &self.name, &entry.carrier_text, true, false);
+    }
+
+    fn report_output(&self, output: &Output, began: bool) {
+        self.report(&self.name, &output.to, &output.carrier_text, false, began);
+    }
+
+    /// Tells log and owner that a connection began or ended; stock keeps quiet about programs
+    /// that are no ports, and so do we.
+    fn report(&self, from: &str, to: &str, carrier: &str, incoming: bool, began: bool) {
+        if is_port(from) && is_port(to) {
+            let what = match (incoming, began) {
+                (true, true) => "Receiving input",
+                (true, false) => "Removing input",
+                (false, true) => "Sending output",
+                (false, false) => "Removing output",
+            };
+            tracing::info!(port = %self.name, "{what} from {from} to {to} using {carrier}");
+        }
+        if let Some(watcher) = &self.options.watcher {
+            watcher(&ConnectionChange {
+                from: from.to_owned(),
+                to: to.to_owned(),
+                carrier: carrier.to_owned(),
+                incoming,
+                began,
+            });
+        }
+    }
+}
+
+/// Whether a sender's name is that of a port.
+pub(crate) fn is_port(name: &str) -> bool {
+    name.starts_with('/')
+}
+
+pub(crate) fn known_carriers() -> String {
+    yarp_wire::carrier::ALL.map(|carrier| carrier.name).join(", ")
+}

@@ -1,0 +1,136 @@
+//! What has arrived and was not read yet.
+
+use std::collections::VecDeque;
+use std::sync::{Mutex, PoisonError};
+
+use tokio::sync::Notify;
+
+use super::Received;
+
+/// What happens when messages arrive faster than they are read.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+#[non_exhaustive]
+pub enum Queue {
+    /// Only the newest is kept, as stock's `BufferedPort` does by default.
+    Latest,
+    /// So many are kept; then the connection waits, and with `tcp` its sender.
+    Wait(usize),
+    /// So many are kept; then the oldest is dropped.
+    DropOldest(usize),
+    /// So many are kept; then new ones are dropped.
+    DropNewest(usize),
+}
+
+/// Messages of all input connections of a port, in the order in which they came.
+#[derive(Debug)]
+pub(crate) struct Inbox {
+    queue: Queue,
+    state: Mutex<State>,
+    arrived: Notify,
+    room: Notify,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    messages: VecDeque<Received>,
+    dropped: u64,
+    closed: bool,
+}
+
+impl Inbox {
+    pub(crate) fn new(queue: Queue) -> Self {
+        Self {
+            queue,
+            state: Mutex::default(),
+            arrived: Notify::new(),
+            room: Notify::new(),
+        }
+    }
+
+    fn state(&self) -> std::sync::MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Takes a message in; waits only under [`Queue::Wait`].
+    pub(crate) async fn push(&self, message: Received) {
+        let mut message = Some(message);
+        loop {
+            let room = self.room.notified();
+            tokio::pin!(room);
+            room.as_mut().enable();
+            {
+                let mut state = self.state();
+                if state.closed {
+                    return;
+                }
+                let full = |limit: usize| state.messages.len() >= limit.max(1);
+                match self.queue {
+                    Queue::Wait(limit) if full(limit) => {}
+                    Queue::DropNewest(limit) if full(limit) => {
+                        state.dropped += 1;
+                        return;
+                    }
+                    queue => {
+                        let dropped = match queue {
+                            Queue::Latest if full(1) => state.messages.pop_front(),
+                            Queue::DropOldest(limit) if full(limit) => state.messages.pop_front(),
+                            _ => None,
+                        };
+                        state.dropped += u64::from(dropped.is_some());
+                        state.messages.extend(message.take());
+                        drop(state);
+                        self.arrived.notify_one();
+                        return;
+                    }
+                }
+            }
+            room.await;
+        }
+    }
+
+    /// The oldest message kept, as soon as there is one; `None` once closed and empty.
+    pub(crate) async fn pop(&self) -> Option<Received> {
+        loop {
+            let arrived = self.arrived.notified();
+            {
+                let mut state = self.state();
+                if let Some(message) = state.messages.pop_front() {
+                    let more = !state.messages.is_empty();
+                    drop(state);
+                    if more {
+                        self.arrived.notify_one();
+                    }
+                    if matches!(self.queue, Queue::Wait(_)) {
+                        self.room.notify_one();
+                    }
+                    return Some(message);
+                }
+                if state.closed {
+                    drop(state);
+                    self.arrived.notify_one();
+                    return None;
+                }
+            }
+            arrived.await;
+        }
+    }
+
+    /// The oldest message kept, if there is one now.
+    pub(crate) fn try_pop(&self) -> Option<Received> {
+        let message = self.state().messages.pop_front();
+        self.room.notify_one();
+        message
+    }
+
+    /// Messages that were dropped, as the queue's rule says.
+    pub(crate) fn dropped(&self) -> u64 {
+        self.state().dropped
+    }
+
+    /// Ends all waits, now and later.
+    pub(crate) fn close(&self) {
+        self.state().closed = true;
+        self.arrived.notify_one();
+        self.room.notify_waiters();
+    }
+}

@@ -1,0 +1,291 @@
+//! One incoming connection.
+
+use std::io;
+use std::sync::Arc;
+
+use bytes::BytesMut;
+use tokio::net::TcpStream;
+use tokio::sync::oneshot;
+use yarp_wire::carrier::{Carrier, Framing, Sender};
+use yarp_wire::connection::{Acceptor, Event, Initiator, Message, ProtocolError, REFUSAL};
+use yarp_wire::message::Command;
+use yarp_wire::{Bottle, Limits};
+
+use super::core::Core;
+use super::describe::{HELP, NOT_UNDERSTOOD};
+use super::options::{Input, Serving};
+use super::output::Output;
+use super::received::{Answer, Received, Reply, Responder};
+use crate::cancel::Cancelled;
+use crate::stream;
+
+/// Serves a connection until it ends or the port closes.
+pub(super) async fn serve(core: Arc<Core>, stream: TcpStream) {
+    let mut connection = Connection {
+        acceptor: Acceptor::new(core.number, core.options.dialect, Limits::DEFAULT),
+        core: core.clone(),
+        stream,
+        input: BytesMut::new(),
+        output: BytesMut::new(),
+        entry: None,
+        sender: Sender::plain(""),
+    };
+    let mut closing = core.cancelled.clone();
+    let end = tokio::select! {
+        end = connection.run() => end,
+        () = closing.cancelled() => End::Closed,
+    };
+    if let Some(entry) = &connection.entry {
+        core.remove_input(entry.id);
+    }
+    match end {
+        End::Closed => {}
+        End::Broken(error) => {
+            let from = &connection.sender.name;
+            tracing::warn!(port = %core.name, from, "dropping a connection: {error}");
+        }
+        End::Failed(error) => {
+            let from = &connection.sender.name;
+            tracing::debug!(port = %core.name, from, "a connection failed: {error}");
+        }
+        End::Reversed(carrier) => connection.into_output(carrier),
+    }
+}
+
+/// How a connection ended.
+enum End {
+    Closed,
+    Broken(ProtocolError),
+    Failed(io::Error),
+    /// It goes on in the other direction.
+    Reversed(&'static Carrier),
+}
+
+impl From<io::Error> for End {
+    fn from(error: io::Error) -> Self {
+        Self::Failed(error)
+    }
+}
+
+struct Connection {
+    core: Arc<Core>,
+    stream: TcpStream,
+    acceptor: Acceptor,
+    input: BytesMut,
+    output: BytesMut,
+    entry: Option<Entry>,
+    sender: Sender,
+}
+
+struct Entry {
+    id: u64,
+    displaced: Cancelled,
+}
+
+/// What is to happen after a message.
+enum Next {
+    Go,
+    Stop(End),
+}
+
+impl Connection {
+    async fn run(&mut self) -> End {
+        loop {
+            loop {
+                match self.acceptor.poll(&mut self.input, &mut self.output) {
+                    Ok(Some(event)) => match self.take(event).await {
+                        Next::Go => {}
+                        Next::Stop(end) => {
+                            // The last words; the peer may be gone.
+                            let _ = stream::write_all(&self.stream, &mut self.output).await;
+                            return end;
+                        }
+                    },
+                    Ok(None) => break,
+                    Err(error) => {
+                        self.refuse(&error).await;
+                        return End::Broken(error);
+                    }
+                }
+            }
+            if let Err(error) = stream::write_all(&self.stream, &mut self.output).await {
+                return error.into();
+            }
+            let missing = self.acceptor.missing(&self.input);
+            let reading = stream::read_some(&self.stream, &mut self.input, missing);
+            let read = match &mut self.entry {
+                Some(entry) => tokio::select! {
+                    biased;
+                    read = reading => read,
+                    () = entry.displaced.cancelled() => return End::Closed,
+                },
+                None => reading.await,
+            };
+            match read {
+                Ok(0) => return End::Closed,
+                Ok(_) => {}
+                Err(error) => return error.into(),
+            }
+        }
+    }
+
+    /// Tells a peer that speaks no carrier of ours what it may try.
+    async fn refuse(&mut self, error: &ProtocolError) {
+        if matches!(error, ProtocolError::UnknownCarrier { .. }) {
+            self.output.extend_from_slice(REFUSAL.as_bytes());
+        }
+        let _ = stream::write_all(&self.stream, &mut self.output).await;
+    }
+
+    async fn take(&mut self, event: Event) -> Next {
+        match event {
+            Event::Opened { carrier, sender } => {
+                self.opened(carrier, sender);
+                Next::Go
+            }
+            Event::Message(message) => self.message(message).await,
+        }
+    }
+
+    fn opened(&mut self, carrier: &'static Carrier, sender: Sender) {
+        let mut text = carrier.name.to_owned();
+        for (key, value) in &sender.modifiers {
+            text.push('+');
+            text.push_str(key);
+            if let Some(value) = value {
+                text.push('.');
+                text.push_str(value);
+            }
+        }
+        let (id, displaced) = self.core.add_input(&sender.name, carrier, text);
+        self.entry = Some(Entry { id, displaced });
+        self.sender = sender;
+    }
+
+    async fn message(&mut self, message: Message) -> Next {
+        let next = match message.command {
+            Command::Data { reply, envelope } => {
+                let received = Received {
+                    payload: message.payload,
+                    envelope,
+                    from: self.sender.name.clone(),
+                    wants_reply: reply,
+                    responder: None,
+                };
+                self.deliver(received).await
+            }
+            Command::Admin => {
+                let request = message.payload.to_bottle().unwrap_or_default();
+                let answer = self.core.administer(&request).await;
+                self.acceptor.reply(&answer, &mut self.output);
+                Next::Go
+            }
+            command => self.command(command).await,
+        };
+        self.acceptor.acknowledge(&mut self.output);
+        next
+    }
+
+    /// Hands a message to the owner and waits for the answer, if there is to be one.
+    async fn deliver(&mut self, mut received: Received) -> Next {
+        let wants_reply = received.wants_reply;
+        let core = self.core.clone();
+        let answer = match &core.options.input {
+            Input::Discard => Answer::Nothing,
+            Input::Handler(handler) => handler(&mut received),
+            Input::Queue(_, serving) => {
+                let mut answer = None;
+                if wants_reply && *serving == Serving::Replies {
+                    let (sender, receiver) = oneshot::channel();
+                    received.responder = Some(Responder(sender));
+                    answer = Some(receiver);
+                }
+                let inbox = core.inbox.as_ref().expect("a port that queues has an inbox");
+                inbox.push(received).await;
+                match answer {
+                    Some(answer) => answer.await.unwrap_or(Answer::Nothing),
+                    None => Answer::Nothing,
+                }
+            }
+        };
+        self.answer(answer, wants_reply).await
+    }
+
+    async fn answer(&mut self, mut answer: Answer, wants_reply: bool) -> Next {
+        loop {
+            match answer {
+                Answer::Later(later) => answer = later.await,
+                Answer::Nothing => {
+                    self.reply_nothing(wants_reply);
+                    return Next::Go;
+                }
+                Answer::Reply(reply) => {
+                    self.reply(&reply, wants_reply);
+                    return Next::Go;
+                }
+                Answer::ReplyAndClose(reply) => {
+                    self.reply(&reply, wants_reply);
+                    return Next::Stop(End::Closed);
+                }
+            }
+        }
+    }
+
+    fn reply(&mut self, reply: &Reply, wanted: bool) {
+        if wanted {
+            self.acceptor.reply(reply.as_ref(), &mut self.output);
+        }
+    }
+
+    /// On a binary connection a sender that asked for a reply must get one: without it a stock
+    /// sender takes the acknowledgement for the reply and hangs. People at a terminal get none.
+    fn reply_nothing(&mut self, wanted: bool) {
+        let binary = self
+            .acceptor
+            .carrier()
+            .is_some_and(|carrier| carrier.framing == Framing::Indexed);
+        if wanted && binary {
+            self.acceptor.reply(&Bottle::new(), &mut self.output);
+        }
+    }
+
+    async fn command(&mut self, command: Command) -> Next {
+        let lines = match command {
+            Command::Quit => return Next::Stop(End::Closed),
+            Command::Reverse => {
+                let carrier = self.acceptor.carrier().expect("messages follow the header");
+                return Next::Stop(End::Reversed(carrier));
+            }
+            Command::AddOutput(destination) => {
+                either(self.core.add_output_in_words(&destination).await)
+            }
+            Command::RemoveOutput(name) => either(self.core.remove_output_in_words(&name).await),
+            Command::RemoveInput(name) => either(self.core.remove_input_in_words(&name)),
+            Command::Describe => self.core.describe(),
+            Command::Help => HELP.to_owned(),
+            _ => NOT_UNDERSTOOD.to_owned(),
+        };
+        self.acceptor.answer_lines(&lines, &mut self.output);
+        Next::Go
+    }
+
+    /// Goes on as a connection that the port writes to.
+    fn into_output(self, carrier: &'static Carrier) {
+        let initiator = Initiator::established(carrier, self.acceptor.dialect(), Limits::DEFAULT);
+        let output = Output::start(
+            &self.sender.name,
+            carrier.name.to_owned(),
+            self.stream,
+            initiator,
+            self.input,
+            self.core.cancelled.clone(),
+        );
+        self.core.add_output(output);
+    }
+}
+
+fn either(result: Result<String, String>) -> String {
+    match result {
+        Ok(text) | Err(text) => text,
+    }
+}

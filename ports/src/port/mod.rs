@@ -1,0 +1,488 @@
+//! A port: a named place that other programs connect to.
+//!
+//! | file | what it is about |
+//! | --- | --- |
+//! | `options` | how a port is to be opened |
+//! | `core` | what the tasks of a port share |
+//! | `input`, `inbox`, `received` | incoming connections, what arrived, one message of it |
+//! | `output`, `outbox` | outgoing connections, what is to be sent |
+//! | `admin`, `describe` | what programs and people ask of the port itself |
+
+mod admin;
+mod core;
+mod describe;
+mod inbox;
+mod input;
+mod options;
+mod outbox;
+mod output;
+mod received;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use bytes::{Bytes, BytesMut};
+use tokio::net::TcpListener;
+use tokio::task::{JoinHandle, JoinSet};
+use yarp_wire::connection::put_reply;
+use yarp_wire::message::{Command, Payload, ReadObject, WireObject};
+use yarp_wire::{Contact, Dialect, PortName, Stamp};
+
+use self::core::Core;
+use self::outbox::Outcome;
+use self::output::Output;
+use crate::cancel::Cancel;
+use crate::error::PortError;
+use crate::network::{Network, Registering};
+
+pub use inbox::Queue;
+pub use options::{AdminHandler, ConnectionChange, Handler, PortOptions, Watcher};
+pub use received::{Answer, Received, Reply};
+
+/// A port that is open.
+///
+/// ```no_run
+/// # async fn example() -> Result<(), yarp_ports::PortError> {
+/// use yarp_ports::{Network, Port, PortOptions, Queue};
+/// use yarp_wire::Bottle;
+///
+/// let network = Network::from_process()?;
+/// let reader = Port::open(&network, "/reader", PortOptions::new().reading(Queue::Latest)).await?;
+/// let writer = Port::open(&network, "/writer", PortOptions::new()).await?;
+/// writer.connect("/reader").await?;
+/// writer.write(&Bottle::of("hello")).await;
+/// let message = reader.read().await?;
+/// # Ok(()) }
+/// ```
+///
+/// [`Port::close`] unregisters the name and says goodbye to peers. Dropping the port does the
+/// same in the background, as far as the runtime still runs.
+pub struct Port {
+    core: Arc<Core>,
+    cancel: Cancel,
+    listener: Option<JoinHandle<()>>,
+    registered: bool,
+}
+
+impl std::fmt::Debug for Port {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Port").field("name", &self.core.name).finish()
+    }
+}
+
+impl Port {
+    /// Opens a port: listens, tells the name server, serves what connects.
+    ///
+    /// The name may be `...` for one that the name server chooses.
+    pub async fn open(
+        network: &Network,
+        name: &str,
+        options: PortOptions,
+    ) -> Result<Self, PortError> {
+        let name = network.full_name(name);
+        if name != "..." {
+            name.parse::<PortName>()?;
+        }
+        let mut registered = false;
+        let (name, host, number) = if options.registered {
+            let asking = Registering {
+                name: &name,
+                number: options.number,
+                type_name: options.type_name.as_deref(),
+            };
+            let given = network.register(&asking).await?;
+            registered = true;
+            (given.name, given.host, given.port)
+        } else {
+            (name, network.own_host(), options.number.unwrap_or(0))
+        };
+        let listening = bind(&name, number).await;
+        let listener = match listening {
+            Ok(listener) => listener,
+            Err(error) => {
+                if registered {
+                    // The first error is the one to report.
+                    let _ = network.unregister(&name).await;
+                }
+                return Err(error);
+            }
+        };
+        let number = listener.local_addr().map_or(number, |address| address.port());
+        let (cancel, cancelled) = Cancel::new();
+        let core = Arc::new(Core::new(
+            name,
+            host,
+            number,
+            network.clone(),
+            options,
+            cancelled,
+        ));
+        let listener = tokio::spawn(listen(core.clone(), listener));
+        let port = Self {
+            core,
+            cancel,
+            listener: Some(listener),
+            registered,
+        };
+        if registered {
+            network.introduce(port.name()).await?;
+        }
+        tracing::info!(port = %port.core.name, "Port {} active at {}", port.name(), port.address());
+        Ok(port)
+    }
+
+    /// The name.
+    pub fn name(&self) -> &str {
+        &self.core.name
+    }
+
+    /// The TCP port that it listens on.
+    pub fn number(&self) -> u16 {
+        self.core.number
+    }
+
+    /// Where it is, as stock prints it: `tcp://HOST:PORT/`.
+    pub fn address(&self) -> String {
+        format!("tcp://{}:{}/", self.core.host, self.core.number)
+    }
+
+    /// The network it is on.
+    pub fn network(&self) -> &Network {
+        &self.core.network
+    }
+
+    /// Connects to a reader, given as a name or a contact such as `fast_tcp://reader`.
+    pub async fn connect(&self, to: &str) -> Result<(), PortError> {
+        self.core.connect(&Contact::parse(to)).await
+    }
+
+    /// Connects to a reader over a carrier such as `fast_tcp`.
+    pub async fn connect_over(&self, to: &str, carrier: &str) -> Result<(), PortError> {
+        let mut contact = Contact::parse(to);
+        contact.carrier = Some(carrier.to_owned());
+        self.core.connect(&contact).await
+    }
+
+    /// Ends the connection to a reader; tells whether there was one.
+    pub async fn disconnect(&self, to: &str) -> bool {
+        self.core.disconnect(to).await
+    }
+
+    /// The readers that it is connected to.
+    pub fn outputs(&self) -> Vec<String> {
+        let outputs = self.core.outputs();
+        outputs.iter().map(|output| output.to.clone()).collect()
+    }
+
+    /// The writers that are connected to it.
+    pub fn inputs(&self) -> Vec<String> {
+        let inputs = self.core.inputs();
+        inputs.iter().map(|input| input.from.clone()).collect()
+    }
+
+    /// The oldest message that was kept and not read yet; waits for one.
+    ///
+    /// Needs [`PortOptions::reading`] or [`PortOptions::serving`]. Cancelling loses nothing.
+    pub async fn read(&self) -> Result<Received, PortError> {
+        let inbox = self.core.inbox.as_ref();
+        let message = match inbox {
+            Some(inbox) => inbox.pop().await,
+            None => None,
+        };
+        message.ok_or_else(|| self.closed())
+    }
+
+    /// The oldest message that was kept and not read yet, if there is one now.
+    pub fn try_read(&self) -> Option<Received> {
+        self.core.inbox.as_ref()?.try_pop()
+    }
+
+    /// Messages that were dropped because they were not read in time.
+    pub fn dropped(&self) -> u64 {
+        self.core.inbox.as_ref().map_or(0, |inbox| inbox.dropped())
+    }
+
+    /// Ends all waits of [`Port::read`], now and later; what was kept can still be read.
+    pub fn interrupt(&self) {
+        if let Some(inbox) = &self.core.inbox {
+            inbox.close();
+        }
+    }
+
+    /// Sends to every reader, and waits until each has taken it: acknowledged it where the carrier
+    /// has acknowledgements, else until it is on its way to the socket.
+    ///
+    /// One reader never waits for another. Tells how many took it. A reader that stops reading
+    /// holds this up; cancelling is safe, the message is then sent without anybody waiting.
+    pub async fn write(&self, message: &impl WireObject) -> usize {
+        self.write_with(message, None).await
+    }
+
+    /// As [`Port::write`], with an envelope such as a [`Stamp`](yarp_wire::Stamp).
+    pub async fn write_with(
+        &self,
+        message: &impl WireObject,
+        envelope: Option<Envelope>,
+    ) -> usize {
+        let mut waits = Vec::new();
+        let mut taken = 0;
+        for output in self.core.outputs() {
+            if output.outbox.room().await.is_err() {
+                continue;
+            }
+            waits.push((output, None::<tokio::sync::oneshot::Receiver<Outcome>>));
+        }
+        let command = data(false, envelope);
+        let mut encoded = Encoded::default();
+        for (output, outcome) in &mut waits {
+            let payload = encoded.of(message, output);
+            match output.outbox.push(&command, &payload, true) {
+                Ok(Some(waiting)) => *outcome = Some(waiting),
+                Ok(None) => taken += 1,
+                Err(_) => {}
+            }
+        }
+        for waiting in waits.into_iter().filter_map(|(_, outcome)| outcome) {
+            taken += usize::from(matches!(waiting.await, Ok(Ok(_))));
+        }
+        // Carriers without acknowledgements never wait here: let others run now and then.
+        tokio::task::coop::consume_budget().await;
+        taken
+    }
+
+    /// Sends to every reader that is done with earlier messages, and waits for none.
+    ///
+    /// A reader that is still busy misses this message. Tells how many will get it.
+    pub fn write_if_idle(
+        &self,
+        message: &impl WireObject,
+        envelope: Option<Envelope>,
+    ) -> usize {
+        let command = data(false, envelope);
+        let mut encoded = Encoded::default();
+        let mut taken = 0;
+        self.core.for_each_output(|output| {
+            if !output.outbox.is_busy() {
+                let payload = encoded.of(message, output);
+                let pushed = output.outbox.push(&command, &payload, false);
+                taken += usize::from(pushed.is_ok());
+            }
+        });
+        taken
+    }
+
+    /// Sends to every reader and waits for none; messages are kept until they can be sent, up to
+    /// a bound, beyond which this waits for room.
+    pub async fn write_strict(
+        &self,
+        message: &impl WireObject,
+        envelope: Option<Envelope>,
+    ) -> usize {
+        let command = data(false, envelope);
+        let mut encoded = Encoded::default();
+        let mut taken = 0;
+        for output in self.core.outputs() {
+            if output.outbox.room().await.is_ok() {
+                let payload = encoded.of(message, &output);
+                taken += usize::from(output.outbox.push(&command, &payload, false).is_ok());
+            }
+        }
+        tokio::task::coop::consume_budget().await;
+        taken
+    }
+
+    /// Waits until every message has been handed over, and acknowledged where that is the custom.
+    pub async fn flush(&self) {
+        for output in self.core.outputs() {
+            // A reader that is gone has nothing left to take.
+            let _ = output.outbox.drained().await;
+        }
+    }
+
+    /// Sends a request to the reader that the port is connected to, and waits for the reply.
+    ///
+    /// With several readers the first answers. Cancelling is safe: the reply is thrown away.
+    pub async fn call<R: ReadObject>(&self, request: &impl WireObject) -> Result<R, PortError> {
+        let (peer, payload) = self.call_raw(request).await?;
+        R::read(&payload).map_err(|source| PortError::Unreadable { peer, source })
+    }
+
+    /// As [`Port::call`], at most until `deadline`.
+    pub async fn call_within<R: ReadObject>(
+        &self,
+        request: &impl WireObject,
+        deadline: Duration,
+    ) -> Result<R, PortError> {
+        match tokio::time::timeout(deadline, self.call(request)).await {
+            Ok(result) => result,
+            Err(_) => Err(PortError::Deadline {
+                peer: self.outputs().first().cloned().unwrap_or_default(),
+                step: "reply",
+                seconds: deadline.as_secs_f64(),
+            }),
+        }
+    }
+
+    async fn call_raw(&self, request: &impl WireObject) -> Result<(String, Payload), PortError> {
+        let mut first = None;
+        self.core.for_each_output(|output| {
+            first.get_or_insert_with(|| output.clone());
+        });
+        let output = first.ok_or_else(|| PortError::NotConnected {
+            name: self.name().to_owned(),
+        })?;
+        let lost = |reason: Arc<str>| PortError::Lost {
+            peer: output.to.clone(),
+            reason: reason.to_string(),
+        };
+        let payload = Encoded::default().of(request, &output);
+        let pushed = output.outbox.push(&Command::data(true), &payload, true);
+        let waiting = pushed.map_err(lost)?.expect("a request has an outcome");
+        match waiting.await {
+            Ok(Ok(Some(reply))) => Ok((output.to.clone(), reply)),
+            Ok(Ok(None)) => Err(lost("it acknowledged without a reply".into())),
+            Ok(Err(reason)) => Err(lost(reason)),
+            Err(_) => Err(lost("closed here".into())),
+        }
+    }
+
+    /// Says goodbye to peers, stops listening and unregisters the name.
+    ///
+    /// Takes a few seconds at the most, whatever peers do.
+    pub async fn close(mut self) {
+        if let Some(closing) = self.shut() {
+            closing.await;
+        }
+    }
+
+    /// Takes everything apart; what is left to wait for is the future.
+    fn shut(&mut self) -> Option<impl Future<Output = ()> + Send + 'static> {
+        let listener = self.listener.take()?;
+        let core = self.core.clone();
+        let registered = std::mem::take(&mut self.registered);
+        self.interrupt();
+        let (keep, _) = Cancel::new();
+        let cancel = std::mem::replace(&mut self.cancel, keep);
+        Some(async move {
+            let goodbyes: JoinSet<()> = core
+                .outputs()
+                .into_iter()
+                .map(|output| async move { output.close(core::GOODBYE).await })
+                .collect();
+            goodbyes.join_all().await;
+            cancel.cancel();
+            // The listener ends its connections, all of which heed the signal.
+            let _ = listener.await;
+            if registered && let Err(error) = core.network.unregister(&core.name).await {
+                tracing::warn!(port = %core.name, "cannot unregister: {}", error.story());
+            }
+        })
+    }
+
+    fn closed(&self) -> PortError {
+        PortError::Closed {
+            name: self.name().to_owned(),
+        }
+    }
+}
+
+impl Drop for Port {
+    fn drop(&mut self) {
+        let Some(closing) = self.shut() else {
+            return;
+        };
+        // Outside a runtime the tasks are gone already; only the name is left behind.
+        if let Ok(runtime) = tokio::runtime::Handle::try_current() {
+            runtime.spawn(closing);
+        }
+    }
+}
+
+fn data(reply: bool, envelope: Option<Envelope>) -> Command {
+    Command::Data {
+        reply,
+        envelope: envelope.map(|envelope| envelope.0),
+    }
+}
+
+/// What accompanies a message: usually a [`Stamp`], at any rate one line of text.
+#[derive(Clone, Debug, Eq, PartialEq)]
+pub struct Envelope(Bytes);
+
+impl From<Stamp> for Envelope {
+    fn from(stamp: Stamp) -> Self {
+        Self(stamp.to_string().into())
+    }
+}
+
+impl From<&str> for Envelope {
+    /// Takes the text up to its first control character, as stock does.
+    fn from(text: &str) -> Self {
+        let end = text.find(|c: char| c.is_control()).unwrap_or(text.len());
+        Self(Bytes::copy_from_slice(&text.as_bytes()[..end]))
+    }
+}
+
+/// A message in the forms that readers want, each written once.
+#[derive(Default)]
+struct Encoded {
+    text: Option<Bytes>,
+    v3: Option<Bytes>,
+    v4: Option<Bytes>,
+}
+
+impl Encoded {
+    fn of(&mut self, message: &impl WireObject, output: &Output) -> Bytes {
+        let form = match (output.is_text(), output.dialect) {
+            (true, _) => &mut self.text,
+            (false, Dialect::V3) => &mut self.v3,
+            (false, Dialect::V4) => &mut self.v4,
+        };
+        let payload = form.get_or_insert_with(|| {
+            let mut bytes = BytesMut::new();
+            put_reply(&mut bytes, output.carrier, message, output.dialect);
+            bytes.freeze()
+        });
+        payload.clone()
+    }
+}
+
+async fn bind(name: &str, number: u16) -> Result<TcpListener, PortError> {
+    let listen = || {
+        let socket = tokio::net::TcpSocket::new_v4()?;
+        socket.set_reuseaddr(true)?;
+        socket.bind((std::net::Ipv4Addr::UNSPECIFIED, number).into())?;
+        socket.listen(1024)
+    };
+    listen().map_err(|source| PortError::Listen {
+        name: name.to_owned(),
+        number,
+        source,
+    })
+}
+
+/// Accepts connections until the port closes, then waits for them to end.
+async fn listen(core: Arc<Core>, listener: TcpListener) {
+    let mut connections = JoinSet::new();
+    let mut cancelled = core.cancelled.clone();
+    loop {
+        tokio::select! {
+            accepted = listener.accept() => match accepted {
+                Ok((stream, _)) => {
+                    // Without it small messages are late, but they come.
+                    let _ = stream.set_nodelay(true);
+                    connections.spawn(input::serve(core.clone(), stream));
+                }
+                Err(error) => {
+                    tracing::warn!(port = %core.name, "cannot accept: {error}");
+                    // Most likely out of descriptors: give others time to free some.
+                    tokio::time::sleep(Duration::from_millis(50)).await;
+                }
+            },
+            Some(_) = connections.join_next(), if !connections.is_empty() => {}
+            () = cancelled.cancelled() => break,
+        }
+    }
+    drop(listener);
+    connections.join_all().await;
+}

@@ -1,0 +1,169 @@
+//! How a port is to be opened.
+
+use std::sync::Arc;
+
+use yarp_wire::{Bottle, Dialect};
+
+use super::{Answer, Queue, Received};
+
+/// Called for each message, on the task of its connection; must not block for long.
+pub type Handler = Arc<dyn Fn(&mut Received) -> Answer + Send + Sync>;
+
+/// Called for admin requests that the port itself does not know.
+pub type AdminHandler = Arc<dyn Fn(&Bottle) -> Option<Bottle> + Send + Sync>;
+
+/// Called when a connection begins or ends.
+pub type Watcher = Arc<dyn Fn(&ConnectionChange) + Send + Sync>;
+
+/// A connection that began or ended.
+#[derive(Clone, Debug, Eq, PartialEq)]
+pub struct ConnectionChange {
+    /// The writer.
+    pub from: String,
+    /// The reader.
+    pub to: String,
+    /// Carrier with its modifiers.
+    pub carrier: String,
+    /// Whether the port is the reader.
+    pub incoming: bool,
+    /// Whether it began.
+    pub began: bool,
+}
+
+/// What a port does with messages that arrive.
+#[derive(Clone)]
+pub(crate) enum Input {
+    Discard,
+    Queue(Queue, Serving),
+    Handler(Handler),
+}
+
+/// Whether queued messages may be replied to.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub(crate) enum Serving {
+    Reads,
+    Replies,
+}
+
+/// How a port is to be opened. The default writes, and discards what arrives.
+#[derive(Clone)]
+#[non_exhaustive]
+pub struct PortOptions {
+    pub(crate) input: Input,
+    pub(crate) number: Option<u16>,
+    pub(crate) outputs: Outputs,
+    pub(crate) registered: bool,
+    pub(crate) dialect: Dialect,
+    pub(crate) admin: Option<AdminHandler>,
+    pub(crate) watcher: Option<Watcher>,
+    pub(crate) type_name: Option<String>,
+}
+
+/// Which outgoing connections a port takes.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub(crate) enum Outputs {
+    Any,
+    None,
+    One,
+}
+
+impl Default for PortOptions {
+    fn default() -> Self {
+        Self {
+            input: Input::Discard,
+            number: None,
+            outputs: Outputs::Any,
+            registered: true,
+            dialect: Dialect::default(),
+            admin: None,
+            watcher: None,
+            type_name: None,
+        }
+    }
+}
+
+impl PortOptions {
+    /// A port that writes, and discards what arrives.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Keeps what arrives for [`Port::read`](super::Port::read).
+    pub fn reading(mut self, queue: Queue) -> Self {
+        self.input = Input::Queue(queue, Serving::Reads);
+        self
+    }
+
+    /// Keeps requests for [`Port::read`](super::Port::read), each to be answered with
+    /// [`Received::reply`]; takes no outgoing connections.
+    pub fn serving(mut self) -> Self {
+        self.input = Input::Queue(Queue::Wait(1), Serving::Replies);
+        self.outputs = Outputs::None;
+        self
+    }
+
+    /// Calls `handler` for each message, on the task of its connection.
+    ///
+    /// Messages of one connection come one after the other, those of several at once.
+    pub fn handler(
+        mut self,
+        handler: impl Fn(&mut Received) -> Answer + Send + Sync + 'static,
+    ) -> Self {
+        self.input = Input::Handler(Arc::new(handler));
+        self
+    }
+
+    /// Takes no outgoing connections.
+    pub fn input_only(mut self) -> Self {
+        self.outputs = Outputs::None;
+        self
+    }
+
+    /// Takes one outgoing connection, for calls.
+    pub fn calling(mut self) -> Self {
+        self.outputs = Outputs::One;
+        self
+    }
+
+    /// Listens on this TCP port instead of one the name server chooses.
+    pub fn number(mut self, number: u16) -> Self {
+        self.number = Some(number);
+        self
+    }
+
+    /// Does not tell the name server.
+    pub fn unregistered(mut self) -> Self {
+        self.registered = false;
+        self
+    }
+
+    /// The generation to assume of readers and callers that do not betray theirs.
+    pub fn dialect(mut self, dialect: Dialect) -> Self {
+        self.dialect = dialect;
+        self
+    }
+
+    /// Wire type name to register, such as `yarp/vector`.
+    pub fn type_name(mut self, name: impl Into<String>) -> Self {
+        self.type_name = Some(name.into());
+        self
+    }
+
+    /// Answers admin requests that the port itself does not know.
+    pub fn admin(
+        mut self,
+        handler: impl Fn(&Bottle) -> Option<Bottle> + Send + Sync + 'static,
+    ) -> Self {
+        self.admin = Some(Arc::new(handler));
+        self
+    }
+
+    /// Calls `watcher` when a connection begins or ends.
+    pub fn watcher(
+        mut self,
+        watcher: impl Fn(&ConnectionChange) + Send + Sync + 'static,
+    ) -> Self {
+        self.watcher = Some(Arc::new(watcher));
+        self
+    }
+}

@@ -1,0 +1,238 @@
+//! What is to be sent over one connection, and who waits for it.
+
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use bytes::{Bytes, BytesMut};
+use tokio::sync::{Notify, oneshot};
+use yarp_wire::connection::{Initiator, Progress, ProtocolError};
+use yarp_wire::message::{Command, Payload};
+
+/// What becomes of a message that somebody waits for.
+pub(crate) type Outcome = Result<Option<Payload>, Arc<str>>;
+
+/// Bytes that may be waiting before writers must.
+const HIGH_WATER: usize = 256 * 1024;
+/// Payloads from this size on are sent from where they are instead of being copied.
+const SHARED: usize = 16 * 1024;
+
+/// The queue between those who write to a connection and the task that owns its socket.
+///
+/// Small messages are laid one behind the other, so that a writer that runs ahead costs few
+/// system calls; a message is never held back for others to follow.
+#[derive(Debug)]
+pub(crate) struct Outbox {
+    state: Mutex<State>,
+    /// Something was put in.
+    pub(crate) filled: Notify,
+    /// Room was made, a message was finished, or the connection ended.
+    changed: Notify,
+}
+
+#[derive(Debug)]
+struct State {
+    initiator: Initiator,
+    chunks: VecDeque<Bytes>,
+    tail: BytesMut,
+    queued: usize,
+    /// One entry per message that is not done with, where the peer says when it is.
+    unfinished: VecDeque<Pending>,
+    closed: Option<Arc<str>>,
+}
+
+#[derive(Debug)]
+struct Pending {
+    reply: Option<Payload>,
+    outcome: Option<oneshot::Sender<Outcome>>,
+}
+
+impl Outbox {
+    pub(crate) fn new(initiator: Initiator) -> Self {
+        Self {
+            state: Mutex::new(State {
+                initiator,
+                chunks: VecDeque::new(),
+                tail: BytesMut::new(),
+                queued: 0,
+                unfinished: VecDeque::new(),
+                closed: None,
+            }),
+            filled: Notify::new(),
+            changed: Notify::new(),
+        }
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Puts a message in; gives what to wait for if `watched` and the peer tells the outcome.
+    pub(crate) fn push(
+        &self,
+        command: &Command,
+        payload: &Bytes,
+        watched: bool,
+    ) -> Result<Option<oneshot::Receiver<Outcome>>, Arc<str>> {
+        let mut state = self.state();
+        if let Some(reason) = &state.closed {
+            return Err(reason.clone());
+        }
+        let State {
+            initiator,
+            chunks,
+            tail,
+            queued,
+            unfinished,
+            ..
+        } = &mut *state;
+        let before = tail.len();
+        initiator.send(command, payload.len(), tail);
+        if payload.len() < SHARED {
+            tail.extend_from_slice(payload);
+            *queued += tail.len() - before;
+        } else {
+            *queued += tail.len() - before + payload.len();
+            chunks.push_back(tail.split().freeze());
+            chunks.push_back(payload.clone());
+        }
+        let answered = initiator.carrier().acknowledges
+            || matches!(command, Command::Admin | Command::Data { reply: true, .. });
+        let mut receiver = None;
+        if answered {
+            let outcome = watched.then(|| {
+                let (sender, waiting) = oneshot::channel();
+                receiver = Some(waiting);
+                sender
+            });
+            unfinished.push_back(Pending {
+                reply: None,
+                outcome,
+            });
+        }
+        drop(state);
+        self.filled.notify_one();
+        Ok(receiver)
+    }
+
+    /// Whether an earlier message is still on its way.
+    pub(crate) fn is_busy(&self) -> bool {
+        let state = self.state();
+        state.queued > 0 || !state.unfinished.is_empty()
+    }
+
+    /// Waits until earlier messages leave room for another.
+    pub(crate) async fn room(&self) -> Result<(), Arc<str>> {
+        self.wait_until(|state| state.queued < HIGH_WATER).await
+    }
+
+    /// Waits until every message has been handed over, and acknowledged where that is the custom.
+    pub(crate) async fn drained(&self) -> Result<(), Arc<str>> {
+        self.wait_until(|state| state.queued == 0 && state.unfinished.is_empty())
+            .await
+    }
+
+    async fn wait_until(&self, done: impl Fn(&State) -> bool) -> Result<(), Arc<str>> {
+        loop {
+            let changed = self.changed.notified();
+            tokio::pin!(changed);
+            changed.as_mut().enable();
+            {
+                let state = self.state();
+                if let Some(reason) = &state.closed {
+                    return Err(reason.clone());
+                }
+                if done(&state) {
+                    return Ok(());
+                }
+            }
+            changed.await;
+        }
+    }
+
+    /// Moves all that is to be sent behind what `batch` still holds.
+    pub(crate) fn take(&self, batch: &mut VecDeque<Bytes>) {
+        let mut state = self.state();
+        batch.append(&mut state.chunks);
+        if !state.tail.is_empty() {
+            let tail = state.tail.split().freeze();
+            batch.push_back(tail);
+        }
+    }
+
+    /// Takes note that `bytes` have been handed to the socket.
+    pub(crate) fn sent(&self, bytes: usize) {
+        let mut state = self.state();
+        state.queued = state.queued.saturating_sub(bytes);
+        let notify = state.queued < HIGH_WATER;
+        drop(state);
+        if notify {
+            self.changed.notify_waiters();
+        }
+    }
+
+    /// Takes what the peer said.
+    pub(crate) fn receive(&self, input: &mut BytesMut) -> Result<(), ProtocolError> {
+        let mut state = self.state();
+        let mut finished = false;
+        while let Some(progress) = state.initiator.poll(input)? {
+            match progress {
+                Progress::Reply(payload) => {
+                    let last = !state.initiator.carrier().acknowledges;
+                    if let Some(pending) = state.unfinished.front_mut() {
+                        pending.reply = Some(payload);
+                    }
+                    if last {
+                        state.finish();
+                        finished = true;
+                    }
+                }
+                Progress::Done => {
+                    state.finish();
+                    finished = true;
+                }
+                Progress::Ready | Progress::Lines(_) => {}
+            }
+        }
+        drop(state);
+        if finished {
+            self.changed.notify_waiters();
+        }
+        Ok(())
+    }
+
+    /// Ends the connection for all who wait, now and later.
+    pub(crate) fn close(&self, reason: &str) {
+        let reason: Arc<str> = reason.into();
+        let mut state = self.state();
+        if state.closed.is_none() {
+            state.closed = Some(reason.clone());
+        }
+        for pending in state.unfinished.drain(..) {
+            if let Some(outcome) = pending.outcome {
+                // Nobody may be waiting any more.
+                let _ = outcome.send(Err(reason.clone()));
+            }
+        }
+        state.chunks.clear();
+        state.tail.clear();
+        drop(state);
+        self.changed.notify_waiters();
+        self.filled.notify_one();
+    }
+
+    pub(crate) fn is_closed(&self) -> bool {
+        self.state().closed.is_some()
+    }
+}
+
+impl State {
+    /// The oldest unfinished message is done with.
+    fn finish(&mut self) {
+        if let Some(pending) = self.unfinished.pop_front()
+            && let Some(outcome) = pending.outcome
+        {
+            // Whoever asked may have stopped waiting.
+            let _ = outcome.send(Ok(pending.reply));
+        }
+    }
+}

@@ -1,0 +1,90 @@
+//! A message as the owner of a port gets it.
+
+use std::pin::Pin;
+
+use bytes::Bytes;
+use tokio::sync::oneshot;
+use yarp_wire::bottle::DecodeError;
+use yarp_wire::message::{Payload, ReadObject, WireObject};
+use yarp_wire::{Bottle, Stamp};
+
+/// What a message is answered with.
+pub type Reply = Box<dyn WireObject + Send + Sync>;
+
+/// A message that arrived.
+#[derive(Debug)]
+pub struct Received {
+    /// The content, unread.
+    pub payload: Payload,
+    /// What accompanied it, usually a [`Stamp`].
+    pub envelope: Option<Bytes>,
+    /// The name of the sender.
+    pub from: String,
+    /// Whether the sender waits for a reply.
+    pub wants_reply: bool,
+    pub(crate) responder: Option<Responder>,
+}
+
+/// Carries the reply back to the connection; dropping it answers with an empty bottle.
+pub(crate) struct Responder(pub(crate) oneshot::Sender<Answer>);
+
+/// How a message was answered.
+#[non_exhaustive]
+pub enum Answer {
+    /// With nothing; a sender that waits gets an empty bottle.
+    Nothing,
+    /// With this.
+    Reply(Reply),
+    /// With this, and then the connection ends.
+    ReplyAndClose(Reply),
+    /// The answer is being worked out; the connection waits for it, others do not.
+    Later(Pin<Box<dyn Future<Output = Answer> + Send>>),
+}
+
+impl Answer {
+    /// A reply of any kind.
+    pub fn reply(object: impl WireObject + Send + Sync + 'static) -> Self {
+        Self::Reply(Box::new(object))
+    }
+}
+
+impl Received {
+    /// The content as a bottle.
+    pub fn bottle(&self) -> Result<Bottle, DecodeError> {
+        self.payload.to_bottle()
+    }
+
+    /// The content as any type that can travel.
+    pub fn read<T: ReadObject>(&self) -> Result<T, DecodeError> {
+        T::read(&self.payload)
+    }
+
+    /// The envelope as a stamp, if it is one.
+    pub fn stamp(&self) -> Option<Stamp> {
+        let text = std::str::from_utf8(self.envelope.as_deref()?).ok()?;
+        text.parse().ok()
+    }
+
+    /// Answers the message. Only the first answer counts; a sender that does not wait gets none.
+    pub fn reply(&mut self, object: impl WireObject + Send + Sync + 'static) {
+        self.answer(Answer::reply(object));
+    }
+
+    /// Answers the message and ends the connection that it came over.
+    pub fn reply_and_close(&mut self, object: impl WireObject + Send + Sync + 'static) {
+        self.answer(Answer::ReplyAndClose(Box::new(object)));
+    }
+
+    fn answer(&mut self, answer: Answer) {
+        if let Some(Responder(sender)) = self.responder.take() {
+            // The connection may have ended in the meantime.
+            let _ = sender.send(answer);
+        }
+    }
+}
+
+impl std::fmt::Debug for Responder {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Responder")
+    }
+}

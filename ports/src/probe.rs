@@ -1,0 +1,37 @@
+//! Finding out the generation of a reader before anything is sent to it.
+
+use std::time::Duration;
+
+use yarp_wire::carrier::Carrier;
+use yarp_wire::{Bottle, Dialect};
+
+use crate::dialogue::Dialogue;
+
+/// A word that generation 3.x cuts to four characters.
+const WORD: &str = "generation";
+
+/// The generation of the port at an address, or `None` if it does not say.
+///
+/// Asks it, in text, to drop a connection whose name is a vocab of more than four characters.
+/// There is no such connection, and the answer repeats the name: cut to four characters by 3.x.
+/// Checked against 3.5.0; 4.0.0 has vocabs of eight characters.
+pub(crate) async fn generation(
+    name: &str,
+    address: (&str, u16),
+    deadline: Duration,
+) -> Option<Dialect> {
+    let carrier = Carrier::by_name("text_ack")?;
+    let request = Bottle::parse(&format!("[del] [{WORD}]")).ok()?;
+    let asking = async {
+        let mut dialogue = Dialogue::open(name, address, carrier, "admin", deadline).await?;
+        dialogue.admin(&request).await
+    };
+    let answer = tokio::time::timeout(deadline, asking).await.ok()?.ok()?;
+    let text = answer.get(1)?.as_str()?.to_owned();
+    let first = text.lines().next()?;
+    Some(if first.ends_with(&format!(" {}", &WORD[..4])) {
+        Dialect::V3
+    } else {
+        Dialect::V4
+    })
+}

@@ -1,0 +1,219 @@
+//! Asking ports of others: connect, disconnect, describe.
+//!
+//! Programs of any kind may ask; each request is a short conversation over `text_ack`, as stock
+//! has it. All of them end at the network's deadline.
+
+use yarp_wire::admin::{self, Direction};
+use yarp_wire::carrier::{Carrier, CarrierSpec};
+use yarp_wire::message::Command;
+use yarp_wire::{Bottle, Contact, Value};
+
+use crate::dialogue::Dialogue;
+use crate::error::PortError;
+use crate::network::{Network, Place};
+
+/// What the administration calls itself.
+const ADMIN: &str = "admin";
+
+/// Why ports of others were not connected.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConnectError {
+    /// The writer is not known.
+    #[error("could not find source port {name}")]
+    NoSource {
+        /// Its name.
+        name: String,
+    },
+    /// The reader is not known.
+    #[error("could not find destination port {name}")]
+    NoDestination {
+        /// Its name.
+        name: String,
+    },
+    /// The writer refused, in its own words.
+    #[error("{text}")]
+    Refused {
+        /// What it said.
+        text: String,
+    },
+    /// There is no such connection.
+    #[error("no such connection")]
+    NoConnection,
+    /// Name server or port did not answer.
+    #[error(transparent)]
+    Port(#[from] PortError),
+}
+
+/// A connection as one of its ends describes it.
+#[derive(Clone, Debug, Eq, PartialEq)]
+pub struct Connection {
+    /// The writer.
+    pub from: String,
+    /// The reader.
+    pub to: String,
+    /// Carrier with its modifiers.
+    pub carrier: String,
+    /// Whether its end must be told to the other side separately.
+    pub connectionless: bool,
+}
+
+/// Sends an admin request to a port.
+pub async fn administer(
+    network: &Network,
+    place: &Place,
+    request: &Bottle,
+) -> Result<Bottle, PortError> {
+    let mut dialogue = converse(network, place, ADMIN).await?;
+    dialogue.admin(request).await
+}
+
+/// The lines in which a port describes itself.
+pub async fn describe(network: &Network, place: &Place) -> Result<Vec<String>, PortError> {
+    let mut dialogue = converse(network, place, "<ping>").await?;
+    dialogue.command(&Command::Describe).await
+}
+
+async fn converse(network: &Network, place: &Place, sender: &str) -> Result<Dialogue, PortError> {
+    let carrier = Carrier::by_name("text_ack").expect("text_ack is in the table");
+    let address = (place.host.as_str(), place.port);
+    Dialogue::open(&place.name, address, carrier, sender, network.deadline()).await
+}
+
+/// The connection from one port to another, as the writer sees it.
+pub async fn connection(
+    network: &Network,
+    source: &Place,
+    destination: &str,
+) -> Result<Option<Connection>, PortError> {
+    let request = admin::list(Direction::Out, Some(destination));
+    let answer = administer(network, source, &request).await?;
+    let text = |key: &str| answer.find(key).map(Value::to_plain_string);
+    Ok(match (text("from"), text("to")) {
+        (Some(from), Some(to)) => Some(Connection {
+            from,
+            to,
+            carrier: text("carrier").unwrap_or_default(),
+            connectionless: answer.find("connectionless").is_some(),
+        }),
+        _ => None,
+    })
+}
+
+/// Connects two ports of others; gives the words in which the writer confirmed it.
+///
+/// `carrier` wins over the one that a contact names, and that over the one that the reader is
+/// registered with.
+pub async fn connect(
+    network: &Network,
+    source: &str,
+    destination: &str,
+    carrier: Option<&str>,
+) -> Result<String, ConnectError> {
+    let (from, to) = (Contact::parse(source), Contact::parse(destination));
+    let (source, destination) = both(network, &from, &to).await?;
+    let carrier = carrier
+        .map(str::to_owned)
+        .or(to.carrier.clone())
+        .or(from.carrier.clone())
+        .unwrap_or_else(|| destination.carrier.clone());
+    let known = connection(network, &source, &destination.name).await?;
+    if known.is_none_or(|known| known.connectionless) {
+        // A connection that the writer does not control may linger at the reader.
+        forget_connectionless(network, &source, &destination, &carrier).await;
+    }
+    let request = admin::add(&format!("{carrier}:/{}", at(&to, &destination)));
+    let answer = administer(network, &source, &request).await?;
+    judge(&answer)
+}
+
+/// How the writer shall find the reader: by name, or where the contact says.
+fn at(contact: &Contact, place: &Place) -> String {
+    match &contact.address {
+        Some((host, port)) => format!("/{host}:{port}{}", contact.name),
+        None => place.name.clone(),
+    }
+}
+
+async fn forget_connectionless(
+    network: &Network,
+    source: &Place,
+    destination: &Place,
+    carrier: &str,
+) {
+    let base = carrier.parse().map(|spec: CarrierSpec| spec.base);
+    let connectionless = base
+        .ok()
+        .and_then(|base| Carrier::by_name(&base))
+        .is_some_and(|carrier| carrier.connectionless);
+    if connectionless {
+        // The reader says "no" where there is nothing to forget, which is as good.
+        let request = admin::remove(&source.name);
+        let _ = administer(network, destination, &request).await;
+    }
+}
+
+/// Ends the connection between two ports of others; gives the words that confirmed it.
+pub async fn disconnect(
+    network: &Network,
+    source: &str,
+    destination: &str,
+) -> Result<String, ConnectError> {
+    let (from, to) = (Contact::parse(source), Contact::parse(destination));
+    let (source, destination) = both(network, &from, &to).await?;
+    if connection(network, &source, &destination.name).await?.is_none() {
+        return Err(ConnectError::NoConnection);
+    }
+    let request = admin::remove(&destination.name);
+    let answer = administer(network, &source, &request).await?;
+    judge(&answer)
+}
+
+async fn both(
+    network: &Network,
+    from: &Contact,
+    to: &Contact,
+) -> Result<(Place, Place), ConnectError> {
+    let source = network.resolve(from).await.map_err(|error| match error {
+        PortError::Unknown { name } => ConnectError::NoSource { name },
+        other => other.into(),
+    })?;
+    let destination = network.resolve(to).await.map_err(|error| match error {
+        PortError::Unknown { name } => ConnectError::NoDestination { name },
+        other => other.into(),
+    })?;
+    Ok((source, destination))
+}
+
+/// A code of 0 in front is success.
+fn judge(answer: &Bottle) -> Result<String, ConnectError> {
+    let text = answer.get(1).map(Value::to_plain_string).unwrap_or_default();
+    let text = text.trim_end().to_owned();
+    match answer.get(0).and_then(Value::as_i64) {
+        Some(0) => Ok(text),
+        _ => Err(ConnectError::Refused { text }),
+    }
+}
+
+/// Whether a port is known and answers.
+pub async fn exists(network: &Network, name: &str) -> Result<bool, PortError> {
+    let place = match network.resolve(&Contact::parse(name)).await {
+        Ok(place) => place,
+        Err(PortError::Unknown { .. }) => return Ok(false),
+        Err(error) => return Err(error),
+    };
+    let answer = match administer(network, &place, &admin::version()).await {
+        Ok(answer) => answer,
+        Err(_) => return Ok(false),
+    };
+    let first = answer.get(0).map(Value::to_plain_string);
+    Ok(matches!(first.as_deref(), Some("ver" | "dict")))
+}
+
+/// Whether the TCP port where a port should be takes connections.
+pub async fn listens(network: &Network, place: &Place) -> bool {
+    let deadline = network.deadline();
+    crate::stream::connect(&place.name, &place.host, place.port, deadline)
+        .await
+        .is_ok()
+}
