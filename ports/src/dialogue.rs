@@ -10,7 +10,7 @@ use yarp_wire::message::{Command, Payload, WireObject};
 use yarp_wire::{Bottle, Dialect, Limits};
 
 use crate::error::PortError;
-use crate::stream;
+use crate::stream::{self, Inflow};
 
 /// A connection of a program that is no port itself: it sends, waits for the answer, sends again.
 #[derive(Debug)]
@@ -18,7 +18,7 @@ pub struct Dialogue {
     peer: String,
     stream: TcpStream,
     initiator: Initiator,
-    input: BytesMut,
+    input: Inflow,
     output: BytesMut,
     deadline: Duration,
 }
@@ -47,7 +47,7 @@ impl Dialogue {
             peer: peer.to_owned(),
             stream,
             initiator,
-            input: BytesMut::new(),
+            input: Inflow::default(),
             output,
             deadline,
         };
@@ -115,11 +115,11 @@ impl Dialogue {
     async fn progress(&mut self, step: &'static str) -> Result<Progress, PortError> {
         let deadline = tokio::time::Instant::now() + self.deadline;
         loop {
-            let polled = self.initiator.poll(&mut self.input);
+            let polled = self.initiator.poll(&mut self.input.bytes);
             if let Some(progress) = polled.map_err(|source| self.broken(source))? {
                 return Ok(progress);
             }
-            let reading = stream::read_some(&self.stream, &mut self.input, 0);
+            let reading = self.input.read(&self.stream, 0);
             match tokio::time::timeout_at(deadline, reading).await {
                 Ok(Ok(0)) => return Err(self.lost("it closed".to_owned())),
                 Ok(Ok(_)) => {}

@@ -6,6 +6,7 @@
 
 pub mod addresses;
 pub mod blocking;
+mod busy;
 mod cancel;
 mod dialogue;
 mod error;
@@ -19,6 +20,6 @@ pub use dialogue::Dialogue;
 pub use error::PortError;
 pub use network::{Network, Place};
 pub use port::{
-    AdminHandler, Answer, ConnectionChange, Envelope, Handler, Port, PortOptions, Queue, Received, Reply,
-    Watcher,
+    AdminHandler, Answer, ConnectionChange, Envelope, Handler, Port, PortOptions, Queue, Received,
+    Reply, Watcher,
 };

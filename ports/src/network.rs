@@ -8,7 +8,7 @@ use yarp_wire::Contact;
 use yarp_wire::carrier::ALL;
 
 use crate::error::PortError;
-use crate::stream;
+use crate::stream::{self, Inflow};
 
 /// A YARP network: a name server and a namespace.
 ///
@@ -77,7 +77,13 @@ impl Network {
 
     /// The network that the process's environment and configuration files name.
     pub fn from_process() -> Result<Self, PortError> {
-        Ok(Self::none())
+        let dir = std::env::var("YARP_CONFIG_HOME").unwrap_or_default();
+        let text = std::fs::read_to_string(format!("{dir}/yarp.conf")).unwrap_or_default();
+        let words: Vec<&str> = text.split_whitespace().collect();
+        Ok(match words[..] {
+            [host, port, ..] => Self::at(host, port.parse().unwrap_or(10000)),
+            _ => Self::none(),
+        })
     }
 
     fn from(inner: Inner) -> Self {
@@ -150,11 +156,13 @@ impl Network {
             let mut out = BytesMut::from(line.as_bytes());
             let sending = stream::write_all(&stream, &mut out);
             sending.await.map_err(failed("sending"))?;
-            let mut input = BytesMut::new();
+            let mut input = Inflow::default();
             loop {
-                let reading = stream::read_some(&stream, &mut input, 0);
+                let reading = input.read(&stream, 0);
                 let count = reading.await.map_err(failed("reading"))?;
-                if let Some(lines) = whole_answer(&input, count == 0 || input.len() > LONGEST) {
+                if let Some(lines) =
+                    whole_answer(&input.bytes, count == 0 || input.bytes.len() > LONGEST)
+                {
                     return Ok(lines);
                 }
             }

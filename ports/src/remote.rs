@@ -161,7 +161,10 @@ pub async fn disconnect(
 ) -> Result<String, ConnectError> {
     let (from, to) = (Contact::parse(source), Contact::parse(destination));
     let (source, destination) = both(network, &from, &to).await?;
-    if connection(network, &source, &destination.name).await?.is_none() {
+    if connection(network, &source, &destination.name)
+        .await?
+        .is_none()
+    {
         return Err(ConnectError::NoConnection);
     }
     let request = admin::remove(&destination.name);
@@ -187,7 +190,10 @@ async fn both(
 
 /// A code of 0 in front is success.
 fn judge(answer: &Bottle) -> Result<String, ConnectError> {
-    let text = answer.get(1).map(Value::to_plain_string).unwrap_or_default();
+    let text = answer
+        .get(1)
+        .map(Value::to_plain_string)
+        .unwrap_or_default();
     let text = text.trim_end().to_owned();
     match answer.get(0).and_then(Value::as_i64) {
         Some(0) => Ok(text),

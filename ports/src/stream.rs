@@ -35,41 +35,53 @@ pub(crate) async fn connect(
 
 /// Bytes a buffer starts with; idle connections hold none.
 const FIRST: usize = 4 * 1024;
-/// Most that a buffer grows by at a time, beyond doubling.
-const STEP: usize = 64 * 1024;
+/// Largest read while nothing is known to be missing.
+const LARGEST: usize = 64 * 1024;
 
-/// Reads what there is, once there is something. `Ok(0)` is the end of the stream.
+/// What has been read from a stream and not been used yet.
 ///
-/// `missing` is what the message in progress still needs: the buffer grows towards it, but never
-/// by more than it already holds (or a small step), so that a claim alone takes no memory.
-pub(crate) async fn read_some(
-    stream: &TcpStream,
-    buffer: &mut BytesMut,
-    missing: usize,
-) -> io::Result<usize> {
-    loop {
-        stream.readable().await?;
-        match try_read(stream, buffer, missing) {
-            Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
-            other => return other,
-        }
-    }
+/// It grows with what arrives: a claim of a large message alone takes no memory, until the peer
+/// has once sent a message of that size.
+#[derive(Debug, Default)]
+pub(crate) struct Inflow {
+    /// The bytes.
+    pub(crate) bytes: BytesMut,
+    /// Room offered to the next read.
+    chunk: usize,
+    /// The most that has been waiting here at once.
+    proven: usize,
 }
 
-/// As [`read_some`] without waiting.
-pub(crate) fn try_read(
-    stream: &TcpStream,
-    buffer: &mut BytesMut,
-    missing: usize,
-) -> io::Result<usize> {
-    if buffer.is_empty() && buffer.capacity() < FIRST {
-        buffer.reserve(FIRST);
+impl Inflow {
+    /// Reads what there is, once there is something. `Ok(0)` is the end of the stream.
+    ///
+    /// `missing` is what the message in progress still needs.
+    pub(crate) async fn read(&mut self, stream: &TcpStream, missing: usize) -> io::Result<usize> {
+        loop {
+            stream.readable().await?;
+            match self.try_read(stream, missing) {
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
+                other => return other,
+            }
+        }
     }
-    if buffer.capacity() == buffer.len() || missing > buffer.capacity() - buffer.len() {
-        let step = buffer.len().clamp(FIRST, usize::MAX).max(STEP);
-        buffer.reserve(missing.clamp(FIRST, step));
+
+    /// As [`Inflow::read`] without waiting.
+    pub(crate) fn try_read(&mut self, stream: &TcpStream, missing: usize) -> io::Result<usize> {
+        let held = self.bytes.len();
+        self.proven = self.proven.max(held);
+        let trusted = held.max(self.proven).max(LARGEST);
+        let room = missing.min(trusted).max(self.chunk).max(FIRST);
+        self.bytes.reserve(room);
+        let read = stream.try_read_buf(&mut self.bytes)?;
+        // A read that fills its room is followed by larger ones, others by smaller ones.
+        self.chunk = if read >= room {
+            (2 * room).min(LARGEST)
+        } else {
+            (self.chunk / 2).max(2 * read).min(LARGEST)
+        };
+        Ok(read)
     }
-    stream.try_read_buf(buffer)
 }
 
 /// Writes all of `output` and empties it.

@@ -48,9 +48,7 @@ impl Core {
                 Value::Int32(2),
                 Value::Int32(3),
             ]),
-            AdminRequest::Add(destination) => {
-                counted(self.add_output_in_words(&destination).await)
-            }
+            AdminRequest::Add(destination) => counted(self.add_output_in_words(&destination).await),
             AdminRequest::Remove(name) => self.remove(&name).await,
             AdminRequest::List(direction, None) => self.names(direction),
             AdminRequest::List(direction, Some(name)) => self.details(direction, &name),
@@ -60,13 +58,17 @@ impl Core {
             AdminRequest::SetProperty(key, values) => self.set_property(key, values),
             AdminRequest::UnknownProperty => fail("property action not known"),
             AdminRequest::Attach(None) => fail("attach command must be followed by [out] or [in]"),
-            AdminRequest::Attach(Some(_)) => fail(
-                "Portmonitor carrier modifier cannot be find or it is not enabled in YARP!",
-            ),
+            AdminRequest::Attach(Some(_)) => {
+                fail("Portmonitor carrier modifier cannot be find or it is not enabled in YARP!")
+            }
             AdminRequest::Detach(None) => fail("detach command must be followed by [out] or [in]"),
             AdminRequest::Detach(Some(_)) => ok(),
             AdminRequest::Other(request) => {
-                let own = self.options.admin.as_ref().and_then(|admin| admin(&request));
+                let own = self
+                    .options
+                    .admin
+                    .as_ref()
+                    .and_then(|admin| admin(&request));
                 own.unwrap_or_else(|| fail("send [help] for list of valid commands"))
             }
             _ => fail("send [help] for list of valid commands"),
@@ -87,11 +89,17 @@ impl Core {
         match direction {
             Direction::In => {
                 let inputs = self.inputs();
-                inputs.iter().map(|input| input.from.as_str().into()).collect()
+                inputs
+                    .iter()
+                    .map(|input| input.from.as_str().into())
+                    .collect()
             }
             Direction::Out => {
                 let outputs = self.outputs();
-                outputs.iter().map(|output| output.to.as_str().into()).collect()
+                outputs
+                    .iter()
+                    .map(|output| output.to.as_str().into())
+                    .collect()
             }
         }
     }
@@ -163,7 +171,9 @@ impl Core {
         if known {
             Ok(name)
         } else if name == self.name {
-            Err(fail(&format!("No port modifier is attached to the {place}")))
+            Err(fail(&format!(
+                "No port modifier is attached to the {place}"
+            )))
         } else {
             // Stock says incoming for either direction.
             let text = format!("Could not find an incoming connection {way} {name}\r\n");

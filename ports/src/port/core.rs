@@ -86,7 +86,9 @@ impl Core {
     }
 
     pub(crate) fn properties(&self) -> MutexGuard<'_, Vec<(String, Bottle)>> {
-        self.properties.lock().unwrap_or_else(PoisonError::into_inner)
+        self.properties
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The outgoing connections that are up.
@@ -250,5 +252,7 @@ pub(crate) fn is_port(name: &str) -> bool {
 }
 
 pub(crate) fn known_carriers() -> String {
-    yarp_wire::carrier::ALL.map(|carrier| carrier.name).join(", ")
+    yarp_wire::carrier::ALL
+        .map(|carrier| carrier.name)
+        .join(", ")
 }

@@ -87,9 +87,14 @@ impl Core {
     pub(super) async fn remove_output_in_words(&self, name: &str) -> Result<String, String> {
         let name = yarp_wire::Contact::parse(name).name;
         if self.disconnect(&name).await {
-            Ok(format!("Removed connection from {} to {name}\r\n", self.name))
+            Ok(format!(
+                "Removed connection from {} to {name}\r\n",
+                self.name
+            ))
         } else {
-            Err(format!("Could not find an outgoing connection to {name}\r\n"))
+            Err(format!(
+                "Could not find an outgoing connection to {name}\r\n"
+            ))
         }
     }
 
@@ -97,7 +102,10 @@ impl Core {
     pub(super) fn remove_input_in_words(&self, name: &str) -> Result<String, String> {
         let name = yarp_wire::Contact::parse(name).name;
         if self.drop_inputs(&name) {
-            Ok(format!("Removing connection from {name} to {}\r\n", self.name))
+            Ok(format!(
+                "Removing connection from {name} to {}\r\n",
+                self.name
+            ))
         } else {
             Err(format!(
                 "Could not find an incoming connection from {name}\r\n"

@@ -16,8 +16,9 @@ use super::describe::{HELP, NOT_UNDERSTOOD};
 use super::options::{Input, Serving};
 use super::output::Output;
 use super::received::{Answer, Received, Reply, Responder};
+use crate::busy::BusyPoll;
 use crate::cancel::Cancelled;
-use crate::stream;
+use crate::stream::{self, Inflow};
 
 /// Serves a connection until it ends or the port closes.
 pub(super) async fn serve(core: Arc<Core>, stream: TcpStream) {
@@ -25,10 +26,11 @@ pub(super) async fn serve(core: Arc<Core>, stream: TcpStream) {
         acceptor: Acceptor::new(core.number, core.options.dialect, Limits::DEFAULT),
         core: core.clone(),
         stream,
-        input: BytesMut::new(),
+        input: Inflow::default(),
         output: BytesMut::new(),
         entry: None,
         sender: Sender::plain(""),
+        busy: BusyPoll::new(),
     };
     let mut closing = core.cancelled.clone();
     let end = tokio::select! {
@@ -71,10 +73,11 @@ struct Connection {
     core: Arc<Core>,
     stream: TcpStream,
     acceptor: Acceptor,
-    input: BytesMut,
+    input: Inflow,
     output: BytesMut,
     entry: Option<Entry>,
     sender: Sender,
+    busy: BusyPoll,
 }
 
 struct Entry {
@@ -92,7 +95,7 @@ impl Connection {
     async fn run(&mut self) -> End {
         loop {
             loop {
-                match self.acceptor.poll(&mut self.input, &mut self.output) {
+                match self.acceptor.poll(&mut self.input.bytes, &mut self.output) {
                     Ok(Some(event)) => match self.take(event).await {
                         Next::Go => {}
                         Next::Stop(end) => {
@@ -111,8 +114,17 @@ impl Connection {
             if let Err(error) = stream::write_all(&self.stream, &mut self.output).await {
                 return error.into();
             }
-            let missing = self.acceptor.missing(&self.input);
-            let reading = stream::read_some(&self.stream, &mut self.input, missing);
+            let missing = self.acceptor.missing(&self.input.bytes);
+            if missing == 0
+                && let Some(read) = self.busy.read(&self.stream, &mut self.input.bytes).await
+            {
+                match read {
+                    Ok(0) => return End::Closed,
+                    Ok(_) => continue,
+                    Err(error) => return error.into(),
+                }
+            }
+            let reading = self.input.read(&self.stream, missing);
             let read = match &mut self.entry {
                 Some(entry) => tokio::select! {
                     biased;
@@ -123,7 +135,7 @@ impl Connection {
             };
             match read {
                 Ok(0) => return End::Closed,
-                Ok(_) => {}
+                Ok(_) => self.busy.received(),
                 Err(error) => return error.into(),
             }
         }
@@ -200,7 +212,10 @@ impl Connection {
                     received.responder = Some(Responder(sender));
                     answer = Some(receiver);
                 }
-                let inbox = core.inbox.as_ref().expect("a port that queues has an inbox");
+                let inbox = core
+                    .inbox
+                    .as_ref()
+                    .expect("a port that queues has an inbox");
                 inbox.push(received).await;
                 match answer {
                     Some(answer) => answer.await.unwrap_or(Answer::Nothing),

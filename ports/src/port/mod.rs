@@ -66,7 +66,9 @@ pub struct Port {
 
 impl std::fmt::Debug for Port {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Port").field("name", &self.core.name).finish()
+        f.debug_struct("Port")
+            .field("name", &self.core.name)
+            .finish()
     }
 }
 
@@ -107,7 +109,9 @@ impl Port {
                 return Err(error);
             }
         };
-        let number = listener.local_addr().map_or(number, |address| address.port());
+        let number = listener
+            .local_addr()
+            .map_or(number, |address| address.port());
         let (cancel, cancelled) = Cancel::new();
         let core = Arc::new(Core::new(
             name,
@@ -219,11 +223,7 @@ impl Port {
     }
 
     /// As [`Port::write`], with an envelope such as a [`Stamp`](yarp_wire::Stamp).
-    pub async fn write_with(
-        &self,
-        message: &impl WireObject,
-        envelope: Option<Envelope>,
-    ) -> usize {
+    pub async fn write_with(&self, message: &impl WireObject, envelope: Option<Envelope>) -> usize {
         let mut waits = Vec::new();
         let mut taken = 0;
         for output in self.core.outputs() {
@@ -253,11 +253,7 @@ impl Port {
     /// Sends to every reader that is done with earlier messages, and waits for none.
     ///
     /// A reader that is still busy misses this message. Tells how many will get it.
-    pub fn write_if_idle(
-        &self,
-        message: &impl WireObject,
-        envelope: Option<Envelope>,
-    ) -> usize {
+    pub fn write_if_idle(&self, message: &impl WireObject, envelope: Option<Envelope>) -> usize {
         let command = data(false, envelope);
         let mut encoded = Encoded::default();
         let mut taken = 0;

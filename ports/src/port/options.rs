@@ -159,10 +159,7 @@ impl PortOptions {
     }
 
     /// Calls `watcher` when a connection begins or ends.
-    pub fn watcher(
-        mut self,
-        watcher: impl Fn(&ConnectionChange) + Send + Sync + 'static,
-    ) -> Self {
+    pub fn watcher(mut self, watcher: impl Fn(&ConnectionChange) + Send + Sync + 'static) -> Self {
         self.watcher = Some(Arc::new(watcher));
         self
     }

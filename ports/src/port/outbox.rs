@@ -220,6 +220,12 @@ impl Outbox {
         self.filled.notify_one();
     }
 
+    /// Whether the peer owes an answer, and there is nothing to send meanwhile.
+    pub(crate) fn awaits_answer(&self) -> bool {
+        let state = self.state();
+        state.queued == 0 && !state.unfinished.is_empty()
+    }
+
     pub(crate) fn is_closed(&self) -> bool {
         self.state().closed.is_some()
     }

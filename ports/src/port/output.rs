@@ -14,9 +14,10 @@ use yarp_wire::message::Command;
 use yarp_wire::{Dialect, Limits};
 
 use super::outbox::Outbox;
+use crate::busy::BusyPoll;
 use crate::cancel::Cancelled;
 use crate::error::PortError;
-use crate::stream;
+use crate::stream::{self, Inflow};
 
 /// A connection that the port writes to.
 #[derive(Debug)]
@@ -59,19 +60,22 @@ impl Output {
             let lost = |error: io::Error| {
                 PortError::connect(to, format!("{host}:{port}"), "connection header", error)
             };
-            stream::write_all(&stream, &mut output).await.map_err(lost)?;
-            let mut input = BytesMut::new();
+            stream::write_all(&stream, &mut output)
+                .await
+                .map_err(lost)?;
+            let mut input = Inflow::default();
             loop {
-                let progress = initiator
-                    .poll(&mut input)
-                    .map_err(|source| PortError::Protocol {
-                        peer: to.to_owned(),
-                        source,
-                    })?;
+                let progress =
+                    initiator
+                        .poll(&mut input.bytes)
+                        .map_err(|source| PortError::Protocol {
+                            peer: to.to_owned(),
+                            source,
+                        })?;
                 if progress == Some(Progress::Ready) {
                     return Ok((stream, initiator, input));
                 }
-                let count = stream::read_some(&stream, &mut input, 0).await.map_err(lost)?;
+                let count = input.read(&stream, 0).await.map_err(lost)?;
                 if count == 0 {
                     return Err(lost(io::ErrorKind::UnexpectedEof.into()));
                 }
@@ -95,7 +99,7 @@ impl Output {
         carrier_text: String,
         stream: TcpStream,
         initiator: Initiator,
-        input: BytesMut,
+        input: Inflow,
         cancelled: Cancelled,
     ) -> Self {
         let carrier = initiator.carrier();
@@ -149,10 +153,11 @@ impl Drop for Output {
 async fn run(
     stream: &TcpStream,
     outbox: &Outbox,
-    mut input: BytesMut,
+    mut input: Inflow,
     mut cancelled: Cancelled,
 ) -> String {
     let mut batch: VecDeque<Bytes> = VecDeque::new();
+    let mut busy = BusyPoll::new();
     loop {
         if batch.is_empty() {
             outbox.take(&mut batch);
@@ -161,18 +166,15 @@ async fn run(
             Ok(()) => {}
             Err(error) => return format!("writing failed: {error}"),
         }
-        tokio::select! {
+        let mut read = None;
+        if batch.is_empty() && outbox.awaits_answer() {
+            read = busy.read(stream, &mut input.bytes).await;
+        }
+        if read.is_none() {
+            tokio::select! {
             biased;
             ready = stream.readable() => {
-                let read = ready.and_then(|()| stream::try_read(stream, &mut input, 0));
-                match read {
-                    Ok(0) => return "the reader closed it".to_owned(),
-                    Ok(_) => if let Err(error) = outbox.receive(&mut input) {
-                        return format!("protocol: {error}");
-                    },
-                    Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
-                    Err(error) => return format!("reading failed: {error}"),
-                }
+                read = Some(ready.and_then(|()| input.try_read(stream, 0)));
             }
             ready = stream.writable(), if !batch.is_empty() => {
                 if let Err(error) = ready {
@@ -185,16 +187,26 @@ async fn run(
                 }
             }
             () = cancelled.cancelled() => return "the port closed".to_owned(),
+            }
+        }
+        match read {
+            Some(Ok(0)) => return "the reader closed it".to_owned(),
+            Some(Ok(_)) => {
+                busy.received();
+                if let Err(error) = outbox.receive(&mut input.bytes) {
+                    return format!("protocol: {error}");
+                }
+            }
+            Some(Err(error)) if error.kind() != io::ErrorKind::WouldBlock => {
+                return format!("reading failed: {error}");
+            }
+            Some(Err(_)) | None => {}
         }
     }
 }
 
 /// Writes as much of the batch as the socket takes now.
-fn write_batch(
-    stream: &TcpStream,
-    outbox: &Outbox,
-    batch: &mut VecDeque<Bytes>,
-) -> io::Result<()> {
+fn write_batch(stream: &TcpStream, outbox: &Outbox, batch: &mut VecDeque<Bytes>) -> io::Result<()> {
     while !batch.is_empty() {
         let mut vectors = [IoSlice::new(&[]); VECTORS];
         let used = batch.len().min(VECTORS);

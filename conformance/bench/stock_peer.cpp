@@ -1,0 +1,174 @@
+// A stock YARP peer for the benchmark: the same work as ours, through the stock library.
+//
+//   stock_peer serve NAME            answers each request with itself
+//   stock_peer count NAME            reads messages, answers an RPC on NAME/n with how many came
+//   stock_peer call NAME N           N round trips of 16 bytes of payload; prints each in ns
+//   stock_peer send NAME CARRIER N BYTES   sends N messages of BYTES payload; prints the total ns
+//
+// Build: g++ -O2 -std=c++17 stock_peer.cpp -lYARP_os (with the stock installation's paths).
+#include <yarp/os/Bottle.h>
+#include <yarp/os/ConnectionReader.h>
+#include <yarp/os/ConnectionWriter.h>
+#include <yarp/os/Network.h>
+#include <yarp/os/Port.h>
+#include <yarp/os/PortReader.h>
+#include <yarp/os/RpcClient.h>
+#include <yarp/os/RpcServer.h>
+
+#include <atomic>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <string>
+#include <thread>
+#include <vector>
+
+using Steady = std::chrono::steady_clock;
+using namespace yarp::os;
+
+static long long ns(Steady::time_point from, Steady::time_point to)
+{
+    return std::chrono::duration_cast<std::chrono::nanoseconds>(to - from).count();
+}
+
+// A message of raw bytes, laid out as a bottle of one blob.
+class Blob : public Portable
+{
+public:
+    std::vector<char> bytes;
+    bool read(ConnectionReader& reader) override
+    {
+        reader.convertTextMode();
+        int code = reader.expectInt32();
+        int count = reader.expectInt32();
+        int length = reader.expectInt32();
+        if (code != 256 + 12 || count != 1 || length < 0) {
+            return false;
+        }
+        bytes.resize(length);
+        return reader.expectBlock(bytes.data(), bytes.size());
+    }
+    bool write(ConnectionWriter& writer) const override
+    {
+        writer.appendInt32(256 + 12);
+        writer.appendInt32(1);
+        writer.appendInt32(bytes.size());
+        writer.appendExternalBlock(bytes.data(), bytes.size());
+        return true;
+    }
+};
+
+class Echo : public PortReader
+{
+    bool read(ConnectionReader& reader) override
+    {
+        Bottle request;
+        if (!request.read(reader)) {
+            return false;
+        }
+        if (ConnectionWriter* writer = reader.getWriter()) {
+            request.write(*writer);
+        }
+        return true;
+    }
+};
+
+class Counter : public PortReader
+{
+public:
+    std::atomic<long long> count{0};
+    Blob blob;
+    bool read(ConnectionReader& reader) override
+    {
+        if (!blob.read(reader)) {
+            return false;
+        }
+        count++;
+        return true;
+    }
+};
+
+static void wait_for_end()
+{
+    while (getchar() != EOF) {
+    }
+}
+
+int main(int argc, char** argv)
+{
+    if (argc < 3) {
+        return 2;
+    }
+    Network network;
+    std::string what = argv[1];
+    std::string name = argv[2];
+    if (what == "serve") {
+        Port port;
+        Echo echo;
+        port.setReader(echo);
+        if (!port.open(name)) {
+            return 1;
+        }
+        puts("ready");
+        fflush(stdout);
+        wait_for_end();
+    } else if (what == "count") {
+        Port port;
+        Counter counter;
+        port.setReader(counter);
+        if (!port.open(name)) {
+            return 1;
+        }
+        puts("ready");
+        fflush(stdout);
+        // Each line asks for the count reached; answered as soon as it is.
+        long long goal = 0;
+        while (scanf("%lld", &goal) == 1) {
+            while (counter.count < goal) {
+                std::this_thread::sleep_for(std::chrono::microseconds(50));
+            }
+            printf("%lld\n", (long long)counter.count);
+            fflush(stdout);
+        }
+    } else if (what == "call" && argc == 4) {
+        RpcClient port;
+        port.open("...");
+        if (!Network::connect(port.getName(), name, "tcp", true)) {
+            return 1;
+        }
+        int n = atoi(argv[3]);
+        Bottle request;
+        request.addInt32(1);
+        request.addInt32(2);
+        for (int i = 0; i < n; i++) {
+            Bottle reply;
+            auto begin = Steady::now();
+            port.write(request, reply);
+            auto end = Steady::now();
+            if (reply.size() != 2) {
+                return 1;
+            }
+            printf("%lld\n", ns(begin, end));
+        }
+        port.close();
+    } else if (what == "send" && argc == 6) {
+        Port port;
+        port.open("...");
+        if (!Network::connect(port.getName(), name, argv[3], true)) {
+            return 1;
+        }
+        int n = atoi(argv[4]);
+        Blob blob;
+        blob.bytes.resize(atoi(argv[5]));
+        auto begin = Steady::now();
+        for (int i = 0; i < n; i++) {
+            port.write(blob);
+        }
+        printf("%lld\n", ns(begin, Steady::now()));
+        fflush(stdout);
+        wait_for_end();
+        port.close();
+    }
+    return 0;
+}

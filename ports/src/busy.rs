@@ -1,0 +1,72 @@
+//! Waiting awake for bytes that are about to come.
+//!
+//! Waking a sleeping thread costs more than all else in a round trip of small messages. So a
+//! connection whose last bytes came within [`SOON`] looks for the next ones itself for up to
+//! [`LIMIT`] before it goes to sleep, giving way to other tasks between looks. A connection at rest,
+//! or with a slow peer, sleeps at once.
+
+use std::io::{self, Read};
+use std::time::{Duration, Instant};
+
+use bytes::BytesMut;
+use socket2::SockRef;
+use tokio::net::TcpStream;
+
+/// Longest time awake per wait.
+const LIMIT: Duration = Duration::from_micros(60);
+/// A wait this short makes the next one be spent awake.
+const SOON: Duration = Duration::from_micros(120);
+/// Bytes read in one look.
+const CHUNK: usize = 4096;
+
+/// Whether a connection waits awake.
+#[derive(Debug)]
+pub(crate) struct BusyPoll {
+    hot: bool,
+    asleep_since: Option<Instant>,
+}
+
+impl BusyPoll {
+    /// A connection that has seen nothing yet.
+    pub(crate) fn new() -> Self {
+        Self {
+            hot: false,
+            asleep_since: None,
+        }
+    }
+
+    /// Looks for bytes while it is worth it; `None` says to go to sleep.
+    pub(crate) async fn read(
+        &mut self,
+        stream: &TcpStream,
+        buffer: &mut BytesMut,
+    ) -> Option<io::Result<usize>> {
+        let begin = Instant::now();
+        if self.hot {
+            let length = buffer.len();
+            buffer.resize(length + CHUNK, 0);
+            while begin.elapsed() < LIMIT {
+                match (&*SockRef::from(stream)).read(&mut buffer[length..]) {
+                    Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
+                        tokio::task::yield_now().await;
+                    }
+                    read => {
+                        buffer.truncate(length + *read.as_ref().unwrap_or(&0));
+                        return Some(read);
+                    }
+                }
+            }
+            buffer.truncate(length);
+            self.hot = false;
+        }
+        self.asleep_since = Some(begin);
+        None
+    }
+
+    /// Takes note that bytes came.
+    pub(crate) fn received(&mut self) {
+        if let Some(since) = self.asleep_since.take() {
+            self.hot = since.elapsed() < SOON;
+        }
+    }
+}
