@@ -1,0 +1,40 @@
+# Everything a newcomer and the continuous integration need, by name.
+#
+#   make run        install what is missing, build, bring up a YARP network with a simulated arm
+#   make test       everything that needs no stock YARP
+#   make test-live  ours against stock YARP 3.5.0, which is built first if it is not there
+#   make bench      ours beside stock YARP, with ratios
+#   make check      formatting and lints
+
+# Where stock YARP is kept: outside the checkout, so that it is built once.
+STOCK ?= $(HOME)/.cache/stock-yarp-3.5.0
+export STOCK
+
+.PHONY: run build test test-live bench check setup stock
+
+run: build
+	target/release/yarp up
+
+build: setup
+	cargo build --release -p yarp-cli
+
+setup:
+	@conformance/setup.sh
+
+test: setup check
+	cargo test --workspace --all-targets
+	cargo test --workspace --doc
+
+check:
+	cargo fmt --all --check
+	cargo clippy --workspace --all-targets -- -D warnings
+
+stock: setup
+	conformance/stock/install.sh "$(STOCK)"
+
+test-live: build stock
+	conformance/live/run.sh
+
+bench: stock
+	cargo build --release -p yarp-conformance
+	conformance/bench/run.sh

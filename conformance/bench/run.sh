@@ -1,0 +1,23 @@
+#!/usr/bin/env bash
+# Runs the benchmark: ours beside stock, on a name server of ours on a free port.
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+: "${STOCK:?set STOCK to the folder of stock YARP; \`make bench\` does}"
+. conformance/stock/environment.sh
+
+work=$(mktemp -d)
+server=
+trap 'if [ -n "$server" ]; then kill "$server" 2>/dev/null || true; fi; rm -rf "$work"' EXIT
+
+g++ -O2 -std=c++17 -include cstdint conformance/bench/stock_peer.cpp \
+    -I"$stock_package/include" -L"$stock_package/lib" -lYARP_os -lYARP_init -o "$work/stock_peer"
+
+export YARP_CONFIG_HOME="$work"
+cargo build --quiet --release -p yarp-cli
+target/release/yarp server --ip 127.0.0.1 --socket 10490 --write >"$work/server.log" 2>&1 &
+server=$!
+for _ in $(seq 100); do
+    if target/release/yarp where >/dev/null 2>&1; then break; fi
+    sleep 0.1
+done
+LD_LIBRARY_PATH="$stock_libraries" STOCK_PEER="$work/stock_peer" target/release/bench
