@@ -1,11 +1,15 @@
 //! The name server, and where ports are.
 
+use std::io;
 use std::sync::Arc;
 use std::time::Duration;
 
 use bytes::BytesMut;
 use yarp_wire::Contact;
 use yarp_wire::carrier::ALL;
+use yarp_wire::name_service::{
+    Answer, AnswerReader, Command, PREFIX, Registering, Registration, Request, Until,
+};
 
 use crate::error::PortError;
 use crate::stream::{self, Inflow};
@@ -27,30 +31,7 @@ struct Inner {
 }
 
 /// Where the name server says a port is.
-#[derive(Clone, Debug, Eq, PartialEq)]
-pub struct Place {
-    /// Its name.
-    pub name: String,
-    /// Its host.
-    pub host: String,
-    /// Its TCP port.
-    pub port: u16,
-    /// The carrier it is registered with.
-    pub carrier: String,
-}
-
-/// What a port tells the name server of itself.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Registering<'a> {
-    pub(crate) name: &'a str,
-    pub(crate) number: Option<u16>,
-    pub(crate) type_name: Option<&'a str>,
-}
-
-/// Last line of an answer of the name server.
-const END: &str = "*** end of message";
-/// Longest answer we take.
-const LONGEST: usize = 16 << 20;
+pub type Place = Registration;
 
 impl Network {
     /// The network whose name server is at `host:port`, in namespace `/root`.
@@ -129,8 +110,11 @@ impl Network {
         self.0.ip.clone().unwrap_or_else(|| "127.0.0.1".to_owned())
     }
 
-    /// Sends one request line to the name server and gives the lines of its answer.
-    pub async fn ask(&self, request: &str) -> Result<Vec<String>, PortError> {
+    /// Sends one request line to the name server and gives its answer.
+    ///
+    /// The line is sent as it stands, less its quotes, as stock does; each question is a
+    /// connection of its own.
+    pub async fn ask(&self, request: &str) -> Result<Answer, PortError> {
         let (host, port) = self.server().ok_or(PortError::NoNameServer)?;
         let server = format!("{host}:{port}");
         let failed = |step| {
@@ -149,37 +133,43 @@ impl Network {
                     return Err(failed("connecting")(source));
                 }
                 Err(_) => {
-                    return Err(failed("connecting")(std::io::ErrorKind::TimedOut.into()));
+                    return Err(failed("connecting")(io::ErrorKind::TimedOut.into()));
                 }
             };
-            let line = format!("NAME_SERVER {request}\n");
+            let line = format!("{PREFIX} {}\n", request.replace(['"', '\n'], ""));
             let mut out = BytesMut::from(line.as_bytes());
             let sending = stream::write_all(&stream, &mut out);
             sending.await.map_err(failed("sending"))?;
             let mut input = Inflow::default();
-            loop {
+            let mut reader = AnswerReader::new(Until::End);
+            while !reader.is_done() {
                 let reading = input.read(&stream, 0);
                 let count = reading.await.map_err(failed("reading"))?;
-                if let Some(lines) =
-                    whole_answer(&input.bytes, count == 0 || input.bytes.len() > LONGEST)
-                {
-                    return Ok(lines);
+                if count == 0 && !reader.close() {
+                    let error = io::Error::new(io::ErrorKind::UnexpectedEof, "the answer breaks off");
+                    return Err(failed("reading")(error));
                 }
+                let fed = reader.feed(&input.bytes).map_err(io::Error::other);
+                fed.map_err(failed("reading"))?;
+                input.bytes.clear();
             }
+            Ok(reader.answer())
         };
         match tokio::time::timeout(self.0.deadline, conversation).await {
             Ok(result) => result,
-            Err(_) => Err(failed("answer")(std::io::ErrorKind::TimedOut.into())),
+            Err(_) => Err(failed("answer")(io::ErrorKind::TimedOut.into())),
         }
+    }
+
+    async fn command(&self, command: Command) -> Result<Answer, PortError> {
+        self.ask(&Request::plain(command).to_string()).await
     }
 
     /// Where a port is.
     pub async fn query(&self, name: &str) -> Result<Place, PortError> {
-        let lines = self.ask(&format!("query {name}")).await?;
-        let place = lines.iter().find_map(|line| parse_registration(line));
-        place.ok_or_else(|| PortError::Unknown {
-            name: name.to_owned(),
-        })
+        let name = name.to_owned();
+        let answer = self.command(Command::Query { name: name.clone() }).await?;
+        answer.registration().ok_or(PortError::Unknown { name })
     }
 
     /// Where the port that a contact means is: what it says itself, else what the name server says.
@@ -199,24 +189,19 @@ impl Network {
         self.query(&contact.name).await
     }
 
-    pub(crate) async fn register(&self, port: &Registering<'_>) -> Result<Place, PortError> {
-        let mut request = format!("register {}", port.name);
-        if port.number.is_some() || port.type_name.is_some() || self.0.ip.is_some() {
-            let ip = self.0.ip.as_deref().unwrap_or("...");
-            let number = port.number.map_or("-1".to_owned(), |n| n.to_string());
-            request.push_str(&format!(" tcp {ip} {number}"));
-            if let Some(type_name) = port.type_name {
-                request.push_str(&format!(" {type_name}"));
-            }
+    /// Registers a port; what it leaves open the server chooses.
+    pub async fn register(&self, mut port: Registering) -> Result<Place, PortError> {
+        if let Some(ip) = &self.0.ip {
+            port.host.get_or_insert_with(|| ip.clone());
         }
-        let lines = self.ask(&request).await?;
-        let place = lines.iter().find_map(|line| parse_registration(line));
-        place.ok_or_else(|| {
+        let request = Command::Register(port);
+        let answer = self.command(request.clone()).await?;
+        answer.registration().ok_or_else(|| {
             let (host, port) = self.server().unwrap_or(("", 0));
             PortError::Refused {
                 server: format!("{host}:{port}"),
-                request,
-                answer: lines.join(" "),
+                request: Request::plain(request).to_string(),
+                answer: answer.lines().collect::<Vec<_>>().join(" "),
             }
         })
     }
@@ -238,49 +223,8 @@ impl Network {
         Ok(())
     }
 
-    pub(crate) async fn unregister(&self, name: &str) -> Result<(), PortError> {
+    /// Takes a name back; unknown names are fine.
+    pub async fn unregister(&self, name: &str) -> Result<(), PortError> {
         self.ask(&format!("unregister {name}")).await.map(drop)
-    }
-}
-
-/// The lines of an answer without its last, once it is whole (or the stream has ended).
-fn whole_answer(input: &[u8], ended: bool) -> Option<Vec<String>> {
-    let text = String::from_utf8_lossy(input);
-    let mut lines = Vec::new();
-    for line in text.split_inclusive('\n') {
-        let whole = line.ends_with('\n');
-        let line = line.trim_end_matches(['\r', '\n']);
-        if whole && line == END {
-            return Some(lines);
-        }
-        lines.push(line.to_owned());
-        // A structured answer is one line.
-        if whole && line.len() > 1 && line.starts_with('[') {
-            return Some(lines);
-        }
-    }
-    ended.then_some(lines)
-}
-
-fn parse_registration(line: &str) -> Option<Place> {
-    let words: Vec<&str> = line.split_whitespace().collect();
-    match words[..] {
-        [
-            "registration",
-            "name",
-            name,
-            "ip",
-            host,
-            "port",
-            port,
-            "type",
-            carrier,
-        ] => Some(Place {
-            name: name.to_owned(),
-            host: host.to_owned(),
-            port: port.parse().ok()?,
-            carrier: carrier.to_owned(),
-        }),
-        _ => None,
     }
 }

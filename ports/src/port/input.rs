@@ -1,6 +1,7 @@
 //! One incoming connection.
 
 use std::io;
+use std::net::IpAddr;
 use std::sync::Arc;
 
 use bytes::BytesMut;
@@ -21,7 +22,7 @@ use crate::cancel::Cancelled;
 use crate::stream::{self, Inflow};
 
 /// Serves a connection until it ends or the port closes.
-pub(super) async fn serve(core: Arc<Core>, stream: TcpStream) {
+pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, address: IpAddr) {
     let mut connection = Connection {
         acceptor: Acceptor::new(core.number, core.options.dialect, Limits::DEFAULT),
         core: core.clone(),
@@ -30,6 +31,7 @@ pub(super) async fn serve(core: Arc<Core>, stream: TcpStream) {
         output: BytesMut::new(),
         entry: None,
         sender: Sender::plain(""),
+        address,
         busy: BusyPoll::new(),
     };
     let mut closing = core.cancelled.clone();
@@ -77,6 +79,7 @@ struct Connection {
     output: BytesMut,
     entry: Option<Entry>,
     sender: Sender,
+    address: IpAddr,
     busy: BusyPoll,
 }
 
@@ -181,6 +184,7 @@ impl Connection {
                     payload: message.payload,
                     envelope,
                     from: self.sender.name.clone(),
+                    address: self.address,
                     wants_reply: reply,
                     responder: None,
                 };

@@ -26,6 +26,7 @@ use tokio::net::TcpListener;
 use tokio::task::{JoinHandle, JoinSet};
 use yarp_wire::connection::put_reply;
 use yarp_wire::message::{Command, Payload, ReadObject, WireObject};
+use yarp_wire::name_service::Registering;
 use yarp_wire::{Contact, Dialect, PortName, Stamp};
 
 use self::core::Core;
@@ -33,7 +34,7 @@ use self::outbox::Outcome;
 use self::output::Output;
 use crate::cancel::Cancel;
 use crate::error::PortError;
-use crate::network::{Network, Registering};
+use crate::network::Network;
 
 pub use inbox::Queue;
 pub use options::{AdminHandler, ConnectionChange, Handler, PortOptions, Watcher};
@@ -88,11 +89,11 @@ impl Port {
         let mut registered = false;
         let (name, host, number) = if options.registered {
             let asking = Registering {
-                name: &name,
-                number: options.number,
-                type_name: options.type_name.as_deref(),
+                number: options.number.map(i64::from),
+                type_name: options.type_name.clone(),
+                ..Registering::named(&name)
             };
-            let given = network.register(&asking).await?;
+            let given = network.register(asking).await?;
             registered = true;
             (given.name, given.host, given.port)
         } else {
@@ -464,10 +465,10 @@ async fn listen(core: Arc<Core>, listener: TcpListener) {
     loop {
         tokio::select! {
             accepted = listener.accept() => match accepted {
-                Ok((stream, _)) => {
+                Ok((stream, peer)) => {
                     // Without it small messages are late, but they come.
                     let _ = stream.set_nodelay(true);
-                    connections.spawn(input::serve(core.clone(), stream));
+                    connections.spawn(input::serve(core.clone(), stream, peer.ip()));
                 }
                 Err(error) => {
                     tracing::warn!(port = %core.name, "cannot accept: {error}");

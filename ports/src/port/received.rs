@@ -1,5 +1,6 @@
 //! A message as the owner of a port gets it.
 
+use std::net::IpAddr;
 use std::pin::Pin;
 
 use bytes::Bytes;
@@ -20,6 +21,8 @@ pub struct Received {
     pub envelope: Option<Bytes>,
     /// The name of the sender.
     pub from: String,
+    /// The address of the sender.
+    pub address: IpAddr,
     /// Whether the sender waits for a reply.
     pub wants_reply: bool,
     pub(crate) responder: Option<Responder>,
