@@ -43,7 +43,8 @@ pub struct Carrier {
     pub framing: Framing,
     /// Whether the acceptor acknowledges each message.
     pub acknowledges: bool,
-    /// Whether stock lists its connections with `(connectionless 1)` and closes them out of band.
+    /// Whether stock lists its connections with `(connectionless 1)` and closes them out of band:
+    /// only the datagram carriers (recorded traffic of 3.12.3 and 4.0.0).
     pub connectionless: bool,
 }
 

@@ -9,5 +9,5 @@ pub(super) static NAME_SER: Carrier = Carrier {
     recognises: |magic| magic == b"NAME_SER",
     framing: Framing::NameService,
     acknowledges: false,
-    connectionless: true,
+    connectionless: false,
 };

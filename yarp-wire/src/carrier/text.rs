@@ -9,5 +9,5 @@ pub(super) static TEXT: Carrier = Carrier {
     recognises: |magic| magic == b"CONNECT ",
     framing: Framing::Lines,
     acknowledges: false,
-    connectionless: true,
+    connectionless: false,
 };

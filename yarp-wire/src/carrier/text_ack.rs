@@ -9,5 +9,5 @@ pub(super) static TEXT_ACK: Carrier = Carrier {
     recognises: |magic| magic == b"CONNACK ",
     framing: Framing::Lines,
     acknowledges: true,
-    connectionless: true,
+    connectionless: false,
 };

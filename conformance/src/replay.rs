@@ -1,0 +1,170 @@
+//! Plays the connecting side of a recorded conversation and compares the answers.
+
+use std::time::Duration;
+
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpStream;
+
+use crate::capture::{Run, Stream};
+use crate::mask;
+
+/// How long an answer may take before it counts as missing.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+/// Bytes of a header reply, whose number is the acceptor's port.
+const HEADER_REPLY: usize = 8;
+
+/// One connection of a recorded conversation, to be played against a peer of ours.
+#[derive(Debug)]
+pub struct Player<'a> {
+    stream: TcpStream,
+    runs: std::slice::Iter<'a, Run>,
+    heard: bool,
+}
+
+impl<'a> Player<'a> {
+    /// Connects to a peer of ours.
+    pub async fn connect(recorded: &'a Stream, address: (&str, u16)) -> Result<Self, String> {
+        let stream = TcpStream::connect(address)
+            .await
+            .map_err(|error| format!("cannot connect to {address:?}: {error}"))?;
+        Ok(Self {
+            stream,
+            runs: recorded.runs.iter(),
+            heard: false,
+        })
+    }
+
+    /// Plays the next run; `false` at the end.
+    pub async fn step(&mut self) -> Result<bool, String> {
+        let Some(run) = self.runs.next() else {
+            return Ok(false);
+        };
+        if run.sent {
+            let sent = self.stream.write_all(&run.bytes).await;
+            sent.map_err(|error| format!("cannot send {}: {error}", show(&run.bytes)))?;
+            return Ok(true);
+        }
+        let first = !std::mem::replace(&mut self.heard, true);
+        let answer = self.answer_like(&run.bytes).await?;
+        if comparable(&answer, first) != comparable(&run.bytes, first) {
+            let (got, expected) = (show(&answer), show(&run.bytes));
+            return Err(format!("answers differ\n  stock: {expected}\n  ours:  {got}"));
+        }
+        Ok(true)
+    }
+
+    /// Plays all that is left, and checks that nothing more than recorded is said.
+    pub async fn finish(mut self) -> Result<(), String> {
+        while self.step().await? {}
+        // Ours may be waiting for more from us: tell it that nothing follows.
+        let _ = self.stream.shutdown().await;
+        let mut rest = Vec::new();
+        let reading = self.stream.read_to_end(&mut rest);
+        // A reset says as clearly as an end that nothing more comes.
+        let _ = tokio::time::timeout(PATIENCE, reading)
+            .await
+            .map_err(|_| "the connection stays open after the conversation")?;
+        if rest.is_empty() {
+            Ok(())
+        } else {
+            Err(format!("said more than stock: {}", show(&rest)))
+        }
+    }
+
+    /// Reads an answer of the same shape: as many lines, or as many bytes where it is binary.
+    async fn answer_like(&mut self, recorded: &[u8]) -> Result<Vec<u8>, String> {
+        let lines = |bytes: &[u8]| bytes.iter().filter(|byte| **byte == b'\n').count();
+        let text = is_text(recorded);
+        let mut answer = Vec::new();
+        let mut byte = [0];
+        while if text {
+            lines(&answer) < lines(recorded)
+        } else {
+            answer.len() < recorded.len()
+        } {
+            let reading = self.stream.read(&mut byte);
+            match tokio::time::timeout(PATIENCE, reading).await {
+                Ok(Ok(1)) => answer.push(byte[0]),
+                other => {
+                    let (got, expected) = (show(&answer), show(recorded));
+                    return Err(format!(
+                        "the answer breaks off ({other:?})\n  stock: {expected}\n  ours:  {got}"
+                    ));
+                }
+            }
+        }
+        Ok(answer)
+    }
+}
+
+/// Plays a whole connection.
+pub async fn play(recorded: &Stream, address: (&str, u16)) -> Result<(), String> {
+    Player::connect(recorded, address).await?.finish().await
+}
+
+/// An answer with everything masked that may differ.
+fn comparable(bytes: &[u8], first: bool) -> Vec<u8> {
+    if is_text(bytes) {
+        return mask::text(bytes).into_bytes();
+    }
+    let mut bytes = bytes.to_vec();
+    if first && bytes.len() >= HEADER_REPLY && bytes.starts_with(b"YA") {
+        bytes[2..6].fill(0);
+    }
+    bytes
+}
+
+fn is_text(bytes: &[u8]) -> bool {
+    bytes
+        .iter()
+        .all(|byte| matches!(byte, b'\r' | b'\n' | b'\t' | b' '..=b'~'))
+}
+
+fn show(bytes: &[u8]) -> String {
+    bytes.escape_ascii().to_string()
+}
+
+/// Plays connections that overlap, each run when its turn comes.
+///
+/// The errors of all of them come back, each with what its connection had sent first.
+pub async fn play_together<'a>(
+    recorded: impl IntoIterator<Item = &'a Stream>,
+    address: (&str, u16),
+) -> Vec<String> {
+    let recorded: Vec<&Stream> = recorded.into_iter().collect();
+    let mut turns: Vec<(usize, f64)> = Vec::new();
+    for (index, stream) in recorded.iter().enumerate() {
+        turns.extend(stream.runs.iter().map(|run| (index, run.time)));
+    }
+    turns.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let mut players: Vec<Option<Player<'_>>> = Vec::new();
+    players.resize_with(recorded.len(), || None);
+    let mut left: Vec<usize> = recorded.iter().map(|stream| stream.runs.len()).collect();
+    let mut errors = Vec::new();
+    for (index, _) in turns {
+        if left[index] == 0 {
+            continue;
+        }
+        let turn = async {
+            if players[index].is_none() {
+                players[index] = Some(Player::connect(recorded[index], address).await?);
+            }
+            let player = players[index].as_mut().expect("connected above");
+            player.step().await?;
+            left[index] -= 1;
+            if left[index] == 0
+                && let Some(player) = players[index].take()
+            {
+                player.finish().await?;
+            }
+            Ok::<(), String>(())
+        };
+        if let Err(error) = turn.await {
+            left[index] = 0;
+            players[index] = None;
+            errors.push(format!("{}: {error}", show(&recorded[index].runs[0].bytes)));
+        }
+    }
+    errors
+}

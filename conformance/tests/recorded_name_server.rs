@@ -1,0 +1,32 @@
+//! Recorded conversations with stock name servers, played against ours.
+
+use yarp_conformance::capture::Capture;
+use yarp_conformance::replay;
+use yarp_nameserver::{Server, ServerOptions};
+
+/// The port that the recorded name servers listened on.
+const NAME_SERVER: u16 = 10000;
+
+#[tokio::test]
+async fn the_name_server_answers_as_stock_does() {
+    for generation in ["yarp-3.12", "yarp-4.0"] {
+        for scenario in [
+            "name_commands",
+            "admin",
+            "rpc",
+            "text_mode",
+            "read_write_tcp",
+            "read_write_fast_tcp",
+            "read_write_text",
+            "read_write_text_ack",
+        ] {
+            let options = ServerOptions::default().at("127.0.0.1", 0);
+            let server = Server::start(options).await.expect("a name server");
+            let capture = Capture::load(generation, scenario);
+            let streams = capture.to(NAME_SERVER);
+            let errors = replay::play_together(streams, ("127.0.0.1", server.port())).await;
+            assert!(errors.is_empty(), "{}:\n{}", capture.what, errors.join("\n"));
+            server.close().await;
+        }
+    }
+}
