@@ -146,7 +146,8 @@ impl Network {
                 let reading = input.read(&stream, 0);
                 let count = reading.await.map_err(failed("reading"))?;
                 if count == 0 && !reader.close() {
-                    let error = io::Error::new(io::ErrorKind::UnexpectedEof, "the answer breaks off");
+                    let error =
+                        io::Error::new(io::ErrorKind::UnexpectedEof, "the answer breaks off");
                     return Err(failed("reading")(error));
                 }
                 let fed = reader.feed(&input.bytes).map_err(io::Error::other);

@@ -186,9 +186,9 @@ impl Core {
         from: &str,
         carrier: &'static Carrier,
         carrier_text: String,
-    ) -> (u64, Cancelled) {
+        cancel: Cancel,
+    ) -> u64 {
         let id = self.next_input.fetch_add(1, Ordering::Relaxed);
-        let (cancel, cancelled) = Cancel::new();
         self.report(from, &self.name, &carrier_text, true, true);
         let mut inputs = self.inputs();
         if is_port(from) {
@@ -204,7 +204,7 @@ impl Core {
             carrier,
             cancel,
         });
-        (id, cancelled)
+        id
     }
 
     /// Takes note that an incoming connection ended.

@@ -18,11 +18,13 @@ use super::options::{Input, Serving};
 use super::output::Output;
 use super::received::{Answer, Received, Reply, Responder};
 use crate::busy::BusyPoll;
-use crate::cancel::Cancelled;
+use crate::cancel::Cancel;
 use crate::stream::{self, Inflow};
 
-/// Serves a connection until it ends or the port closes.
+/// Serves a connection until it ends, is displaced, or the port closes.
 pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, address: IpAddr) {
+    let (cancel, mut displaced) = Cancel::new();
+    let mut closing = core.cancelled.clone();
     let mut connection = Connection {
         acceptor: Acceptor::new(core.number, core.options.dialect, Limits::DEFAULT),
         core: core.clone(),
@@ -30,26 +32,24 @@ pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, address: IpAddr) {
         input: Inflow::default(),
         output: BytesMut::new(),
         entry: None,
+        cancel: Some(cancel),
         sender: Sender::plain(""),
         address,
         busy: BusyPoll::new(),
     };
-    let mut closing = core.cancelled.clone();
     let end = tokio::select! {
         end = connection.run() => end,
+        () = displaced.cancelled() => End::Closed,
         () = closing.cancelled() => End::Closed,
     };
-    if let Some(entry) = &connection.entry {
-        core.remove_input(entry.id);
-    }
+    connection.entry = None;
+    let from = &connection.sender.name;
     match end {
         End::Closed => {}
         End::Broken(error) => {
-            let from = &connection.sender.name;
             tracing::warn!(port = %core.name, from, "dropping a connection: {error}");
         }
         End::Failed(error) => {
-            let from = &connection.sender.name;
             tracing::debug!(port = %core.name, from, "a connection failed: {error}");
         }
         End::Reversed(carrier) => connection.into_output(carrier),
@@ -77,15 +77,25 @@ struct Connection {
     acceptor: Acceptor,
     input: Inflow,
     output: BytesMut,
+    /// The place in the port's list, once the header is done with.
     entry: Option<Entry>,
+    /// Ends this connection; goes to the port's list with the entry.
+    cancel: Option<Cancel>,
     sender: Sender,
     address: IpAddr,
     busy: BusyPoll,
 }
 
+/// A place in the port's list of connections, given back on drop, also by a handler's panic.
 struct Entry {
     id: u64,
-    displaced: Cancelled,
+    core: Arc<Core>,
+}
+
+impl Drop for Entry {
+    fn drop(&mut self) {
+        self.core.remove_input(self.id);
+    }
 }
 
 /// What is to happen after a message.
@@ -127,16 +137,7 @@ impl Connection {
                     Err(error) => return error.into(),
                 }
             }
-            let reading = self.input.read(&self.stream, missing);
-            let read = match &mut self.entry {
-                Some(entry) => tokio::select! {
-                    biased;
-                    read = reading => read,
-                    () = entry.displaced.cancelled() => return End::Closed,
-                },
-                None => reading.await,
-            };
-            match read {
+            match self.input.read(&self.stream, missing).await {
                 Ok(0) => return End::Closed,
                 Ok(_) => self.busy.received(),
                 Err(error) => return error.into(),
@@ -172,8 +173,10 @@ impl Connection {
                 text.push_str(value);
             }
         }
-        let (id, displaced) = self.core.add_input(&sender.name, carrier, text);
-        self.entry = Some(Entry { id, displaced });
+        let cancel = self.cancel.take().expect("a header comes once");
+        let id = self.core.add_input(&sender.name, carrier, text, cancel);
+        let core = self.core.clone();
+        self.entry = Some(Entry { id, core });
         self.sender = sender;
     }
 

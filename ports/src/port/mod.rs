@@ -18,6 +18,7 @@ mod outbox;
 mod output;
 mod received;
 
+use std::io;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -99,8 +100,23 @@ impl Port {
         } else {
             (name, network.own_host(), options.number.unwrap_or(0))
         };
-        let listening = bind(&name, number).await;
-        let listener = match listening {
+        let listener = match bind(&name, number) {
+            Err(PortError::Listen { source, .. })
+                if source.kind() == io::ErrorKind::AddrInUse && options.number.is_none() =>
+            {
+                // Somebody the name server does not know has the number it gave: take a free one.
+                let listener = bind(&name, 0)?;
+                let number = listener.local_addr().map_or(0, |address| address.port());
+                let asking = Registering {
+                    number: Some(i64::from(number)),
+                    type_name: options.type_name.clone(),
+                    ..Registering::named(&name)
+                };
+                network.register(asking).await.map(|_| listener)
+            }
+            listening => listening,
+        };
+        let listener = match listener {
             Ok(listener) => listener,
             Err(error) => {
                 if registered {
@@ -444,7 +460,7 @@ impl Encoded {
     }
 }
 
-async fn bind(name: &str, number: u16) -> Result<TcpListener, PortError> {
+fn bind(name: &str, number: u16) -> Result<TcpListener, PortError> {
     let listen = || {
         let socket = tokio::net::TcpSocket::new_v4()?;
         socket.set_reuseaddr(true)?;
