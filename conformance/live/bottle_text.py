@@ -29,7 +29,7 @@ EXCEPTIONS = [
     ),
 ]
 
-HAND_PICKED = r"""
+HAND_PICKED = r'''
 |hello 5|a,b,,c|  x  | ( 1 2 ) |()|(())|[]|{}|""|"a b"|"a\"b"|"a\\"|a\ b|a\|\|\\|"\n\r\0\t\x"
 5|+5|-5|--5|+-5|-+5|5-|5+5|0|00|000|-0|+0|007|08|09|010|0x|0X1f|0x1F|-0x10|+0x10|0xg|x1|0x0x1|00x1|000x12
 0x1234567|0x12345678|0x123456789|0x1234567890abcdef|0xffffffff|-0xffffffff|0x7fffffff|0x80000000|0x-5|0x+5|0x1-2
@@ -45,7 +45,7 @@ true|false|True|"true"|"false"|[true]|true.|truee|(true)|[1]|[0]|[]|[ok]|[a|[a b
 "|"a|a"|a"b|a"b c"d|"a"b|"a" "b"|"a""b"|""""|"a\"|\"a b\"|a\"b|"\\"|"\|'a b'|"(a|("a|"a)"
 a-b|a.b|a_b|a1|1a|_a|-a|.a|a:b|/a|/a/b:o|a/b|a@b|a#b|a=b|a+b|a*b|a&b|#a|$a|%a|a;b|a:|a.|a-|-|+|*|~|`|!|?|<a>|a'b
 é|"é"|日本|[é]|(é)|aé|"aéb"|{é}|5é|é5|[éa]|[日]
-"""
+'''
 
 
 def hand_picked():
