@@ -9,7 +9,7 @@ use yarp_wire::{Bottle, Contact, Dialect};
 
 use super::inbox::Inbox;
 use super::options::{ConnectionChange, Input, Outputs, PortOptions};
-use super::output::Output;
+use super::output::{Output, Target};
 use crate::cancel::{Cancel, Cancelled};
 use crate::error::PortError;
 use crate::network::Network;
@@ -127,17 +127,15 @@ impl Core {
             }
             _ => Some(Dialect::default()),
         };
-        let output = Output::connect(
-            &self.name,
-            &found.name,
-            address,
-            &spec,
+        let target = Target {
+            from: &self.name,
+            to: &found,
+            spec: &spec,
             carrier,
-            dialect.unwrap_or(self.options.dialect),
-            self.network.deadline(),
-            self.cancelled.clone(),
-        )
-        .await?;
+            dialect: dialect.unwrap_or(self.options.dialect),
+            deadline: self.network.deadline(),
+        };
+        let output = Output::connect(&target, self.cancelled.clone()).await?;
         self.add_output(output);
         Ok(())
     }

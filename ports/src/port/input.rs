@@ -5,17 +5,20 @@ use std::net::IpAddr;
 use std::sync::Arc;
 
 use bytes::BytesMut;
-use tokio::net::TcpStream;
+use socket2::SockRef;
+use tokio::net::{TcpStream, UdpSocket};
 use tokio::sync::oneshot;
-use yarp_wire::carrier::{Carrier, Framing, Sender};
-use yarp_wire::connection::{Acceptor, Event, Initiator, Message, ProtocolError, REFUSAL};
+use yarp_wire::carrier::{Carrier, Framing, Sender, Transport};
+use yarp_wire::connection::{
+    Acceptor, DatagramReader, Event, Initiator, Message, ProtocolError, REFUSAL, header_reply,
+};
 use yarp_wire::message::Command;
 use yarp_wire::{Bottle, Limits};
 
 use super::core::Core;
 use super::describe::{HELP, NOT_UNDERSTOOD};
 use super::options::{Input, Serving};
-use super::output::Output;
+use super::output::{Output, Way};
 use super::received::{Answer, Received, Reply, Responder};
 use crate::busy::BusyPoll;
 use crate::cancel::Cancel;
@@ -101,6 +104,8 @@ impl Drop for Entry {
 /// What is to happen after a message.
 enum Next {
     Go,
+    /// Messages come by another way.
+    Datagrams,
     Stop(End),
 }
 
@@ -111,6 +116,7 @@ impl Connection {
                 match self.acceptor.poll(&mut self.input.bytes, &mut self.output) {
                     Ok(Some(event)) => match self.take(event).await {
                         Next::Go => {}
+                        Next::Datagrams => return self.run_datagrams().await,
                         Next::Stop(end) => {
                             // The last words; the peer may be gone.
                             let _ = stream::write_all(&self.stream, &mut self.output).await;
@@ -145,6 +151,42 @@ impl Connection {
         }
     }
 
+    /// Opens a socket for datagrams, tells the peer where, and serves what comes. The peer ends
+    /// it by a message to the port, or by another connection of the same name.
+    async fn run_datagrams(&mut self) -> End {
+        let socket = match datagram_socket().await {
+            Ok(socket) => socket,
+            Err(error) => return error.into(),
+        };
+        let number = socket.local_addr().map_or(0, |address| address.port());
+        header_reply(number, &mut self.output);
+        if let Err(error) = stream::write_all(&self.stream, &mut self.output).await {
+            return error.into();
+        }
+        let mut reader = DatagramReader::new(self.acceptor.dialect(), Limits::DEFAULT);
+        let mut buffer = vec![0; LARGEST_DATAGRAM];
+        loop {
+            let length = match socket.recv(&mut buffer).await {
+                Ok(length) => length,
+                Err(error) => return error.into(),
+            };
+            match reader.receive(&buffer[..length]) {
+                Ok(None) => {}
+                Ok(Some(message)) => {
+                    if let Next::Stop(end) = self.message(message).await {
+                        return end;
+                    }
+                    // Nothing can be said back.
+                    self.output.clear();
+                }
+                Err(error) => {
+                    let from = &self.sender.name;
+                    tracing::debug!(port = %self.core.name, from, "a message is dropped: {error}");
+                }
+            }
+        }
+    }
+
     /// Tells a peer that speaks no carrier of ours what it may try.
     async fn refuse(&mut self, error: &ProtocolError) {
         if matches!(error, ProtocolError::UnknownCarrier { .. }) {
@@ -157,7 +199,10 @@ impl Connection {
         match event {
             Event::Opened { carrier, sender } => {
                 self.opened(carrier, sender);
-                Next::Go
+                match carrier.transport {
+                    Transport::Datagrams => Next::Datagrams,
+                    _ => Next::Go,
+                }
             }
             Event::Message(message) => self.message(message).await,
         }
@@ -297,13 +342,24 @@ impl Connection {
         let output = Output::start(
             &self.sender.name,
             carrier.name.to_owned(),
-            self.stream,
+            Way::Stream(self.stream, self.input),
             initiator,
-            self.input,
             self.core.cancelled.clone(),
         );
         self.core.add_output(output);
     }
+}
+
+/// What UDP carries at the most.
+const LARGEST_DATAGRAM: usize = 65_536;
+/// Room for datagrams that wait to be read, in bytes; the system may grant less.
+const RECEIVE_BUFFER: usize = 8 << 20;
+
+async fn datagram_socket() -> io::Result<UdpSocket> {
+    let socket = UdpSocket::bind((std::net::Ipv4Addr::UNSPECIFIED, 0)).await?;
+    // A smaller buffer only makes losses likelier.
+    let _ = SockRef::from(&socket).set_recv_buffer_size(RECEIVE_BUFFER);
+    Ok(socket)
 }
 
 fn either(result: Result<String, String>) -> String {

@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use bytes::{Bytes, BytesMut};
 use tokio::sync::{Notify, oneshot};
+use yarp_wire::carrier::Transport;
 use yarp_wire::connection::{Initiator, Progress, ProtocolError};
 use yarp_wire::message::{Command, Payload};
 
@@ -86,10 +87,15 @@ impl Outbox {
             ..
         } = &mut *state;
         let before = tail.len();
+        let datagrams = initiator.carrier().transport == Transport::Datagrams;
         initiator.send(command, payload.len(), tail);
-        if payload.len() < SHARED {
+        if payload.len() < SHARED || datagrams {
             tail.extend_from_slice(payload);
             *queued += tail.len() - before;
+            if datagrams {
+                // Each chunk is one message.
+                chunks.push_back(tail.split().freeze());
+            }
         } else {
             *queued += tail.len() - before + payload.len();
             chunks.push_back(tail.split().freeze());

@@ -1,23 +1,26 @@
 //! One outgoing connection.
 
-use std::collections::VecDeque;
-use std::io::{self, IoSlice};
+mod datagrams;
+mod stream;
+
+use std::io;
 use std::sync::Arc;
 use std::time::Duration;
 
-use bytes::{Buf, Bytes, BytesMut};
-use tokio::net::TcpStream;
+use bytes::{Bytes, BytesMut};
+use tokio::net::{TcpStream, UdpSocket};
 use tokio::task::JoinHandle;
-use yarp_wire::carrier::{Carrier, CarrierSpec, Framing, Sender};
+use yarp_wire::carrier::{Carrier, CarrierSpec, Framing, Sender, Transport};
 use yarp_wire::connection::{Initiator, Progress};
 use yarp_wire::message::Command;
 use yarp_wire::{Dialect, Limits};
 
 use super::outbox::Outbox;
-use crate::busy::BusyPoll;
 use crate::cancel::Cancelled;
+use crate::dialogue::Dialogue;
 use crate::error::PortError;
-use crate::stream::{self, Inflow};
+use crate::network::Place;
+use crate::stream::{Inflow, connect, within, write_all};
 
 /// A connection that the port writes to.
 #[derive(Debug)]
@@ -30,76 +33,72 @@ pub(crate) struct Output {
     /// The generation of the reader.
     pub(crate) dialect: Dialect,
     pub(crate) outbox: Arc<Outbox>,
+    /// Whom to tell of the end, where the connection itself cannot.
+    farewell: Option<Farewell>,
     task: JoinHandle<()>,
 }
 
-/// Buffers handed to one system call.
-const VECTORS: usize = 16;
+/// A connection to be made.
+#[derive(Debug)]
+pub(crate) struct Target<'a> {
+    /// The writer.
+    pub(crate) from: &'a str,
+    /// The reader, and where it is.
+    pub(crate) to: &'a Place,
+    /// The carrier string, and the carrier that it names.
+    pub(crate) spec: &'a CarrierSpec,
+    pub(crate) carrier: &'static Carrier,
+    /// The generation of the reader.
+    pub(crate) dialect: Dialect,
+    pub(crate) deadline: Duration,
+}
+
+/// What messages go out on.
+pub(crate) enum Way {
+    Stream(TcpStream, Inflow),
+    Datagrams(UdpSocket),
+}
+
+/// The end of a connection that cannot carry it itself.
+#[derive(Debug)]
+struct Farewell {
+    from: String,
+    to: Place,
+}
 
 impl Output {
-    /// Connects as `from` to a reader at `host:port` and waits until it has answered the header.
+    /// Connects to a reader and waits until it has answered the header.
     pub(crate) async fn connect(
-        from: &str,
-        to: &str,
-        (host, port): (&str, u16),
-        spec: &CarrierSpec,
-        carrier: &'static Carrier,
-        dialect: Dialect,
-        deadline: Duration,
+        target: &Target<'_>,
         cancelled: Cancelled,
     ) -> Result<Self, PortError> {
+        let name = &target.to.name;
         let opening = async {
-            let stream = stream::connect(to, host, port, deadline).await?;
-            let mut output = BytesMut::new();
-            let sender = Sender {
-                name: from.to_owned(),
-                modifiers: spec.modifiers.clone(),
-            };
-            let mut initiator =
-                Initiator::new(carrier, &sender, dialect, Limits::DEFAULT, &mut output);
-            let lost = |error: io::Error| {
-                PortError::connect(to, format!("{host}:{port}"), "connection header", error)
-            };
-            stream::write_all(&stream, &mut output)
-                .await
-                .map_err(lost)?;
-            let mut input = Inflow::default();
-            loop {
-                let progress =
-                    initiator
-                        .poll(&mut input.bytes)
-                        .map_err(|source| PortError::Protocol {
-                            peer: to.to_owned(),
-                            source,
-                        })?;
-                if progress == Some(Progress::Ready) {
-                    return Ok((stream, initiator, input));
+            let (stream, initiator, input) = open(target).await?;
+            let way = match target.carrier.transport {
+                Transport::Datagrams => {
+                    let socket = datagrams::socket(&target.to.host, initiator.header_number());
+                    Way::Datagrams(socket.await.map_err(|error| target.lost(error))?)
                 }
-                let count = input.read(&stream, 0).await.map_err(lost)?;
-                if count == 0 {
-                    return Err(lost(io::ErrorKind::UnexpectedEof.into()));
-                }
-            }
+                _ => Way::Stream(stream, input),
+            };
+            Ok((way, initiator))
         };
-        let (stream, initiator, input) =
-            stream::within(deadline, to, "connection header", opening).await?;
-        Ok(Self::start(
-            to,
-            spec.to_string(),
-            stream,
-            initiator,
-            input,
-            cancelled,
-        ))
+        let (way, initiator) = within(target.deadline, name, "connection header", opening).await?;
+        let mut output = Self::start(name, target.spec.to_string(), way, initiator, cancelled);
+        output.farewell = target.carrier.connectionless.then(|| Farewell {
+            from: target.from.to_owned(),
+            to: target.to.clone(),
+        });
+        Ok(output)
     }
 
     /// Takes over a connection whose header is done with.
     pub(crate) fn start(
         to: &str,
         carrier_text: String,
-        stream: TcpStream,
+        way: Way,
         initiator: Initiator,
-        input: Inflow,
         cancelled: Cancelled,
     ) -> Self {
         let carrier = initiator.carrier();
@@ -108,7 +107,10 @@ impl Output {
         let peer = to.to_owned();
         let shared = outbox.clone();
         let task = tokio::spawn(async move {
-            let reason = run(&stream, &shared, input, cancelled).await;
+            let reason = match way {
+                Way::Stream(stream, input) => stream::run(&stream, &shared, input, cancelled).await,
+                Way::Datagrams(socket) => datagrams::run(&socket, &shared, cancelled).await,
+            };
             tracing::debug!(peer, reason, "output connection ended");
             shared.close(&reason);
         });
@@ -118,6 +120,7 @@ impl Output {
             carrier,
             dialect,
             outbox,
+            farewell: None,
             task,
         }
     }
@@ -130,10 +133,15 @@ impl Output {
     /// Says goodbye and ends the connection; waits for the reader at most until `deadline`.
     pub(crate) async fn close(&self, deadline: Duration) {
         let goodbye = async {
-            if let Ok(Some(done)) = self.outbox.push(&Command::Quit, &Bytes::new(), true) {
-                let _ = done.await;
+            match &self.farewell {
+                Some(farewell) => farewell.say(deadline).await,
+                None => {
+                    if let Ok(Some(done)) = self.outbox.push(&Command::Quit, &Bytes::new(), true) {
+                        let _ = done.await;
+                    }
+                    let _ = self.outbox.drained().await;
+                }
             }
-            let _ = self.outbox.drained().await;
         };
         // A reader that does not answer in time is left.
         let _ = tokio::time::timeout(deadline, goodbye).await;
@@ -149,86 +157,55 @@ impl Drop for Output {
     }
 }
 
-/// Moves bytes between socket and outbox until either ends; tells why.
-async fn run(
-    stream: &TcpStream,
-    outbox: &Outbox,
-    mut input: Inflow,
-    mut cancelled: Cancelled,
-) -> String {
-    let mut batch: VecDeque<Bytes> = VecDeque::new();
-    let mut busy = BusyPoll::new();
+impl Target<'_> {
+    fn lost(&self, error: io::Error) -> PortError {
+        let address = format!("{}:{}", self.to.host, self.to.port);
+        PortError::connect(&self.to.name, address, "connection header", error)
+    }
+}
+
+/// Connects and goes through the header.
+async fn open(target: &Target<'_>) -> Result<(TcpStream, Initiator, Inflow), PortError> {
+    let Place {
+        name, host, port, ..
+    } = target.to;
+    let stream = connect(name, host, *port, target.deadline).await?;
+    let mut output = BytesMut::new();
+    let sender = Sender {
+        name: target.from.to_owned(),
+        modifiers: target.spec.modifiers.clone(),
+    };
+    let (carrier, dialect) = (target.carrier, target.dialect);
+    let mut initiator = Initiator::new(carrier, &sender, dialect, Limits::DEFAULT, &mut output);
+    let lost = |error| target.lost(error);
+    write_all(&stream, &mut output).await.map_err(lost)?;
+    let mut input = Inflow::default();
     loop {
-        if batch.is_empty() {
-            outbox.take(&mut batch);
+        let progress = initiator.poll(&mut input.bytes);
+        let progress = progress.map_err(|source| PortError::Protocol {
+            peer: name.clone(),
+            source,
+        })?;
+        if progress == Some(Progress::Ready) {
+            return Ok((stream, initiator, input));
         }
-        match write_batch(stream, outbox, &mut batch) {
-            Ok(()) => {}
-            Err(error) => return format!("writing failed: {error}"),
-        }
-        let mut read = None;
-        if batch.is_empty() && outbox.awaits_answer() {
-            read = busy.read(stream, &mut input.bytes).await;
-        }
-        if read.is_none() {
-            tokio::select! {
-            biased;
-            ready = stream.readable() => {
-                read = Some(ready.and_then(|()| input.try_read(stream, 0)));
-            }
-            ready = stream.writable(), if !batch.is_empty() => {
-                if let Err(error) = ready {
-                    return format!("writing failed: {error}");
-                }
-            }
-            () = outbox.filled.notified(), if batch.is_empty() => {
-                if outbox.is_closed() {
-                    return "closed here".to_owned();
-                }
-            }
-            () = cancelled.cancelled() => return "the port closed".to_owned(),
-            }
-        }
-        match read {
-            Some(Ok(0)) => return "the reader closed it".to_owned(),
-            Some(Ok(_)) => {
-                busy.received();
-                if let Err(error) = outbox.receive(&mut input.bytes) {
-                    return format!("protocol: {error}");
-                }
-            }
-            Some(Err(error)) if error.kind() != io::ErrorKind::WouldBlock => {
-                return format!("reading failed: {error}");
-            }
-            Some(Err(_)) | None => {}
+        if input.read(&stream, 0).await.map_err(lost)? == 0 {
+            return Err(lost(io::ErrorKind::UnexpectedEof.into()));
         }
     }
 }
 
-/// Writes as much of the batch as the socket takes now.
-fn write_batch(stream: &TcpStream, outbox: &Outbox, batch: &mut VecDeque<Bytes>) -> io::Result<()> {
-    while !batch.is_empty() {
-        let mut vectors = [IoSlice::new(&[]); VECTORS];
-        let used = batch.len().min(VECTORS);
-        for (vector, chunk) in vectors.iter_mut().zip(batch.iter()) {
-            *vector = IoSlice::new(chunk);
-        }
-        let mut written = match stream.try_write_vectored(&vectors[..used]) {
-            Ok(0) => return Err(io::ErrorKind::WriteZero.into()),
-            Ok(written) => written,
-            Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(()),
-            Err(error) => return Err(error),
-        };
-        outbox.sent(written);
-        while let Some(front) = batch.front_mut() {
-            let taken = front.len().min(written);
-            front.advance(taken);
-            written -= taken;
-            if !front.is_empty() {
-                break;
-            }
-            batch.pop_front();
+impl Farewell {
+    /// Tells the reader to forget the connection: `~/WRITER`, as stock does.
+    async fn say(&self, deadline: Duration) {
+        let carrier = Carrier::by_name("text_ack").expect("text_ack is in the table");
+        let address = (self.to.host.as_str(), self.to.port);
+        let dialogue = Dialogue::open(&self.to.name, address, carrier, "admin", deadline).await;
+        // A reader that is gone has forgotten already.
+        if let Ok(mut dialogue) = dialogue {
+            let _ = dialogue
+                .command(&Command::RemoveInput(self.from.clone()))
+                .await;
         }
     }
-    Ok(())
 }

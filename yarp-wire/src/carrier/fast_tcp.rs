@@ -1,6 +1,6 @@
 //! `fast_tcp`: as `tcp` without acknowledgements; only the socket holds a writer back.
 
-use super::{Carrier, Framing, specifier};
+use super::{Carrier, Framing, Transport, specifier};
 
 /// The same specifier as `tcp` with bit 7 clear.
 pub(super) static FAST_TCP: Carrier = Carrier {
@@ -8,6 +8,7 @@ pub(super) static FAST_TCP: Carrier = Carrier {
     magic: super::magic(3),
     recognises: |magic| matches!(specifier(magic), Some(s) if s % 16 == 3 && s & 128 == 0),
     framing: Framing::Indexed,
+    transport: Transport::Stream,
     acknowledges: false,
     connectionless: false,
 };

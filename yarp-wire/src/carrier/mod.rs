@@ -9,6 +9,7 @@ mod specifier;
 mod tcp;
 mod text;
 mod text_ack;
+mod udp;
 
 use std::fmt;
 
@@ -29,6 +30,16 @@ pub enum Framing {
     NameService,
 }
 
+/// What messages travel on once the header is done with.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+#[non_exhaustive]
+pub enum Transport {
+    /// The connection of the header itself.
+    Stream,
+    /// Datagrams, to the port that the header reply names; the connection of the header ends.
+    Datagrams,
+}
+
 /// What there is to know about a carrier.
 #[derive(Debug)]
 #[non_exhaustive]
@@ -41,6 +52,8 @@ pub struct Carrier {
     pub recognises: fn(&[u8; MAGIC]) -> bool,
     /// How messages stand in the stream.
     pub framing: Framing,
+    /// What they travel on.
+    pub transport: Transport,
     /// Whether the acceptor acknowledges each message.
     pub acknowledges: bool,
     /// Whether stock lists its connections with `(connectionless 1)` and closes them out of band:
@@ -49,10 +62,11 @@ pub struct Carrier {
 }
 
 /// Every carrier, in the order in which an acceptor tries them.
-pub static ALL: [&Carrier; 5] = [
+pub static ALL: [&Carrier; 6] = [
     &name_ser::NAME_SER,
     &tcp::TCP,
     &fast_tcp::FAST_TCP,
+    &udp::UDP,
     &text::TEXT,
     &text_ack::TEXT_ACK,
 ];
@@ -107,6 +121,8 @@ mod tests {
         };
         check(b"YA\xe4\x1e\0\0RP", Some("tcp"));
         check(b"YA\x64\x1e\0\0RP", Some("fast_tcp"));
+        check(b"YA\x61\x1e\0\0RP", Some("udp"));
+        check(b"YA\xe1\x1e\0\0RP", Some("udp"));
         check(b"CONNECT ", Some("text"));
         check(b"CONNACK ", Some("text_ack"));
         check(b"NAME_SER", Some("name_ser"));

@@ -141,10 +141,15 @@ mod tests {
 
     #[test]
     fn modifiers_travel_with_the_name() {
-        let spec: CarrierSpec = "fast_tcp+send.portmonitor+file.zlib+type.dll".parse().unwrap();
+        let spec: CarrierSpec = "fast_tcp+send.portmonitor+file.zlib+type.dll"
+            .parse()
+            .unwrap();
         assert_eq!(spec.base, "fast_tcp");
         assert_eq!(spec.modifier("file"), Some("zlib"));
-        assert_eq!(spec.to_string(), "fast_tcp+send.portmonitor+file.zlib+type.dll");
+        assert_eq!(
+            spec.to_string(),
+            "fast_tcp+send.portmonitor+file.zlib+type.dll"
+        );
         let sender = Sender {
             name: "/w".into(),
             modifiers: spec.modifiers,

@@ -1,6 +1,6 @@
 //! `tcp`: binary, each message acknowledged after its reader has consumed it.
 
-use super::{Carrier, Framing, specifier};
+use super::{Carrier, Framing, Transport, specifier};
 
 /// Tells `tcp` from `fast_tcp`.
 const ACKNOWLEDGE: i32 = 128;
@@ -11,6 +11,7 @@ pub(super) static TCP: Carrier = Carrier {
     magic: super::magic(3 + ACKNOWLEDGE),
     recognises: |magic| matches!(specifier(magic), Some(s) if s % 16 == 3 && s & ACKNOWLEDGE != 0),
     framing: Framing::Indexed,
+    transport: Transport::Stream,
     acknowledges: true,
     connectionless: false,
 };

@@ -1,6 +1,6 @@
 //! `text`: lines, for people with a terminal.
 
-use super::{Carrier, Framing};
+use super::{Carrier, Framing, Transport};
 
 /// `CONNECT NAME`, answered `Welcome NAME`.
 pub(super) static TEXT: Carrier = Carrier {
@@ -8,6 +8,7 @@ pub(super) static TEXT: Carrier = Carrier {
     magic: *b"CONNECT ",
     recognises: |magic| magic == b"CONNECT ",
     framing: Framing::Lines,
+    transport: Transport::Stream,
     acknowledges: false,
     connectionless: false,
 };

@@ -1,6 +1,6 @@
 //! `text_ack`: lines, each message answered `<ACK>`; the usual carrier of administration.
 
-use super::{Carrier, Framing};
+use super::{Carrier, Framing, Transport};
 
 /// `CONNACK NAME`, answered `Welcome NAME`.
 pub(super) static TEXT_ACK: Carrier = Carrier {
@@ -8,6 +8,7 @@ pub(super) static TEXT_ACK: Carrier = Carrier {
     magic: *b"CONNACK ",
     recognises: |magic| magic == b"CONNACK ",
     framing: Framing::Lines,
+    transport: Transport::Stream,
     acknowledges: true,
     connectionless: false,
 };

@@ -5,7 +5,7 @@ use bytes::{Buf, BufMut, BytesMut};
 use super::line::LineReader;
 use super::{Message, MessageReader, ProtocolError, put_acknowledgement, put_reply};
 use crate::bottle::detect;
-use crate::carrier::{Carrier, Framing, MAGIC, Sender};
+use crate::carrier::{Carrier, Framing, MAGIC, Sender, Transport};
 use crate::dialect::Dialect;
 use crate::limits::Limits;
 use crate::message::{Command, Form, WireObject};
@@ -143,7 +143,9 @@ impl Acceptor {
 
     fn open(&mut self, carrier: &'static Carrier, sender: &Sender, output: &mut BytesMut) {
         match carrier.framing {
-            Framing::Indexed => number::put(output, i32::from(self.port)),
+            // The driver opens a socket and says where: see `header_reply`.
+            Framing::Indexed if carrier.transport == Transport::Datagrams => {}
+            Framing::Indexed => header_reply(self.port, output),
             Framing::Lines => {
                 output.put_slice(format!("Welcome {}\r\n", sender.name).as_bytes());
             }
@@ -170,6 +172,11 @@ impl Acceptor {
             }
         }
     }
+}
+
+/// Appends the header reply of a binary carrier: the port to go on with.
+pub fn header_reply(port: u16, output: &mut BytesMut) {
+    number::put(output, i32::from(port));
 }
 
 fn read_sender(

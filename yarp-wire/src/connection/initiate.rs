@@ -35,6 +35,7 @@ pub struct Initiator {
     dialect: Dialect,
     limits: Limits,
     ready: bool,
+    header_number: i32,
     welcomed: bool,
     waiting: VecDeque<Waiting>,
     scanner: Option<Scanner>,
@@ -84,6 +85,7 @@ impl Initiator {
             dialect,
             limits,
             ready: false,
+            header_number: 0,
             welcomed: false,
             waiting: VecDeque::new(),
             scanner: None,
@@ -107,6 +109,11 @@ impl Initiator {
     /// The carrier.
     pub fn carrier(&self) -> &'static Carrier {
         self.carrier
+    }
+
+    /// The number in the acceptor's header reply: for a carrier of datagrams, where they go.
+    pub fn header_number(&self) -> i32 {
+        self.header_number
     }
 
     /// The generation the acceptor is taken to be of.
@@ -155,9 +162,8 @@ impl Initiator {
                 let Some(reply) = input.first_chunk::<{ number::LENGTH }>() else {
                     return Ok(None);
                 };
-                if number::decode(reply).is_none() {
-                    return Err(ProtocolError::HeaderReply { got: *reply });
-                }
+                self.header_number =
+                    number::decode(reply).ok_or(ProtocolError::HeaderReply { got: *reply })?;
                 input.advance(number::LENGTH);
             }
             Framing::Lines if self.carrier.acknowledges => {

@@ -15,13 +15,15 @@
 //! ```
 
 mod accept;
+mod datagrams;
 mod error;
 mod incoming;
 mod initiate;
 mod line;
 mod outgoing;
 
-pub use accept::{Acceptor, Event, REFUSAL};
+pub use accept::{Acceptor, Event, REFUSAL, header_reply};
+pub use datagrams::DatagramReader;
 pub use error::ProtocolError;
 pub use incoming::{Message, MessageReader};
 pub use initiate::{Initiator, Progress};

@@ -39,12 +39,7 @@ pub fn put_head(out: &mut impl BufMut, carrier: &Carrier, command: &Command, len
 }
 
 /// Appends a reply, or the payload of a message: the object alone, in the form of the carrier.
-pub fn put_reply(
-    out: &mut BytesMut,
-    carrier: &Carrier,
-    object: &dyn WireObject,
-    dialect: Dialect,
-) {
+pub fn put_reply(out: &mut BytesMut, carrier: &Carrier, object: &dyn WireObject, dialect: Dialect) {
     match carrier.framing {
         Framing::Indexed => object.write_binary(out, dialect),
         Framing::Lines | Framing::NameService => object.write_text(out),

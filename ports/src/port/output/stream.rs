@@ -1,0 +1,99 @@
+//! Sending over the connection itself.
+
+use std::collections::VecDeque;
+use std::io::{self, IoSlice};
+
+use bytes::{Buf, Bytes};
+use tokio::net::TcpStream;
+
+use crate::busy::BusyPoll;
+use crate::cancel::Cancelled;
+use crate::port::outbox::Outbox;
+use crate::stream::Inflow;
+
+/// Buffers handed to one system call.
+const VECTORS: usize = 16;
+
+/// Moves bytes between socket and outbox until either ends; tells why.
+pub(super) async fn run(
+    stream: &TcpStream,
+    outbox: &Outbox,
+    mut input: Inflow,
+    mut cancelled: Cancelled,
+) -> String {
+    let mut batch: VecDeque<Bytes> = VecDeque::new();
+    let mut busy = BusyPoll::new();
+    loop {
+        if batch.is_empty() {
+            outbox.take(&mut batch);
+        }
+        match write_batch(stream, outbox, &mut batch) {
+            Ok(()) => {}
+            Err(error) => return format!("writing failed: {error}"),
+        }
+        let mut read = None;
+        if batch.is_empty() && outbox.awaits_answer() {
+            read = busy.read(stream, &mut input.bytes).await;
+        }
+        if read.is_none() {
+            tokio::select! {
+            biased;
+            ready = stream.readable() => {
+                read = Some(ready.and_then(|()| input.try_read(stream, 0)));
+            }
+            ready = stream.writable(), if !batch.is_empty() => {
+                if let Err(error) = ready {
+                    return format!("writing failed: {error}");
+                }
+            }
+            () = outbox.filled.notified(), if batch.is_empty() => {
+                if outbox.is_closed() {
+                    return "closed here".to_owned();
+                }
+            }
+            () = cancelled.cancelled() => return "the port closed".to_owned(),
+            }
+        }
+        match read {
+            Some(Ok(0)) => return "the reader closed it".to_owned(),
+            Some(Ok(_)) => {
+                busy.received();
+                if let Err(error) = outbox.receive(&mut input.bytes) {
+                    return format!("protocol: {error}");
+                }
+            }
+            Some(Err(error)) if error.kind() != io::ErrorKind::WouldBlock => {
+                return format!("reading failed: {error}");
+            }
+            Some(Err(_)) | None => {}
+        }
+    }
+}
+
+/// Writes as much of the batch as the socket takes now.
+fn write_batch(stream: &TcpStream, outbox: &Outbox, batch: &mut VecDeque<Bytes>) -> io::Result<()> {
+    while !batch.is_empty() {
+        let mut vectors = [IoSlice::new(&[]); VECTORS];
+        let used = batch.len().min(VECTORS);
+        for (vector, chunk) in vectors.iter_mut().zip(batch.iter()) {
+            *vector = IoSlice::new(chunk);
+        }
+        let mut written = match stream.try_write_vectored(&vectors[..used]) {
+            Ok(0) => return Err(io::ErrorKind::WriteZero.into()),
+            Ok(written) => written,
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(()),
+            Err(error) => return Err(error),
+        };
+        outbox.sent(written);
+        while let Some(front) = batch.front_mut() {
+            let taken = front.len().min(written);
+            front.advance(taken);
+            written -= taken;
+            if !front.is_empty() {
+                break;
+            }
+            batch.pop_front();
+        }
+    }
+    Ok(())
+}

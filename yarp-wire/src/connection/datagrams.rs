@@ -1,0 +1,137 @@
+//! Messages out of datagrams.
+
+use bytes::BytesMut;
+
+use super::{Message, MessageReader, ProtocolError};
+use crate::carrier::Framing;
+use crate::datagram;
+use crate::dialect::Dialect;
+use crate::limits::Limits;
+
+/// Puts messages together from datagrams that may be lost, doubled, out of order or damaged.
+///
+/// A message whose datagrams do not come in order is dropped whole; the next one starts afresh.
+#[derive(Debug)]
+pub struct DatagramReader {
+    dialect: Dialect,
+    limits: Limits,
+    reader: MessageReader,
+    bytes: BytesMut,
+    /// The number of the datagram that goes on with the message in progress.
+    next: i32,
+    dropped: u64,
+}
+
+impl DatagramReader {
+    /// A reader that waits for the first datagram of a message.
+    pub fn new(dialect: Dialect, limits: Limits) -> Self {
+        Self {
+            dialect,
+            limits,
+            reader: MessageReader::new(Framing::Indexed, dialect, limits),
+            bytes: BytesMut::new(),
+            next: 0,
+            dropped: 0,
+        }
+    }
+
+    /// Takes a datagram; gives the message that it completes.
+    ///
+    /// Only a message that contradicts itself is an error; the reader can go on after it.
+    pub fn receive(&mut self, bytes: &[u8]) -> Result<Option<Message>, ProtocolError> {
+        let datagram = match datagram::decode(bytes) {
+            Ok(datagram) if datagram.number == datagram::WAKE_UP => return Ok(None),
+            Ok(datagram) if datagram.number == 0 || datagram.number == self.next => datagram,
+            _ => {
+                self.restart();
+                self.dropped += 1;
+                return Ok(None);
+            }
+        };
+        if datagram.number == 0 {
+            self.restart();
+        }
+        self.bytes.extend_from_slice(datagram.data);
+        self.next = datagram.number.wrapping_add(1);
+        match self.reader.read(&mut self.bytes) {
+            Ok(None) => Ok(None),
+            Ok(Some(message)) => {
+                self.restart();
+                Ok(Some(message))
+            }
+            Err(error) => {
+                self.restart();
+                self.dropped += 1;
+                Err(error)
+            }
+        }
+    }
+
+    /// Datagrams that belonged to no message that could be completed.
+    pub fn dropped(&self) -> u64 {
+        self.dropped
+    }
+
+    /// Forgets the message in progress and waits for the start of another.
+    fn restart(&mut self) {
+        self.bytes.clear();
+        self.next = 0;
+        self.reader = MessageReader::new(Framing::Indexed, self.dialect, self.limits);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bytes::Bytes;
+
+    use super::*;
+    use crate::Bottle;
+    use crate::carrier::Carrier;
+    use crate::connection::put_message;
+    use crate::message::Command;
+
+    fn message(bottle: &Bottle) -> Bytes {
+        let mut out = BytesMut::new();
+        let carrier = Carrier::by_name("udp").unwrap();
+        let command = Command::data(false);
+        put_message(&mut out, carrier, &command, Some(bottle), Dialect::V3);
+        out.freeze()
+    }
+
+    #[test]
+    fn messages_survive_what_happens_to_others() {
+        let long = Bottle::of("x".repeat(100));
+        let short = Bottle::parse("1 2").unwrap();
+        let cut: Vec<Vec<u8>> = datagram::split(&message(&long), 50).collect();
+        let whole = datagram::encode(0, &message(&short));
+        let mut reader = DatagramReader::new(Dialect::V3, Limits::DEFAULT);
+        let mut read = |datagrams: &[&Vec<u8>]| -> Vec<Bottle> {
+            datagrams
+                .iter()
+                .filter_map(|bytes| reader.receive(bytes).unwrap())
+                .map(|message| message.payload.to_bottle().unwrap())
+                .collect()
+        };
+        let all: Vec<&Vec<u8>> = cut.iter().collect();
+        assert_eq!(read(&all), [long.clone()]);
+        assert_eq!(
+            read(&[&cut[0], &cut[2], &whole]),
+            [short.clone()],
+            "one lost"
+        );
+        assert_eq!(read(&[&cut[0], &cut[0], &cut[1]]), [], "one doubled");
+        assert_eq!(
+            read(&[&cut[1], &cut[0], &whole]),
+            [short.clone()],
+            "out of order"
+        );
+        let mut damaged = cut[1].clone();
+        damaged[20] ^= 1;
+        assert_eq!(
+            read(&[&cut[0], &damaged, &cut[2], &whole]),
+            [short],
+            "one damaged"
+        );
+        assert_eq!(read(&all), [long]);
+    }
+}
