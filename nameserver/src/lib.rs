@@ -1,1 +1,8 @@
-//! The YARP name server
+//! The YARP name server: who is where.
+//!
+//! [`registry`] is a plain state machine that answers requests; [`Server`] puts it behind a port.
+
+pub mod registry;
+mod server;
+
+pub use server::{Server, ServerOptions};

@@ -14,6 +14,7 @@ pub mod admin;
 pub mod bottle;
 pub mod carrier;
 pub mod connection;
+pub mod datagram;
 pub mod dialect;
 pub mod limits;
 pub mod message;

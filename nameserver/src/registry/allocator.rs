@@ -1,0 +1,309 @@
+//! What the server chooses when a port leaves it open: number, name, multicast address.
+
+use std::collections::{BTreeSet, HashMap, VecDeque};
+use std::net::Ipv4Addr;
+
+use super::limits::Refusal;
+
+/// Port numbers that the server hands out, one pool for all hosts.
+///
+/// In stock's order: the number that the name had before, if nobody has it now; else the next
+/// number that was never handed out; else the one that has been free longest. Unlike stock, a
+/// number that a live port asked for itself is never handed out to another.
+#[derive(Debug)]
+pub(super) struct Numbers {
+    first: u32,
+    /// First number that was never handed out.
+    next: u32,
+    last: u32,
+    previous: HashMap<String, u16>,
+    names: HashMap<u16, String>,
+    freed: VecDeque<u16>,
+    /// How many live ports have each number.
+    used: HashMap<u16, usize>,
+}
+
+impl Numbers {
+    /// Stock's range above its own number: from the second to the 9999th.
+    pub(super) fn above(server: u16) -> Self {
+        let first = u32::from(server) + 2;
+        Self {
+            first,
+            next: first,
+            last: (u32::from(server) + 9999).min(u16::MAX.into()),
+            previous: HashMap::new(),
+            names: HashMap::new(),
+            freed: VecDeque::new(),
+            used: HashMap::new(),
+        }
+    }
+
+    /// A number for `name`, or none if all are taken. It counts as used only after
+    /// [`take`](Self::take).
+    pub(super) fn choose(&mut self, name: &str) -> Option<u16> {
+        let number = self.candidate(name)?;
+        if let Some(last_name) = self.names.insert(number, name.to_owned()) {
+            self.previous.remove(&last_name);
+        }
+        if let Some(old) = self.previous.insert(name.to_owned(), number) {
+            if old != number {
+                self.names.remove(&old);
+            }
+        }
+        Some(number)
+    }
+
+    fn candidate(&mut self, name: &str) -> Option<u16> {
+        if let Some(&number) = self.previous.get(name) {
+            if !self.used.contains_key(&number) {
+                self.freed.retain(|freed| *freed != number);
+                return Some(number);
+            }
+        }
+        while self.next <= self.last {
+            let number = u16::try_from(self.next).ok()?;
+            self.next += 1;
+            if !self.used.contains_key(&number) {
+                return Some(number);
+            }
+        }
+        loop {
+            let number = self.freed.pop_front()?;
+            if !self.used.contains_key(&number) {
+                return Some(number);
+            }
+        }
+    }
+
+    /// The refusal for when [`choose`](Self::choose) gave none.
+    pub(super) fn none_left(&self) -> Refusal {
+        Refusal::NoNumber {
+            first: self.first,
+            last: self.last,
+        }
+    }
+
+    /// A live port has `number` now.
+    pub(super) fn take(&mut self, number: u16) {
+        *self.used.entry(number).or_default() += 1;
+    }
+
+    /// One live port that had `number` has gone.
+    pub(super) fn free(&mut self, number: u16) {
+        let Some(count) = self.used.get_mut(&number) else {
+            return;
+        };
+        *count -= 1;
+        if *count > 0 {
+            return;
+        }
+        self.used.remove(&number);
+        let ours = (self.first..self.next).contains(&number.into());
+        if ours && !self.freed.contains(&number) {
+            self.freed.push_back(number);
+        }
+    }
+}
+
+/// Counts from 1; what is given back is used again first, smallest first.
+#[derive(Debug)]
+struct Counter {
+    next: u32,
+    freed: BTreeSet<u32>,
+}
+
+impl Counter {
+    fn from(next: u32) -> Self {
+        let freed = BTreeSet::new();
+        Self { next, freed }
+    }
+
+    fn take(&mut self) -> u32 {
+        self.freed.pop_first().unwrap_or_else(|| {
+            self.next += 1;
+            self.next - 1
+        })
+    }
+
+    fn free(&mut self, number: u32) {
+        if number < self.next {
+            self.freed.insert(number);
+        }
+    }
+}
+
+/// Invented names: `/tmp/port/1`, `/tmp/port/2`...
+#[derive(Debug)]
+pub(super) struct Names(Counter);
+
+impl Names {
+    const PREFIX: &str = "/tmp/port/";
+
+    pub(super) fn new() -> Self {
+        Self(Counter::from(1))
+    }
+
+    /// A name that `taken` does not know, with `suffix` appended: stock makes
+    /// `/tmp/port/3=x` of `=x`.
+    pub(super) fn choose(&mut self, suffix: &str, taken: impl Fn(&str) -> bool) -> String {
+        loop {
+            let name = format!("{}{}{suffix}", Self::PREFIX, self.0.take());
+            if !taken(&name) {
+                return name;
+            }
+        }
+    }
+
+    /// Gives an invented name back; others are ignored.
+    pub(super) fn free(&mut self, name: &str) {
+        let number = name.strip_prefix(Self::PREFIX).map(|rest| {
+            let suffix = rest.find('=').unwrap_or(rest.len());
+            &rest[..suffix]
+        });
+        if let Some(number) = number.and_then(|digits| digits.parse().ok()) {
+            self.0.free(number);
+        }
+    }
+}
+
+/// Multicast groups: `224.1.1.3`, `224.1.1.4`...
+#[derive(Debug)]
+pub(super) struct Groups(Counter);
+
+impl Groups {
+    /// Groups after which the second last byte would be 256.
+    const COUNT: u32 = 255 * 255;
+
+    pub(super) fn new() -> Self {
+        Self(Counter::from(2))
+    }
+
+    /// A group that `taken` does not know, or none if all are taken.
+    pub(super) fn choose(&mut self, taken: impl Fn(&str) -> bool) -> Option<String> {
+        loop {
+            let index = self.0.take();
+            if index >= Self::COUNT {
+                self.0.next = Self::COUNT;
+                return None;
+            }
+            let group = Self::address(index).to_string();
+            if !taken(&group) {
+                return Some(group);
+            }
+        }
+    }
+
+    /// Gives a group back; addresses that were never ours are ignored.
+    pub(super) fn free(&mut self, group: &str) {
+        let Ok(address) = group.parse::<Ipv4Addr>() else {
+            return;
+        };
+        let [_, _, high, low] = address.octets().map(u32::from);
+        let index = high.saturating_sub(1) * 255 + low.saturating_sub(1);
+        if index >= 2 && index < Self::COUNT && Self::address(index) == address {
+            self.0.free(index);
+        }
+    }
+
+    /// Stock's `224.1.(n/255+1).(n%255+1)`.
+    fn address(index: u32) -> Ipv4Addr {
+        Ipv4Addr::new(224, 1, (index / 255 + 1) as u8, (index % 255 + 1) as u8)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn take(numbers: &mut Numbers, name: &str) -> Option<u16> {
+        let number = numbers.choose(name)?;
+        numbers.take(number);
+        Some(number)
+    }
+
+    #[test]
+    fn a_name_gets_its_number_back() {
+        let mut numbers = Numbers::above(10000);
+        assert_eq!(take(&mut numbers, "/a"), Some(10002));
+        assert_eq!(take(&mut numbers, "/b"), Some(10003));
+        numbers.free(10002);
+        assert_eq!(take(&mut numbers, "/c"), Some(10004));
+        assert_eq!(take(&mut numbers, "/a"), Some(10002));
+        assert_eq!(take(&mut numbers, "/d"), Some(10005));
+    }
+
+    #[test]
+    fn numbers_return_when_the_range_is_used_up() {
+        let mut numbers = Numbers::above(10000);
+        for number in 10002..=19999 {
+            assert_eq!(take(&mut numbers, &format!("/{number}")), Some(number));
+        }
+        assert_eq!(take(&mut numbers, "/more"), None);
+        numbers.free(15000);
+        numbers.free(12000);
+        assert_eq!(take(&mut numbers, "/more"), Some(15000));
+        assert_eq!(take(&mut numbers, "/more2"), Some(12000));
+        assert_eq!(take(&mut numbers, "/15000"), None);
+    }
+
+    #[test]
+    fn numbers_asked_for_by_ports_are_left_out() {
+        let mut numbers = Numbers::above(10000);
+        numbers.take(10002);
+        numbers.take(10002);
+        assert_eq!(take(&mut numbers, "/a"), Some(10003));
+        numbers.free(10002);
+        numbers.free(10002);
+        numbers.free(10002);
+        assert_eq!(numbers.freed, [10002]);
+    }
+
+    #[test]
+    fn the_range_ends_with_the_numbers() {
+        let mut numbers = Numbers::above(65_532);
+        assert_eq!(take(&mut numbers, "/a"), Some(65_534));
+        assert_eq!(take(&mut numbers, "/b"), Some(65_535));
+        assert_eq!(take(&mut numbers, "/c"), None);
+        assert_eq!(take(&mut Numbers::above(65_535), "/a"), None);
+    }
+
+    #[test]
+    fn groups_are_numbered_as_in_stock() {
+        let mut groups = Groups::new();
+        assert_eq!(groups.choose(|_| false).unwrap(), "224.1.1.3");
+        assert_eq!(groups.choose(|_| false).unwrap(), "224.1.1.4");
+        groups.free("224.1.1.3");
+        groups.free("224.1.1.200");
+        groups.free("10.0.0.1");
+        groups.free("nonsense");
+        assert_eq!(groups.choose(|_| false).unwrap(), "224.1.1.3");
+        assert_eq!(groups.choose(|_| false).unwrap(), "224.1.1.5");
+        assert_eq!(Groups::address(254).to_string(), "224.1.1.255");
+        assert_eq!(Groups::address(255).to_string(), "224.1.2.1");
+    }
+
+    #[test]
+    fn groups_run_out_without_harm() {
+        let mut groups = Groups::new();
+        let count = std::iter::from_fn(|| groups.choose(|_| false)).count();
+        assert_eq!(count, 255 * 255 - 2);
+        assert_eq!(groups.choose(|_| false), None);
+        groups.free("224.1.7.7");
+        assert_eq!(groups.choose(|_| false).unwrap(), "224.1.7.7");
+    }
+
+    #[test]
+    fn names_are_invented_and_reused() {
+        let mut names = Names::new();
+        assert_eq!(
+            names.choose("", |name| name == "/tmp/port/1"),
+            "/tmp/port/2"
+        );
+        assert_eq!(names.choose("=x", |_| false), "/tmp/port/3=x");
+        names.free("/tmp/port/3=x");
+        names.free("/tmp/port/99");
+        names.free("/other");
+        assert_eq!(names.choose("", |_| false), "/tmp/port/3");
+        assert_eq!(names.choose("", |_| false), "/tmp/port/4");
+    }
+}

@@ -1,0 +1,128 @@
+//! Questions about ports.
+
+use yarp_wire::name_service::{Form, Registration, plain_text};
+use yarp_wire::{Bottle, Value};
+
+use super::limits;
+use super::persistent::split_carrier;
+use super::{Body, Entry, Registry};
+
+impl Registry {
+    pub(super) fn query(&self, form: Form, name: &str) -> Body {
+        let found = self.find(name);
+        match form {
+            Form::Plain => Body::lines(found.iter().map(Registration::to_string)),
+            Form::Bot => Body::Bottle(match found {
+                Some(registration) => registration.to_bottle(),
+                None => {
+                    let error = Bottle::of("error").with(-2).with("port not known");
+                    Bottle::of("port").with(error)
+                }
+            }),
+        }
+    }
+
+    /// The port that a query means: `NAME`, `CARRIER:/NAME` (the carrier does not matter) or
+    /// `/net=PREFIX/NAME`, which answers with the first of the port's addresses that starts with
+    /// PREFIX, if there is one.
+    pub(super) fn find(&self, query: &str) -> Option<Registration> {
+        let (_, name) = split_carrier(query);
+        let Some(selector) = name.strip_prefix("/net=") else {
+            return Some(self.ports.get(name)?.registration.clone());
+        };
+        let (prefix, name) = selector.split_at(selector.find('/')?);
+        let entry = self.ports.get(name)?;
+        let mut registration = entry.registration.clone();
+        let mut ips = entry.properties.get("ips").iter();
+        if let Some(ip) = ips.find(|ip| !prefix.is_empty() && ip.starts_with(prefix)) {
+            registration.host = ip.clone();
+        }
+        Some(registration)
+    }
+
+    /// Ports that are called `prefix` or lie below it, sorted by the bytes of their names.
+    pub(super) fn list(&self, form: Form, prefix: &str) -> Body {
+        listing(
+            form,
+            self.entries().filter(|(name, _)| is_below(name, prefix)),
+        )
+    }
+
+    pub(super) fn runners(&self, form: Form) -> Body {
+        let runs = |entry: &Entry| entry.properties.has("yarprun", "true");
+        listing(form, self.entries().filter(|(_, entry)| runs(entry)))
+    }
+
+    fn entries(&self) -> impl Iterator<Item = (&str, &Entry)> {
+        self.ports
+            .iter()
+            .map(|(name, entry)| (name.as_str(), entry))
+    }
+
+    /// Sets a property. `carrier` is that of the registration itself, as in stock.
+    pub(super) fn set(&mut self, form: Form, name: &str, key: &str, values: &[String]) -> Body {
+        let Some(entry) = self.ports.get_mut(name) else {
+            return unknown(form);
+        };
+        let held = limits::check_key(key)
+            .and_then(|()| match (key, values.iter().min()) {
+                ("carrier", Some(carrier)) => limits::check_word("carrier", carrier),
+                _ => Ok(()),
+            })
+            .and_then(|()| entry.properties.set(key, values));
+        if let Err(refusal) = held {
+            return Body::refused(&refusal);
+        }
+        if let ("carrier", [carrier, ..]) = (key, entry.properties.get(key)) {
+            entry.registration.carrier = carrier.clone();
+        }
+        self.property(form, name, key)
+    }
+
+    pub(super) fn property(&self, form: Form, name: &str, key: &str) -> Body {
+        match (self.ports.get(name), form) {
+            (None, form) => unknown(form),
+            (Some(entry), Form::Plain) => Body::lines([entry.properties.line(name, key)]),
+            (Some(entry), Form::Bot) => Body::Bottle(entry.properties.bottle(key)),
+        }
+    }
+
+    pub(super) fn check(&self, name: &str, key: &str, value: &str) -> Body {
+        let Some(entry) = self.ports.get(name) else {
+            return Body::end();
+        };
+        let present = entry.properties.has(key, value);
+        let [name, key, value] = [name, key, value].map(plain_text);
+        let line = format!("port {name} property {key} value {value} present {present}");
+        Body::lines([line])
+    }
+}
+
+/// What stock answers about the properties of a port it does not know.
+fn unknown(form: Form) -> Body {
+    match form {
+        Form::Plain => Body::end(),
+        Form::Bot => Body::Bottle(Bottle::new()),
+    }
+}
+
+fn is_below(name: &str, prefix: &str) -> bool {
+    match name.strip_prefix(prefix) {
+        Some(rest) => {
+            rest.is_empty() || rest.starts_with('/') || prefix.is_empty() || prefix.ends_with('/')
+        }
+        None => false,
+    }
+}
+
+fn listing<'a>(form: Form, entries: impl Iterator<Item = (&'a str, &'a Entry)>) -> Body {
+    let registrations = entries.map(|(_, entry)| &entry.registration);
+    match form {
+        Form::Plain => Body::lines(registrations.map(Registration::to_string)),
+        Form::Bot => {
+            let mut bottle = Bottle::of("ports");
+            bottle.extend(registrations.map(|port| Value::from(port.to_bottle())));
+            Body::Bottle(bottle)
+        }
+    }
+}

@@ -1,0 +1,180 @@
+//! Who is where: the state of the name server.
+//!
+//! [`Registry::handle`] takes one request and the time, and gives the [`Reply`] with the
+//! [`Effect`]s that the server must see to. Nothing here has a socket, a clock or a task.
+//!
+//! Answers and their order are those of stock 3.5.0, asked request by request, except:
+//!
+//! * names and words that an answer could not hold (empty, with blanks, quotes or line ends),
+//!   numbers that no port has, and stores that are full are refused with a reason, where stock
+//!   stores anything and exits when its numbers run out;
+//! * a number that is in use is never handed out to another port (stock minds only the numbers
+//!   that it chose itself);
+//! * `(format json)` is not taken for an argument (stock stores it as a value with `set`).
+
+mod allocator;
+mod limits;
+mod lookup;
+mod persistent;
+mod properties;
+mod register;
+mod reply;
+mod subscribe;
+#[cfg(test)]
+mod tests;
+mod text;
+
+use std::collections::BTreeMap;
+use std::net::IpAddr;
+use std::time::Instant;
+
+use yarp_wire::name_service::{
+    Command, DEFAULT_NAMESPACE, DEFAULT_PORT, Form, Registering, Registration, Request,
+};
+
+use allocator::{Groups, Names, Numbers};
+use persistent::Persistent;
+use properties::Properties;
+
+pub use limits::Refusal;
+pub use reply::{Body, Effect, Link, Reply};
+
+/// What the server knows of itself.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// The name of its port: the namespace.
+    pub name: String,
+    /// The host that it tells clients.
+    pub host: String,
+    /// Its TCP port; the numbers it hands out begin two above.
+    pub port: u16,
+    /// The UDP port of multicast detection, listed as `fallback`.
+    pub multicast_port: u16,
+}
+
+/// All ports, their properties, and the connections that outlive them.
+#[derive(Debug)]
+pub struct Registry {
+    settings: Settings,
+    ports: BTreeMap<String, Entry>,
+    numbers: Numbers,
+    names: Names,
+    groups: Groups,
+    persistent: Persistent,
+    types: BTreeMap<String, String>,
+}
+
+/// One registered port.
+#[derive(Debug)]
+struct Entry {
+    registration: Registration,
+    properties: Properties,
+    /// When it last said that it listens; none before it did, or once it was found dead.
+    announced: Option<Instant>,
+}
+
+impl Settings {
+    /// Namespace `/root` at `host:port`, multicast on the usual port.
+    pub fn at(host: &str, port: u16) -> Self {
+        Self {
+            name: DEFAULT_NAMESPACE.to_owned(),
+            host: host.to_owned(),
+            port,
+            multicast_port: DEFAULT_PORT,
+        }
+    }
+}
+
+/// Name under which stock lists the multicast group of the name server.
+const FALLBACK: &str = "fallback";
+/// That group.
+pub(crate) const GROUP: &str = "224.2.1.1";
+
+impl Registry {
+    /// A registry that knows the server itself and its multicast group, as after a start of
+    /// stock. Its properties `offers`, `accepts` and `ips` are set by requests, like anybody's.
+    pub fn new(settings: Settings) -> Self {
+        let mut registry = Self {
+            ports: BTreeMap::new(),
+            numbers: Numbers::above(settings.port),
+            names: Names::new(),
+            groups: Groups::new(),
+            persistent: Persistent::default(),
+            types: BTreeMap::new(),
+            settings,
+        };
+        let own = |name: &str, carrier: &str, host: &str, port| Registering {
+            carrier: Some(carrier.to_owned()),
+            host: Some(host.to_owned()),
+            number: Some(i64::from(port)),
+            ..Registering::named(name)
+        };
+        let Settings {
+            name,
+            host,
+            port,
+            multicast_port,
+        } = registry.settings.clone();
+        registry.register(Form::Plain, None, &own(&name, "tcp", &host, port));
+        let group = own(FALLBACK, "mcast", GROUP, multicast_port);
+        registry.register(Form::Plain, None, &group);
+        registry.set(Form::Plain, &name, "nameserver", &["true".to_owned()]);
+        registry
+    }
+
+    /// Answers one request.
+    ///
+    /// * `now`: when it came; only `announce NAME 0` minds.
+    /// * `from`: the address of the asker, which becomes that of a port it registers without
+    ///   one. `localhost` if unknown, as in stock.
+    pub fn handle(&mut self, now: Instant, from: Option<IpAddr>, request: &Request) -> Reply {
+        let form = request.form;
+        match &request.command {
+            Command::Register(registering) => self.register(form, from, registering),
+            Command::Unregister { name } => self.unregister(form, name),
+            Command::Query { name } => self.query(form, name).into(),
+            Command::List { prefix } => self.list(form, prefix).into(),
+            Command::Runners => self.runners(form).into(),
+            Command::Set { name, key, values } => self.set(form, name, key, values).into(),
+            Command::Get { name, key } => self.property(form, name, key).into(),
+            Command::Check { name, key, value } => self.check(name, key, value).into(),
+            Command::Route {
+                source,
+                destination,
+            } => Body::lines([text::route(source, destination)]).into(),
+            Command::CollectGarbage => Body::lines(["garbage collection done.".into()]).into(),
+            Command::Help => text::help(form).into(),
+            Command::Announce { name, alive } => self.announce(now, name, *alive),
+            Command::Subscribe {
+                source,
+                destination,
+                mode,
+            } => self.subscribe(source, destination, mode),
+            Command::Subscriptions { port } => Body::Bottle(self.persistent.listing(port)).into(),
+            Command::Unsubscribe {
+                source,
+                destination,
+            } => self.unsubscribe(source, destination).into(),
+            Command::Topic { name, structure } => self.topic(name, structure),
+            Command::Topics => Body::Bottle(self.persistent.topics()).into(),
+            Command::Untopic { name } => self.untopic(name).into(),
+            Command::Type {
+                family,
+                name,
+                value,
+            } => self.type_definition(family, name, value.as_deref()).into(),
+            Command::Web(_) => text::web().into(),
+            _ => Body::end().into(),
+        }
+    }
+
+    /// What the server knows of itself.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Every registered port, sorted by name.
+    pub fn registrations(&self) -> impl Iterator<Item = &Registration> {
+        self.ports.values().map(|entry| &entry.registration)
+    }
+}

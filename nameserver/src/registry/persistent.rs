@@ -1,0 +1,342 @@
+//! Connections that outlive their ports, and topics.
+
+use std::collections::BTreeMap;
+
+use yarp_wire::vocab::Vocab32;
+use yarp_wire::{Bottle, Value};
+
+use super::limits::{self, Refusal};
+
+/// All persistent connections and topics.
+///
+/// A topic is a name between ports: whoever is subscribed to it is connected with everybody who
+/// is subscribed from it.
+#[derive(Debug, Default)]
+pub(super) struct Persistent {
+    /// By bare names of source and destination, which is also the order of stock's listing.
+    subscriptions: BTreeMap<(String, String), Subscription>,
+    topics: BTreeMap<String, Topic>,
+    topics_made: u64,
+}
+
+#[derive(Debug)]
+struct Topic {
+    /// Which one it was to be made: stock lists topics in that order.
+    order: u64,
+    structure: String,
+}
+
+#[derive(Clone, Debug)]
+struct Subscription {
+    source: End,
+    destination: End,
+    mode: String,
+}
+
+/// One end of a subscription.
+#[derive(Clone, Debug)]
+pub(super) struct End {
+    /// As it was written: `udp://b`.
+    text: String,
+    carrier: Option<String>,
+    /// The bare name: `/b`.
+    pub(super) name: String,
+}
+
+impl End {
+    pub(super) fn parse(text: &str) -> Self {
+        let (carrier, name) = split_carrier(text);
+        Self {
+            text: text.to_owned(),
+            carrier: carrier.map(str::to_owned),
+            name: name.to_owned(),
+        }
+    }
+
+    /// The carrier to connect by, if one was written.
+    pub(super) fn carrier(&self) -> Option<&str> {
+        self.carrier
+            .as_deref()
+            .filter(|carrier| *carrier != "topic")
+    }
+
+    fn names_topic(&self) -> bool {
+        self.carrier.as_deref() == Some("topic")
+    }
+}
+
+/// Splits `CARRIER:/NAME`. The slash of `://` belongs to the name: `tcp://a` is `/a`, and stock
+/// takes `tcp:/a` for `a`.
+pub(super) fn split_carrier(text: &str) -> (Option<&str>, &str) {
+    match text.split_once(":/") {
+        Some((carrier, name)) if !carrier.is_empty() && !carrier.contains('/') => {
+            (Some(carrier), name)
+        }
+        _ => (None, text),
+    }
+}
+
+impl Persistent {
+    /// Adds a subscription, or replaces the one between the same two names.
+    pub(super) fn subscribe(
+        &mut self,
+        source: End,
+        destination: End,
+        mode: &str,
+    ) -> Result<(), Refusal> {
+        limits::check_name(&source.name)?;
+        limits::check_name(&destination.name)?;
+        for end in [&source, &destination] {
+            if let Some(carrier) = &end.carrier {
+                limits::check_word("carrier", carrier)?;
+            }
+        }
+        if !mode.is_empty() {
+            limits::check_word("mode", mode)?;
+        }
+        let key = (source.name.clone(), destination.name.clone());
+        let full = self.subscriptions.len() >= limits::SUBSCRIPTIONS;
+        if full && !self.subscriptions.contains_key(&key) {
+            return Err(Refusal::Full {
+                what: "persistent connections",
+                limit: limits::SUBSCRIPTIONS,
+            });
+        }
+        for end in [&source, &destination] {
+            if end.names_topic() {
+                self.add_topic(&end.name, "")?;
+            }
+        }
+        let subscription = Subscription {
+            source,
+            destination,
+            mode: mode.to_owned(),
+        };
+        self.subscriptions.insert(key, subscription);
+        Ok(())
+    }
+
+    /// Removes the subscription between two names, if there is one.
+    pub(super) fn unsubscribe(&mut self, source: &End, destination: &End) {
+        let key = (source.name.clone(), destination.name.clone());
+        self.subscriptions.remove(&key);
+    }
+
+    /// Removes the subscriptions that end with `name`: mode `from` if it writes, `to` if it reads.
+    pub(super) fn gone(&mut self, name: &str) {
+        self.subscriptions.retain(|(source, destination), held| {
+            let from = held.mode == "from" && source == name;
+            let to = held.mode == "to" && destination == name;
+            !(from || to)
+        });
+    }
+
+    /// The pairs of ports that are to be connected and that `name`, a port or a topic, has part
+    /// in, up to the limit of one request.
+    pub(super) fn pairs(&self, name: &str) -> Vec<(&End, &End)> {
+        let mut pairs = BTreeMap::new();
+        for held in self.subscriptions.values() {
+            if self.is_topic(&held.source.name) {
+                continue;
+            }
+            if !self.is_topic(&held.destination.name) {
+                if held.source.name == name || held.destination.name == name {
+                    let key = (&held.source.name, &held.destination.name);
+                    pairs.insert(key, (&held.source, &held.destination));
+                }
+                continue;
+            }
+            let topic = &held.destination.name;
+            let concerned = topic == name || held.source.name == name;
+            for reader in self.readers(topic) {
+                if concerned || reader.name == name {
+                    let key = (&held.source.name, &reader.name);
+                    pairs.entry(key).or_insert((&held.source, reader));
+                }
+                if pairs.len() >= limits::LINKS {
+                    return pairs.into_values().collect();
+                }
+            }
+        }
+        pairs.into_values().collect()
+    }
+
+    /// The ports that are subscribed from a topic.
+    fn readers<'a>(&'a self, topic: &'a str) -> impl Iterator<Item = &'a End> {
+        let from = (topic.to_owned(), String::new());
+        let held = self.subscriptions.range(from..);
+        held.take_while(move |((source, _), _)| source == topic)
+            .map(|(_, held)| &held.destination)
+            .filter(|end| !self.is_topic(&end.name))
+    }
+
+    pub(super) fn is_topic(&self, name: &str) -> bool {
+        self.topics.contains_key(name)
+    }
+
+    /// Makes a topic; one that exists keeps its structure unless a new one is given.
+    pub(super) fn add_topic(&mut self, name: &str, structure: &str) -> Result<(), Refusal> {
+        limits::check_name(name)?;
+        if structure.len() > limits::DEFINITION {
+            return Err(Refusal::Full {
+                what: "bytes of structure per topic",
+                limit: limits::DEFINITION,
+            });
+        }
+        if let Some(topic) = self.topics.get_mut(name) {
+            if !structure.is_empty() {
+                topic.structure = structure.to_owned();
+            }
+            return Ok(());
+        }
+        if self.topics.len() >= limits::TOPICS {
+            return Err(Refusal::Full {
+                what: "topics",
+                limit: limits::TOPICS,
+            });
+        }
+        let topic = Topic {
+            order: self.topics_made,
+            structure: structure.to_owned(),
+        };
+        self.topics_made += 1;
+        self.topics.insert(name.to_owned(), topic);
+        Ok(())
+    }
+
+    pub(super) fn remove_topic(&mut self, name: &str) {
+        self.topics.remove(name);
+    }
+
+    /// The answer to `topic`.
+    pub(super) fn topics(&self) -> Bottle {
+        let mut topics: Vec<_> = self.topics.iter().collect();
+        topics.sort_by_key(|(_, topic)| topic.order);
+        topics
+            .into_iter()
+            .map(|(name, _)| Value::from(name.as_str()))
+            .collect()
+    }
+
+    /// The answer to `subscribe [PORT]`.
+    pub(super) fn listing(&self, port: &str) -> Bottle {
+        let (_, port) = split_carrier(port);
+        let mut bottle = Bottle::of("subscriptions");
+        for held in self.subscriptions.values() {
+            let ends = [&held.source, &held.destination];
+            if port.is_empty() || ends.iter().any(|end| end.name == port) {
+                bottle.push(self.describe(held));
+            }
+        }
+        bottle
+    }
+
+    fn describe(&self, held: &Subscription) -> Bottle {
+        let pair = |key: &str, text: &str| Bottle::of(key).with(text);
+        let mut bottle = Bottle::of("subscription")
+            .with(pair("src", &held.source.text))
+            .with(pair("dest", &held.destination.text));
+        if !held.mode.is_empty() {
+            bottle.push(pair("mode", &held.mode));
+        }
+        let topics = [&held.source, &held.destination].map(|end| self.is_topic(&end.name));
+        if topics != [false, false] {
+            let flags = topics.map(i32::from);
+            bottle.push(Bottle::of("topic").with(flags[0]).with(flags[1]));
+        }
+        bottle
+    }
+}
+
+/// `[ok]`, or `[fail]` with the reason, which stock leaves out.
+pub(super) fn verdict(result: Result<(), Refusal>) -> Bottle {
+    match result {
+        Ok(()) => Bottle::of(Vocab32::OK),
+        Err(refusal) => Bottle::of(Vocab32::FAIL).with(refusal.to_string()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn with(subscriptions: &[(&str, &str)]) -> Persistent {
+        let mut held = Persistent::default();
+        for (source, destination) in subscriptions {
+            held.subscribe(End::parse(source), End::parse(destination), "")
+                .unwrap();
+        }
+        held
+    }
+
+    #[track_caller]
+    fn check_pairs(held: &Persistent, name: &str, expected: &[(&str, &str)]) {
+        let pairs = held.pairs(name);
+        let pairs: Vec<_> = pairs
+            .iter()
+            .map(|(a, b)| (a.name.as_str(), b.name.as_str()))
+            .collect();
+        assert_eq!(pairs, expected, "{name}");
+    }
+
+    #[test]
+    fn carriers_are_split_as_in_stock() {
+        assert_eq!(split_carrier("tcp://a"), (Some("tcp"), "/a"));
+        assert_eq!(split_carrier("tcp:/a"), (Some("tcp"), "a"));
+        assert_eq!(split_carrier("tcp:///a"), (Some("tcp"), "//a"));
+        assert_eq!(split_carrier("/a:/b"), (None, "/a:/b"));
+        assert_eq!(split_carrier("://a"), (None, "://a"));
+    }
+
+    #[test]
+    fn topics_join_writers_with_readers() {
+        let held = with(&[
+            ("/w1", "topic://t"),
+            ("tcp://w2", "/t"),
+            ("topic://t", "/r1"),
+            ("topic://t", "udp://r2"),
+            ("/w1", "/other"),
+        ]);
+        let all = [
+            ("/w1", "/r1"),
+            ("/w1", "/r2"),
+            ("/w2", "/r1"),
+            ("/w2", "/r2"),
+        ];
+        check_pairs(&held, "/t", &all);
+        check_pairs(&held, "/w1", &[("/w1", "/other"), all[0], all[1]]);
+        check_pairs(&held, "/r2", &[all[1], all[3]]);
+        check_pairs(&held, "/other", &[("/w1", "/other")]);
+        check_pairs(&held, "/nobody", &[]);
+    }
+
+    #[test]
+    fn a_forgotten_topic_joins_nobody() {
+        let mut held = with(&[("/w", "topic://t"), ("topic://t", "/r")]);
+        held.remove_topic("/t");
+        check_pairs(&held, "/t", &[("/t", "/r"), ("/w", "/t")]);
+        check_pairs(&held, "/w", &[("/w", "/t")]);
+    }
+
+    /// 2000 writers and 2000 readers of one topic are four million pairs.
+    #[test]
+    fn one_request_starts_a_bounded_number_of_connections() {
+        let mut held = Persistent::default();
+        for index in 0..2000 {
+            let topic = || End::parse("topic://t");
+            let port = |kind: &str| End::parse(&format!("/{kind}/{index}"));
+            held.subscribe(port("w"), topic(), "").unwrap();
+            held.subscribe(topic(), port("r"), "").unwrap();
+        }
+        assert_eq!(held.pairs("/t").len(), limits::LINKS);
+        let more = held
+            .subscribe(End::parse("/a"), End::parse("/b"), "")
+            .is_ok();
+        assert!(more);
+        let full = (0..200).any(|i| {
+            let end = End::parse(&format!("/more/{i}"));
+            held.subscribe(end, End::parse("/b"), "").is_err()
+        });
+        assert!(full);
+    }
+}

@@ -1,0 +1,218 @@
+//! Ports come and go.
+
+use std::collections::HashSet;
+use std::net::{IpAddr, Ipv4Addr};
+
+use yarp_wire::name_service::{CHOOSE, Form, Registering, Registration};
+
+use super::limits::{self, Refusal};
+use super::properties::Properties;
+use super::{Body, Effect, Entry, Registry, Reply};
+
+impl Registry {
+    pub(super) fn register(
+        &mut self,
+        form: Form,
+        from: Option<IpAddr>,
+        asked: &Registering,
+    ) -> Reply {
+        let mut effects = Vec::new();
+        let body = match self.admit(from, asked, &mut effects) {
+            Ok(registration) => registered(form, &registration),
+            Err(refusal) => Body::refused(&refusal),
+        };
+        Reply { body, effects }
+    }
+
+    /// Stores the port. Whoever had its name before is forgotten first, without being asked.
+    fn admit(
+        &mut self,
+        from: Option<IpAddr>,
+        asked: &Registering,
+        effects: &mut Vec<Effect>,
+    ) -> Result<Registration, Refusal> {
+        let carrier = asked.carrier.as_deref().unwrap_or("tcp");
+        limits::check_word("carrier", carrier)?;
+        if let Some(host) = &asked.host {
+            limits::check_word("host", host)?;
+        }
+        if let Some(type_name) = &asked.type_name {
+            limits::check_word("type", type_name)?;
+        }
+        let number = self.wanted_number(carrier, asked)?;
+        let name = self.name_for(&asked.name)?;
+        self.forget(&name, effects, &mut Vec::new());
+        if self.ports.len() >= limits::PORTS {
+            self.names.free(&name);
+            return Err(Refusal::Full {
+                what: "ports",
+                limit: limits::PORTS,
+            });
+        }
+        let Some(port) = number.or_else(|| self.numbers.choose(&name)) else {
+            self.names.free(&name);
+            return Err(self.numbers.none_left());
+        };
+        let Some(host) = self.host_for(carrier, asked.host.as_deref(), from) else {
+            self.names.free(&name);
+            return Err(Refusal::NoGroup);
+        };
+        self.numbers.take(port);
+        let registration = Registration {
+            name: name.clone(),
+            carrier: carrier.to_owned(),
+            host,
+            port,
+        };
+        let mut properties = Properties::default();
+        // Short words: they always fit.
+        let _ = properties.set("carrier", &[carrier.to_owned()]);
+        if let Some(type_name) = &asked.type_name {
+            let _ = properties.set("type", std::slice::from_ref(type_name));
+        }
+        if carrier != "mcast" {
+            effects.push(Effect::Added(name.clone()));
+        }
+        let entry = Entry {
+            registration: registration.clone(),
+            properties,
+            announced: None,
+        };
+        self.ports.insert(name, entry);
+        Ok(registration)
+    }
+
+    /// The number that the port brings itself; none if one is to be chosen.
+    fn wanted_number(&self, carrier: &str, asked: &Registering) -> Result<Option<u16>, Refusal> {
+        match asked.number {
+            Some(found) => match u16::try_from(found) {
+                Ok(number) if number > 0 => Ok(Some(number)),
+                _ => Err(Refusal::Number { found }),
+            },
+            // A topic is reached at the server.
+            None if carrier == "topic" => Ok(Some(self.settings.port)),
+            None => Ok(None),
+        }
+    }
+
+    /// The name itself, or an invented one for `...` and `=suffix`.
+    fn name_for(&mut self, asked: &str) -> Result<String, Refusal> {
+        let suffix = match asked {
+            CHOOSE => Some(""),
+            _ => asked.strip_prefix('=').map(|_| asked),
+        };
+        let Some(suffix) = suffix else {
+            limits::check_name(asked)?;
+            return Ok(asked.to_owned());
+        };
+        // As long as the longest name that can come out.
+        limits::check_name(&format!("/tmp/port/4294967295{suffix}"))?;
+        Ok(self
+            .names
+            .choose(suffix, |name| self.ports.contains_key(name)))
+    }
+
+    fn host_for(
+        &mut self,
+        carrier: &str,
+        asked: Option<&str>,
+        from: Option<IpAddr>,
+    ) -> Option<String> {
+        if let Some(host) = asked {
+            return Some(host.to_owned());
+        }
+        match carrier {
+            "topic" => Some(self.settings.host.clone()),
+            "mcast" => {
+                let live = self.ports.values().map(|entry| &entry.registration.host);
+                let live: HashSet<&str> = live.map(String::as_str).collect();
+                self.groups.choose(|group| live.contains(group))
+            }
+            _ => Some(from.map_or("localhost".to_owned(), |ip| plain_address(ip).to_string())),
+        }
+    }
+
+    /// Forgets a port and what it owns.
+    ///
+    /// After a plain `unregister` stock answers like `query`, so a name with a carrier or a
+    /// `/net=` in front, which is no port's name, tells where that port is and changes nothing.
+    /// For each name that the port owned there is a line `old` in front. Programs that ask with
+    /// `bot` get the lines of a failed query.
+    pub(super) fn unregister(&mut self, form: Form, name: &str) -> Reply {
+        let mut effects = Vec::new();
+        let mut lines = Vec::new();
+        self.forget(name, &mut effects, &mut lines);
+        match (form, self.find(name)) {
+            (Form::Plain, found) => lines.extend(found.iter().map(Registration::to_string)),
+            (Form::Bot, Some(found)) => lines = old_style(&found),
+            (Form::Bot, None) => lines = vec!["port".into(), "error -2 port not known".into()],
+        }
+        let body = Body::lines(lines);
+        Reply { body, effects }
+    }
+
+    /// Removes a port, first the ones it owns, those first which they own and so on.
+    fn forget(&mut self, name: &str, effects: &mut Vec<Effect>, old: &mut Vec<String>) {
+        let mut waiting = vec![name.to_owned()];
+        let mut going = Vec::new();
+        let mut seen = HashSet::new();
+        while let Some(name) = waiting.pop() {
+            let Some(entry) = self.ports.get(&name) else {
+                continue;
+            };
+            if going.len() >= limits::LINKS || !seen.insert(name.clone()) {
+                continue;
+            }
+            let owned = entry.properties.get("owns");
+            old.extend(owned.iter().map(|_| "old".to_owned()));
+            waiting.extend(owned.iter().rev().cloned());
+            going.push(name);
+        }
+        for name in going.into_iter().rev() {
+            self.forget_one(&name, effects);
+        }
+    }
+
+    fn forget_one(&mut self, name: &str, effects: &mut Vec<Effect>) {
+        let links = self.links(name, |_| true);
+        effects.extend(links.into_iter().map(Effect::Disconnect));
+        self.persistent.gone(name);
+        let Some(Entry { registration, .. }) = self.ports.remove(name) else {
+            return;
+        };
+        self.numbers.free(registration.port);
+        self.names.free(name);
+        if registration.carrier == "mcast" {
+            self.groups.free(&registration.host);
+        } else {
+            effects.push(Effect::Removed(name.to_owned()));
+        }
+    }
+}
+
+/// IPv4 addresses that arrive on an IPv6 socket are IPv4 addresses.
+fn plain_address(ip: IpAddr) -> IpAddr {
+    match ip {
+        IpAddr::V6(ip) => ip.to_canonical(),
+        IpAddr::V4(Ipv4Addr::UNSPECIFIED) => Ipv4Addr::LOCALHOST.into(),
+        ip => ip,
+    }
+}
+
+/// Stock has no bottle for `bot register`, only other lines.
+fn registered(form: Form, registration: &Registration) -> Body {
+    match form {
+        Form::Plain => Body::lines([registration.to_string()]),
+        Form::Bot => Body::lines(old_style(registration)),
+    }
+}
+
+fn old_style(registration: &Registration) -> Vec<String> {
+    vec![
+        "port".to_owned(),
+        format!("name {}", registration.name),
+        format!("ip {}", registration.host),
+        format!("port_number {}", registration.port),
+        format!("carrier {}", registration.carrier),
+    ]
+}

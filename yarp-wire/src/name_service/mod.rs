@@ -1,0 +1,44 @@
+//! The messages that programs exchange with the name server.
+//!
+//! A [`Request`] is read from a [`Bottle`](crate::Bottle) or a line of text, and written in the
+//! [`Style`]s that stock clients use. What comes back is read by an [`AnswerReader`] in any
+//! pieces; its lines that place a port are [`Registration`]s.
+//!
+//! ```
+//! use yarp_wire::name_service::{AnswerReader, Command, Request, Style, Until};
+//!
+//! let request = Request::plain(Command::Query { name: "/cam".into() });
+//! assert_eq!(request.to_bytes(Style::Line), b"NAME_SERVER query /cam\n");
+//!
+//! let mut reader = AnswerReader::new(Until::End);
+//! reader.feed(b"registration name /cam ip 10.0.0.2 port 10002 type tcp\r\n*** end of").unwrap();
+//! assert!(!reader.is_done());
+//! reader.feed(b" message\r\n").unwrap();
+//! let place = reader.answer().registration().unwrap();
+//! assert_eq!((place.host.as_str(), place.port), ("10.0.0.2", 10002));
+//! ```
+
+mod answer;
+mod registration;
+mod request;
+mod write;
+
+pub use answer::{Answer, AnswerError, AnswerReader, Property, Until};
+pub use registration::{Registration, RegistrationError};
+pub use request::{Command, Form, Registering, Request};
+pub use write::{Style, plain_text};
+
+/// Last line of every old-style answer.
+pub const END: &str = "*** end of message";
+
+/// First word of a request line, which the server skips.
+pub const PREFIX: &str = "NAME_SERVER";
+
+/// What a client writes where the server shall choose.
+pub const CHOOSE: &str = "...";
+
+/// TCP port of the name server unless configured otherwise.
+pub const DEFAULT_PORT: u16 = 10000;
+
+/// Name of the name server unless configured otherwise.
+pub const DEFAULT_NAMESPACE: &str = "/root";
