@@ -101,6 +101,19 @@ impl Capture {
         self.streams.iter().filter(move |stream| stream.port == port)
     }
 
+    /// Whether a structured list in the recording has the port `name`, though nothing in the
+    /// recording registers it.
+    pub fn mentions(&self, name: &str) -> bool {
+        let says = |text: &str, sent: bool| {
+            let runs = self.streams.iter().flat_map(|stream| &stream.runs);
+            runs.filter(|run| run.sent == sent)
+                .any(|run| String::from_utf8_lossy(&run.bytes).contains(text))
+        };
+        let listed = says(&format!("(name \"{name}\")"), false);
+        let registered = |name| says(&format!("SERVER register {name}"), true);
+        listed && !registered(name) && !registered("...")
+    }
+
     /// The number that the recorded name server gave to the port `name`.
     ///
     /// # Panics
