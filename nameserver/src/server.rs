@@ -1,8 +1,12 @@
 //! The registry behind a port.
 
+use std::io;
+use std::net::{Ipv4Addr, SocketAddrV4};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
+use socket2::{Domain, Protocol, Socket, Type};
+use tokio::net::UdpSocket;
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
 use yarp_ports::{Answer, Network, Port, PortError, PortOptions, Received, addresses, remote};
@@ -11,6 +15,7 @@ use yarp_wire::message::RawText;
 use yarp_wire::name_service::{Command, Registration, Request};
 use yarp_wire::{Bottle, Vocab32};
 
+use crate::discovery;
 use crate::registry::{Body, Effect, Link, Registry, Reply, Settings};
 
 /// How a name server is to be started.
@@ -44,6 +49,10 @@ impl Default for ServerOptions {
 const DEFAULT_PORT: u16 = 10000;
 /// Effects that may be waiting; what comes beyond is dropped with a warning.
 const EFFECTS: usize = 4096;
+/// Longest datagram of a client that looks for us.
+const LONGEST_PACKET: usize = 8192;
+/// Rest after a failure of the socket.
+const PAUSE: Duration = Duration::from_millis(100);
 
 impl ServerOptions {
     /// The same options at another place, not found by multicast.
@@ -107,7 +116,10 @@ impl Server {
         *lock(&registry) = Registry::new(options.settings(port.number()));
         introduce(&registry, &options.namespace);
         let network = Network::at(&options.host, port.number());
-        let tasks = vec![tokio::spawn(see_to(waiting, port.clone(), network))];
+        let mut tasks = vec![tokio::spawn(see_to(waiting, port.clone(), network))];
+        if let Some(number) = options.multicast_port {
+            tasks.extend(answer_detection(number, &registry));
+        }
         Ok(Self {
             port,
             host: options.host,
@@ -220,7 +232,6 @@ async fn see_to(mut effects: mpsc::Receiver<Effect>, port: Arc<Port>, network: N
             Effect::Disconnect(link) => {
                 tokio::spawn(disconnect(network.clone(), link));
             }
-            _ => {}
         }
     }
 }
@@ -251,4 +262,50 @@ async fn disconnect(network: Network, link: Link) {
     let request = yarp_wire::admin::remove(&link.destination.name);
     // A port that is gone has no connections left to end.
     let _ = remote::administer(&network, &link.source, &request).await;
+}
+
+/// Answers multicast detection on UDP port `number`, if the system lets us.
+fn answer_detection(number: u16, registry: &Arc<Mutex<Registry>>) -> Option<JoinHandle<()>> {
+    let socket = match group_socket(number) {
+        Ok(socket) => socket,
+        Err(error) => {
+            tracing::warn!(
+                "cannot be found by multicast ({}:{number}): {error}",
+                discovery::GROUP
+            );
+            return None;
+        }
+    };
+    let registry = registry.clone();
+    Some(tokio::spawn(async move {
+        let mut packet = vec![0; LONGEST_PACKET];
+        loop {
+            let (length, from) = match socket.recv_from(&mut packet).await {
+                Ok(received) => received,
+                Err(error) => {
+                    tracing::debug!("a datagram could not be received: {error}");
+                    tokio::time::sleep(PAUSE).await;
+                    continue;
+                }
+            };
+            let packet = &packet[..length];
+            let answer =
+                discovery::respond(&mut lock(&registry), Instant::now(), from.ip(), packet);
+            if let Some(answer) = answer {
+                // What is lost is asked for again.
+                let _ = socket.send_to(&answer, (discovery::GROUP, number)).await;
+            }
+        }
+    }))
+}
+
+/// A socket in the group of name servers.
+fn group_socket(number: u16) -> io::Result<UdpSocket> {
+    let socket = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
+    // Clients that look for servers listen on the same port of the same machine.
+    socket.set_reuse_address(true)?;
+    socket.set_nonblocking(true)?;
+    socket.bind(&SocketAddrV4::new(Ipv4Addr::UNSPECIFIED, number).into())?;
+    socket.join_multicast_v4(&discovery::GROUP, &Ipv4Addr::UNSPECIFIED)?;
+    UdpSocket::from_std(socket.into())
 }
