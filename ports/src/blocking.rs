@@ -3,6 +3,7 @@
 //! The tasks run on two threads of their own; each call here waits for its result and may be made
 //! from any thread, even one of another runtime.
 
+use std::cell::Cell;
 use std::future::Future;
 use std::sync::OnceLock;
 use std::sync::mpsc;
@@ -22,10 +23,16 @@ fn runtime() -> &'static Runtime {
         Builder::new_multi_thread()
             .worker_threads(2)
             .thread_name("yarp-ports")
+            .on_thread_start(|| OWN.set(true))
             .enable_all()
             .build()
             .expect("the system has threads to give")
     })
+}
+
+thread_local! {
+    /// Whether this is one of the threads of this module.
+    static OWN: Cell<bool> = const { Cell::new(false) };
 }
 
 /// Runs a future to its end on the threads of this module.
@@ -35,7 +42,13 @@ pub fn wait<T: Send + 'static>(future: impl Future<Output = T> + Send + 'static)
         // The receiver waits below.
         let _ = sender.send(future.await);
     });
-    receiver.recv().expect("the future runs to its end")
+    let receive = || receiver.recv().expect("the future runs to its end");
+    if OWN.get() {
+        // A handler of a port that calls another device: its tasks move to another thread meanwhile.
+        tokio::task::block_in_place(receive)
+    } else {
+        receive()
+    }
 }
 
 /// A port whose calls block.

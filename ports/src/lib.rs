@@ -8,6 +8,7 @@ pub mod addresses;
 pub mod blocking;
 mod busy;
 mod cancel;
+mod datagram;
 mod dialogue;
 mod error;
 mod network;

@@ -93,6 +93,14 @@ impl Network {
         Some((host, *port))
     }
 
+    /// Host and port of the name server as text.
+    pub(crate) fn server_text(&self) -> String {
+        match self.server() {
+            Some((host, port)) => format!("{host}:{port}"),
+            None => "no name server".to_owned(),
+        }
+    }
+
     /// The namespace: the name server's own port name.
     pub fn namespace(&self) -> &str {
         &self.0.namespace
@@ -197,13 +205,10 @@ impl Network {
         }
         let request = Command::Register(port);
         let answer = self.command(request.clone()).await?;
-        answer.registration().ok_or_else(|| {
-            let (host, port) = self.server().unwrap_or(("", 0));
-            PortError::Refused {
-                server: format!("{host}:{port}"),
-                request: Request::plain(request).to_string(),
-                answer: answer.lines().collect::<Vec<_>>().join(" "),
-            }
+        answer.registration().ok_or_else(|| PortError::Refused {
+            server: self.server_text(),
+            request: Request::plain(request).to_string(),
+            answer: answer.lines().collect::<Vec<_>>().join(" "),
         })
     }
 

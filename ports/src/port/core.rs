@@ -4,9 +4,10 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use yarp_wire::carrier::{Carrier, CarrierSpec};
+use yarp_wire::carrier::{Carrier, CarrierSpec, Transport};
 use yarp_wire::{Bottle, Contact, Dialect};
 
+use super::group::Group;
 use super::inbox::Inbox;
 use super::options::{ConnectionChange, Input, Outputs, PortOptions};
 use super::output::{Output, Target};
@@ -27,6 +28,7 @@ pub(crate) struct Core {
     pub(crate) inbox: Option<Inbox>,
     pub(crate) cancelled: Cancelled,
     outputs: Mutex<Vec<Arc<Output>>>,
+    group: Mutex<Option<Group>>,
     inputs: Mutex<Vec<InputEntry>>,
     properties: Mutex<Vec<(String, Bottle)>>,
     next_input: AtomicU64,
@@ -63,6 +65,7 @@ impl Core {
             inbox,
             cancelled,
             outputs: Mutex::default(),
+            group: Mutex::default(),
             inputs: Mutex::default(),
             properties: Mutex::default(),
             next_input: AtomicU64::new(1),
@@ -96,9 +99,22 @@ impl Core {
         self.outputs_mut().clone()
     }
 
-    /// Calls `visit` for each outgoing connection that is up, without allocating.
-    pub(crate) fn for_each_output(&self, mut visit: impl FnMut(&Arc<Output>)) {
-        self.outputs_mut().iter().for_each(&mut visit);
+    /// The outgoing connections that transmit: of those that share a group, one.
+    pub(crate) fn senders(&self) -> Vec<Arc<Output>> {
+        let mut senders = Vec::new();
+        self.for_each_sender(|output| senders.push(output.clone()));
+        senders
+    }
+
+    /// Calls `visit` for each outgoing connection that transmits, without allocating.
+    pub(crate) fn for_each_sender(&self, mut visit: impl FnMut(&Arc<Output>)) {
+        let mut elected = false;
+        for output in self.outputs_mut().iter() {
+            if output.group.is_some() && std::mem::replace(&mut elected, true) {
+                continue;
+            }
+            visit(output);
+        }
     }
 
     /// Connects to a reader; connections to the same reader end first.
@@ -127,17 +143,29 @@ impl Core {
             }
             _ => Some(Dialect::default()),
         };
+        let group = match carrier.transport {
+            Transport::Group => Some(self.group().await?),
+            _ => None,
+        };
         let target = Target {
             from: &self.name,
             to: &found,
             spec: &spec,
             carrier,
             dialect: dialect.unwrap_or(self.options.dialect),
+            group: group.as_ref(),
             deadline: self.network.deadline(),
         };
-        let output = Output::connect(&target, self.cancelled.clone()).await?;
-        self.add_output(output);
-        Ok(())
+        match Output::connect(&target, self.cancelled.clone()).await {
+            Ok(output) => {
+                self.add_output(output);
+                Ok(())
+            }
+            Err(error) => {
+                self.release_group().await;
+                Err(error)
+            }
+        }
     }
 
     fn carrier_spec(&self, to: &Contact, registered: &str) -> Result<CarrierSpec, PortError> {
@@ -164,7 +192,35 @@ impl Core {
             output.close(GOODBYE).await;
             self.report_output(output, false);
         }
+        if gone.iter().any(|output| output.group.is_some()) {
+            self.release_group().await;
+        }
         !gone.is_empty()
+    }
+
+    /// The multicast group of this port, asked for when it is first needed.
+    async fn group(&self) -> Result<Group, PortError> {
+        if let Some(group) = self.group_slot().clone() {
+            return Ok(group);
+        }
+        let group = Group::allocate(&self.network, &self.name).await?;
+        Ok(self.group_slot().insert(group).clone())
+    }
+
+    /// Gives the group back once no connection uses it.
+    pub(crate) async fn release_group(&self) {
+        if self.outputs().iter().any(|output| output.group.is_some()) {
+            return;
+        }
+        let group = self.group_slot().take();
+        if let Some(group) = group {
+            // The name server also frees it with its owner.
+            let _ = self.network.unregister(&group.name).await;
+        }
+    }
+
+    fn group_slot(&self) -> MutexGuard<'_, Option<Group>> {
+        self.group.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Ends the incoming connections from `name`; tells whether there was one.

@@ -1,12 +1,11 @@
 //! One incoming connection.
 
 use std::io;
-use std::net::IpAddr;
+use std::net::{IpAddr, SocketAddrV4};
 use std::sync::Arc;
 
 use bytes::BytesMut;
-use socket2::SockRef;
-use tokio::net::{TcpStream, UdpSocket};
+use tokio::net::TcpStream;
 use tokio::sync::oneshot;
 use yarp_wire::carrier::{Carrier, Framing, Sender, Transport};
 use yarp_wire::connection::{
@@ -22,6 +21,7 @@ use super::output::{Output, Way};
 use super::received::{Answer, Received, Reply, Responder};
 use crate::busy::BusyPoll;
 use crate::cancel::Cancel;
+use crate::datagram;
 use crate::stream::{self, Inflow};
 
 /// Serves a connection until it ends, is displaced, or the port closes.
@@ -104,8 +104,8 @@ impl Drop for Entry {
 /// What is to happen after a message.
 enum Next {
     Go,
-    /// Messages come by another way.
-    Datagrams,
+    /// Messages come as datagrams, to this group if there is one.
+    Datagrams(Option<SocketAddrV4>),
     Stop(End),
 }
 
@@ -116,7 +116,7 @@ impl Connection {
                 match self.acceptor.poll(&mut self.input.bytes, &mut self.output) {
                     Ok(Some(event)) => match self.take(event).await {
                         Next::Go => {}
-                        Next::Datagrams => return self.run_datagrams().await,
+                        Next::Datagrams(group) => return self.run_datagrams(group).await,
                         Next::Stop(end) => {
                             // The last words; the peer may be gone.
                             let _ = stream::write_all(&self.stream, &mut self.output).await;
@@ -151,20 +151,27 @@ impl Connection {
         }
     }
 
-    /// Opens a socket for datagrams, tells the peer where, and serves what comes. The peer ends
-    /// it by a message to the port, or by another connection of the same name.
-    async fn run_datagrams(&mut self) -> End {
-        let socket = match datagram_socket().await {
+    /// Serves what comes as datagrams: to the group, or to a socket that the peer is told of.
+    /// The peer ends it by a message to the port, or by another connection of the same name.
+    async fn run_datagrams(&mut self, group: Option<SocketAddrV4>) -> End {
+        let local = self.stream.local_addr().map(|address| address.ip());
+        let opening = match (group, local) {
+            (Some(group), Ok(IpAddr::V4(local))) => datagram::group_reader(group, local),
+            _ => datagram::reader(),
+        };
+        let socket = match opening {
             Ok(socket) => socket,
             Err(error) => return error.into(),
         };
-        let number = socket.local_addr().map_or(0, |address| address.port());
-        header_reply(number, &mut self.output);
+        if group.is_none() {
+            let number = socket.local_addr().map_or(0, |address| address.port());
+            header_reply(number, &mut self.output);
+        }
         if let Err(error) = stream::write_all(&self.stream, &mut self.output).await {
             return error.into();
         }
         let mut reader = DatagramReader::new(self.acceptor.dialect(), Limits::DEFAULT);
-        let mut buffer = vec![0; LARGEST_DATAGRAM];
+        let mut buffer = vec![0; datagram::LARGEST];
         loop {
             let length = match socket.recv(&mut buffer).await {
                 Ok(length) => length,
@@ -197,11 +204,15 @@ impl Connection {
 
     async fn take(&mut self, event: Event) -> Next {
         match event {
-            Event::Opened { carrier, sender } => {
+            Event::Opened {
+                carrier,
+                sender,
+                group,
+            } => {
                 self.opened(carrier, sender);
                 match carrier.transport {
-                    Transport::Datagrams => Next::Datagrams,
-                    _ => Next::Go,
+                    Transport::Stream => Next::Go,
+                    _ => Next::Datagrams(group),
                 }
             }
             Event::Message(message) => self.message(message).await,
@@ -348,18 +359,6 @@ impl Connection {
         );
         self.core.add_output(output);
     }
-}
-
-/// What UDP carries at the most.
-const LARGEST_DATAGRAM: usize = 65_536;
-/// Room for datagrams that wait to be read, in bytes; the system may grant less.
-const RECEIVE_BUFFER: usize = 8 << 20;
-
-async fn datagram_socket() -> io::Result<UdpSocket> {
-    let socket = UdpSocket::bind((std::net::Ipv4Addr::UNSPECIFIED, 0)).await?;
-    // A smaller buffer only makes losses likelier.
-    let _ = SockRef::from(&socket).set_recv_buffer_size(RECEIVE_BUFFER);
-    Ok(socket)
 }
 
 fn either(result: Result<String, String>) -> String {

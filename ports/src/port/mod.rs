@@ -5,12 +5,13 @@
 //! | `options` | how a port is to be opened |
 //! | `core` | what the tasks of a port share |
 //! | `input`, `inbox`, `received` | incoming connections, what arrived, one message of it |
-//! | `output`, `outbox` | outgoing connections, what is to be sent |
+//! | `output`, `outbox`, `group` | outgoing connections, what is to be sent, multicast |
 //! | `admin`, `describe` | what programs and people ask of the port itself |
 
 mod admin;
 mod core;
 mod describe;
+mod group;
 mod inbox;
 mod input;
 mod options;
@@ -243,7 +244,7 @@ impl Port {
     pub async fn write_with(&self, message: &impl WireObject, envelope: Option<Envelope>) -> usize {
         let mut waits = Vec::new();
         let mut taken = 0;
-        for output in self.core.outputs() {
+        for output in self.core.senders() {
             if output.outbox.room().await.is_err() {
                 continue;
             }
@@ -274,7 +275,7 @@ impl Port {
         let command = data(false, envelope);
         let mut encoded = Encoded::default();
         let mut taken = 0;
-        self.core.for_each_output(|output| {
+        self.core.for_each_sender(|output| {
             if !output.outbox.is_busy() {
                 let payload = encoded.of(message, output);
                 let pushed = output.outbox.push(&command, &payload, false);
@@ -294,7 +295,7 @@ impl Port {
         let command = data(false, envelope);
         let mut encoded = Encoded::default();
         let mut taken = 0;
-        for output in self.core.outputs() {
+        for output in self.core.senders() {
             if output.outbox.room().await.is_ok() {
                 let payload = encoded.of(message, &output);
                 taken += usize::from(output.outbox.push(&command, &payload, false).is_ok());
@@ -338,7 +339,7 @@ impl Port {
 
     async fn call_raw(&self, request: &impl WireObject) -> Result<(String, Payload), PortError> {
         let mut first = None;
-        self.core.for_each_output(|output| {
+        self.core.for_each_sender(|output| {
             first.get_or_insert_with(|| output.clone());
         });
         let output = first.ok_or_else(|| PortError::NotConnected {
@@ -383,6 +384,7 @@ impl Port {
                 .map(|output| async move { output.close(core::GOODBYE).await })
                 .collect();
             goodbyes.join_all().await;
+            core.release_group().await;
             cancel.cancel();
             // The listener ends its connections, all of which heed the signal.
             let _ = listener.await;

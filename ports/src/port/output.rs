@@ -4,6 +4,7 @@ mod datagrams;
 mod stream;
 
 use std::io;
+use std::net::IpAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -11,12 +12,14 @@ use bytes::{Bytes, BytesMut};
 use tokio::net::{TcpStream, UdpSocket};
 use tokio::task::JoinHandle;
 use yarp_wire::carrier::{Carrier, CarrierSpec, Framing, Sender, Transport};
-use yarp_wire::connection::{Initiator, Progress};
+use yarp_wire::connection::{Initiator, Progress, put_group};
 use yarp_wire::message::Command;
 use yarp_wire::{Dialect, Limits};
 
+use super::group::Group;
 use super::outbox::Outbox;
 use crate::cancel::Cancelled;
+use crate::datagram;
 use crate::dialogue::Dialogue;
 use crate::error::PortError;
 use crate::network::Place;
@@ -33,6 +36,8 @@ pub(crate) struct Output {
     /// The generation of the reader.
     pub(crate) dialect: Dialect,
     pub(crate) outbox: Arc<Outbox>,
+    /// The group that it shares with others: one of them transmits for all.
+    pub(crate) group: Option<Group>,
     /// Whom to tell of the end, where the connection itself cannot.
     farewell: Option<Farewell>,
     task: JoinHandle<()>,
@@ -50,6 +55,8 @@ pub(crate) struct Target<'a> {
     pub(crate) carrier: &'static Carrier,
     /// The generation of the reader.
     pub(crate) dialect: Dialect,
+    /// The group, on a carrier of groups.
+    pub(crate) group: Option<&'a Group>,
     pub(crate) deadline: Duration,
 }
 
@@ -75,10 +82,15 @@ impl Output {
         let name = &target.to.name;
         let opening = async {
             let (stream, initiator, input) = open(target).await?;
-            let way = match target.carrier.transport {
-                Transport::Datagrams => {
-                    let socket = datagrams::socket(&target.to.host, initiator.header_number());
-                    Way::Datagrams(socket.await.map_err(|error| target.lost(error))?)
+            let way = match (target.group, stream.local_addr().map(|local| local.ip())) {
+                (Some(group), Ok(IpAddr::V4(local))) => {
+                    let socket = datagram::group_sender(group.address, local).await;
+                    Way::Datagrams(socket.map_err(|error| target.lost(error))?)
+                }
+                _ if target.carrier.transport == Transport::Datagrams => {
+                    let number = datagram_port(&initiator).map_err(|error| target.lost(error))?;
+                    let socket = datagram::sender(&target.to.host, number).await;
+                    Way::Datagrams(socket.map_err(|error| target.lost(error))?)
                 }
                 _ => Way::Stream(stream, input),
             };
@@ -86,6 +98,7 @@ impl Output {
         };
         let (way, initiator) = within(target.deadline, name, "connection header", opening).await?;
         let mut output = Self::start(name, target.spec.to_string(), way, initiator, cancelled);
+        output.group = target.group.cloned();
         output.farewell = target.carrier.connectionless.then(|| Farewell {
             from: target.from.to_owned(),
             to: target.to.clone(),
@@ -120,6 +133,7 @@ impl Output {
             carrier,
             dialect,
             outbox,
+            group: None,
             farewell: None,
             task,
         }
@@ -177,6 +191,9 @@ async fn open(target: &Target<'_>) -> Result<(TcpStream, Initiator, Inflow), Por
     };
     let (carrier, dialect) = (target.carrier, target.dialect);
     let mut initiator = Initiator::new(carrier, &sender, dialect, Limits::DEFAULT, &mut output);
+    if let Some(group) = target.group {
+        put_group(group.address, &mut output);
+    }
     let lost = |error| target.lost(error);
     write_all(&stream, &mut output).await.map_err(lost)?;
     let mut input = Inflow::default();
@@ -193,6 +210,15 @@ async fn open(target: &Target<'_>) -> Result<(TcpStream, Initiator, Inflow), Por
             return Err(lost(io::ErrorKind::UnexpectedEof.into()));
         }
     }
+}
+
+/// Where the reader wants its datagrams.
+fn datagram_port(initiator: &Initiator) -> io::Result<u16> {
+    let number = initiator.header_number();
+    u16::try_from(number)
+        .ok()
+        .filter(|number| *number != 0)
+        .ok_or_else(|| io::Error::other(format!("the reader has no datagram port ({number})")))
 }
 
 impl Farewell {

@@ -4,6 +4,7 @@
 //! that lists them. To add one: write its file, add its line to the table.
 
 mod fast_tcp;
+mod mcast;
 mod name_ser;
 mod specifier;
 mod tcp;
@@ -38,6 +39,8 @@ pub enum Transport {
     Stream,
     /// Datagrams, to the port that the header reply names; the connection of the header ends.
     Datagrams,
+    /// Datagrams to a multicast group that the initiator names behind its header.
+    Group,
 }
 
 /// What there is to know about a carrier.
@@ -62,10 +65,11 @@ pub struct Carrier {
 }
 
 /// Every carrier, in the order in which an acceptor tries them.
-pub static ALL: [&Carrier; 6] = [
+pub static ALL: [&Carrier; 7] = [
     &name_ser::NAME_SER,
     &tcp::TCP,
     &fast_tcp::FAST_TCP,
+    &mcast::MCAST,
     &udp::UDP,
     &text::TEXT,
     &text_ack::TEXT_ACK,
@@ -123,6 +127,7 @@ mod tests {
         check(b"YA\x64\x1e\0\0RP", Some("fast_tcp"));
         check(b"YA\x61\x1e\0\0RP", Some("udp"));
         check(b"YA\xe1\x1e\0\0RP", Some("udp"));
+        check(b"YA\x62\x1e\0\0RP", Some("mcast"));
         check(b"CONNECT ", Some("text"));
         check(b"CONNACK ", Some("text_ack"));
         check(b"NAME_SER", Some("name_ser"));

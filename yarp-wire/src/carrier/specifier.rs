@@ -100,11 +100,17 @@ impl Sender {
     }
 
     /// Reads what a connection header announces.
+    ///
+    /// A name without anything behind it is taken as it stands, as stock does: `007` is no number.
     pub fn parse(text: &[u8]) -> Self {
-        let items = Bottle::parse_bytes(text).unwrap_or_default();
+        let items = if text.contains(&b' ') {
+            Bottle::parse_bytes(text).unwrap_or_default()
+        } else {
+            Bottle::new()
+        };
         let name = match items.get(0) {
-            Some(name) => name.to_plain_string(),
-            None => String::from_utf8_lossy(text).into_owned(),
+            Some(name) if items.len() > 1 => name.to_plain_string(),
+            _ => String::from_utf8_lossy(text).into_owned(),
         };
         let modifiers = items
             .iter()
@@ -158,6 +164,16 @@ mod tests {
         assert_eq!(sender.to_string(), announced);
         assert_eq!(Sender::parse(announced.as_bytes()), sender);
         assert_eq!(Sender::parse(b"<ping>"), Sender::plain("<ping>"));
+    }
+
+    /// Names were read as values: `007` became `7`, `[add]` became `add`. Checked against 3.5.0.
+    #[test]
+    fn a_name_alone_is_taken_as_it_stands() {
+        for name in ["007", "1e5", "[add]", "\"a b\"", "a,b", " x", ""] {
+            assert_eq!(Sender::parse(name.as_bytes()), Sender::plain(name));
+        }
+        assert_eq!(Sender::parse(b"a b").name, "a");
+        assert_eq!(Sender::parse(b"[add] (b)").name, "add");
     }
 
     #[test]

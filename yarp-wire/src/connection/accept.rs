@@ -1,5 +1,7 @@
 //! The side that listened.
 
+use std::net::{Ipv4Addr, SocketAddrV4};
+
 use bytes::{Buf, BufMut, BytesMut};
 
 use super::line::LineReader;
@@ -20,6 +22,8 @@ pub enum Event {
         carrier: &'static Carrier,
         /// Who it is and what it asks for.
         sender: Sender,
+        /// Where messages come, on a carrier of groups.
+        group: Option<SocketAddrV4>,
     },
     /// A message. Answer it with [`Acceptor::reply`] and [`Acceptor::acknowledge`] as it asks.
     Message(Message),
@@ -39,9 +43,12 @@ pub struct Acceptor {
 enum State {
     Magic,
     Sender(&'static Carrier, LineReader),
+    Group(&'static Carrier, Sender),
     Open(&'static Carrier, MessageReader),
 }
 
+/// Bytes of a group: IPv4 address and port, the latter high byte first.
+const GROUP: usize = 6;
 /// Longest sender name, modifiers included. Stock reads 1000.
 const LONGEST_SENDER: usize = 4096;
 
@@ -63,7 +70,9 @@ impl Acceptor {
     pub fn carrier(&self) -> Option<&'static Carrier> {
         match &self.state {
             State::Magic => None,
-            State::Sender(carrier, _) | State::Open(carrier, _) => Some(carrier),
+            State::Sender(carrier, _) | State::Group(carrier, _) | State::Open(carrier, _) => {
+                Some(carrier)
+            }
         }
     }
 
@@ -96,8 +105,22 @@ impl Acceptor {
                     let Some(sender) = read_sender(carrier, line, input)? else {
                         return Ok(None);
                     };
-                    self.open(carrier, &sender, output);
-                    return Ok(Some(Event::Opened { carrier, sender }));
+                    if carrier.transport == Transport::Group {
+                        self.state = State::Group(carrier, sender);
+                        continue;
+                    }
+                    return Ok(Some(self.open(carrier, sender, None, output)));
+                }
+                State::Group(carrier, sender) => {
+                    let Some(address) = input.first_chunk::<GROUP>() else {
+                        return Ok(None);
+                    };
+                    let [a, b, c, d, high, low] = *address;
+                    let port = u16::from_be_bytes([high, low]);
+                    let group = SocketAddrV4::new(Ipv4Addr::new(a, b, c, d), port);
+                    input.advance(GROUP);
+                    let (carrier, sender) = (*carrier, sender.clone());
+                    return Ok(Some(self.open(carrier, sender, Some(group), output)));
                 }
                 State::Open(_, reader) => {
                     let message = reader.read(input)?;
@@ -141,10 +164,16 @@ impl Acceptor {
         }
     }
 
-    fn open(&mut self, carrier: &'static Carrier, sender: &Sender, output: &mut BytesMut) {
+    fn open(
+        &mut self,
+        carrier: &'static Carrier,
+        sender: Sender,
+        group: Option<SocketAddrV4>,
+        output: &mut BytesMut,
+    ) -> Event {
         match carrier.framing {
-            // The driver opens a socket and says where: see `header_reply`.
-            Framing::Indexed if carrier.transport == Transport::Datagrams => {}
+            // For datagrams the driver opens a socket and says where (`header_reply`).
+            Framing::Indexed if carrier.transport != Transport::Stream => {}
             Framing::Indexed => header_reply(self.port, output),
             Framing::Lines => {
                 output.put_slice(format!("Welcome {}\r\n", sender.name).as_bytes());
@@ -153,6 +182,11 @@ impl Acceptor {
         }
         let reader = MessageReader::new(carrier.framing, self.dialect, self.limits);
         self.state = State::Open(carrier, reader);
+        Event::Opened {
+            carrier,
+            sender,
+            group,
+        }
     }
 
     /// Settles the generation of the peer as soon as a message that wants a reply betrays it.

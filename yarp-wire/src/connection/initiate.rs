@@ -1,6 +1,7 @@
 //! The side that connected.
 
 use std::collections::VecDeque;
+use std::net::SocketAddrV4;
 
 use bytes::{Buf, BufMut, Bytes, BytesMut};
 
@@ -8,7 +9,7 @@ use super::line::LineReader;
 use super::outgoing::ACKNOWLEDGEMENT_LINE;
 use super::{ProtocolError, put_head};
 use crate::bottle::{Balance, DecodeError, Scan, Scanner};
-use crate::carrier::{Carrier, Framing, Sender};
+use crate::carrier::{Carrier, Framing, Sender, Transport};
 use crate::dialect::Dialect;
 use crate::limits::Limits;
 use crate::message::{Command, Form, Payload};
@@ -45,6 +46,12 @@ pub struct Initiator {
     lines: Vec<String>,
     /// An acknowledgement came where a reply was due: the acceptor had none to give.
     acknowledged_early: bool,
+}
+
+/// Appends the group that a connection goes on with, behind the header of a carrier of groups.
+pub fn put_group(group: SocketAddrV4, output: &mut BytesMut) {
+    output.put_slice(&group.ip().octets());
+    output.put_u16(group.port());
 }
 
 /// What the oldest unanswered messages still wait for.
@@ -158,6 +165,8 @@ impl Initiator {
 
     fn poll_header(&mut self, input: &mut BytesMut) -> Result<Option<Progress>, ProtocolError> {
         match self.carrier.framing {
+            // There is no reply to the name of a group.
+            Framing::Indexed if self.carrier.transport == Transport::Group => {}
             Framing::Indexed => {
                 let Some(reply) = input.first_chunk::<{ number::LENGTH }>() else {
                     return Ok(None);
@@ -210,6 +219,18 @@ impl Initiator {
 
     /// A reply has no length in front: its own structure tells where it ends.
     fn poll_reply(&mut self, input: &mut BytesMut) -> Result<Option<Progress>, ProtocolError> {
+        if self.carrier.acknowledges {
+            // Stock acceptors whose owner gives no reply only acknowledge. No bottle starts so.
+            match input.first_chunk::<{ number::LENGTH }>() {
+                Some(head) if number::decode(head).is_some() => {
+                    self.waiting.pop_front();
+                    let nothing = Payload::new(Bytes::new(), Form::Text);
+                    return Ok(Some(Progress::Reply(nothing)));
+                }
+                None if input.first().is_none_or(|byte| *byte == b'Y') => return Ok(None),
+                _ => {}
+            }
+        }
         let scanner = self
             .scanner
             .get_or_insert_with(|| Scanner::new(self.dialect, self.limits));
@@ -305,5 +326,30 @@ impl Initiator {
         }
         self.balance = Balance::default();
         Ok(Some(self.text.split().freeze()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A call to a stock port that only reads ended the connection: its acknowledgement, where a
+    /// reply was due, was taken for a broken bottle.
+    #[test]
+    fn an_acknowledgement_instead_of_a_reply_is_an_empty_reply() {
+        let tcp = Carrier::by_name("tcp").unwrap();
+        let mut initiator = Initiator::established(tcp, Dialect::V3, Limits::DEFAULT);
+        let mut output = BytesMut::new();
+        initiator.send(&Command::data(true), 0, &mut output);
+        let mut input = BytesMut::new();
+        for byte in &number::encode(0)[..7] {
+            input.put_u8(*byte);
+            assert_eq!(initiator.poll(&mut input), Ok(None));
+        }
+        input.put_u8(b'P');
+        let nothing = Payload::new(Bytes::new(), Form::Text);
+        assert_eq!(initiator.poll(&mut input), Ok(Some(Progress::Reply(nothing))));
+        assert_eq!(initiator.poll(&mut input), Ok(Some(Progress::Done)));
+        assert!(initiator.is_idle() && input.is_empty());
     }
 }

@@ -26,5 +26,5 @@ pub use accept::{Acceptor, Event, REFUSAL, header_reply};
 pub use datagrams::DatagramReader;
 pub use error::ProtocolError;
 pub use incoming::{Message, MessageReader};
-pub use initiate::{Initiator, Progress};
+pub use initiate::{Initiator, Progress, put_group};
 pub use outgoing::{ACKNOWLEDGEMENT_LINE, put_acknowledgement, put_head, put_message, put_reply};

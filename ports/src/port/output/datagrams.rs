@@ -1,7 +1,6 @@
 //! Sending in datagrams.
 
 use std::collections::VecDeque;
-use std::io;
 
 use bytes::Bytes;
 use tokio::net::UdpSocket;
@@ -9,22 +8,6 @@ use yarp_wire::datagram;
 
 use crate::cancel::Cancelled;
 use crate::port::outbox::Outbox;
-
-/// Room for what the system has not sent yet, in bytes; it may grant less.
-const SEND_BUFFER: usize = 4 << 20;
-
-/// A socket that sends to the port a reader has named.
-pub(super) async fn socket(host: &str, number: i32) -> io::Result<UdpSocket> {
-    let number = u16::try_from(number)
-        .ok()
-        .filter(|number| *number != 0)
-        .ok_or_else(|| io::Error::other(format!("the reader has no datagram port ({number})")))?;
-    let socket = UdpSocket::bind((std::net::Ipv4Addr::UNSPECIFIED, 0)).await?;
-    // A smaller buffer only makes losses likelier.
-    let _ = socket2::SockRef::from(&socket).set_send_buffer_size(SEND_BUFFER);
-    socket.connect((host, number)).await?;
-    Ok(socket)
-}
 
 /// Sends each message of the outbox, cut into datagrams, until it ends; tells why.
 pub(super) async fn run(socket: &UdpSocket, outbox: &Outbox, mut cancelled: Cancelled) -> String {

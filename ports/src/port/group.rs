@@ -1,0 +1,41 @@
+//! The multicast group of a port: one transmission for all its `mcast` readers.
+
+use std::net::{Ipv4Addr, SocketAddrV4};
+
+use yarp_wire::name_service::Registering;
+
+use crate::error::PortError;
+use crate::network::Network;
+
+/// A group that the name server has given to a port.
+#[derive(Clone, Debug, Eq, PartialEq)]
+pub(crate) struct Group {
+    /// The name under which the group is registered.
+    pub(crate) name: String,
+    /// Where its datagrams go.
+    pub(crate) address: SocketAddrV4,
+}
+
+impl Group {
+    /// Asks the name server for a group of its own for the port `owner`.
+    pub(crate) async fn allocate(network: &Network, owner: &str) -> Result<Self, PortError> {
+        let asking = Registering {
+            carrier: Some("mcast".to_owned()),
+            ..Registering::named("...")
+        };
+        let given = network.register(asking).await?;
+        let ip: Ipv4Addr = given.host.parse().map_err(|_| PortError::Refused {
+            server: network.server_text(),
+            request: "register ... mcast".to_owned(),
+            answer: given.to_string(),
+        })?;
+        // So that the group goes with its owner even if the owner cannot say goodbye.
+        network
+            .ask(&format!("bot set {owner} owns {}", given.name))
+            .await?;
+        Ok(Self {
+            name: given.name,
+            address: SocketAddrV4::new(ip, given.port),
+        })
+    }
+}
