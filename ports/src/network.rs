@@ -149,7 +149,12 @@ impl Network {
             let sending = stream::write_all(&stream, &mut out);
             sending.await.map_err(failed("sending"))?;
             let mut input = Inflow::default();
-            let mut reader = AnswerReader::new(Until::End);
+            // A structured answer is one line; nothing marks its end.
+            let structured = request.trim_start().starts_with("bot ");
+            let mut reader = AnswerReader::new(match structured {
+                true => Until::FirstLine,
+                false => Until::End,
+            });
             while !reader.is_done() {
                 let reading = input.read(&stream, 0);
                 let count = reading.await.map_err(failed("reading"))?;

@@ -1,1 +1,15 @@
-//! Network wrappers: devices served on ports, and remote devices cast back
+//! Network wrappers: devices served on ports, and remote devices cast back.
+//!
+//! For each interface there is a server, which offers a device of [`yarp_devices`] on the ports that stock clients
+//! expect, and a client, which is that device again in another program. Both speak what YARP 3.5 to 3.12 speak.
+//!
+//! * [`control_board`]: joints that move. [`ControlBoardServer`], [`RemoteControlBoard`].
+//!
+//! Units are those of the interfaces: degrees and metres. No radians cross a wrapper.
+
+pub mod control_board;
+
+pub use control_board::{
+    ControlBoardOptions, ControlBoardServer, OpenError, RemoteControlBoard,
+    RemoteControlBoardOptions,
+};

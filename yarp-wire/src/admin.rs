@@ -137,7 +137,10 @@ mod tests {
         let some = |name: &str| Some(name.to_owned());
         check("[help]", AdminRequest::Help);
         check("ver", AdminRequest::Version);
-        check("[list] [out] \"/r\"", AdminRequest::List(Direction::Out, some("/r")));
+        check(
+            "[list] [out] \"/r\"",
+            AdminRequest::List(Direction::Out, some("/r")),
+        );
         check("list in", AdminRequest::List(Direction::In, None));
         check("[list]", AdminRequest::List(Direction::Out, None));
         check("[add] \"tcp://r\"", AdminRequest::Add("tcp://r".into()));
@@ -149,12 +152,18 @@ mod tests {
             AdminRequest::SetProperty("colour".into(), Bottle::of("red")),
         );
         check("[prop] [x]", AdminRequest::UnknownProperty);
-        check("[address] 1", AdminRequest::Other(Bottle::parse("[address] 1").unwrap()));
+        check(
+            "[address] 1",
+            AdminRequest::Other(Bottle::parse("[address] 1").unwrap()),
+        );
     }
 
     #[test]
     fn requests_print_as_in_stock() {
-        assert_eq!(list(Direction::Out, Some("/r")).to_string(), "[list] [out] \"/r\"");
+        assert_eq!(
+            list(Direction::Out, Some("/r")).to_string(),
+            "[list] [out] \"/r\""
+        );
         assert_eq!(add("tcp://r").to_string(), "[add] \"tcp://r\"");
         assert_eq!(remove("/r").to_string(), "[del] \"/r\"");
     }

@@ -171,10 +171,30 @@ mod tests {
         check("/x/y:o", None, None, "/x/y:o");
         check("tcp://x", Some("tcp"), None, "/x");
         check("tcp:/x", Some("tcp"), None, "/x");
-        check("fast_tcp+log.in://x/y", Some("fast_tcp+log.in"), None, "/x/y");
-        check("tcp://10.0.0.1:10002/x", Some("tcp"), Some(("10.0.0.1", 10002)), "/x");
-        check("tcp://10.0.0.1:10002/", Some("tcp"), Some(("10.0.0.1", 10002)), "");
-        check("tcp://10.0.0.1:10002", Some("tcp"), Some(("10.0.0.1", 10002)), "");
+        check(
+            "fast_tcp+log.in://x/y",
+            Some("fast_tcp+log.in"),
+            None,
+            "/x/y",
+        );
+        check(
+            "tcp://10.0.0.1:10002/x",
+            Some("tcp"),
+            Some(("10.0.0.1", 10002)),
+            "/x",
+        );
+        check(
+            "tcp://10.0.0.1:10002/",
+            Some("tcp"),
+            Some(("10.0.0.1", 10002)),
+            "",
+        );
+        check(
+            "tcp://10.0.0.1:10002",
+            Some("tcp"),
+            Some(("10.0.0.1", 10002)),
+            "",
+        );
         check("/10.0.0.1:10002", None, Some(("10.0.0.1", 10002)), "");
         check("/wam/rpc:i", None, None, "/wam/rpc:i");
         check("/robot:1", None, Some(("robot", 1)), "");

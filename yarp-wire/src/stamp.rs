@@ -72,10 +72,14 @@ fn general(value: f64, digits: usize) -> String {
         return format!("{value}").to_lowercase();
     }
     let scientific = format!("{:.*e}", digits - 1, value);
-    let (_, exponent) = scientific.split_once('e').expect("an exponent was asked for");
+    let (_, exponent) = scientific
+        .split_once('e')
+        .expect("an exponent was asked for");
     let exponent: i32 = exponent.parse().expect("an exponent is a number");
     if exponent < -4 || exponent >= digits as i32 {
-        let (mantissa, _) = scientific.split_once('e').expect("an exponent was asked for");
+        let (mantissa, _) = scientific
+            .split_once('e')
+            .expect("an exponent was asked for");
         let sign = if exponent < 0 { '-' } else { '+' };
         return format!("{}e{sign}{:02}", trim(mantissa), exponent.abs());
     }

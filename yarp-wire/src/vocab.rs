@@ -103,13 +103,15 @@ impl Vocab64 {
 
 impl fmt::Display for Vocab32 {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.bytes().try_for_each(|b| write!(f, "{}", char::from(b)))
+        self.bytes()
+            .try_for_each(|b| write!(f, "{}", char::from(b)))
     }
 }
 
 impl fmt::Display for Vocab64 {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.bytes().try_for_each(|b| write!(f, "{}", char::from(b)))
+        self.bytes()
+            .try_for_each(|b| write!(f, "{}", char::from(b)))
     }
 }
 

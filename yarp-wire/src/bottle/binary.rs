@@ -197,6 +197,12 @@ pub enum DecodeError {
         /// The limit in force.
         limit: usize,
     },
+    /// A bottle, but not laid out as the type that was to be read.
+    #[error("a bottle of another shape, expected {expected}")]
+    Shape {
+        /// What was to be read, in words.
+        expected: &'static str,
+    },
 }
 
 impl Bottle {
@@ -232,14 +238,11 @@ impl Bottle {
 
     /// Reads a bottle that fills `bytes` exactly.
     ///
-    /// Nothing is allocated before the whole has been found well-formed; strings and blobs share
+    /// No value is made before the whole has been found well-formed; strings and blobs share
     /// `bytes`.
     pub fn decode(bytes: &Bytes, dialect: Dialect, limits: Limits) -> Result<Self, DecodeError> {
-        let (bottle, length) = Self::decode_prefix(bytes, dialect, limits)?;
-        match bytes.len() - length {
-            0 => Ok(bottle),
-            extra => Err(DecodeError::Trailing { length, extra }),
-        }
+        scan_whole(bytes, dialect, limits)?;
+        Ok(read(bytes, dialect))
     }
 
     /// Reads the bottle at the start of `bytes`, and tells how many bytes it took.
@@ -249,10 +252,7 @@ impl Bottle {
         limits: Limits,
     ) -> Result<(Self, usize), DecodeError> {
         match Scanner::new(dialect, limits).scan(bytes)? {
-            Scan::Complete { length } => {
-                let mut reader = Reader { bytes, at: 0, dialect };
-                Ok((reader.list(), length))
-            }
+            Scan::Complete { length } => Ok((read(bytes, dialect), length)),
             Scan::Needs { at_least } => Err(DecodeError::Truncated {
                 have: bytes.len(),
                 need: at_least,
@@ -268,35 +268,45 @@ impl Bottle {
         expected: Dialect,
         limits: Limits,
     ) -> Result<(Self, Option<Dialect>), DecodeError> {
-        let mut first = None;
-        for dialect in [expected, expected.other()] {
-            let mut scanner = Scanner::new(dialect, limits);
-            match scanner.scan(bytes) {
-                Ok(Scan::Complete { length }) if length == bytes.len() => {
-                    let mut reader = Reader {
-                        bytes,
-                        at: 0,
-                        dialect,
-                    };
-                    return Ok((reader.list(), scanner.betrayed().then_some(dialect)));
-                }
-                _ if first.is_none() => first = Some(Self::decode(bytes, dialect, limits)),
-                _ => {}
-            }
-        }
-        first.expect("two readings were tried").map(|bottle| (bottle, None))
+        let as_expected = scan_whole(bytes, expected, limits);
+        let scanned = match as_expected {
+            Ok(betrayed) => Ok((expected, betrayed)),
+            Err(error) => match scan_whole(bytes, expected.other(), limits) {
+                Ok(betrayed) => Ok((expected.other(), betrayed)),
+                Err(_) => Err(error),
+            },
+        };
+        let (dialect, betrayed) = scanned?;
+        Ok((read(bytes, dialect), betrayed.then_some(dialect)))
     }
+}
+
+/// Checks that a bottle of `dialect` fills `bytes` exactly; tells whether it betrays the dialect.
+fn scan_whole(bytes: &[u8], dialect: Dialect, limits: Limits) -> Result<bool, DecodeError> {
+    let mut scanner = Scanner::new(dialect, limits);
+    match scanner.scan(bytes)? {
+        Scan::Complete { length } if length == bytes.len() => Ok(scanner.betrayed()),
+        Scan::Complete { length } => Err(DecodeError::Trailing {
+            length,
+            extra: bytes.len() - length,
+        }),
+        Scan::Needs { at_least } => Err(DecodeError::Truncated {
+            have: bytes.len(),
+            need: at_least,
+        }),
+    }
+}
+
+/// Reads the bottle at the start of bytes that were scanned.
+fn read(bytes: &Bytes, dialect: Dialect) -> Bottle {
+    Reader { bytes, at: 0, dialect }.list()
 }
 
 /// Which generation the bytes of one whole message betray.
 ///
 /// `None` if they read the same, or not at all, in both.
 pub fn detect(bytes: &[u8], limits: Limits) -> Option<Dialect> {
-    let reads = |dialect| {
-        let mut scanner = Scanner::new(dialect, limits);
-        matches!(scanner.scan(bytes), Ok(Scan::Complete { length }) if length == bytes.len())
-            .then(|| scanner.betrayed())
-    };
+    let reads = |dialect| scan_whole(bytes, dialect, limits).ok();
     match (reads(Dialect::V3), reads(Dialect::V4)) {
         (Some(true), None) => Some(Dialect::V3),
         (None, Some(true)) => Some(Dialect::V4),
@@ -371,7 +381,10 @@ impl Reader<'_> {
             Some(code) => (code, 0),
             None => {
                 let number = self.i32();
-                (Code::of_item(number, self.dialect).expect("scanned"), number)
+                (
+                    Code::of_item(number, self.dialect).expect("scanned"),
+                    number,
+                )
             }
         };
         match code {
@@ -409,7 +422,10 @@ mod tests {
         assert_eq!(back, bottle);
         for end in 0..expected.len() {
             let error = Bottle::decode(&expected.slice(..end), dialect, Limits::DEFAULT);
-            assert!(matches!(error, Err(DecodeError::Truncated { .. })), "{end}: {error:?}");
+            assert!(
+                matches!(error, Err(DecodeError::Truncated { .. })),
+                "{end}: {error:?}"
+            );
         }
     }
 
@@ -424,8 +440,14 @@ mod tests {
         let v3 = |text, hex| check_text(text, Dialect::V3, hex);
         v3("", "00 01 00 00 00 00 00 00");
         v3("0.5", "0a 01 00 00 01 00 00 00 00 00 00 00 00 00 e0 3f");
-        v3("1 0.5", "00 01 00 00 02 00 00 00 01 00 00 00 01 00 00 00 0a 00 00 00 00 00 00 00 00 00 e0 3f");
-        v3("4294967296 a", "00 01 00 00 02 00 00 00 11 00 00 00 00 00 00 00 01 00 00 00 04 00 00 00 01 00 00 00 61");
+        v3(
+            "1 0.5",
+            "00 01 00 00 02 00 00 00 01 00 00 00 01 00 00 00 0a 00 00 00 00 00 00 00 00 00 e0 3f",
+        );
+        v3(
+            "4294967296 a",
+            "00 01 00 00 02 00 00 00 11 00 00 00 00 00 00 00 01 00 00 00 04 00 00 00 01 00 00 00 61",
+        );
         let mixed = Bottle::from_iter([
             1.5f32.into(),
             (-1i8).into(),
@@ -433,17 +455,32 @@ mod tests {
             7i64.into(),
             1.5f64.into(),
         ]);
-        check(mixed, Dialect::V3, "00 01 00 00 05 00 00 00 80 00 00 00 00 00 c0 3f 20 00 00 00 ff 40 00 00 00 02 01 11 00 00 00 07 00 00 00 00 00 00 00 0a 00 00 00 00 00 00 00 00 00 f8 3f");
+        check(
+            mixed,
+            Dialect::V3,
+            "00 01 00 00 05 00 00 00 80 00 00 00 00 00 c0 3f 20 00 00 00 ff 40 00 00 00 02 01 11 00 00 00 07 00 00 00 00 00 00 00 0a 00 00 00 00 00 00 00 00 00 f8 3f",
+        );
         let floats = Bottle::from_iter([1.5f32.into(), 2.5f32.into()]);
-        check(floats, Dialect::V3, "80 01 00 00 02 00 00 00 00 00 c0 3f 00 00 20 40");
+        check(
+            floats,
+            Dialect::V3,
+            "80 01 00 00 02 00 00 00 00 00 c0 3f 00 00 20 40",
+        );
         let pairs = Bottle::parse("(a x) (b 1)").unwrap();
-        check(Bottle::of(Value::Dictionary(pairs)), Dialect::V3, "00 01 00 00 01 00 00 00 00 03 00 00 00 01 00 00 02 00 00 00 04 01 00 00 02 00 00 00 01 00 00 00 61 01 00 00 00 78 00 01 00 00 02 00 00 00 04 00 00 00 01 00 00 00 62 01 00 00 00 01 00 00 00");
+        check(
+            Bottle::of(Value::Dictionary(pairs)),
+            Dialect::V3,
+            "00 01 00 00 01 00 00 00 00 03 00 00 00 01 00 00 02 00 00 00 04 01 00 00 02 00 00 00 01 00 00 00 61 01 00 00 00 78 00 01 00 00 02 00 00 00 04 00 00 00 01 00 00 00 62 01 00 00 00 01 00 00 00",
+        );
     }
 
     #[test]
     fn bytes_of_generation_4() {
         let v4 = |text, hex| check_text(text, Dialect::V4, hex);
-        v4("0.5 0.25", "14 01 00 00 02 00 00 00 00 00 00 00 00 00 e0 3f 00 00 00 00 00 00 d0 3f");
+        v4(
+            "0.5 0.25",
+            "14 01 00 00 02 00 00 00 00 00 00 00 00 00 e0 3f 00 00 00 00 00 00 d0 3f",
+        );
         v4("[abcde]", "12 01 00 00 01 00 00 00 61 62 63 64 65 00 00 00");
     }
 
@@ -451,10 +488,22 @@ mod tests {
     fn bytes_of_both_generations() {
         for dialect in [Dialect::V3, Dialect::V4] {
             let same = |text, hex| check_text(text, dialect, hex);
-            same("1 2 3", "01 01 00 00 03 00 00 00 01 00 00 00 02 00 00 00 03 00 00 00");
-            same("hello 5", "00 01 00 00 02 00 00 00 04 00 00 00 05 00 00 00 68 65 6c 6c 6f 01 00 00 00 05 00 00 00");
-            same("a bc", "04 01 00 00 02 00 00 00 01 00 00 00 61 02 00 00 00 62 63");
-            same("1 (2 3) foo", "00 01 00 00 03 00 00 00 01 00 00 00 01 00 00 00 01 01 00 00 02 00 00 00 02 00 00 00 03 00 00 00 04 00 00 00 03 00 00 00 66 6f 6f");
+            same(
+                "1 2 3",
+                "01 01 00 00 03 00 00 00 01 00 00 00 02 00 00 00 03 00 00 00",
+            );
+            same(
+                "hello 5",
+                "00 01 00 00 02 00 00 00 04 00 00 00 05 00 00 00 68 65 6c 6c 6f 01 00 00 00 05 00 00 00",
+            );
+            same(
+                "a bc",
+                "04 01 00 00 02 00 00 00 01 00 00 00 61 02 00 00 00 62 63",
+            );
+            same(
+                "1 (2 3) foo",
+                "00 01 00 00 03 00 00 00 01 00 00 00 01 00 00 00 01 01 00 00 02 00 00 00 02 00 00 00 03 00 00 00 04 00 00 00 03 00 00 00 66 6f 6f",
+            );
             same("()", "00 01 00 00 01 00 00 00 00 01 00 00 00 00 00 00");
             same("[ok]", "09 01 00 00 01 00 00 00 6f 6b 00 00");
             same("true", "09 01 00 00 01 00 00 00 31 00 00 00");

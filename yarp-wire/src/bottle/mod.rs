@@ -17,4 +17,3 @@ pub use list::Bottle;
 pub use scan::{Scan, Scanner};
 pub use text::{Balance, TextError};
 pub use value::{Text, Value};
-

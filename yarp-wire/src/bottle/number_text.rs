@@ -19,13 +19,20 @@ const DIGITS: usize = 21;
 pub(crate) fn print(value: f64) -> String {
     if value.is_nan() {
         // C prints the sign of a negative nan, and stock then takes `-nan` for an integer.
-        return if value.is_sign_negative() { "-nan.0" } else { "nan" }.to_owned();
+        return if value.is_sign_negative() {
+            "-nan.0"
+        } else {
+            "nan"
+        }
+        .to_owned();
     }
     if value.is_infinite() {
         return if value > 0.0 { "inf" } else { "-inf" }.to_owned();
     }
     let scientific = format!("{:.*e}", DIGITS - 1, value);
-    let (mantissa, exponent) = scientific.split_once('e').expect("an exponent was asked for");
+    let (mantissa, exponent) = scientific
+        .split_once('e')
+        .expect("an exponent was asked for");
     let exponent: i32 = exponent.parse().expect("an exponent is a number");
     let (sign, mantissa) = match mantissa.strip_prefix('-') {
         Some(mantissa) => ("-", mantissa),
@@ -86,53 +93,54 @@ pub(crate) fn parse(token: &str) -> Option<Value> {
 }
 
 /// Whether the token has the letters of a number; says if it is hexadecimal.
+///
+/// Zeros, signs and `x` in front may come in any order and number; the last such `x` counts.
 fn number_like(token: &str) -> Option<bool> {
-    let mut preamble = true;
-    let mut hexadecimal = false;
-    let mut signs = 0;
-    let mut points = 0;
-    let mut hex_digits = 0;
-    for c in token.chars() {
-        if preamble {
-            match c {
-                'x' | 'X' => {
-                    hexadecimal = true;
-                    preamble = false;
-                    continue;
-                }
-                '+' | '-' => {
-                    signs += 1;
-                    if signs > 1 {
-                        return None;
-                    }
-                }
-                '0' => {}
-                _ => preamble = false,
-            }
-        }
-        match c {
-            '.' => {
-                points += 1;
-                if points > 1 {
-                    return None;
-                }
-            }
-            '0'..='9' | 'e' | 'E' | '+' | '-' => {}
-            'a'..='f' | 'A'..='F' if hexadecimal => {}
-            _ => return None,
-        }
-        hex_digits += usize::from(hexadecimal);
+    let body = token.trim_start_matches(['0', '+', '-', 'x', 'X']);
+    let front = &token[..token.len() - body.len()];
+    let hexadecimal = front.contains(['x', 'X']);
+    let letter = |c: char| {
+        matches!(c, '0'..='9' | '.' | 'e' | 'E' | '+' | '-') || hexadecimal && c.is_ascii_hexdigit()
+    };
+    let signs = front.matches(['+', '-']).count();
+    let points = body.matches('.').count();
+    if signs > 1 || points > 1 || !body.chars().all(letter) {
+        return None;
     }
     // Stock keeps what would not fit 32 bits as a string.
-    (hex_digits <= 8).then_some(hexadecimal)
+    let digits = token.rfind(['x', 'X']).map_or(0, |x| token.len() - x - 1);
+    (digits <= 8).then_some(hexadecimal)
 }
 
 /// C's `strtod` of the whole token: 0 if anything is left over.
 fn float(token: &str) -> f64 {
+    if let Some(value) = hexadecimal_float(token) {
+        return value;
+    }
     match decimal(token) {
         Ok(("", number)) => number.parse().unwrap_or(0.0),
-        _ => token.parse().unwrap_or(0.0),
+        _ => match token {
+            "inf" => f64::INFINITY,
+            "-inf" => f64::NEG_INFINITY,
+            "nan" => f64::NAN,
+            _ => 0.0,
+        },
     }
+}
+
+/// `0x1.8`, which is 1.5. Tokens with the letter of an exponent, `p`, do not get here.
+fn hexadecimal_float(token: &str) -> Option<f64> {
+    let (rest, sign) = sign(token);
+    let digits = rest.strip_prefix("0x").or(rest.strip_prefix("0X"))?;
+    let (whole, fraction) = digits.split_once('.').unwrap_or((digits, ""));
+    let digits = format!("{whole}{fraction}");
+    if !digits.chars().all(|c| c.is_ascii_hexdigit()) {
+        return None;
+    }
+    // At most eight digits get here, see `number_like`.
+    let number = u64::from_str_radix(&digits, 16).ok()?;
+    let value = number as f64 / 16f64.powi(fraction.len() as i32);
+    Some(if sign < 0 { -value } else { value })
 }
 
 fn decimal(input: &str) -> IResult<&str, &str> {
@@ -212,6 +220,21 @@ mod tests {
         assert_eq!(parse(token), Some(expected.into()), "{token}");
     }
 
+    /// Read as 0 or as strings before: stock takes `0x1.8` for 1.5, and any `x` in front.
+    #[test]
+    fn hexadecimal_fractions_read_as_in_stock() {
+        reads("0x1.8", 1.5);
+        reads("-0x.8", -0.5);
+        reads("0x1.8e3", 1.555_419_921_875);
+        reads("0x1.", 1.0);
+        reads("0x.", 0.0);
+        reads("0x1.8-2", 0.0);
+        reads("0X+F.", 0.0);
+        reads("0x0x1", 0);
+        reads("0xX6", 0);
+        reads("-Xxe6194.E4", 0.0);
+    }
+
     /// Each checked against stock 3.5.0.
     #[test]
     fn numbers_read_as_in_stock() {
@@ -232,7 +255,18 @@ mod tests {
         reads("5.", 5.0);
         reads("99999999999999999999999999", i64::MAX);
         reads("inf", f64::INFINITY);
-        for word in ["5x", ".", "1.2.3", "abc", "x1", "--1", "0x123456789", "e5"] {
+        for word in [
+            "5x",
+            ".",
+            "1.2.3",
+            "abc",
+            "x1",
+            "--1",
+            "0x123456789",
+            "e5",
+            "0x1p3",
+            "-X-",
+        ] {
             assert_eq!(parse(word), None, "{word}");
         }
     }

@@ -129,11 +129,12 @@ impl Scanner {
                         return Ok(Some(Scan::Needs { at_least: at + 4 }));
                     };
                     at += 4;
-                    let kind = Code::of_item(code, self.dialect).ok_or(DecodeError::UnknownCode {
-                        code,
-                        at: at - 4,
-                        dialect: self.dialect,
-                    })?;
+                    let kind =
+                        Code::of_item(code, self.dialect).ok_or(DecodeError::UnknownCode {
+                            code,
+                            at: at - 4,
+                            dialect: self.dialect,
+                        })?;
                     if kind == Code::List {
                         return self.nested(bytes, code, at, left);
                     }

@@ -3,10 +3,10 @@
 //! Items are separated by blanks or commas; `( )` nests a list, `{ }` holds a blob, `[ ]` a vocab,
 //! `" "` a string. Checked against stock 3.5.0.
 
-use std::fmt;
+use std::fmt::{self, Write};
 use std::str::FromStr;
 
-use bytes::Bytes;
+use bytes::{BufMut, Bytes, BytesMut};
 use nom::IResult;
 use nom::bytes::complete::take_while;
 
@@ -143,9 +143,12 @@ fn classify(token: &[u8], depth: usize) -> Result<Value, TextError> {
         [b'(', ..] => parse_list(inner(token), depth - 1)?.into(),
         [b'[', ..] => vocab(token),
         [b'{', ..] => blob(parse_list(inner(token), depth - 1)?),
-        b"true" => Value::bool(true),
-        b"false" => Value::bool(false),
-        _ => Value::String(unescape(token)),
+        [b'"', ..] => Value::String(unescape(inner(token))),
+        _ => match unescape(token) {
+            text if text == "true" => Value::bool(true),
+            text if text == "false" => Value::bool(false),
+            text => Value::String(text),
+        },
     })
 }
 
@@ -172,11 +175,6 @@ fn blob(items: Bottle) -> Value {
 }
 
 fn unescape(token: &[u8]) -> Text {
-    let token = if token.first() == Some(&b'"') {
-        inner(token)
-    } else {
-        token
-    };
     let mut out = Vec::with_capacity(token.len());
     let mut bytes = token.iter();
     while let Some(&byte) = bytes.next() {
@@ -195,76 +193,106 @@ fn unescape(token: &[u8]) -> Text {
     out.into()
 }
 
-impl fmt::Display for Bottle {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+impl Bottle {
+    /// The text form as it travels: strings that are not UTF-8 keep their bytes.
+    ///
+    /// `Display` gives the same text with such bytes replaced.
+    pub fn to_text(&self) -> Bytes {
+        let mut out = BytesMut::new();
+        self.print_into(&mut out);
+        out.freeze()
+    }
+
+    /// Appends the text form as it travels.
+    pub fn print_into(&self, out: &mut BytesMut) {
         for (index, value) in self.iter().enumerate() {
             if index > 0 {
-                f.write_str(" ")?;
+                out.put_u8(b' ');
             }
-            value.fmt(f)?;
+            print(out, value);
         }
-        Ok(())
+    }
+}
+
+impl fmt::Display for Bottle {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&String::from_utf8_lossy(&self.to_text()))
     }
 }
 
 /// The form inside a list: strings quoted where they must be, vocabs in brackets.
 impl fmt::Display for Value {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Int8(v) => v.fmt(f),
-            Self::Int16(v) => v.fmt(f),
-            Self::Int32(v) => v.fmt(f),
-            Self::Int64(v) => v.fmt(f),
-            Self::Float32(v) => f.write_str(&number_text::print(f64::from(*v))),
-            Self::Float64(v) => f.write_str(&number_text::print(*v)),
-            Self::Vocab32(Vocab32::TRUE) => f.write_str("true"),
-            Self::Vocab32(Vocab32::FALSE) => f.write_str("false"),
-            Self::Vocab32(v) => write!(f, "[{v}]"),
-            Self::Vocab64(v) => write!(f, "[{v}]"),
-            Self::String(text) => print_string(f, text),
-            Self::Blob(bytes) => print_blob(f, bytes),
-            Self::List(list) | Self::Dictionary(list) => write!(f, "({list})"),
+        let mut out = BytesMut::new();
+        print(&mut out, self);
+        f.write_str(&String::from_utf8_lossy(&out))
+    }
+}
+
+fn print(out: &mut BytesMut, value: &Value) {
+    match value {
+        Value::Int8(v) => print_integer(out, i64::from(*v)),
+        Value::Int16(v) => print_integer(out, i64::from(*v)),
+        Value::Int32(v) => print_integer(out, i64::from(*v)),
+        Value::Int64(v) => print_integer(out, *v),
+        Value::Float32(v) => out.put_slice(number_text::print(f64::from(*v)).as_bytes()),
+        Value::Float64(v) => out.put_slice(number_text::print(*v).as_bytes()),
+        Value::Vocab32(Vocab32::TRUE) => out.put_slice(b"true"),
+        Value::Vocab32(Vocab32::FALSE) => out.put_slice(b"false"),
+        Value::Vocab32(v) => print_between(out, b"[]", |out| out.extend(v.bytes())),
+        Value::Vocab64(v) => print_between(out, b"[]", |out| out.extend(v.bytes())),
+        Value::String(text) => print_string(out, text.as_bytes()),
+        Value::Blob(bytes) => print_between(out, b"{}", |out| {
+            for (index, byte) in bytes.iter().enumerate() {
+                if index > 0 {
+                    out.put_u8(b' ');
+                }
+                print_integer(out, i64::from(*byte));
+            }
+        }),
+        Value::List(list) | Value::Dictionary(list) => {
+            print_between(out, b"()", |out| list.print_into(out));
         }
     }
 }
 
-fn print_blob(f: &mut fmt::Formatter<'_>, bytes: &[u8]) -> fmt::Result {
-    f.write_str("{")?;
-    for (index, byte) in bytes.iter().enumerate() {
-        if index > 0 {
-            f.write_str(" ")?;
-        }
-        write!(f, "{byte}")?;
-    }
-    f.write_str("}")
+fn print_integer(out: &mut BytesMut, value: i64) {
+    // Writing to a growing buffer cannot fail.
+    let _ = write!(out, "{value}");
 }
 
-fn print_string(f: &mut fmt::Formatter<'_>, text: &Text) -> fmt::Result {
-    let text = text.to_lossy();
-    if is_bare(&text) {
-        return f.write_str(&text);
+fn print_between(out: &mut BytesMut, brackets: &[u8; 2], inside: impl FnOnce(&mut BytesMut)) {
+    out.put_u8(brackets[0]);
+    inside(out);
+    out.put_u8(brackets[1]);
+}
+
+fn print_string(out: &mut BytesMut, text: &[u8]) {
+    if is_bare(text) {
+        out.put_slice(text);
+        return;
     }
-    f.write_str("\"")?;
-    for c in text.chars() {
-        match c {
-            '\n' => f.write_str("\\n")?,
-            '\r' => f.write_str("\\r")?,
-            '\0' => f.write_str("\\0")?,
-            '\\' => f.write_str("\\\\")?,
-            '"' => f.write_str("\\\"")?,
-            other => write!(f, "{other}")?,
+    print_between(out, b"\"\"", |out| {
+        for byte in text {
+            match byte {
+                b'\n' => out.put_slice(b"\\n"),
+                b'\r' => out.put_slice(b"\\r"),
+                0 => out.put_slice(b"\\0"),
+                b'\\' => out.put_slice(b"\\\\"),
+                b'"' => out.put_slice(b"\\\""),
+                other => out.put_u8(*other),
+            }
         }
-    }
-    f.write_str("\"")
+    });
 }
 
 /// Whether stock prints the string without quotes.
-fn is_bare(text: &str) -> bool {
-    let word = |c: char| c.is_ascii_alphabetic() || c == '_';
-    let mut chars = text.chars();
-    chars.next().is_some_and(word)
-        && chars.all(|c| word(c) || c.is_ascii_digit() || matches!(c, '.' | '-'))
-        && !matches!(text, "true" | "false")
+fn is_bare(text: &[u8]) -> bool {
+    let word = |byte: &u8| byte.is_ascii_alphabetic() || *byte == b'_';
+    let mut bytes = text.iter();
+    bytes.next().is_some_and(word)
+        && bytes.all(|byte| word(byte) || byte.is_ascii_digit() || matches!(byte, b'.' | b'-'))
+        && !matches!(text, b"true" | b"false")
 }
 
 #[cfg(test)]
@@ -282,7 +310,10 @@ mod tests {
         check("", "");
         check("hello 5", "hello 5");
         check("a,b", "a b");
-        check(r#""" (a (b)) {1 2} "a b" x."#, r#""" (a (b)) {1 2} "a b" x."#);
+        check(
+            r#""" (a (b)) {1 2} "a b" x."#,
+            r#""" (a (b)) {1 2} "a b" x."#,
+        );
         check("5x -x +3", r#""5x" 0 3"#);
         check("inf nan null", "inf nan [null]");
         check("true false", "true false");
@@ -294,6 +325,14 @@ mod tests {
         check(r#""a\nb""#, r#""a\nb""#);
         check("(  a   b )", "(a b)");
         check("{256 1 -1}", "{0 1 255}");
+        check(r#"\true t\rue "true""#, r#"true "t\rue" "true""#);
+    }
+
+    /// Bytes that are not UTF-8 were replaced when a string was printed for a text connection.
+    #[test]
+    fn text_keeps_bytes_that_are_not_utf8() {
+        let text = b"\"a\xff\" [\xe9] \"\x80\"";
+        assert_eq!(Bottle::parse_bytes(text).unwrap().to_text(), &text[..]);
     }
 
     #[test]

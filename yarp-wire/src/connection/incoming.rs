@@ -122,16 +122,19 @@ impl MessageReader {
                     mut text,
                     mut balance,
                 } => {
-                    if !text.is_empty() {
-                        text.extend_from_slice(b"\n");
-                        balance.extend(b"\n");
-                    }
                     if text.len() + line.len() > self.limits.line {
                         let limit = self.limits.line;
                         return Err(ProtocolError::LineTooLong { limit });
                     }
-                    text.extend_from_slice(&line);
-                    balance.extend(&line);
+                    if text.is_empty() {
+                        balance.extend(&line);
+                        text = line.into();
+                    } else {
+                        text.extend_from_slice(b"\n");
+                        text.extend_from_slice(&line);
+                        balance.extend(b"\n");
+                        balance.extend(&line);
+                    }
                     if balance.is_even() {
                         return Ok(Some(message(command, text.freeze())));
                     }

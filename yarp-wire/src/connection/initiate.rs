@@ -298,7 +298,7 @@ impl Initiator {
                     return Ok(Some(Progress::Reply(nothing)));
                 }
                 Some(Waiting::Reply) => {
-                    if let Some(text) = self.text_reply(&line)? {
+                    if let Some(text) = self.text_reply(line)? {
                         self.waiting.pop_front();
                         let payload = Payload::new(text, Form::Text);
                         return Ok(Some(Progress::Reply(payload)));
@@ -310,17 +310,20 @@ impl Initiator {
     }
 
     /// A reply goes on over further lines while a bracket or quote is open.
-    fn text_reply(&mut self, line: &[u8]) -> Result<Option<Bytes>, ProtocolError> {
-        if !self.text.is_empty() {
-            self.text.extend_from_slice(b"\n");
-            self.balance.extend(b"\n");
-        }
+    fn text_reply(&mut self, line: Bytes) -> Result<Option<Bytes>, ProtocolError> {
         if self.text.len() + line.len() > self.limits.line {
             let limit = self.limits.line;
             return Err(ProtocolError::LineTooLong { limit });
         }
-        self.text.extend_from_slice(line);
-        self.balance.extend(line);
+        if self.text.is_empty() {
+            self.balance.extend(&line);
+            self.text = line.into();
+        } else {
+            self.text.extend_from_slice(b"\n");
+            self.text.extend_from_slice(&line);
+            self.balance.extend(b"\n");
+            self.balance.extend(&line);
+        }
         if !self.balance.is_even() {
             return Ok(None);
         }

@@ -214,7 +214,12 @@ mod tests {
 
     #[test]
     fn what_is_no_block_is_refused() {
-        for bytes in [&b""[..], b"\0\0\0\0", b"\0\0\0\0!D\0\x01", b"\x02\0\0\0~\0\0\x01aaaa"] {
+        for bytes in [
+            &b""[..],
+            b"\0\0\0\0",
+            b"\0\0\0\0!D\0\x01",
+            b"\x02\0\0\0~\0\0\x01aaaa",
+        ] {
             assert!(Command::read(&Bytes::copy_from_slice(bytes)).is_err());
         }
     }

@@ -107,11 +107,17 @@ mod tests {
         let mut bytes = Vec::new();
         Index::put(&mut bytes, 8, 12);
         assert_eq!(bytes.len(), 30);
-        assert_eq!(Index::read(&bytes, 100), Ok(Some((Index { total: 20 }, 30))));
+        assert_eq!(
+            Index::read(&bytes, 100),
+            Ok(Some((Index { total: 20 }, 30)))
+        );
         for end in 0..30 {
             assert_eq!(Index::read(&bytes[..end], 100), Ok(None));
         }
-        let error = IndexError::TooLong { total: 20, limit: 19 };
+        let error = IndexError::TooLong {
+            total: 20,
+            limit: 19,
+        };
         assert_eq!(Index::read(&bytes, 19), Err(error));
     }
 
@@ -120,7 +126,13 @@ mod tests {
         let mut bytes = Vec::new();
         Index::put(&mut bytes, 8, 12);
         bytes[18..22].copy_from_slice(&(-1i32).to_le_bytes());
-        assert_eq!(Index::read(&bytes, 100), Err(IndexError::NegativeLength { length: -1 }));
-        assert!(matches!(Index::read(b"GARBAGE!", 100), Err(IndexError::NoIndex { .. })));
+        assert_eq!(
+            Index::read(&bytes, 100),
+            Err(IndexError::NegativeLength { length: -1 })
+        );
+        assert!(matches!(
+            Index::read(b"GARBAGE!", 100),
+            Err(IndexError::NoIndex { .. })
+        ));
     }
 }

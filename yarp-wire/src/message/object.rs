@@ -22,7 +22,7 @@ pub trait WireObject {
         let mut binary = BytesMut::new();
         self.write_binary(&mut binary, Dialect::V4);
         if let Ok(bottle) = Bottle::decode(&binary.freeze(), Dialect::V4, Limits::DEFAULT) {
-            out.put_slice(bottle.to_string().as_bytes());
+            bottle.print_into(out);
         }
         out.put_slice(b"\n");
     }
@@ -46,7 +46,7 @@ impl WireObject for Bottle {
     }
 
     fn write_text(&self, out: &mut BytesMut) {
-        out.put_slice(self.to_string().as_bytes());
+        self.print_into(out);
         out.put_slice(b"\r\n");
     }
 }

@@ -200,7 +200,8 @@ impl Request {
             .find("format")
             .is_some_and(|value| value.as_str() == Some("json"));
         // `(format json)` says how to answer; stock also stores it as a property value.
-        let arguments: Vec<&Value> = items.iter().filter(|item| !is_format(item)).collect();
+        let mut arguments: Vec<&Value> = items.iter().take(1).collect();
+        arguments.extend(items.iter().skip(1).filter(|item| !is_format(item)));
         let mut command = Arguments(&arguments).command();
         // These answer with a bottle by themselves; stock does not know them after `bot`.
         if bot && command.is_structured() {
@@ -242,9 +243,21 @@ fn skip<'a>(items: &'a [Value], word: &str) -> Option<&'a [Value]> {
 }
 
 fn is_format(item: &Value) -> bool {
-    item.as_list()
-        .and_then(|list| list.get(0))
-        .is_some_and(|key| key.as_str() == Some("format"))
+    item.as_list().is_some_and(|list| {
+        let words = list.iter().map(Value::as_str);
+        words.eq([Some("format"), Some("json")])
+    })
+}
+
+/// Any value as the text that stock stores; the bytes of a blob without their braces.
+fn text_of(value: &Value) -> String {
+    match value.as_blob() {
+        Some(bytes) => {
+            let bytes: Vec<_> = bytes.iter().map(u8::to_string).collect();
+            bytes.join(" ")
+        }
+        None => value.to_plain_string(),
+    }
 }
 
 /// The words of one request, the command itself first.
@@ -265,7 +278,7 @@ impl Arguments<'_> {
     fn text(&self, index: usize) -> String {
         self.0
             .get(index)
-            .map_or_else(String::new, |value| value.to_plain_string())
+            .map_or_else(String::new, |value| text_of(value))
     }
 
     /// A field of `register`: `...` and missing leave the choice to the server.
@@ -301,7 +314,7 @@ impl Arguments<'_> {
             "set" => Command::Set {
                 name: self.name(1),
                 key: self.text(2),
-                values: self.0.iter().skip(3).map(|v| v.to_plain_string()).collect(),
+                values: self.0.iter().skip(3).map(|value| text_of(value)).collect(),
             },
             "get" => Command::Get {
                 name: self.name(1),
@@ -401,6 +414,7 @@ mod tests {
         check("LIST", Plain, other("LIST"));
         check("", Plain, other(""));
         check("bot", Bot, other(""));
+        check("(format json) list", Bot, other("(format json) list"));
     }
 
     #[test]
@@ -435,11 +449,11 @@ mod tests {
         let command = Command::Set {
             name: "/a".into(),
             key: "k l".into(),
-            values: ["hello world", "5", "4.5", "vo", "list a b", "true"]
+            values: ["hello world", "5", "4.5", "vo", "list a b", "true", "1 2"]
                 .map(str::to_owned)
                 .to_vec(),
         };
-        let line = r#"set /a (k l) "hello world" 5 4.5 [vo] (list a b) true"#;
+        let line = r#"set /a (k l) "hello world" 5 4.5 [vo] (list a b) true {1 2}"#;
         check(line, Form::Plain, command);
     }
 
