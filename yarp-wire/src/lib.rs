@@ -16,6 +16,7 @@ pub mod carrier;
 pub mod connection;
 pub mod datagram;
 pub mod dialect;
+pub mod http;
 pub mod limits;
 pub mod message;
 pub mod name;

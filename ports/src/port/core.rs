@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use yarp_wire::carrier::{Carrier, CarrierSpec, Transport};
+use yarp_wire::carrier::{Carrier, CarrierSpec, Framing, Transport};
 use yarp_wire::{Bottle, Contact, Dialect};
 
 use super::group::Group;
@@ -73,15 +73,20 @@ impl Core {
     }
 
     fn outputs_mut(&self) -> MutexGuard<'_, Vec<Arc<Output>>> {
-        let mut outputs = self.outputs.lock().unwrap_or_else(PoisonError::into_inner);
-        outputs.retain(|output| {
-            let ended = output.outbox.is_closed();
-            if ended {
-                self.report_output(output, false);
-            }
-            !ended
-        });
-        outputs
+        let lock = || self.outputs.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut outputs = lock();
+        let ended: Vec<_> = outputs
+            .extract_if(.., |output| output.outbox.is_closed())
+            .collect();
+        if ended.is_empty() {
+            return outputs;
+        }
+        // The owner may look at the connections when told.
+        drop(outputs);
+        for output in &ended {
+            self.report_output(output, false);
+        }
+        lock()
     }
 
     pub(crate) fn inputs(&self) -> MutexGuard<'_, Vec<InputEntry>> {
@@ -126,7 +131,11 @@ impl Core {
         }
         let found = self.network.resolve(to).await?;
         let spec = self.carrier_spec(to, &found.carrier)?;
-        let carrier = Carrier::by_name(&spec.base).ok_or_else(|| PortError::NoCarrier {
+        let carrier = Carrier::by_name(&spec.base).filter(|carrier| {
+            // Browsers and name server clients connect to ports, not ports to them.
+            !matches!(carrier.framing, Framing::Http | Framing::NameService)
+        });
+        let carrier = carrier.ok_or_else(|| PortError::NoCarrier {
             carrier: spec.base.clone(),
             known: known_carriers(),
         })?;
@@ -138,7 +147,7 @@ impl Core {
         }
         let address = (found.host.as_str(), found.port);
         let dialect = match carrier.framing {
-            yarp_wire::carrier::Framing::Indexed => {
+            Framing::Indexed => {
                 probe::generation(&found.name, address, self.network.deadline()).await
             }
             _ => Some(Dialect::default()),

@@ -60,7 +60,7 @@ pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, address: IpAddr) {
 }
 
 /// How a connection ended.
-enum End {
+pub(super) enum End {
     Closed,
     Broken(ProtocolError),
     Failed(io::Error),
@@ -74,18 +74,18 @@ impl From<io::Error> for End {
     }
 }
 
-struct Connection {
-    core: Arc<Core>,
+pub(super) struct Connection {
+    pub(super) core: Arc<Core>,
     stream: TcpStream,
     acceptor: Acceptor,
     input: Inflow,
-    output: BytesMut,
+    pub(super) output: BytesMut,
     /// The place in the port's list, once the header is done with.
     entry: Option<Entry>,
     /// Ends this connection; goes to the port's list with the entry.
     cancel: Option<Cancel>,
-    sender: Sender,
-    address: IpAddr,
+    pub(super) sender: Sender,
+    pub(super) address: IpAddr,
     busy: BusyPoll,
 }
 
@@ -102,7 +102,7 @@ impl Drop for Entry {
 }
 
 /// What is to happen after a message.
-enum Next {
+pub(super) enum Next {
     Go,
     /// Messages come as datagrams, to this group if there is one.
     Datagrams(Option<SocketAddrV4>),
@@ -216,6 +216,7 @@ impl Connection {
                 }
             }
             Event::Message(message) => self.message(message).await,
+            Event::Browser(request) => self.browse(request).await,
         }
     }
 
@@ -247,7 +248,8 @@ impl Connection {
                     wants_reply: reply,
                     responder: None,
                 };
-                self.deliver(received).await
+                let answer = self.deliver(received).await;
+                self.answer(answer, reply)
             }
             Command::Admin => {
                 let request = message.payload.to_bottle().unwrap_or_default();
@@ -261,24 +263,22 @@ impl Connection {
         next
     }
 
-    /// Hands a message to the owner and waits for the answer, if there is to be one.
-    async fn deliver(&mut self, mut received: Received) -> Next {
-        let wants_reply = received.wants_reply;
+    /// Hands a message to the owner and waits for the reply, if there is to be one; tells whether
+    /// the connection shall end with it.
+    pub(super) async fn deliver(&mut self, mut received: Received) -> (Option<Reply>, bool) {
         let core = self.core.clone();
-        let answer = match &core.options.input {
+        let mut answer = match &core.options.input {
             Input::Discard => Answer::Nothing,
             Input::Handler(handler) => handler(&mut received),
             Input::Queue(_, serving) => {
                 let mut answer = None;
-                if wants_reply && *serving == Serving::Replies {
+                if received.wants_reply && *serving == Serving::Replies {
                     let (sender, receiver) = oneshot::channel();
                     received.responder = Some(Responder(sender));
                     answer = Some(receiver);
                 }
-                let inbox = core
-                    .inbox
-                    .as_ref()
-                    .expect("a port that queues has an inbox");
+                let inbox = core.inbox.as_ref();
+                let inbox = inbox.expect("a port that queues has an inbox");
                 inbox.push(received).await;
                 match answer {
                     Some(answer) => answer.await.unwrap_or(Answer::Nothing),
@@ -286,26 +286,25 @@ impl Connection {
                 }
             }
         };
-        self.answer(answer, wants_reply).await
-    }
-
-    async fn answer(&mut self, mut answer: Answer, wants_reply: bool) -> Next {
         loop {
             match answer {
                 Answer::Later(later) => answer = later.await,
-                Answer::Nothing => {
-                    self.reply_nothing(wants_reply);
-                    return Next::Go;
-                }
-                Answer::Reply(reply) => {
-                    self.reply(&reply, wants_reply);
-                    return Next::Go;
-                }
-                Answer::ReplyAndClose(reply) => {
-                    self.reply(&reply, wants_reply);
-                    return Next::Stop(End::Closed);
-                }
+                Answer::Nothing => return (None, false),
+                Answer::Reply(reply) => return (Some(reply), false),
+                Answer::ReplyAndClose(reply) => return (Some(reply), true),
             }
+        }
+    }
+
+    fn answer(&mut self, (reply, last): (Option<Reply>, bool), wants_reply: bool) -> Next {
+        match reply {
+            Some(reply) => self.reply(&reply, wants_reply),
+            None => self.reply_nothing(wants_reply),
+        }
+        if last {
+            Next::Stop(End::Closed)
+        } else {
+            Next::Go
         }
     }
 

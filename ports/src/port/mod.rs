@@ -6,9 +6,10 @@
 //! | `core` | what the tasks of a port share |
 //! | `input`, `inbox`, `received` | incoming connections, what arrived, one message of it |
 //! | `output`, `outbox`, `group` | outgoing connections, what is to be sent, multicast |
-//! | `admin`, `describe` | what programs and people ask of the port itself |
+//! | `admin`, `describe`, `browser` | what programs and people ask of the port itself |
 
 mod admin;
+mod browser;
 mod core;
 mod describe;
 mod group;
@@ -21,6 +22,7 @@ mod received;
 
 use std::io;
 use std::sync::Arc;
+use std::task::Poll;
 use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
@@ -235,32 +237,33 @@ impl Port {
     /// has acknowledgements, else until it is on its way to the socket.
     ///
     /// One reader never waits for another. Tells how many took it. A reader that stops reading
-    /// holds this up; cancelling is safe, the message is then sent without anybody waiting.
+    /// holds this up; cancelling is safe, the message is then sent without anybody waiting, except
+    /// to readers that have no room for it.
     pub async fn write(&self, message: &impl WireObject) -> usize {
         self.write_with(message, None).await
     }
 
     /// As [`Port::write`], with an envelope such as a [`Stamp`](yarp_wire::Stamp).
     pub async fn write_with(&self, message: &impl WireObject, envelope: Option<Envelope>) -> usize {
-        let mut waits = Vec::new();
-        let mut taken = 0;
-        for output in self.core.senders() {
-            if output.outbox.room().await.is_err() {
-                continue;
-            }
-            waits.push((output, None::<tokio::sync::oneshot::Receiver<Outcome>>));
-        }
         let command = data(false, envelope);
         let mut encoded = Encoded::default();
-        for (output, outcome) in &mut waits {
-            let payload = encoded.of(message, output);
+        let mut taken = 0;
+        let mut waits = Vec::new();
+        let mut late = Vec::new();
+        for output in self.core.senders() {
+            let payload = encoded.of(message, &output);
+            if !output.outbox.has_room() {
+                late.push((output, payload));
+                continue;
+            }
             match output.outbox.push(&command, &payload, true) {
-                Ok(Some(waiting)) => *outcome = Some(waiting),
+                Ok(Some(waiting)) => waits.push(waiting),
                 Ok(None) => taken += 1,
                 Err(_) => {}
             }
         }
-        for waiting in waits.into_iter().filter_map(|(_, outcome)| outcome) {
+        taken += push_late(late, &command, true).await;
+        for waiting in waits {
             taken += usize::from(matches!(waiting.await, Ok(Ok(_))));
         }
         // Carriers without acknowledgements never wait here: let others run now and then.
@@ -295,12 +298,16 @@ impl Port {
         let command = data(false, envelope);
         let mut encoded = Encoded::default();
         let mut taken = 0;
+        let mut late = Vec::new();
         for output in self.core.senders() {
-            if output.outbox.room().await.is_ok() {
-                let payload = encoded.of(message, &output);
+            let payload = encoded.of(message, &output);
+            if output.outbox.has_room() {
                 taken += usize::from(output.outbox.push(&command, &payload, false).is_ok());
+            } else {
+                late.push((output, payload));
             }
         }
+        taken += push_late(late, &command, false).await;
         tokio::task::coop::consume_budget().await;
         taken
     }
@@ -411,6 +418,40 @@ impl Drop for Port {
             runtime.spawn(closing);
         }
     }
+}
+
+/// Sends to readers that had no room, to each as soon as it has; tells how many took it.
+async fn push_late(late: Vec<(Arc<Output>, Bytes)>, command: &Command, watched: bool) -> usize {
+    if late.is_empty() {
+        return 0;
+    }
+    let mut sends: Vec<_> = late
+        .into_iter()
+        .map(|(output, payload)| {
+            Box::pin(async move {
+                output.outbox.room().await?;
+                match output.outbox.push(command, &payload, watched)? {
+                    Some(waiting) => waiting.await.unwrap_or_else(|_| Err("closed here".into())),
+                    None => Ok(None),
+                }
+            })
+        })
+        .collect();
+    let mut taken = 0;
+    std::future::poll_fn(|context| {
+        sends.retain_mut(|send| match send.as_mut().poll(context) {
+            Poll::Ready(outcome) => {
+                taken += usize::from(outcome.is_ok());
+                false
+            }
+            Poll::Pending => true,
+        });
+        match sends.is_empty() {
+            true => Poll::Ready(taken),
+            false => Poll::Pending,
+        }
+    })
+    .await
 }
 
 fn data(reply: bool, envelope: Option<Envelope>) -> Command {

@@ -126,6 +126,12 @@ impl Outbox {
         state.queued > 0 || !state.unfinished.is_empty()
     }
 
+    /// Whether earlier messages leave room for another, or nothing is to be waited for any more.
+    pub(crate) fn has_room(&self) -> bool {
+        let state = self.state();
+        state.queued < HIGH_WATER || state.closed.is_some()
+    }
+
     /// Waits until earlier messages leave room for another.
     pub(crate) async fn room(&self) -> Result<(), Arc<str>> {
         self.wait_until(|state| state.queued < HIGH_WATER).await

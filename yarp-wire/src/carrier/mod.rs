@@ -4,6 +4,7 @@
 //! that lists them. To add one: write its file, add its line to the table.
 
 mod fast_tcp;
+mod http;
 mod mcast;
 mod name_ser;
 mod specifier;
@@ -29,6 +30,8 @@ pub enum Framing {
     Lines,
     /// Lines that each are a request to the name server.
     NameService,
+    /// One request of a browser.
+    Http,
 }
 
 /// What messages travel on once the header is done with.
@@ -65,7 +68,8 @@ pub struct Carrier {
 }
 
 /// Every carrier, in the order in which an acceptor tries them.
-pub static ALL: [&Carrier; 7] = [
+pub static ALL: [&Carrier; 8] = [
+    &http::HTTP,
     &name_ser::NAME_SER,
     &tcp::TCP,
     &fast_tcp::FAST_TCP,
@@ -131,6 +135,10 @@ mod tests {
         check(b"CONNECT ", Some("text"));
         check(b"CONNACK ", Some("text_ack"));
         check(b"NAME_SER", Some("name_ser"));
+        check(b"GET / HT", Some("http"));
+        check(b"GET /dat", Some("http"));
+        check(b"POST /fo", Some("http"));
+        check(b"GET /?ws", None);
         check(b"GARBAGE!", None);
         check(b"YA\0\0\0\x80RP", None);
         for carrier in ALL {

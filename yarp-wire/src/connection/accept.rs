@@ -9,6 +9,7 @@ use super::{Message, MessageReader, ProtocolError, put_acknowledgement, put_repl
 use crate::bottle::detect;
 use crate::carrier::{Carrier, Framing, MAGIC, Sender, Transport};
 use crate::dialect::Dialect;
+use crate::http::{Request, RequestReader};
 use crate::limits::Limits;
 use crate::message::{Command, Form, WireObject};
 use crate::number;
@@ -27,6 +28,8 @@ pub enum Event {
     },
     /// A message. Answer it with [`Acceptor::reply`] and [`Acceptor::acknowledge`] as it asks.
     Message(Message),
+    /// What a browser asks for; the driver answers it whole, and the connection ends.
+    Browser(Request),
 }
 
 /// The side of a connection that listened.
@@ -45,6 +48,7 @@ enum State {
     Sender(&'static Carrier, LineReader),
     Group(&'static Carrier, Sender),
     Open(&'static Carrier, MessageReader),
+    Browser(&'static Carrier, RequestReader),
 }
 
 /// Bytes of a group: IPv4 address and port, the latter high byte first.
@@ -70,9 +74,10 @@ impl Acceptor {
     pub fn carrier(&self) -> Option<&'static Carrier> {
         match &self.state {
             State::Magic => None,
-            State::Sender(carrier, _) | State::Group(carrier, _) | State::Open(carrier, _) => {
-                Some(carrier)
-            }
+            State::Sender(carrier, _)
+            | State::Group(carrier, _)
+            | State::Open(carrier, _)
+            | State::Browser(carrier, _) => Some(carrier),
         }
     }
 
@@ -97,6 +102,15 @@ impl Acceptor {
                     };
                     let carrier = Carrier::detect(magic)
                         .ok_or(ProtocolError::UnknownCarrier { magic: *magic })?;
+                    if carrier.framing == Framing::Http {
+                        // What selects the carrier is the beginning of the request.
+                        self.state = State::Browser(carrier, RequestReader::default());
+                        return Ok(Some(Event::Opened {
+                            carrier,
+                            sender: Sender::plain("web"),
+                            group: None,
+                        }));
+                    }
                     input.advance(MAGIC);
                     self.state = State::Sender(carrier, LineReader::new(LONGEST_SENDER));
                 }
@@ -121,6 +135,9 @@ impl Acceptor {
                     input.advance(GROUP);
                     let (carrier, sender) = (*carrier, sender.clone());
                     return Ok(Some(self.open(carrier, sender, Some(group), output)));
+                }
+                State::Browser(_, reader) => {
+                    return Ok(reader.read(input, self.limits)?.map(Event::Browser));
                 }
                 State::Open(_, reader) => {
                     let message = reader.read(input)?;
@@ -178,7 +195,7 @@ impl Acceptor {
             Framing::Lines => {
                 output.put_slice(format!("Welcome {}\r\n", sender.name).as_bytes());
             }
-            Framing::NameService => {}
+            Framing::NameService | Framing::Http => {}
         }
         let reader = MessageReader::new(carrier.framing, self.dialect, self.limits);
         self.state = State::Open(carrier, reader);
@@ -220,6 +237,7 @@ fn read_sender(
 ) -> Result<Option<Sender>, ProtocolError> {
     match carrier.framing {
         Framing::NameService => Ok(Some(Sender::plain("anon"))),
+        Framing::Http => Ok(Some(Sender::plain("web"))),
         Framing::Lines => Ok(line.read(input)?.map(|name| Sender::parse(&name))),
         Framing::Indexed => {
             let Some(length) = input.first_chunk::<4>() else {

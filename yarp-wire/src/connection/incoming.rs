@@ -77,6 +77,8 @@ impl MessageReader {
             Framing::Indexed => self.read_indexed(input),
             Framing::Lines => self.read_lines(input),
             Framing::NameService => self.read_name_service(input),
+            // Browsers send requests, which an acceptor reads itself.
+            Framing::Http => Ok(None),
         }
     }
 

@@ -86,6 +86,7 @@ impl Initiator {
                 output.put_slice(b"\r\n");
             }
             Framing::NameService => output.put_slice(b"VER "),
+            Framing::Http => {}
         }
         Self {
             carrier,
@@ -159,7 +160,7 @@ impl Initiator {
         }
         match self.carrier.framing {
             Framing::Indexed => self.poll_binary(input),
-            Framing::Lines | Framing::NameService => self.poll_text(input),
+            Framing::Lines | Framing::NameService | Framing::Http => self.poll_text(input),
         }
     }
 
@@ -183,7 +184,7 @@ impl Initiator {
             }
             // A text initiator sends without waiting for the welcome.
             Framing::Lines => {}
-            Framing::NameService => self.welcomed = true,
+            Framing::NameService | Framing::Http => self.welcomed = true,
         }
         self.ready = true;
         Ok(Some(Progress::Ready))

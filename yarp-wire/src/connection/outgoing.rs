@@ -4,6 +4,7 @@ use bytes::{BufMut, BytesMut};
 
 use crate::carrier::{Carrier, Framing};
 use crate::dialect::Dialect;
+use crate::http::page;
 use crate::message::{Command, Index, WireObject};
 use crate::number;
 
@@ -34,7 +35,7 @@ pub fn put_head(out: &mut impl BufMut, carrier: &Carrier, command: &Command, len
             command.put_block(out);
         }
         Framing::Lines => command.put_line(out),
-        Framing::NameService => {}
+        Framing::NameService | Framing::Http => {}
     }
 }
 
@@ -43,6 +44,12 @@ pub fn put_reply(out: &mut BytesMut, carrier: &Carrier, object: &dyn WireObject,
     match carrier.framing {
         Framing::Indexed => object.write_binary(out, dialect),
         Framing::Lines | Framing::NameService => object.write_text(out),
+        Framing::Http => {
+            let mut text = BytesMut::new();
+            object.write_text(&mut text);
+            let chunk = page::chunk(&String::from_utf8_lossy(&text));
+            out.put_slice(chunk.as_bytes());
+        }
     }
 }
 
@@ -53,7 +60,7 @@ pub fn put_acknowledgement(out: &mut impl BufMut, carrier: &Carrier) {
     }
     match carrier.framing {
         Framing::Indexed => number::put(out, 0),
-        Framing::Lines | Framing::NameService => {
+        Framing::Lines | Framing::NameService | Framing::Http => {
             out.put_slice(ACKNOWLEDGEMENT_LINE.as_bytes());
             out.put_slice(b"\r\n");
         }

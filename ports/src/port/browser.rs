@@ -1,0 +1,96 @@
+//! Browsers at a port.
+
+use bytes::{Bytes, BytesMut};
+use yarp_wire::carrier::Carrier;
+use yarp_wire::http::{Action, Request, json, page};
+use yarp_wire::message::{Form, Payload};
+use yarp_wire::{Bottle, Value};
+
+use super::input::{Connection, End, Next};
+use super::received::Received;
+
+impl Connection {
+    /// Answers what a browser asks for; the connection ends with the answer, or goes on as one
+    /// that the port writes to.
+    pub(super) async fn browse(&mut self, request: Request) -> Next {
+        let response = match Action::of(&request) {
+            Action::Describe => self.page(&request, "", &self.core.describe()),
+            Action::Send(text) => {
+                let reply = self.ask_owner(text.as_bytes()).await;
+                self.page(&request, &text, &reply)
+            }
+            Action::Json {
+                request: message,
+                admin: true,
+            } => {
+                let answer = self.core.administer(&message).await;
+                page::json_response(&json::of(&answer))
+            }
+            Action::Json { request, .. } => {
+                let reply = self.ask_owner(request.to_string().as_bytes()).await;
+                page::json_response(&json::of(&Bottle::parse(&reply).unwrap_or_default()))
+            }
+            Action::Web(message) => {
+                let reply = self.ask_owner(message.to_string().as_bytes()).await;
+                own_page(&reply)
+            }
+            Action::Read => {
+                let head = page::stream_head(&self.core.name);
+                self.output.extend_from_slice(head.as_bytes());
+                let carrier = Carrier::by_name("http").expect("http is in the table");
+                return Next::Stop(End::Reversed(carrier));
+            }
+        };
+        self.output.extend_from_slice(response.as_bytes());
+        Next::Stop(End::Closed)
+    }
+
+    fn page(&self, request: &Request, data: &str, text: &str) -> String {
+        let own = format!("{}:{}", self.core.host, self.core.number);
+        let host = match request.host.as_str() {
+            "" => &own,
+            host => host,
+        };
+        let server = self.core.network.server();
+        let server = server.map(|(host, port)| format!("{host}:{port}"));
+        page::Page {
+            port: &self.core.name,
+            host,
+            name_server: server.as_deref(),
+            data,
+            text,
+        }
+        .response()
+    }
+
+    /// What the owner says to a message, as text.
+    async fn ask_owner(&mut self, message: &[u8]) -> String {
+        let received = Received {
+            payload: Payload::new(Bytes::copy_from_slice(message), Form::Text),
+            envelope: None,
+            from: self.sender.name.clone(),
+            address: self.address,
+            wants_reply: true,
+            responder: None,
+        };
+        let (reply, _) = self.deliver(received).await;
+        let mut text = BytesMut::new();
+        if let Some(reply) = reply {
+            reply.write_text(&mut text);
+        }
+        String::from_utf8_lossy(&text).into_owned()
+    }
+}
+
+/// An owner's own page: key `web` is its body, `mime` its type.
+fn own_page(reply: &str) -> String {
+    let bottle = Bottle::parse(reply).unwrap_or_default();
+    let text = |key: &str| bottle.find(key).map(Value::to_plain_string);
+    match text("web") {
+        Some(body) => {
+            let mime = text("mime").unwrap_or_else(|| "text/html".to_owned());
+            page::own_response(&body, &mime)
+        }
+        None => reply.to_owned(),
+    }
+}

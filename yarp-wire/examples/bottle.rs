@@ -1,0 +1,52 @@
+//! Reads texts of bottles, one a line, and prints each as `TEXT<TAB>BINARY` (3.x, hexadecimal).
+//!
+//! With `--hex` the texts are hexadecimal on both sides, so that any byte can stand in them.
+//!
+//! ```sh
+//! echo 'hello 0.5 (a [ok])' | cargo run -q -p yarp-wire --example bottle
+//! ```
+
+use std::fmt::Write as _;
+use std::io::{BufRead, Write};
+
+use yarp_wire::{Bottle, Dialect};
+
+fn main() -> std::io::Result<()> {
+    let hexadecimal = std::env::args().any(|argument| argument == "--hex");
+    let mut out = std::io::BufWriter::new(std::io::stdout().lock());
+    for line in std::io::stdin().lock().split(b'\n') {
+        let line = line?;
+        let text = if hexadecimal { from_hex(&line)? } else { line };
+        match Bottle::parse_bytes(&text) {
+            Ok(bottle) => {
+                let printed = bottle.to_text();
+                if hexadecimal {
+                    out.write_all(to_hex(&printed).as_bytes())?;
+                } else {
+                    out.write_all(&printed)?;
+                }
+                writeln!(out, "\t{}", to_hex(&bottle.encode(Dialect::V3)))?;
+            }
+            Err(error) => writeln!(out, "error: {error}\t")?,
+        }
+    }
+    out.flush()
+}
+
+fn to_hex(bytes: &[u8]) -> String {
+    bytes.iter().fold(String::new(), |mut hex, byte| {
+        // Writing to a string cannot fail.
+        let _ = write!(hex, "{byte:02x}");
+        hex
+    })
+}
+
+fn from_hex(line: &[u8]) -> std::io::Result<Vec<u8>> {
+    let wrong = |error| std::io::Error::new(std::io::ErrorKind::InvalidData, error);
+    line.chunks(2)
+        .map(|pair| {
+            let pair = std::str::from_utf8(pair).map_err(|e| wrong(e.to_string()))?;
+            u8::from_str_radix(pair, 16).map_err(|e| wrong(e.to_string()))
+        })
+        .collect()
+}

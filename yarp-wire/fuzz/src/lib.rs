@@ -1,0 +1,331 @@
+//! What every fuzz target does with its bytes: feed them to a parser, and check what must hold
+//! whatever they are.
+//!
+//! The same functions are replayed over the committed corpora by `tests/fuzz_corpus.rs`.
+
+use bytes::{Bytes, BytesMut};
+use yarp_wire::admin::AdminRequest;
+use yarp_wire::bottle::{Balance, Scan, Scanner, detect};
+use yarp_wire::carrier::{Carrier, CarrierSpec, Framing, Sender};
+use yarp_wire::connection::{Acceptor, DatagramReader, Event, Initiator, MessageReader, Progress};
+use yarp_wire::message::{Command, Form, Index, Payload, ReadObject};
+use yarp_wire::name_service::{AnswerReader, Registration, Request, Style, Until};
+use yarp_wire::vector::Vector;
+use yarp_wire::{Bottle, Contact, Dialect, Limits, PortName, Stamp, datagram};
+
+/// One fuzz target: its name, which is also that of its corpus, and what it does.
+pub type Target = (&'static str, fn(&[u8]));
+
+/// All targets.
+pub const TARGETS: [Target; 11] = [
+    ("bottle_binary", bottle_binary),
+    ("bottle_text", bottle_text),
+    ("acceptor", acceptor),
+    ("initiator", initiator),
+    ("message_reader", message_reader),
+    ("contact", contact),
+    ("carrier_spec", carrier_spec),
+    ("admin", admin),
+    ("name_service_request", name_service_request),
+    ("name_service_answer", name_service_answer),
+    ("datagram", datagram),
+];
+
+const DIALECTS: [Dialect; 2] = [Dialect::V3, Dialect::V4];
+
+/// In an order that does not change, so that corpora keep their meaning.
+const CARRIERS: [&str; 7] = [
+    "name_ser", "tcp", "fast_tcp", "text", "text_ack", "udp", "mcast",
+];
+
+/// Small bounds, so that they are reached.
+const LIMITS: Limits = Limits::DEFAULT.with_message(1 << 16).with_line(1 << 12);
+
+/// Binary bottles: what reads also writes, and reads the same again.
+pub fn bottle_binary(data: &[u8]) {
+    let bytes = Bytes::copy_from_slice(data);
+    for dialect in DIALECTS {
+        let whole = Scanner::new(dialect, LIMITS).scan(data);
+        let mut scanner = Scanner::new(dialect, LIMITS);
+        let mut stepped = scanner.scan(&[]);
+        for end in 1..=data.len() {
+            if let Ok(Scan::Needs { at_least }) = stepped {
+                assert!(at_least >= end, "it asks for bytes that it has");
+                stepped = scanner.scan(&data[..end]);
+            }
+        }
+        assert_eq!(stepped, whole, "a bottle that arrives in pieces");
+        let bottle = Bottle::decode(&bytes, dialect, LIMITS);
+        let fills = whole == Ok(Scan::Complete { length: data.len() });
+        assert_eq!(bottle.is_ok(), fills);
+        if let Ok(bottle) = bottle {
+            let encoded = bottle.encode(dialect);
+            let again = Bottle::decode(&encoded, dialect, Limits::DEFAULT).expect("our own bytes");
+            assert_eq!(again.encode(dialect), encoded);
+            let any = Bottle::decode_any(&bytes, dialect, LIMITS).expect("it reads").0;
+            assert_eq!(any.encode(dialect), encoded);
+            // Text of a deep bottle may be refused.
+            let _ = Bottle::parse_bytes(&bottle.to_text());
+        }
+        let payload = Payload::new(bytes.clone(), Form::Binary(dialect));
+        let _ = Vector::read(&payload);
+        let _ = (payload.dialect(), payload.to_bottle());
+    }
+    let _ = detect(data, LIMITS);
+}
+
+/// Texts of bottles: what prints also reads, and prints the same again.
+pub fn bottle_text(data: &[u8]) {
+    let Ok(bottle) = Bottle::parse_bytes(data) else {
+        return;
+    };
+    let text = bottle.to_text();
+    let again = Bottle::parse_bytes(&text).expect("no deeper than before");
+    // Words in brackets may hold anything, and these strings print without quotes.
+    let loses = [&b"["[..], b"null", b"inf", b"nan"];
+    let holds = |part: &[u8]| text.windows(part.len()).any(|window| window == part);
+    if !loses.into_iter().any(holds) {
+        assert_eq!(again.to_text(), text);
+        let mut balance = Balance::default();
+        balance.extend(&text);
+        assert!(balance.is_even());
+    }
+    for dialect in DIALECTS {
+        let encoded = bottle.encode(dialect);
+        let read = Bottle::decode(&encoded, dialect, Limits::DEFAULT).expect("our own bytes");
+        assert_eq!(read.encode(dialect), encoded);
+    }
+    let _ = Bottle::parse(&String::from_utf8_lossy(data));
+}
+
+/// Connections as the listening side sees them: any split gives the same events and answers.
+pub fn acceptor(data: &[u8]) {
+    let Some((&step, data)) = data.split_first() else {
+        return;
+    };
+    let whole = accept(data, data.len().max(1));
+    assert_eq!(accept(data, usize::from(step).max(1)), whole);
+}
+
+/// Events of an acceptor in words, and what it wrote, if it is fed `step` bytes at a time.
+fn accept(data: &[u8], step: usize) -> (Vec<String>, BytesMut) {
+    let mut acceptor = Acceptor::new(10002, Dialect::V3, LIMITS);
+    let (mut input, mut output) = (BytesMut::new(), BytesMut::new());
+    let mut events = Vec::new();
+    for piece in data.chunks(step) {
+        input.extend_from_slice(piece);
+        loop {
+            match acceptor.poll(&mut input, &mut output) {
+                Ok(Some(event)) => {
+                    events.push(format!("{event:?}"));
+                    if let Event::Message(message) = event {
+                        if matches!(message.command, Command::Data { reply: true, .. }) {
+                            acceptor.reply(&Bottle::of("ok"), &mut output);
+                        }
+                        acceptor.answer_lines("ok\r\n", &mut output);
+                        acceptor.acknowledge(&mut output);
+                    }
+                }
+                Ok(None) => break,
+                Err(error) => {
+                    events.push(error.to_string());
+                    return (events, output);
+                }
+            }
+        }
+        assert!(acceptor.missing(&input) <= 1 << 16);
+    }
+    (events, output)
+}
+
+/// Connections as the connecting side sees them: any split gives the same progress.
+pub fn initiator(data: &[u8]) {
+    let [carrier, dialect, sends, step, data @ ..] = data else {
+        return;
+    };
+    let carrier = CARRIERS[usize::from(*carrier) % CARRIERS.len()];
+    let dialect = DIALECTS[usize::from(*dialect) % 2];
+    let whole = initiate(carrier, dialect, *sends, data, data.len().max(1));
+    let stepped = initiate(carrier, dialect, *sends, data, usize::from(*step).max(1));
+    assert_eq!(stepped, whole);
+}
+
+/// Progress of an initiator in words; each two bits of `sends` are a message that it sends.
+fn initiate(
+    carrier: &str,
+    dialect: Dialect,
+    sends: u8,
+    data: &[u8],
+    step: usize,
+) -> Vec<String> {
+    let mut output = BytesMut::new();
+    let sender = Sender::plain("/fuzz");
+    let carrier = Carrier::by_name(carrier).expect("a carrier of the table");
+    let mut initiator = Initiator::new(carrier, &sender, dialect, LIMITS, &mut output);
+    for shift in [0, 2, 4, 6] {
+        let command = match sends >> shift & 3 {
+            0 => continue,
+            1 => Command::data(true),
+            2 => Command::data(false),
+            _ => Command::Describe,
+        };
+        initiator.send(&command, 0, &mut output);
+    }
+    let mut input = BytesMut::new();
+    let mut events = Vec::new();
+    for piece in data.chunks(step) {
+        input.extend_from_slice(piece);
+        loop {
+            match initiator.poll(&mut input) {
+                Ok(Some(progress)) => {
+                    if let Progress::Reply(payload) = &progress {
+                        let _ = payload.to_bottle();
+                    }
+                    events.push(format!("{progress:?}"));
+                }
+                Ok(None) => break,
+                Err(_) => {
+                    // How much had come by then is part of some errors.
+                    events.push("error".to_owned());
+                    return events;
+                }
+            }
+        }
+    }
+    events
+}
+
+/// Messages of each framing, without a header.
+pub fn message_reader(data: &[u8]) {
+    let Some((&kind, data)) = data.split_first() else {
+        return;
+    };
+    let framing = match kind % 3 {
+        0 => Framing::Indexed,
+        1 => Framing::Lines,
+        _ => Framing::NameService,
+    };
+    let mut reader = MessageReader::new(framing, Dialect::V3, LIMITS);
+    let mut input = BytesMut::from(data);
+    while let Ok(Some(message)) = reader.read(&mut input) {
+        let mut out = BytesMut::new();
+        message.command.put_block(&mut out);
+        assert_eq!(out.len(), message.command.block_len());
+        message.command.put_line(&mut out);
+        let _ = message.payload.to_bottle();
+        let _ = message.payload.to_binary(Dialect::V4);
+    }
+    let _ = Index::read(data, 1 << 16);
+    let bytes = Bytes::copy_from_slice(data);
+    if let Ok((_, length)) = Command::read(&bytes) {
+        assert!(length <= data.len());
+    }
+    let _ = Command::parse(&bytes);
+}
+
+/// Contacts, port names and stamps.
+pub fn contact(data: &[u8]) {
+    let text = String::from_utf8_lossy(data);
+    let contact = Contact::parse(&text);
+    let printed = contact.to_string();
+    if contact.name.starts_with('/') || contact.address.is_some() {
+        assert_eq!(Contact::parse(&printed).to_string(), printed);
+    }
+    if let Ok(name) = text.parse::<PortName>() {
+        assert_eq!(name.as_str(), text);
+    }
+    if let Ok(stamp) = text.parse::<Stamp>() {
+        let again: Stamp = stamp.to_string().parse().expect("our own text");
+        assert_eq!(again.count, stamp.count);
+        let _ = stamp.next(0.0).to_bottle();
+    }
+}
+
+/// Carrier strings and senders.
+pub fn carrier_spec(data: &[u8]) {
+    let text = String::from_utf8_lossy(data);
+    if let Ok(spec) = text.parse::<CarrierSpec>() {
+        assert_eq!(spec.to_string(), text);
+        let _ = spec.modifier("log");
+    }
+    let sender = Sender::parse(data);
+    let _ = Sender::parse(sender.to_string().as_bytes());
+}
+
+/// Admin requests.
+pub fn admin(data: &[u8]) {
+    if let Ok(bottle) = Bottle::parse_bytes(data) {
+        let _ = AdminRequest::parse(&bottle);
+    }
+    let bytes = Bytes::copy_from_slice(data);
+    if let Ok((bottle, _)) = Bottle::decode_any(&bytes, Dialect::V3, LIMITS) {
+        let _ = AdminRequest::parse(&bottle);
+    }
+}
+
+/// Requests to the name server: what is written in any style reads as the same request.
+pub fn name_service_request(data: &[u8]) {
+    let text = String::from_utf8_lossy(data);
+    let Ok(request) = Request::parse(&text) else {
+        return;
+    };
+    let _ = request.to_bottle();
+    for style in [Style::Line, Style::NameSer, Style::TextAck] {
+        let _ = request.to_bytes(style);
+    }
+}
+
+/// Answers of the name server: any split gives the same lines.
+pub fn name_service_answer(data: &[u8]) {
+    let Some((&step, data)) = data.split_first() else {
+        return;
+    };
+    for until in [Until::FirstLine, Until::End, Until::Ack] {
+        let read = |step: usize| {
+            let mut reader = AnswerReader::new(until).with_limit(1 << 12);
+            let mut taken = 0;
+            for piece in data.chunks(step) {
+                match reader.feed(piece) {
+                    Ok(count) => taken += count,
+                    Err(_) => return None,
+                }
+            }
+            let done = reader.close();
+            Some((taken, done, reader.answer()))
+        };
+        let whole = read(data.len().max(1));
+        let stepped = read(usize::from(step).max(1));
+        assert_eq!(stepped, whole);
+        if let Some((_, _, answer)) = whole {
+            let _ = (answer.registrations(), answer.property(), answer.bottle());
+            let _ = (answer.is_ok(), answer.refusal());
+        }
+    }
+    let _ = String::from_utf8_lossy(data).parse::<Registration>();
+}
+
+/// Datagrams: what is cut reads as the same pieces, and anything else is refused.
+pub fn datagram(data: &[u8]) {
+    let _ = datagram::decode(data);
+    let Some((&largest, message)) = data.split_first() else {
+        return;
+    };
+    let mut joined = Vec::new();
+    for (number, bytes) in (0..).zip(datagram::split(message, usize::from(largest))) {
+        let piece = datagram::decode(&bytes).expect("our own datagram");
+        assert_eq!(piece.number, number);
+        joined.extend_from_slice(piece.data);
+    }
+    assert_eq!(joined, message);
+    // Each piece is a length, a number and as many bytes: whole datagrams in any order.
+    let mut reader = DatagramReader::new(Dialect::V3, LIMITS);
+    let mut rest = message;
+    while let [length, number, after @ ..] = rest {
+        let (piece, after) = after.split_at(usize::from(*length).min(after.len()));
+        let number = i32::from(*number as i8);
+        if let Ok(Some(message)) = reader.receive(&datagram::encode(number, piece)) {
+            let _ = message.payload.to_bottle();
+        }
+        rest = after;
+    }
+}

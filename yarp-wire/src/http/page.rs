@@ -1,0 +1,162 @@
+//! The answers: pages for people, headers for programs.
+
+use std::fmt::Write;
+
+/// What the page of a port is made of.
+#[derive(Clone, Copy, Debug)]
+pub struct Page<'a> {
+    /// The port.
+    pub port: &'a str,
+    /// Host and number by which the browser reached it.
+    pub host: &'a str,
+    /// Host and number of the name server, if there is one.
+    pub name_server: Option<&'a str>,
+    /// What was last sent to the owner.
+    pub data: &'a str,
+    /// Lines to show: connections, or a reply.
+    pub text: &'a str,
+}
+
+const STYLE: &str = "\
+body{font:15px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#1b2733}\
+h1{font-size:1.4rem}h1 code{background:#eef3f7;padding:.1rem .4rem;border-radius:4px}\
+nav a{margin-right:1rem}a{color:#0b62a4}pre{background:#f6f8fa;padding:1rem;border-radius:6px;overflow:auto}\
+form{display:flex;gap:.5rem;margin:1rem 0}input[name=data]{flex:1;font:inherit;padding:.3rem .5rem}";
+
+impl Page<'_> {
+    /// The whole response; the connection ends with it.
+    pub fn response(&self) -> String {
+        let body = self.html();
+        format!(
+            "HTTP/1.1 200 OK\r\nContent-Type: text/html; charset=utf-8\r\n\
+             Content-Length: {}\r\nConnection: close\r\n\r\n{body}",
+            body.len()
+        )
+    }
+
+    fn html(&self) -> String {
+        let port = escape(self.port);
+        let host = escape(self.host);
+        let data = escape(self.data);
+        let mut out = format!(
+            "<!DOCTYPE html>\n<html><head><title>{port}</title><style>{STYLE}</style></head>\
+             <body><h1>yarp port <code>{port}</code></h1>\n<nav>"
+        );
+        if let Some(server) = self.name_server {
+            let server = escape(server);
+            // Writing to a string cannot fail.
+            let _ = write!(out, "<a href=\"http://{server}/data=list\">All ports</a>");
+        }
+        let _ = write!(
+            out,
+            "<a href=\"http://{host}/\">connections</a>\
+             <a href=\"http://{host}/data=help\">help</a>\
+             <a href=\"http://{host}/r\">read</a></nav>\n\
+             <form method=\"post\" action=\"http://{host}/form\">\
+             <input name=\"data\" value=\"{data}\" autofocus>\
+             <input type=\"submit\" value=\"send data\"></form>\n<pre>\n"
+        );
+        for line in self.text.lines() {
+            out.push_str(&linked(line));
+            out.push('\n');
+        }
+        out.push_str("</pre></body></html>\n");
+        out
+    }
+}
+
+/// The line with a link to the port that it registers, if it is such a line.
+fn linked(line: &str) -> String {
+    let words: Vec<&str> = line.split_whitespace().collect();
+    match words[..] {
+        [
+            "registration",
+            "name",
+            name,
+            "ip",
+            host,
+            "port",
+            number,
+            "type",
+            "tcp",
+        ] => {
+            let (name, host, number) = (escape(name), escape(host), escape(number));
+            format!("<a href=\"http://{host}:{number}/\">{name}</a>  ({host}:{number})")
+        }
+        _ => escape(line),
+    }
+}
+
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+        .replace('"', "&quot;")
+}
+
+/// The response that carries JSON to a program.
+pub fn json_response(json: &str) -> String {
+    format!(
+        "HTTP/1.1 200 OK\nContent-Type: application/json\nAccess-Control-Allow-Origin: *\n\n{json}\n"
+    )
+}
+
+/// The response that carries an owner's own page.
+pub fn own_response(body: &str, mime: &str) -> String {
+    // A type with a line end would be headers of its own.
+    let mime: String = mime.chars().filter(|c| !c.is_control()).collect();
+    format!("HTTP/1.1 200 OK\nContent-Type: {mime}\nAccess-Control-Allow-Origin: *\n\n{body}")
+}
+
+/// The head of a page that goes on: each message follows as a [`chunk`].
+pub fn stream_head(port: &str) -> String {
+    let head = format!(
+        "<!DOCTYPE html>\n<html><head><title>{0}</title><style>{STYLE}</style></head>\
+         <body><h1>reading <code>{0}</code></h1>\n",
+        escape(port)
+    );
+    // Browsers show nothing before they have a fair amount.
+    let head = format!("{head}{}\n", " ".repeat(2048));
+    let mut out = String::from(
+        "HTTP/1.1 200 OK\r\nContent-Type: text/html; charset=utf-8\r\n\
+         Transfer-Encoding: chunked\r\n\r\n",
+    );
+    out.push_str(&raw_chunk(&head));
+    out
+}
+
+/// A message on a page that goes on.
+pub fn chunk(text: &str) -> String {
+    raw_chunk(&format!("<pre>{}</pre>\n", escape(text.trim_end())))
+}
+
+fn raw_chunk(text: &str) -> String {
+    format!("{:x}\r\n{text}\r\n", text.len())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pages_escape_what_they_show() {
+        let page = Page {
+            port: "/<a>",
+            host: "h:1",
+            name_server: Some("n:10000"),
+            data: "\"x\"",
+            text: "a & b\nregistration name /c ip 1.2.3.4 port 5 type tcp\n",
+        };
+        let html = page.response();
+        for part in [
+            "yarp port <code>/&lt;a&gt;</code>",
+            "value=\"&quot;x&quot;\"",
+            "a &amp; b\n",
+            "<a href=\"http://1.2.3.4:5/\">/c</a>",
+            "http://n:10000/data=list",
+        ] {
+            assert!(html.contains(part), "{part} in {html}");
+        }
+        assert_eq!(chunk("<1>\r\n"), "17\r\n<pre>&lt;1&gt;</pre>\n\r\n".replace("17", "15"));
+    }
+}

@@ -1,0 +1,181 @@
+//! What the fuzzer starts from: good input of every kind, and bad input of every kind we know.
+
+use bytes::BytesMut;
+use yarp_wire::connection::put_message;
+use yarp_wire::message::Command;
+use yarp_wire::{Bottle, Dialect, Value};
+
+/// For each target the bytes of its seeds.
+pub(crate) fn all() -> Vec<(&'static str, Vec<Vec<u8>>)> {
+    vec![
+        ("bottle_binary", bottles()),
+        ("bottle_text", TEXTS.iter().map(|text| text.as_bytes().to_vec()).collect()),
+        ("acceptor", acceptor()),
+        ("initiator", initiator()),
+        ("message_reader", message_reader()),
+        ("contact", strings(&CONTACTS)),
+        ("carrier_spec", strings(&SPECS)),
+        ("admin", strings(&ADMIN)),
+        ("name_service_request", strings(&REQUESTS)),
+        ("name_service_answer", answers()),
+        ("datagram", datagrams()),
+    ]
+}
+
+const TEXTS: [&str; 6] = [
+    r#"1 2.5 hello "a b" [vocb] (nested (list 7)) {1 2 255}"#,
+    r#"true false null inf -inf nan 0x1F 010 1e5 -0x1.8 4294967296"#,
+    r#""quote \" \\ \n \r \0" a\ b "open (1 2"#,
+    "(((((((((())))))))))",
+    "a,b (c,d) {300 x [ok]} [toolong]",
+    "\u{e9} [\u{e9}] \"\u{e9}\"",
+];
+const CONTACTS: [&str; 8] = [
+    "/x",
+    "tcp://10.0.0.1:10002/x",
+    "fast_tcp+log.in://x/y",
+    "/robot:1",
+    "tcp:/x",
+    "tcp://10.0.0.1:99999/x",
+    "7 1700000000.12346",
+    "3 1e-05",
+];
+const SPECS: [&str; 4] = [
+    "fast_tcp+send.portmonitor+file.zlib+type.dll",
+    "tcp",
+    "/w (send portmonitor) (file zlib) x",
+    "007",
+];
+const ADMIN: [&str; 6] = [
+    "[list] [out] \"/r\"",
+    "[add] \"tcp://r\" udp",
+    "[del] /r",
+    "[prop] [set] colour red 1 (2)",
+    "[atch] [in] x",
+    "help",
+];
+const REQUESTS: [&str; 7] = [
+    "NAME_SERVER register /x tcp 10.0.0.2 10002",
+    "query /x",
+    "bot list",
+    "set /x offers tcp text",
+    "get /x ips (format json)",
+    "unregister /x",
+    "NAME_SERVER subscribe /a /b",
+];
+const DATAGRAM: &[u8] = b"\x2d\x7c\x9f\xe0\0\0\0\0NAME_SERVER query /root\n";
+
+fn strings(texts: &[&str]) -> Vec<Vec<u8>> {
+    texts.iter().map(|text| text.as_bytes().to_vec()).collect()
+}
+
+fn bottles() -> Vec<Vec<u8>> {
+    let mut seeds = Vec::new();
+    for dialect in [Dialect::V3, Dialect::V4] {
+        for text in &TEXTS[..2] {
+            seeds.push(Bottle::parse(text).unwrap().encode(dialect).to_vec());
+        }
+        let kinds = Bottle::from_iter([
+            Value::Int8(-1),
+            Value::Int16(258),
+            Value::Int64(7),
+            Value::Float32(1.5),
+            Value::Float64(0.1),
+            Value::Dictionary(Bottle::parse("(a x) (b 1)").unwrap()),
+        ]);
+        seeds.push(kinds.encode(dialect).to_vec());
+        seeds.push(Bottle::parse("0.5 0.25 0.125").unwrap().encode(dialect).to_vec());
+    }
+    // Lying lengths: a list, a string, a count below zero.
+    seeds.push(b"\0\x01\0\0\xff\xff\xff\x7f\x01\0\0\0".to_vec());
+    seeds.push(b"\x04\x01\0\0\x01\0\0\0\xff\xff\xff\x7fabc".to_vec());
+    seeds.push(b"\0\x01\0\0\xff\xff\xff\xff".to_vec());
+    seeds.push(b"\0\x01\0\0\x01\0\0\0".repeat(300));
+    seeds
+}
+
+/// Recorded conversations; the byte in front is the step in which they are fed.
+fn acceptor() -> Vec<Vec<u8>> {
+    let mut seeds: Vec<_> = ["v3_tcp", "v4_tcp", "v3_text", "v3_text_ack", "v3_rpc", "v3_admin"]
+        .iter()
+        .map(|name| [b"\x07".to_vec(), vector(name, "sent")].concat())
+        .collect();
+    for text in [
+        &b"\x01GARBAGE!"[..],
+        b"\x01NAME_SERVER query /x\nNAME_SERVER list\n",
+        b"\x03CONNECT foo\r\nd\r\n(a\r\nb)\r\n*\r\n/x\r\n!x\r\n~x\r\nr\r\ni\r\n?\r\nz\r\n",
+        b"\x01YA\xe4\x1e\0\0RP\xff\xff\xff\x7fxx",
+        b"\x02YA\x64\x1e\0\0RP\x03\0\0\0/w\0YA\x0a\0\0\0RP\xff\xff\xff\xff\xff\xff\xff\xff\xff\xff",
+    ] {
+        seeds.push(text.to_vec());
+    }
+    seeds
+}
+
+/// Recorded answers; in front carrier, generation, messages sent and step.
+fn initiator() -> Vec<Vec<u8>> {
+    let with = |head: [u8; 4], name: &str| [head.to_vec(), vector(name, "answered")].concat();
+    vec![
+        with([1, 0, 0b10_10_10_10, 5], "v3_tcp"),
+        with([1, 0, 0b01_01_01_01, 5], "v3_rpc"),
+        with([1, 1, 0b01_01_01_01, 5], "v4_rpc"),
+        with([2, 0, 0b01_01_01_01, 5], "v3_rpc"),
+        with([3, 0, 0b01_10_11_01, 5], "v3_text"),
+        with([4, 0, 0b10_10_10_10, 5], "v3_text_ack"),
+        b"\x04\0\x7d\x03Welcome x\r\n(a\r\nb)\r\n<ACK>\r\n<ACK>\r\nline\r\n<ACK>\r\n".to_vec(),
+        b"\x01\0\x05\x03YA\x12\x27\0\0RPYA\0\0\0\0RPYA\0\0\0\0RP".to_vec(),
+    ]
+}
+
+fn message_reader() -> Vec<Vec<u8>> {
+    let mut seeds = vec![
+        b"\x01d 7 1.5\r\n(1 2\r\n3)\r\nD\r\n\"a\\\r\nb\"\r\nq\r\n".to_vec(),
+        b"\x02VERquery /x\nNAME_SERVER list\n".to_vec(),
+        b"\0YA\x0a\0\0\0RP\xff\xff\xff\xff\xff\xff\xff\xff\xff\xff".to_vec(),
+        b"\0YA\x0a\0\0\0RP\x01\0\xff\xff\xff\xff\xff\xff\xff\xff\xfe\xff\xff\xff".to_vec(),
+    ];
+    let tcp = yarp_wire::carrier::Carrier::by_name("tcp").unwrap();
+    let content = Bottle::parse("1 0.5 (a)").unwrap();
+    for envelope in [None, Some("7 1.5".into())] {
+        let command = Command::Data { reply: true, envelope };
+        let mut out = BytesMut::from(&[0][..]);
+        put_message(&mut out, tcp, &command, Some(&content), Dialect::V3);
+        put_message(&mut out, tcp, &Command::Quit, None, Dialect::V3);
+        seeds.push(out.to_vec());
+    }
+    seeds
+}
+
+/// Cut messages; the byte in front is the largest datagram. Then whole datagrams, each with a
+/// length and a number in front.
+fn datagrams() -> Vec<Vec<u8>> {
+    let udp = yarp_wire::carrier::Carrier::by_name("udp").unwrap();
+    let content = Bottle::parse("1 0.5 (a)").unwrap();
+    let mut message = BytesMut::new();
+    let command = Command::data(false);
+    put_message(&mut message, udp, &command, Some(&content), Dialect::V3);
+    let mut pieces = vec![b' '];
+    for (number, piece) in (0..).zip(message.chunks(30)) {
+        pieces.extend_from_slice(&[piece.len() as u8, number]);
+        pieces.extend_from_slice(piece);
+    }
+    vec![b"\x20hello".to_vec(), b"\x09abcdef".to_vec(), DATAGRAM.to_vec(), pieces]
+}
+
+fn answers() -> Vec<Vec<u8>> {
+    [
+        "registration name /x ip 10.0.0.2 port 10002 type tcp\r\n*** end of message\r\n",
+        "port /x property ips = 10.0.0.2 10.0.0.3\r\n*** end of message\n",
+        "Welcome admin\r\n[ok]\r\n<ACK>\r\n",
+        "[fail] \"no\"\r\n",
+        "old\0\r\n",
+    ]
+    .map(|text| [b"\x05", text.as_bytes()].concat())
+    .to_vec()
+}
+
+/// One half of a recorded conversation.
+fn vector(name: &str, half: &str) -> Vec<u8> {
+    let path = format!("{}/tests/vectors/{name}.{half}.bin", env!("CARGO_MANIFEST_DIR"));
+    std::fs::read(path).unwrap()
+}
