@@ -9,8 +9,8 @@ use std::io::{self, Read};
 use std::time::{Duration, Instant};
 
 use bytes::BytesMut;
-use socket2::SockRef;
-use tokio::net::TcpStream;
+
+use crate::stream::Socket;
 
 /// Longest time awake per wait.
 const LIMIT: Duration = Duration::from_micros(60);
@@ -38,7 +38,7 @@ impl BusyPoll {
     /// Looks for bytes while it is worth it; `None` says to go to sleep.
     pub(crate) async fn read(
         &mut self,
-        stream: &TcpStream,
+        stream: &Socket,
         buffer: &mut BytesMut,
     ) -> Option<io::Result<usize>> {
         let begin = Instant::now();
@@ -46,7 +46,7 @@ impl BusyPoll {
             let length = buffer.len();
             buffer.resize(length + CHUNK, 0);
             while begin.elapsed() < LIMIT {
-                match (&*SockRef::from(stream)).read(&mut buffer[length..]) {
+                match (&*stream.raw()).read(&mut buffer[length..]) {
                     Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
                         tokio::task::yield_now().await;
                     }

@@ -3,20 +3,19 @@
 use std::time::Duration;
 
 use bytes::BytesMut;
-use tokio::net::TcpStream;
 use yarp_wire::carrier::{Carrier, Sender};
 use yarp_wire::connection::{Initiator, Progress, ProtocolError, put_reply};
 use yarp_wire::message::{Command, Payload, WireObject};
 use yarp_wire::{Bottle, Dialect, Limits};
 
 use crate::error::PortError;
-use crate::stream::{self, Inflow};
+use crate::stream::{self, Inflow, Socket};
 
 /// A connection of a program that is no port itself: it sends, waits for the answer, sends again.
 #[derive(Debug)]
 pub struct Dialogue {
     peer: String,
-    stream: TcpStream,
+    stream: Socket,
     initiator: Initiator,
     input: Inflow,
     output: BytesMut,

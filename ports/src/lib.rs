@@ -16,6 +16,7 @@ mod port;
 mod probe;
 pub mod remote;
 mod stream;
+mod unix;
 
 pub use dialogue::Dialogue;
 pub use error::PortError;

@@ -219,7 +219,9 @@ impl Network {
 
     /// Tells the name server what a port that listens by now can do.
     pub(crate) async fn introduce(&self, name: &str) -> Result<(), PortError> {
-        let carriers = ALL.map(|carrier| carrier.name).join(" ");
+        let mut carriers = ALL.map(|carrier| carrier.name).to_vec();
+        carriers.dedup();
+        let carriers = carriers.join(" ");
         let addresses = crate::addresses::own().join(" ");
         let process = std::process::id();
         for request in [

@@ -118,6 +118,7 @@ pub async fn connect(
         .or(from.carrier.clone())
         .unwrap_or_else(|| destination.carrier.clone());
     let known = connection(network, &source, &destination.name).await?;
+    known.iter().for_each(report);
     if known.is_none_or(|known| known.connectionless) {
         // A connection that the writer does not control may linger at the reader.
         forget_connectionless(network, &source, &destination, &carrier).await;
@@ -125,6 +126,14 @@ pub async fn connect(
     let request = admin::add(&format!("{carrier}:/{}", at(&to, &destination)));
     let answer = administer(network, &source, &request).await?;
     judge(&answer)
+}
+
+/// Tells the log of a connection that was found, in stock's words.
+fn report(known: &Connection) {
+    let Connection {
+        from, to, carrier, ..
+    } = known;
+    tracing::info!("Connection found between {from} and {to} using carrier {carrier}");
 }
 
 /// How the writer shall find the reader: by name, or where the contact says.
@@ -161,12 +170,8 @@ pub async fn disconnect(
 ) -> Result<String, ConnectError> {
     let (from, to) = (Contact::parse(source), Contact::parse(destination));
     let (source, destination) = both(network, &from, &to).await?;
-    if connection(network, &source, &destination.name)
-        .await?
-        .is_none()
-    {
-        return Err(ConnectError::NoConnection);
-    }
+    let known = connection(network, &source, &destination.name).await?;
+    report(&known.ok_or(ConnectError::NoConnection)?);
     let request = admin::remove(&destination.name);
     let answer = administer(network, &source, &request).await?;
     judge(&answer)

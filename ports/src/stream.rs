@@ -1,13 +1,65 @@
 //! TCP streams as YARP uses them.
 
 use std::future::Future;
-use std::io;
+use std::io::{self, IoSlice};
 use std::time::Duration;
 
 use bytes::BytesMut;
-use tokio::net::TcpStream;
+use socket2::SockRef;
+use tokio::net::{TcpStream, UnixStream};
 
 use crate::error::{PortError, resolve};
+
+/// What bytes of a connection travel on.
+#[derive(Debug)]
+pub(crate) enum Socket {
+    Tcp(TcpStream),
+    Unix(UnixStream),
+}
+
+macro_rules! either {
+    ($socket:expr, $stream:ident => $call:expr) => {
+        match $socket {
+            Socket::Tcp($stream) => $call,
+            Socket::Unix($stream) => $call,
+        }
+    };
+}
+
+impl Socket {
+    pub(crate) async fn readable(&self) -> io::Result<()> {
+        either!(self, stream => stream.readable().await)
+    }
+
+    pub(crate) async fn writable(&self) -> io::Result<()> {
+        either!(self, stream => stream.writable().await)
+    }
+
+    fn try_read_buf(&self, buffer: &mut BytesMut) -> io::Result<usize> {
+        either!(self, stream => stream.try_read_buf(buffer))
+    }
+
+    fn try_write(&self, bytes: &[u8]) -> io::Result<usize> {
+        either!(self, stream => stream.try_write(bytes))
+    }
+
+    pub(crate) fn try_write_vectored(&self, chunks: &[IoSlice<'_>]) -> io::Result<usize> {
+        either!(self, stream => stream.try_write_vectored(chunks))
+    }
+
+    /// The socket itself, for what tokio does not offer.
+    pub(crate) fn raw(&self) -> SockRef<'_> {
+        either!(self, stream => SockRef::from(stream))
+    }
+
+    /// The TCP stream, where it is one.
+    pub(crate) fn tcp(&self) -> Option<&TcpStream> {
+        match self {
+            Self::Tcp(stream) => Some(stream),
+            Self::Unix(_) => None,
+        }
+    }
+}
 
 /// Connects to a port with a deadline; small messages go out at once.
 pub(crate) async fn connect(
@@ -15,7 +67,7 @@ pub(crate) async fn connect(
     host: &str,
     port: u16,
     deadline: Duration,
-) -> Result<TcpStream, PortError> {
+) -> Result<Socket, PortError> {
     let address = format!("{host}:{port}");
     let connecting = async {
         let stream = TcpStream::connect(resolve(host, port).await?).await?;
@@ -23,7 +75,7 @@ pub(crate) async fn connect(
         Ok(stream)
     };
     match tokio::time::timeout(deadline, connecting).await {
-        Ok(Ok(stream)) => Ok(stream),
+        Ok(Ok(stream)) => Ok(Socket::Tcp(stream)),
         Ok(Err(source)) => Err(PortError::connect(peer, address, "TCP connection", source)),
         Err(_) => Err(PortError::Deadline {
             peer: format!("{peer} at {address}"),
@@ -56,7 +108,7 @@ impl Inflow {
     /// Reads what there is, once there is something. `Ok(0)` is the end of the stream.
     ///
     /// `missing` is what the message in progress still needs.
-    pub(crate) async fn read(&mut self, stream: &TcpStream, missing: usize) -> io::Result<usize> {
+    pub(crate) async fn read(&mut self, stream: &Socket, missing: usize) -> io::Result<usize> {
         loop {
             stream.readable().await?;
             match self.try_read(stream, missing) {
@@ -67,7 +119,7 @@ impl Inflow {
     }
 
     /// As [`Inflow::read`] without waiting.
-    pub(crate) fn try_read(&mut self, stream: &TcpStream, missing: usize) -> io::Result<usize> {
+    pub(crate) fn try_read(&mut self, stream: &Socket, missing: usize) -> io::Result<usize> {
         let held = self.bytes.len();
         self.proven = self.proven.max(held);
         let trusted = held.max(self.proven).max(LARGEST);
@@ -85,7 +137,7 @@ impl Inflow {
 }
 
 /// Writes all of `output` and empties it.
-pub(crate) async fn write_all(stream: &TcpStream, output: &mut BytesMut) -> io::Result<()> {
+pub(crate) async fn write_all(stream: &Socket, output: &mut BytesMut) -> io::Result<()> {
     use bytes::Buf;
     while !output.is_empty() {
         match stream.try_write(output) {

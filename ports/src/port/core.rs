@@ -131,7 +131,7 @@ impl Core {
         }
         let found = self.network.resolve(to).await?;
         let spec = self.carrier_spec(to, &found.carrier)?;
-        let carrier = Carrier::by_name(&spec.base).filter(|carrier| {
+        let carrier = Carrier::of(&spec).filter(|carrier| {
             // Browsers and name server clients connect to ports, not ports to them.
             !matches!(carrier.framing, Framing::Http | Framing::NameService)
         });
@@ -147,7 +147,7 @@ impl Core {
         }
         let address = (found.host.as_str(), found.port);
         let dialect = match carrier.framing {
-            Framing::Indexed => {
+            framing if framing.is_binary() => {
                 probe::generation(&found.name, address, self.network.deadline()).await
             }
             _ => Some(Dialect::default()),

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use bytes::BytesMut;
 use tokio::net::TcpStream;
 use tokio::sync::oneshot;
-use yarp_wire::carrier::{Carrier, Framing, Sender, Transport};
+use yarp_wire::carrier::{Carrier, Sender, Transport};
 use yarp_wire::connection::{
     Acceptor, DatagramReader, Event, Initiator, Message, ProtocolError, REFUSAL, header_reply,
 };
@@ -22,7 +22,8 @@ use super::received::{Answer, Received, Reply, Responder};
 use crate::busy::BusyPoll;
 use crate::cancel::Cancel;
 use crate::datagram;
-use crate::stream::{self, Inflow};
+use crate::stream::{self, Inflow, Socket};
+use crate::unix;
 
 /// Serves a connection until it ends, is displaced, or the port closes.
 pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, address: IpAddr) {
@@ -31,7 +32,7 @@ pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, address: IpAddr) {
     let mut connection = Connection {
         acceptor: Acceptor::new(core.number, core.options.dialect, Limits::DEFAULT),
         core: core.clone(),
-        stream,
+        stream: Socket::Tcp(stream),
         input: Inflow::default(),
         output: BytesMut::new(),
         entry: None,
@@ -76,7 +77,7 @@ impl From<io::Error> for End {
 
 pub(super) struct Connection {
     pub(super) core: Arc<Core>,
-    stream: TcpStream,
+    stream: Socket,
     acceptor: Acceptor,
     input: Inflow,
     pub(super) output: BytesMut,
@@ -104,6 +105,8 @@ impl Drop for Entry {
 /// What is to happen after a message.
 pub(super) enum Next {
     Go,
+    /// Messages come over a socket of the file system.
+    UnixSocket,
     /// Messages come as datagrams, to this group if there is one.
     Datagrams(Option<SocketAddrV4>),
     Stop(End),
@@ -116,6 +119,10 @@ impl Connection {
                 match self.acceptor.poll(&mut self.input.bytes, &mut self.output) {
                     Ok(Some(event)) => match self.take(event).await {
                         Next::Go => {}
+                        Next::UnixSocket => match self.go_unix().await {
+                            Ok(()) => {}
+                            Err(error) => return error.into(),
+                        },
                         Next::Datagrams(group) => return self.run_datagrams(group).await,
                         Next::Stop(end) => {
                             // The last words; the peer may be gone.
@@ -151,12 +158,25 @@ impl Connection {
         }
     }
 
+    /// Goes on over a socket of the file system.
+    async fn go_unix(&mut self) -> io::Result<()> {
+        if let Some(header) = self.stream.tcp() {
+            let socket = unix::accept(header).await?;
+            self.stream = Socket::Unix(socket);
+            self.input = Inflow::default();
+        }
+        Ok(())
+    }
+
     /// Serves what comes as datagrams: to the group, or to a socket that the peer is told of.
     /// The peer ends it by a message to the port, or by another connection of the same name.
     async fn run_datagrams(&mut self, group: Option<SocketAddrV4>) -> End {
-        let local = self.stream.local_addr().map(|address| address.ip());
-        let opening = match (group, local) {
-            (Some(group), Ok(IpAddr::V4(local))) => datagram::group_reader(group, local),
+        let local = self
+            .stream
+            .tcp()
+            .and_then(|stream| stream.local_addr().ok());
+        let opening = match (group, local.map(|address| address.ip())) {
+            (Some(group), Some(IpAddr::V4(local))) => datagram::group_reader(group, local),
             _ => datagram::reader(),
         };
         let socket = match opening {
@@ -212,6 +232,7 @@ impl Connection {
                 self.opened(carrier, sender);
                 match carrier.transport {
                     Transport::Stream => Next::Go,
+                    Transport::UnixSocket => Next::UnixSocket,
                     _ => Next::Datagrams(group),
                 }
             }
@@ -320,7 +341,7 @@ impl Connection {
         let binary = self
             .acceptor
             .carrier()
-            .is_some_and(|carrier| carrier.framing == Framing::Indexed);
+            .is_some_and(|carrier| carrier.framing.is_binary());
         if wanted && binary {
             self.acceptor.reply(&Bottle::new(), &mut self.output);
         }

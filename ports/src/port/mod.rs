@@ -34,7 +34,6 @@ use yarp_wire::name_service::Registering;
 use yarp_wire::{Contact, Dialect, PortName, Stamp};
 
 use self::core::Core;
-use self::outbox::Outcome;
 use self::output::Output;
 use crate::cancel::Cancel;
 use crate::error::PortError;

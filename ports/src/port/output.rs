@@ -9,9 +9,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
-use tokio::net::{TcpStream, UdpSocket};
+use tokio::net::UdpSocket;
 use tokio::task::JoinHandle;
-use yarp_wire::carrier::{Carrier, CarrierSpec, Framing, Sender, Transport};
+use yarp_wire::carrier::{Carrier, CarrierSpec, Sender, Transport};
 use yarp_wire::connection::{Initiator, Progress, put_group};
 use yarp_wire::message::Command;
 use yarp_wire::{Dialect, Limits};
@@ -23,7 +23,8 @@ use crate::datagram;
 use crate::dialogue::Dialogue;
 use crate::error::PortError;
 use crate::network::Place;
-use crate::stream::{Inflow, connect, within, write_all};
+use crate::stream::{Inflow, Socket, connect, within, write_all};
+use crate::unix;
 
 /// A connection that the port writes to.
 #[derive(Debug)]
@@ -62,7 +63,7 @@ pub(crate) struct Target<'a> {
 
 /// What messages go out on.
 pub(crate) enum Way {
-    Stream(TcpStream, Inflow),
+    Stream(Socket, Inflow),
     Datagrams(UdpSocket),
 }
 
@@ -82,8 +83,8 @@ impl Output {
         let name = &target.to.name;
         let opening = async {
             let (stream, initiator, input) = open(target).await?;
-            let way = match (target.group, stream.local_addr().map(|local| local.ip())) {
-                (Some(group), Ok(IpAddr::V4(local))) => {
+            let way = match (target.group, local_ip(&stream)) {
+                (Some(group), Some(IpAddr::V4(local))) => {
                     let socket = datagram::group_sender(group.address, local).await;
                     Way::Datagrams(socket.map_err(|error| target.lost(error))?)
                 }
@@ -92,7 +93,14 @@ impl Output {
                     let socket = datagram::sender(&target.to.host, number).await;
                     Way::Datagrams(socket.map_err(|error| target.lost(error))?)
                 }
-                _ => Way::Stream(stream, input),
+                _ => match (target.carrier.transport, stream.tcp()) {
+                    (Transport::UnixSocket, Some(header)) => {
+                        let socket = unix::connect(header).await;
+                        let socket = socket.map_err(|error| target.lost(error))?;
+                        Way::Stream(Socket::Unix(socket), Inflow::default())
+                    }
+                    _ => Way::Stream(stream, input),
+                },
             };
             Ok((way, initiator))
         };
@@ -141,7 +149,7 @@ impl Output {
 
     /// Whether payloads go out in text.
     pub(crate) fn is_text(&self) -> bool {
-        self.carrier.framing != Framing::Indexed
+        !self.carrier.framing.is_binary()
     }
 
     /// Says goodbye and ends the connection; waits for the reader at most until `deadline`.
@@ -179,7 +187,7 @@ impl Target<'_> {
 }
 
 /// Connects and goes through the header.
-async fn open(target: &Target<'_>) -> Result<(TcpStream, Initiator, Inflow), PortError> {
+async fn open(target: &Target<'_>) -> Result<(Socket, Initiator, Inflow), PortError> {
     let Place {
         name, host, port, ..
     } = target.to;
@@ -210,6 +218,10 @@ async fn open(target: &Target<'_>) -> Result<(TcpStream, Initiator, Inflow), Por
             return Err(lost(io::ErrorKind::UnexpectedEof.into()));
         }
     }
+}
+
+fn local_ip(stream: &Socket) -> Option<IpAddr> {
+    Some(stream.tcp()?.local_addr().ok()?.ip())
 }
 
 /// Where the reader wants its datagrams.

@@ -12,6 +12,7 @@ mod tcp;
 mod text;
 mod text_ack;
 mod udp;
+mod unix_stream;
 
 use std::fmt;
 
@@ -26,12 +27,21 @@ pub const MAGIC: usize = 8;
 pub enum Framing {
     /// Index, command block, binary payload.
     Indexed,
+    /// Command block, binary payload; where the payload ends its own structure tells.
+    Bare,
     /// A command line, then lines of text.
     Lines,
     /// Lines that each are a request to the name server.
     NameService,
     /// One request of a browser.
     Http,
+}
+
+impl Framing {
+    /// Whether payloads are in the binary form.
+    pub const fn is_binary(self) -> bool {
+        matches!(self, Self::Indexed | Self::Bare)
+    }
 }
 
 /// What messages travel on once the header is done with.
@@ -42,6 +52,9 @@ pub enum Transport {
     Stream,
     /// Datagrams, to the port that the header reply names; the connection of the header ends.
     Datagrams,
+    /// A socket of the file system, named after the TCP ports of the two ends of the header's
+    /// connection, which ends.
+    UnixSocket,
     /// Datagrams to a multicast group that the initiator names behind its header.
     Group,
 }
@@ -68,7 +81,7 @@ pub struct Carrier {
 }
 
 /// Every carrier, in the order in which an acceptor tries them.
-pub static ALL: [&Carrier; 8] = [
+pub static ALL: [&Carrier; 10] = [
     &http::HTTP,
     &name_ser::NAME_SER,
     &tcp::TCP,
@@ -77,6 +90,8 @@ pub static ALL: [&Carrier; 8] = [
     &udp::UDP,
     &text::TEXT,
     &text_ack::TEXT_ACK,
+    &unix_stream::UNIX_STREAM,
+    &unix_stream::UNIX_STREAM_ACK,
 ];
 
 impl Carrier {
@@ -88,6 +103,15 @@ impl Carrier {
     /// The carrier of this name, without modifiers.
     pub fn by_name(name: &str) -> Option<&'static Self> {
         ALL.into_iter().find(|carrier| carrier.name == name)
+    }
+
+    /// The carrier that a carrier string names: `unix_stream+ack` is another than `unix_stream`.
+    pub fn of(spec: &CarrierSpec) -> Option<&'static Self> {
+        let acknowledges = spec.modifier("ack").is_some();
+        let mut named = ALL.into_iter().filter(|carrier| carrier.name == spec.base);
+        let first = named.next()?;
+        let chosen = named.find(|carrier| carrier.acknowledges == acknowledges);
+        Some(chosen.filter(|_| acknowledges).unwrap_or(first))
     }
 }
 
@@ -144,5 +168,7 @@ mod tests {
         for carrier in ALL {
             check(&carrier.magic, Some(carrier.name));
         }
+        let of = |spec: &str| Carrier::of(&spec.parse().unwrap()).unwrap().acknowledges;
+        assert!(!of("unix_stream") && of("unix_stream+ack") && of("tcp") && !of("fast_tcp+ack"));
     }
 }

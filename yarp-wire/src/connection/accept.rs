@@ -195,7 +195,7 @@ impl Acceptor {
             Framing::Lines => {
                 output.put_slice(format!("Welcome {}\r\n", sender.name).as_bytes());
             }
-            Framing::NameService | Framing::Http => {}
+            Framing::Bare | Framing::NameService | Framing::Http => {}
         }
         let reader = MessageReader::new(carrier.framing, self.dialect, self.limits);
         self.state = State::Open(carrier, reader);
@@ -239,7 +239,7 @@ fn read_sender(
         Framing::NameService => Ok(Some(Sender::plain("anon"))),
         Framing::Http => Ok(Some(Sender::plain("web"))),
         Framing::Lines => Ok(line.read(input)?.map(|name| Sender::parse(&name))),
-        Framing::Indexed => {
+        Framing::Indexed | Framing::Bare => {
             let Some(length) = input.first_chunk::<4>() else {
                 return Ok(None);
             };

@@ -4,7 +4,7 @@ use bytes::{Buf, Bytes, BytesMut};
 
 use super::ProtocolError;
 use super::line::LineReader;
-use crate::bottle::Balance;
+use crate::bottle::{Balance, Scan, Scanner};
 use crate::carrier::Framing;
 use crate::dialect::Dialect;
 use crate::limits::Limits;
@@ -35,6 +35,13 @@ enum State {
     Start,
     /// Index read; that many bytes of message follow.
     Indexed { total: usize },
+    /// Command block read; the payload follows.
+    Bare {
+        command: Command,
+        scanner: Scanner,
+        /// Bytes that the payload takes at the least.
+        needs: usize,
+    },
     /// Command line read; the lines of its text follow.
     Text {
         command: Command,
@@ -75,6 +82,7 @@ impl MessageReader {
     pub fn read(&mut self, input: &mut BytesMut) -> Result<Option<Message>, ProtocolError> {
         match self.framing {
             Framing::Indexed => self.read_indexed(input),
+            Framing::Bare => self.read_bare(input),
             Framing::Lines => self.read_lines(input),
             Framing::NameService => self.read_name_service(input),
             // Browsers send requests, which an acceptor reads itself.
@@ -85,7 +93,9 @@ impl MessageReader {
     /// Bytes that the message in progress still needs, as far as it has said.
     pub fn missing(&self, input: &BytesMut) -> usize {
         match self.state {
-            State::Indexed { total } => total.saturating_sub(input.len()),
+            State::Indexed { total: needs } | State::Bare { needs, .. } => {
+                needs.saturating_sub(input.len())
+            }
             _ => 0,
         }
     }
@@ -112,6 +122,53 @@ impl MessageReader {
         if !command.has_payload() {
             bytes.clear();
         }
+        let payload = Payload::new(bytes, Form::Binary(self.dialect));
+        Ok(Some(Message { command, payload }))
+    }
+
+    fn read_bare(&mut self, input: &mut BytesMut) -> Result<Option<Message>, ProtocolError> {
+        if matches!(self.state, State::Start) {
+            let Some((command, block)) = Command::read_prefix(input, self.limits.line)? else {
+                return Ok(None);
+            };
+            input.advance(block);
+            if !command.has_payload() {
+                let payload = Payload::new(Bytes::new(), Form::Binary(self.dialect));
+                return Ok(Some(Message { command, payload }));
+            }
+            let scanner = Scanner::new(self.dialect, self.limits);
+            self.state = State::Bare {
+                command,
+                scanner,
+                needs: 0,
+            };
+        }
+        let State::Bare { scanner, needs, .. } = &mut self.state else {
+            return Ok(None);
+        };
+        let scan = match scanner.scan(input) {
+            Ok(scan) => scan,
+            Err(error) => {
+                // Perhaps the writer is of the other generation.
+                let other = self.dialect.other();
+                let mut again = Scanner::new(other, self.limits);
+                let scan = again.scan(input).map_err(|_| error)?;
+                self.dialect = other;
+                *scanner = again;
+                scan
+            }
+        };
+        let length = match scan {
+            Scan::Complete { length } => length,
+            Scan::Needs { at_least } => {
+                *needs = at_least;
+                return Ok(None);
+            }
+        };
+        let State::Bare { command, .. } = std::mem::replace(&mut self.state, State::Start) else {
+            return Ok(None);
+        };
+        let bytes = input.split_to(length).freeze();
         let payload = Payload::new(bytes, Form::Binary(self.dialect));
         Ok(Some(Message { command, payload }))
     }

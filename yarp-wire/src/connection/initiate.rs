@@ -6,7 +6,7 @@ use std::net::SocketAddrV4;
 use bytes::{Buf, BufMut, Bytes, BytesMut};
 
 use super::line::LineReader;
-use super::outgoing::ACKNOWLEDGEMENT_LINE;
+use super::outgoing::{ACKNOWLEDGEMENT_LINE, ACKNOWLEDGEMENT_WORD};
 use super::{ProtocolError, put_head};
 use crate::bottle::{Balance, DecodeError, Scan, Scanner};
 use crate::carrier::{Carrier, Framing, Sender, Transport};
@@ -76,7 +76,7 @@ impl Initiator {
         output.put_slice(&carrier.magic);
         let name = sender.to_string();
         match carrier.framing {
-            Framing::Indexed => {
+            Framing::Indexed | Framing::Bare => {
                 output.put_i32_le(name.len() as i32 + 1);
                 output.put_slice(name.as_bytes());
                 output.put_u8(0);
@@ -159,7 +159,7 @@ impl Initiator {
             return self.poll_header(input);
         }
         match self.carrier.framing {
-            Framing::Indexed => self.poll_binary(input),
+            Framing::Indexed | Framing::Bare => self.poll_binary(input),
             Framing::Lines | Framing::NameService | Framing::Http => self.poll_text(input),
         }
     }
@@ -168,6 +168,8 @@ impl Initiator {
         match self.carrier.framing {
             // There is no reply to the name of a group.
             Framing::Indexed if self.carrier.transport == Transport::Group => {}
+            // The connection goes on over another socket at once.
+            Framing::Bare => {}
             Framing::Indexed => {
                 let Some(reply) = input.first_chunk::<{ number::LENGTH }>() else {
                     return Ok(None);
@@ -199,6 +201,17 @@ impl Initiator {
                 count if self.carrier.acknowledges && count <= number::LENGTH => Ok(None),
                 count => Err(ProtocolError::Unexpected { count }),
             },
+            Some(Waiting::Acknowledgement) if self.carrier.framing == Framing::Bare => {
+                let Some(word) = input.first_chunk::<4>() else {
+                    return Ok(None);
+                };
+                if word != ACKNOWLEDGEMENT_WORD {
+                    return Err(ProtocolError::Acknowledgement { got: word.to_vec() });
+                }
+                input.advance(word.len());
+                self.waiting.pop_front();
+                Ok(Some(Progress::Done))
+            }
             Some(Waiting::Acknowledgement) => {
                 let Some(head) = input.first_chunk::<{ number::LENGTH }>() else {
                     return Ok(None);
@@ -352,7 +365,10 @@ mod tests {
         }
         input.put_u8(b'P');
         let nothing = Payload::new(Bytes::new(), Form::Text);
-        assert_eq!(initiator.poll(&mut input), Ok(Some(Progress::Reply(nothing))));
+        assert_eq!(
+            initiator.poll(&mut input),
+            Ok(Some(Progress::Reply(nothing)))
+        );
         assert_eq!(initiator.poll(&mut input), Ok(Some(Progress::Done)));
         assert!(initiator.is_idle() && input.is_empty());
     }

@@ -11,6 +11,9 @@ use crate::number;
 /// The acknowledgement of a text connection.
 pub const ACKNOWLEDGEMENT_LINE: &str = "<ACK>";
 
+/// The acknowledgement of a connection without an index.
+pub(super) const ACKNOWLEDGEMENT_WORD: &[u8; 4] = b"ACK\0";
+
 /// Appends a message: its head and, if it has one, its content.
 pub fn put_message(
     out: &mut BytesMut,
@@ -34,6 +37,7 @@ pub fn put_head(out: &mut impl BufMut, carrier: &Carrier, command: &Command, len
             Index::put(out, command.block_len(), length);
             command.put_block(out);
         }
+        Framing::Bare => command.put_block(out),
         Framing::Lines => command.put_line(out),
         Framing::NameService | Framing::Http => {}
     }
@@ -42,7 +46,7 @@ pub fn put_head(out: &mut impl BufMut, carrier: &Carrier, command: &Command, len
 /// Appends a reply, or the payload of a message: the object alone, in the form of the carrier.
 pub fn put_reply(out: &mut BytesMut, carrier: &Carrier, object: &dyn WireObject, dialect: Dialect) {
     match carrier.framing {
-        Framing::Indexed => object.write_binary(out, dialect),
+        Framing::Indexed | Framing::Bare => object.write_binary(out, dialect),
         Framing::Lines | Framing::NameService => object.write_text(out),
         Framing::Http => {
             let mut text = BytesMut::new();
@@ -60,6 +64,7 @@ pub fn put_acknowledgement(out: &mut impl BufMut, carrier: &Carrier) {
     }
     match carrier.framing {
         Framing::Indexed => number::put(out, 0),
+        Framing::Bare => out.put_slice(ACKNOWLEDGEMENT_WORD),
         Framing::Lines | Framing::NameService | Framing::Http => {
             out.put_slice(ACKNOWLEDGEMENT_LINE.as_bytes());
             out.put_slice(b"\r\n");

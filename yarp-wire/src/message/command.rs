@@ -102,6 +102,30 @@ impl Command {
         Ok((Self::parse(&spelled), BLOCK + end + 1))
     }
 
+    /// Reads a block at the start of a stream; `None` while bytes are missing. Its string may have
+    /// `limit` bytes.
+    pub fn read_prefix(stream: &[u8], limit: usize) -> Result<Option<(Self, usize)>, CommandError> {
+        let Some(block) = stream.first_chunk::<BLOCK>() else {
+            return Ok(None);
+        };
+        let wrong = CommandError {
+            got: block.to_vec(),
+        };
+        if block[4] != b'~' {
+            return Err(wrong);
+        }
+        let string = &stream[BLOCK..];
+        let end = match block[5] {
+            0 => match string.iter().position(|byte| *byte == 0) {
+                Some(end) => BLOCK + end + 1,
+                None if string.len() > limit => return Err(wrong),
+                None => return Ok(None),
+            },
+            _ => BLOCK,
+        };
+        Self::read(&Bytes::copy_from_slice(&stream[..end])).map(Some)
+    }
+
     /// Whether a payload follows.
     pub const fn has_payload(&self) -> bool {
         matches!(self, Self::Data { .. } | Self::Admin)

@@ -4,19 +4,18 @@ use std::collections::VecDeque;
 use std::io::{self, IoSlice};
 
 use bytes::{Buf, Bytes};
-use tokio::net::TcpStream;
 
 use crate::busy::BusyPoll;
 use crate::cancel::Cancelled;
 use crate::port::outbox::Outbox;
-use crate::stream::Inflow;
+use crate::stream::{Inflow, Socket};
 
 /// Buffers handed to one system call.
 const VECTORS: usize = 16;
 
 /// Moves bytes between socket and outbox until either ends; tells why.
 pub(super) async fn run(
-    stream: &TcpStream,
+    stream: &Socket,
     outbox: &Outbox,
     mut input: Inflow,
     mut cancelled: Cancelled,
@@ -71,7 +70,7 @@ pub(super) async fn run(
 }
 
 /// Writes as much of the batch as the socket takes now.
-fn write_batch(stream: &TcpStream, outbox: &Outbox, batch: &mut VecDeque<Bytes>) -> io::Result<()> {
+fn write_batch(stream: &Socket, outbox: &Outbox, batch: &mut VecDeque<Bytes>) -> io::Result<()> {
     while !batch.is_empty() {
         let mut vectors = [IoSlice::new(&[]); VECTORS];
         let used = batch.len().min(VECTORS);

@@ -1,0 +1,68 @@
+//! Sockets of the file system for connections within one machine.
+//!
+//! Both ends know the TCP ports of the header's connection and derive the path from them:
+//! `DIR/<acceptor's TCP port>_<initiator's TCP port>.sock`. The acceptor makes the socket.
+
+use std::io;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use tokio::net::{TcpStream, UnixListener, UnixStream};
+
+/// How long the acceptor waits for the initiator.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// Pause between the initiator's tries, and how many there are; stock has 5.
+const PAUSE: Duration = Duration::from_millis(20);
+const TRIES: usize = 50;
+
+/// Goes on as acceptor of the connection that `header` began.
+pub(crate) async fn accept(header: &TcpStream) -> io::Result<UnixStream> {
+    let own = header.local_addr()?;
+    let peer = header.peer_addr()?;
+    if own.ip() != peer.ip() {
+        let message = format!("{} is another machine", peer.ip());
+        return Err(io::Error::other(message));
+    }
+    let path = path(own.port(), peer.port())?;
+    // Left behind by a process that had the same ports and was killed.
+    let _ = std::fs::remove_file(&path);
+    let listener = UnixListener::bind(&path)?;
+    let accepted = tokio::time::timeout(PATIENCE, listener.accept()).await;
+    // Nobody else shall connect; the connection itself stays.
+    let _ = std::fs::remove_file(&path);
+    let (stream, _) = accepted.map_err(|_| io::ErrorKind::TimedOut)??;
+    Ok(stream)
+}
+
+/// Goes on as initiator of the connection that `header` began.
+pub(crate) async fn connect(header: &TcpStream) -> io::Result<UnixStream> {
+    let path = path(header.peer_addr()?.port(), header.local_addr()?.port())?;
+    let mut tries = 0;
+    loop {
+        match UnixStream::connect(&path).await {
+            Ok(stream) => return Ok(stream),
+            Err(error) if tries >= TRIES => {
+                let message = format!("no socket at {}: {error}", path.display());
+                return Err(io::Error::new(error.kind(), message));
+            }
+            Err(_) => tries += 1,
+        }
+        tokio::time::sleep(PAUSE).await;
+    }
+}
+
+/// Where the socket between two TCP ports is; makes the folder.
+fn path(acceptor: u16, initiator: u16) -> io::Result<PathBuf> {
+    let variable = |name| std::env::var_os(name).filter(|value| !value.is_empty());
+    let folder = if let Some(folder) = variable("YARP_RUNTIME_DIR") {
+        PathBuf::from(folder)
+    } else if let Some(folder) = variable("XDG_RUNTIME_DIR") {
+        PathBuf::from(folder).join("yarp")
+    } else {
+        let user = variable("USER").unwrap_or_default();
+        let user = user.to_string_lossy();
+        PathBuf::from(format!("/tmp/runtime-{user}")).join("yarp")
+    };
+    std::fs::create_dir_all(&folder)?;
+    Ok(folder.join(format!("{acceptor}_{initiator}.sock")))
+}

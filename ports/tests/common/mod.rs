@@ -1,0 +1,164 @@
+//! What the tests of ports share: ports without a name server, and raw connections to them.
+
+#![allow(dead_code, reason = "each test uses a part of it")]
+
+use std::future::Future;
+use std::time::Duration;
+
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpStream;
+use yarp_ports::{Network, Port, PortOptions};
+use yarp_wire::Bottle;
+
+/// The most that anything here may take; nothing is right or wrong because of it.
+pub(crate) const DEADLINE: Duration = Duration::from_secs(20);
+
+/// Opens a port that no name server knows.
+pub(crate) async fn open(name: &str, options: PortOptions) -> Port {
+    let network = Network::none().with_deadline(DEADLINE);
+    let opening = Port::open(&network, name, options.unregistered());
+    within(opening).await.unwrap()
+}
+
+/// Where `port` is, as a contact over `carrier`.
+pub(crate) fn at(port: &Port, carrier: &str) -> String {
+    format!("{carrier}://127.0.0.1:{}{}", port.number(), port.name())
+}
+
+/// Connects `writer` to `reader`.
+pub(crate) async fn connect(writer: &Port, reader: &Port, carrier: &str) {
+    within(writer.connect(&at(reader, carrier))).await.unwrap();
+    assert_eq!(writer.outputs(), [reader.name()]);
+}
+
+/// Waits for `future`; a test that gets stuck fails.
+#[track_caller]
+pub(crate) fn within<T>(future: impl Future<Output = T>) -> impl Future<Output = T> {
+    let caller = std::panic::Location::caller();
+    async move {
+        match tokio::time::timeout(DEADLINE, future).await {
+            Ok(result) => result,
+            Err(_) => panic!("stuck at {caller}"),
+        }
+    }
+}
+
+/// Waits until `condition` holds.
+#[track_caller]
+pub(crate) fn until(condition: impl Fn() -> bool) -> impl Future<Output = ()> {
+    within(async move {
+        while !condition() {
+            tokio::time::sleep(Duration::from_millis(1)).await;
+        }
+    })
+}
+
+/// The text of the next message.
+#[track_caller]
+pub(crate) fn next(reader: &Port) -> impl Future<Output = String> {
+    let reading = within(reader.read());
+    async move { reading.await.unwrap().bottle().unwrap().to_string() }
+}
+
+/// A bottle from its text.
+pub(crate) fn bottle(text: &str) -> Bottle {
+    Bottle::parse(text).unwrap()
+}
+
+/// A connection to a port, byte for byte.
+pub(crate) struct Raw(TcpStream);
+
+impl Raw {
+    /// Connects to `port`, and sends nothing.
+    pub(crate) async fn to(port: &Port) -> Self {
+        let stream = within(TcpStream::connect(("127.0.0.1", port.number())));
+        Self(stream.await.unwrap())
+    }
+
+    /// Connects in text mode as `name`, and waits for the welcome.
+    pub(crate) async fn text(port: &Port, name: &str) -> Self {
+        let mut raw = Self::to(port).await;
+        raw.send(format!("CONNECT {name}\r\n")).await;
+        raw.expect(format!("Welcome {name}\r\n")).await;
+        raw
+    }
+
+    /// Connects over `tcp` as `name`, and waits for the header reply.
+    pub(crate) async fn tcp(port: &Port, name: &str) -> Self {
+        let mut raw = Self::to(port).await;
+        raw.send(tcp_header(name)).await;
+        raw.expect(yarp_wire::number::encode(port.number().into()))
+            .await;
+        raw
+    }
+
+    /// Sends bytes.
+    pub(crate) async fn send(&mut self, bytes: impl AsRef<[u8]>) {
+        within(self.0.write_all(bytes.as_ref())).await.unwrap();
+    }
+
+    /// Reads as many bytes as are expected and compares.
+    #[track_caller]
+    pub(crate) fn expect(&mut self, bytes: impl AsRef<[u8]>) -> impl Future<Output = ()> {
+        let caller = std::panic::Location::caller();
+        async move {
+            let expected = bytes.as_ref();
+            let mut got = vec![0; expected.len()];
+            let reading = tokio::time::timeout(DEADLINE, async {
+                let mut count = 0;
+                while count < got.len() {
+                    match self.0.read(&mut got[count..]).await.unwrap() {
+                        0 => break,
+                        more => count += more,
+                    }
+                }
+                count
+            });
+            let count = reading.await.unwrap_or(0);
+            assert_eq!(
+                String::from_utf8_lossy(&got[..count]),
+                String::from_utf8_lossy(expected),
+                "at {caller}"
+            );
+            assert_eq!(&got[..count], expected, "at {caller}");
+        }
+    }
+
+    /// Waits until the other side ends the connection; what it still said.
+    pub(crate) async fn ended(mut self) -> Vec<u8> {
+        let mut rest = Vec::new();
+        // A connection that is reset has ended, too.
+        let _ = within(self.0.read_to_end(&mut rest)).await;
+        rest
+    }
+}
+
+/// What an initiator on `tcp` sends first.
+pub(crate) fn tcp_header(name: &str) -> Vec<u8> {
+    let mut header = b"YA\xe4\x1e\0\0RP".to_vec();
+    header.extend_from_slice(&(name.len() as i32 + 1).to_le_bytes());
+    header.extend_from_slice(name.as_bytes());
+    header.push(0);
+    header
+}
+
+/// A message on `tcp`: a command letter and a bottle for readers of generation 3.x.
+pub(crate) fn tcp_message(letter: u8, content: &Bottle) -> Vec<u8> {
+    let content = content.encode(yarp_wire::Dialect::V3);
+    let mut message = b"YA\x0a\0\0\0RP\x02\x01\xff\xff\xff\xff\xff\xff\xff\xff\x08\0\0\0".to_vec();
+    message.extend_from_slice(&(content.len() as i32).to_le_bytes());
+    message.extend_from_slice(&[0, 0, 0, 0, 0, 0, 0, 0, b'~', letter, 0, 1]);
+    message.extend_from_slice(&content);
+    message
+}
+
+/// A command on `tcp`, spelled as stock spells them.
+pub(crate) fn tcp_command(letter: u8) -> Vec<u8> {
+    let mut message =
+        b"YA\x0a\0\0\0RP\x01\x01\xff\xff\xff\xff\xff\xff\xff\xff\x0a\0\0\0\0\0\0\0".to_vec();
+    message.extend_from_slice(&[2, 0, 0, 0, b'~', 0, 0, 1, letter, 0]);
+    message
+}
+
+/// The acknowledgement of `tcp`.
+pub(crate) const ACK: &[u8] = b"YA\0\0\0\0RP";

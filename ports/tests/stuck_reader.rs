@@ -1,0 +1,161 @@
+//! A reader that stops reading delays nobody else.
+
+mod common;
+
+use std::time::Duration;
+
+use common::{ACK, Raw, bottle, connect, next, open, tcp_command, until, within};
+use yarp_ports::{Answer, Port, PortOptions, Queue};
+use yarp_wire::Bottle;
+
+/// Lets `name` read from `writer` over `text`, and never does.
+async fn stuck_text(writer: &Port, name: &str) -> Raw {
+    let before = writer.outputs().len();
+    let mut stuck = Raw::text(writer, name).await;
+    stuck.send("r\r\n").await;
+    until(|| writer.outputs().len() > before).await;
+    stuck
+}
+
+/// Lets `name` read from `writer` over `tcp`; it never reads, nor acknowledges.
+async fn stuck_tcp(writer: &Port, name: &str) -> Raw {
+    let before = writer.outputs().len();
+    let mut stuck = Raw::tcp(writer, name).await;
+    stuck.send(tcp_command(b'r')).await;
+    stuck.expect(ACK).await;
+    until(|| writer.outputs().len() > before).await;
+    stuck
+}
+
+/// Far more than sockets and queues hold.
+fn heavy(number: i32) -> Bottle {
+    Bottle::from_iter([number.into(), "x".repeat(200_000).into()])
+}
+
+async fn expect_heavy(reader: &Port, number: i32) {
+    let text = next(reader).await;
+    assert!(text.starts_with(&format!("{number} x")), "{text:.20}");
+}
+
+/// The writer waited for room in the queue of each reader in turn, so that one that was full
+/// kept a message from all that came after it.
+#[tokio::test]
+async fn messages_reach_others_at_once() {
+    let writer = open("/writer", PortOptions::new()).await;
+    let _text = stuck_text(&writer, "/stuck/text").await;
+    let _tcp = stuck_tcp(&writer, "/stuck/tcp").await;
+    let reader = open("/reader", PortOptions::new().reading(Queue::Wait(1))).await;
+    within(writer.connect(&common::at(&reader, "tcp")))
+        .await
+        .unwrap();
+    for number in 0..100 {
+        let message = heavy(number);
+        tokio::select! {
+            biased;
+            () = expect_heavy(&reader, number) => {}
+            taken = writer.write(&message) => panic!("{taken} took it, one of them cannot"),
+        }
+    }
+}
+
+#[tokio::test]
+async fn writers_that_do_not_wait_reach_others_at_once() {
+    let writer = open("/writer", PortOptions::new()).await;
+    let _text = stuck_text(&writer, "/stuck/text").await;
+    let _tcp = stuck_tcp(&writer, "/stuck/tcp").await;
+    let reader = open("/reader", PortOptions::new().reading(Queue::Wait(1))).await;
+    within(writer.connect(&common::at(&reader, "tcp")))
+        .await
+        .unwrap();
+    for number in 0..100 {
+        let message = heavy(number);
+        let writing = writer.write_strict(&message, None);
+        // It may go on waiting for room elsewhere while this reader has its message.
+        let both = async {
+            tokio::select! {
+                () = expect_heavy(&reader, number) => {}
+                () = async { writing.await; std::future::pending().await } => {}
+            }
+        };
+        within(both).await;
+    }
+}
+
+#[tokio::test]
+async fn a_real_time_writer_goes_on_with_others() {
+    let writer = open("/writer", PortOptions::new()).await;
+    let _tcp = stuck_tcp(&writer, "/stuck").await;
+    let reader = open("/reader", PortOptions::new().reading(Queue::Wait(1))).await;
+    within(writer.connect(&common::at(&reader, "tcp")))
+        .await
+        .unwrap();
+    assert_eq!(writer.write_if_idle(&heavy(0), None), 2);
+    expect_heavy(&reader, 0).await;
+    for number in 1..50 {
+        let sent = async {
+            while writer.write_if_idle(&heavy(number), None) == 0 {
+                tokio::task::yield_now().await;
+            }
+        };
+        within(sent).await;
+        expect_heavy(&reader, number).await;
+    }
+}
+
+#[tokio::test]
+async fn inputs_and_requests_are_served_meanwhile() {
+    let answering = PortOptions::new().handler(|_| Answer::reply(Bottle::of("ok")));
+    let busy = open("/busy", answering).await;
+    let _stuck = stuck_tcp(&busy, "/stuck").await;
+    for number in 0..20 {
+        busy.write_if_idle(&heavy(number), None);
+    }
+    let client = open("/client", PortOptions::new().calling()).await;
+    connect(&client, &busy, "tcp").await;
+    for _ in 0..20 {
+        let answer: Bottle = within(client.call(&bottle("?"))).await.unwrap();
+        assert_eq!(answer.to_string(), "ok");
+    }
+}
+
+#[tokio::test]
+async fn a_slow_handler_holds_only_its_own_connection() {
+    let (release, released) = tokio::sync::watch::channel(false);
+    let server = PortOptions::new().handler(move |request| {
+        let slow = request.from == "/slow";
+        let mut released = released.clone();
+        Answer::Later(Box::pin(async move {
+            if slow {
+                released.wait_for(|go| *go).await.unwrap();
+            }
+            Answer::reply(Bottle::of("ok"))
+        }))
+    });
+    let server = open("/server", server).await;
+    let slow = open("/slow", PortOptions::new().calling()).await;
+    let quick = open("/quick", PortOptions::new().calling()).await;
+    connect(&slow, &server, "tcp").await;
+    connect(&quick, &server, "tcp").await;
+    let slow_call = tokio::spawn(async move { slow.call::<Bottle>(&bottle("x")).await });
+    for _ in 0..50 {
+        within(quick.call::<Bottle>(&bottle("y"))).await.unwrap();
+    }
+    assert!(!slow_call.is_finished());
+    release.send_replace(true);
+    assert!(within(slow_call).await.unwrap().is_ok());
+}
+
+#[tokio::test]
+async fn a_call_that_is_never_answered_ends_at_its_deadline() {
+    let server = PortOptions::new().handler(|_| Answer::Later(Box::pin(std::future::pending())));
+    let server = open("/server", server).await;
+    let client = open("/client", PortOptions::new().calling()).await;
+    connect(&client, &server, "tcp").await;
+    let request = bottle("x");
+    let call = client.call_within::<Bottle>(&request, Duration::from_millis(20));
+    let error = within(call).await.unwrap_err();
+    assert!(
+        matches!(error, yarp_ports::PortError::Deadline { step: "reply", .. }),
+        "{error}"
+    );
+}

@@ -1,0 +1,25 @@
+//! `unix_stream`: binary messages without an index, over a socket of the file system.
+
+use super::{Carrier, Framing, Transport};
+
+/// Without acknowledgements; the usual form.
+pub(super) static UNIX_STREAM: Carrier = Carrier {
+    name: "unix_stream",
+    magic: *b"UNIX_STR",
+    recognises: |magic| magic == b"UNIX_STR",
+    framing: Framing::Bare,
+    transport: Transport::UnixSocket,
+    acknowledges: false,
+    connectionless: false,
+};
+
+/// With acknowledgements: what the modifier `+ack` asks for.
+pub(super) static UNIX_STREAM_ACK: Carrier = Carrier {
+    name: "unix_stream",
+    magic: *b"UNIX_ACK",
+    recognises: |magic| magic == b"UNIX_ACK",
+    framing: Framing::Bare,
+    transport: Transport::UnixSocket,
+    acknowledges: true,
+    connectionless: false,
+};
