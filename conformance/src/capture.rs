@@ -98,7 +98,9 @@ impl Capture {
 
     /// The connections to one listening port.
     pub fn to(&self, port: u16) -> impl Iterator<Item = &Stream> {
-        self.streams.iter().filter(move |stream| stream.port == port)
+        self.streams
+            .iter()
+            .filter(move |stream| stream.port == port)
     }
 
     /// Whether a structured list in the recording has the port `name`, though nothing in the

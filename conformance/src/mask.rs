@@ -94,10 +94,22 @@ mod tests {
             "registration name /a ip 192.0.2.2 port 10002 type tcp\r\n",
             "registration name /a ip IP port N type tcp\r\n",
         );
-        check("This is /a at tcp://10.0.0.1:10002/\r\n", "This is /a at tcp://IP:N/\r\n");
-        check("port /a property process = 77\r\n", "port /a property process = N\r\n");
-        check("port /a property colour = 77\r\n", "port /a property colour = 77\r\n");
-        check("(port_number 10002) (ip \"1.2.3.4\")", "(port_number N) (ip \"IP\")");
+        check(
+            "This is /a at tcp://10.0.0.1:10002/\r\n",
+            "This is /a at tcp://IP:N/\r\n",
+        );
+        check(
+            "port /a property process = 77\r\n",
+            "port /a property process = N\r\n",
+        );
+        check(
+            "port /a property colour = 77\r\n",
+            "port /a property colour = 77\r\n",
+        );
+        check(
+            "(port_number 10002) (ip \"1.2.3.4\")",
+            "(port_number N) (ip \"IP\")",
+        );
         check("a 1 2.5 (3)", "a 1 2.5 (3)");
     }
 }

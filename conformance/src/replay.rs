@@ -49,7 +49,9 @@ impl<'a> Player<'a> {
         let answer = self.answer_like(&run.bytes).await?;
         if comparable(&answer, first) != comparable(&run.bytes, first) {
             let (got, expected) = (show(&answer), show(&run.bytes));
-            return Err(format!("answers differ\n  stock: {expected}\n  ours:  {got}"));
+            return Err(format!(
+                "answers differ\n  stock: {expected}\n  ours:  {got}"
+            ));
         }
         Ok(true)
     }

@@ -32,7 +32,12 @@ async fn the_name_server_answers_as_stock_does() {
             }
             let streams = capture.to(NAME_SERVER);
             let errors = replay::play_together(streams, ("127.0.0.1", server.port())).await;
-            assert!(errors.is_empty(), "{}:\n{}", capture.what, errors.join("\n"));
+            assert!(
+                errors.is_empty(),
+                "{}:\n{}",
+                capture.what,
+                errors.join("\n")
+            );
             server.close().await;
         }
     }

@@ -60,7 +60,9 @@ async fn a_writer_answers_as_stock_does() {
             let (server, network) = network().await;
             let capture = Capture::load(generation, &format!("read_write_{carrier}"));
             let reader = reader(&network, "/rd").await;
-            let port = Port::open(&network, "/wr", PortOptions::new()).await.expect("a port");
+            let port = Port::open(&network, "/wr", PortOptions::new())
+                .await
+                .expect("a port");
             let streams = capture.to(capture.number_of("/wr"));
             let errors = replay::play_together(streams, ("127.0.0.1", port.number())).await;
             none(&capture.what, errors);

@@ -29,27 +29,46 @@ async fn play_reader(mut writer: TcpStream, recorded: &Stream) -> Vec<u8> {
         if run.sent {
             due += run.bytes.len();
             let mut bytes = vec![0; due - heard.len()];
-            writer.read_exact(&mut bytes).await.expect("as many bytes as stock sends");
+            writer
+                .read_exact(&mut bytes)
+                .await
+                .expect("as many bytes as stock sends");
             heard.append(&mut bytes);
         } else {
-            writer.write_all(&run.bytes).await.expect("the writer listens");
+            writer
+                .write_all(&run.bytes)
+                .await
+                .expect("the writer listens");
         }
     }
     // Whatever is said beyond the recording counts as well.
     writer.shutdown().await.expect("the connection is open");
-    writer.read_to_end(&mut heard).await.expect("the writer closes");
+    writer
+        .read_to_end(&mut heard)
+        .await
+        .expect("the writer closes");
     heard
 }
 
 /// Answers the question by which a writer finds out the generation of a reader.
 async fn answer_probe(mut asker: TcpStream, generation: &str) {
-    let name = if generation == "yarp-4.0" { "generati" } else { "gene" };
+    let name = if generation == "yarp-4.0" {
+        "generati"
+    } else {
+        "gene"
+    };
     let answer = format!(
         "Welcome admin\r\n-1 \"Could not find an outgoing connection to {name}\\r\\n\"\r\n<ACK>\r\n"
     );
-    asker.write_all(answer.as_bytes()).await.expect("the asker listens");
+    asker
+        .write_all(answer.as_bytes())
+        .await
+        .expect("the asker listens");
     let mut rest = Vec::new();
-    asker.read_to_end(&mut rest).await.expect("the asker closes");
+    asker
+        .read_to_end(&mut rest)
+        .await
+        .expect("the asker closes");
 }
 
 async fn compare(generation: &str, carrier: &str) {
@@ -65,7 +84,9 @@ async fn compare(generation: &str, carrier: &str) {
         .flat_map(|run| run.bytes.clone())
         .collect();
 
-    let server = Server::start(ServerOptions::default().at("127.0.0.1", 0)).await.expect("a server");
+    let server = Server::start(ServerOptions::default().at("127.0.0.1", 0))
+        .await
+        .expect("a server");
     let network = server.network();
     let listener = TcpListener::bind("127.0.0.1:0").await.expect("a listener");
     let number = listener.local_addr().expect("an address").port();
@@ -75,9 +96,13 @@ async fn compare(generation: &str, carrier: &str) {
     };
     network.register(registering).await.expect("a registration");
 
-    let port = Port::open(&network, "/wr", PortOptions::new()).await.expect("a port");
+    let port = Port::open(&network, "/wr", PortOptions::new())
+        .await
+        .expect("a port");
     let writing = async {
-        port.connect_over("/rd", carrier).await.expect("a connection");
+        port.connect_over("/rd", carrier)
+            .await
+            .expect("a connection");
         for line in LINES {
             assert_eq!(port.write(&Bottle::parse(line).expect("a bottle")).await, 1);
         }

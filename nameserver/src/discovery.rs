@@ -16,7 +16,7 @@ use std::time::Instant;
 use yarp_wire::datagram;
 use yarp_wire::name_service::{Command, PREFIX, Request};
 
-use crate::registry::{self, Registry};
+use crate::registry::Registry;
 
 /// The multicast group of name servers; the UDP port is the usual TCP port, 10000.
 pub const GROUP: Ipv4Addr = Ipv4Addr::new(224, 2, 1, 1);

@@ -38,7 +38,10 @@ fn main() -> ExitCode {
         ["count", name] => peer(count(name)),
         ["call", name, n] => peer(call(name, n)),
         ["send", name, carrier, n, bytes] => peer(send(name, carrier, n, bytes)),
-        _ => Err("usage: bench [serve NAME | count NAME | call NAME N | send NAME CARRIER N BYTES]".into()),
+        _ => Err(
+            "usage: bench [serve NAME | count NAME | call NAME N | send NAME CARRIER N BYTES]"
+                .into(),
+        ),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
@@ -98,7 +101,12 @@ async fn count(name: &str) -> Result<(), Failure> {
 }
 
 async fn call(name: &str, n: &str) -> Result<(), Failure> {
-    let port = Port::open(&Network::from_process()?, "...", PortOptions::new().calling()).await?;
+    let port = Port::open(
+        &Network::from_process()?,
+        "...",
+        PortOptions::new().calling(),
+    )
+    .await?;
     port.connect(name).await?;
     let request = Bottle::from_iter([1.into(), 2.into()]);
     let n: usize = n.parse()?;
@@ -168,7 +176,8 @@ struct Bench {
 
 fn compare() -> Result<(), Failure> {
     let stock = std::env::var("STOCK_PEER").map(PathBuf::from);
-    let stock = stock.map_err(|_| "STOCK_PEER must name the built bench/stock_peer.cpp; `make bench` does it")?;
+    let stock = stock
+        .map_err(|_| "STOCK_PEER must name the built bench/stock_peer.cpp; `make bench` does it")?;
     let bench = Bench {
         ours: std::env::current_exe()?,
         stock,
@@ -227,7 +236,10 @@ impl Bench {
         for _ in 0..RUNS {
             let mut pong = self.start(Side::Ours, &["pong"])?;
             let ready = pong.line_starting("ready")?;
-            let mut ping = self.start(Side::Ours, &["ping", ready.trim_start_matches("ready").trim()])?;
+            let mut ping = self.start(
+                Side::Ours,
+                &["ping", ready.trim_start_matches("ready").trim()],
+            )?;
             rows[0].1.push(percentiles(ping.numbers(CALLS)?));
             for (row, caller, server) in [
                 (1, Side::Stock, Side::Stock),
@@ -242,14 +254,23 @@ impl Bench {
         }
         let medians: Vec<(f64, f64)> = rows
             .iter()
-            .map(|(_, runs)| (median(runs.iter().map(|r| r.0)), median(runs.iter().map(|r| r.1))))
+            .map(|(_, runs)| {
+                (
+                    median(runs.iter().map(|r| r.0)),
+                    median(runs.iter().map(|r| r.1)),
+                )
+            })
             .collect();
         for ((label, _), (p50, p99)) in rows.iter().zip(&medians) {
             println!("{label:<34} {p50:>7.1}  {p99:>7.1}");
         }
         let (bare, stock, ours) = (medians[0], medians[1], medians[2]);
-        println!("ours / stock: p50 {:.2}, p99 {:.2};  ours / bare TCP: p50 {:.2}",
-            ours.0 / stock.0, ours.1 / stock.1, ours.0 / bare.0);
+        println!(
+            "ours / stock: p50 {:.2}, p99 {:.2};  ours / bare TCP: p50 {:.2}",
+            ours.0 / stock.0,
+            ours.1 / stock.1,
+            ours.0 / bare.0
+        );
         Ok(())
     }
 
@@ -273,7 +294,12 @@ impl Bench {
                 _ => format!("{:.2} GB/s", rate * bytes as f64 / 1e9),
             };
             let label = format!("{carrier}, {bytes} bytes");
-            println!("{label:<24} {:>10} {:>10}   {:.2}", shown(stock), shown(ours), ours / stock);
+            println!(
+                "{label:<24} {:>10} {:>10}   {:.2}",
+                shown(stock),
+                shown(ours),
+                ours / stock
+            );
         }
         Ok(())
     }

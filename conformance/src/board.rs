@@ -1,0 +1,233 @@
+//! The device behind the recorded control board conversations, as far as they show it.
+//!
+//! Stock's `fakeMotionControl` of seven axes: it takes every command and says its motion is never
+//! done. Positions stand still here; those of the recording are given.
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use yarp_devices::{
+    Axes, AxisIndex, AxisInfo, ControlLimits, ControlMode, Device, DeviceError, EncoderReading,
+    Encoders, JointType, Limits, Mode, MotionControl, PositionControl, VelocityControl,
+};
+
+/// A board of axes that stand still and accept everything.
+#[derive(Debug)]
+pub struct RecordedBoard {
+    positions: Vec<f64>,
+    state: Mutex<State>,
+}
+
+#[derive(Debug)]
+struct State {
+    modes: Vec<Mode>,
+    targets: Vec<f64>,
+    speeds: Vec<f64>,
+    accelerations: Vec<f64>,
+    velocities: Vec<f64>,
+}
+
+impl RecordedBoard {
+    /// A board whose axes stand at `positions`.
+    pub fn at(positions: Vec<f64>) -> Self {
+        let axes = positions.len();
+        Self {
+            state: Mutex::new(State {
+                modes: vec![Mode::Position; axes],
+                targets: positions.clone(),
+                speeds: vec![0.0; axes],
+                accelerations: vec![0.0; axes],
+                velocities: vec![0.0; axes],
+            }),
+            positions,
+        }
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn put(
+        &self,
+        axes: Axes<'_>,
+        values: &[f64],
+        field: impl Fn(&mut State) -> &mut Vec<f64>,
+    ) -> Result<(), DeviceError> {
+        axes.check_command(self.axes(), "values", values.len())?;
+        let mut state = self.state();
+        for (axis, value) in axes.iter(self.axes()).zip(values) {
+            field(&mut state)[axis.index()] = *value;
+        }
+        Ok(())
+    }
+
+    fn get(
+        &self,
+        axes: Axes<'_>,
+        field: impl Fn(&State) -> &Vec<f64>,
+    ) -> Result<Vec<f64>, DeviceError> {
+        axes.check(self.axes())?;
+        let state = self.state();
+        Ok(axes
+            .iter(self.axes())
+            .map(|axis| field(&state)[axis.index()])
+            .collect())
+    }
+}
+
+impl Device for RecordedBoard {
+    fn axis_info(&self) -> Option<&dyn AxisInfo> {
+        Some(self)
+    }
+
+    fn position_control(&self) -> Option<&dyn PositionControl> {
+        Some(self)
+    }
+
+    fn velocity_control(&self) -> Option<&dyn VelocityControl> {
+        Some(self)
+    }
+
+    fn encoders(&self) -> Option<&dyn Encoders> {
+        Some(self)
+    }
+
+    fn control_mode(&self) -> Option<&dyn ControlMode> {
+        Some(self)
+    }
+
+    fn control_limits(&self) -> Option<&dyn ControlLimits> {
+        Some(self)
+    }
+}
+
+impl AxisInfo for RecordedBoard {
+    fn axes(&self) -> usize {
+        self.positions.len()
+    }
+
+    fn axis_name(&self, axis: AxisIndex) -> Result<String, DeviceError> {
+        Axes::One(axis).check(self.axes())?;
+        Ok(format!("joint{axis}"))
+    }
+
+    fn joint_type(&self, axis: AxisIndex) -> Result<JointType, DeviceError> {
+        Axes::One(axis).check(self.axes())?;
+        Ok(JointType::Revolute)
+    }
+}
+
+impl MotionControl for RecordedBoard {
+    fn stop(&self, axes: Axes<'_>) -> Result<(), DeviceError> {
+        axes.check(self.axes())
+    }
+
+    fn set_reference_accelerations(
+        &self,
+        axes: Axes<'_>,
+        accelerations: &[f64],
+    ) -> Result<(), DeviceError> {
+        self.put(axes, accelerations, |state| &mut state.accelerations)
+    }
+
+    fn reference_accelerations(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
+        self.get(axes, |state| &state.accelerations)
+    }
+}
+
+impl PositionControl for RecordedBoard {
+    fn position_move(&self, axes: Axes<'_>, targets: &[f64]) -> Result<(), DeviceError> {
+        self.put(axes, targets, |state| &mut state.targets)
+    }
+
+    fn relative_move(&self, axes: Axes<'_>, distances: &[f64]) -> Result<(), DeviceError> {
+        axes.check_command(self.axes(), "values", distances.len())
+    }
+
+    fn motion_done(&self, axes: Axes<'_>) -> Result<bool, DeviceError> {
+        axes.check(self.axes()).map(|()| false)
+    }
+
+    fn target_positions(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
+        self.get(axes, |state| &state.targets)
+    }
+
+    fn set_reference_speeds(&self, axes: Axes<'_>, speeds: &[f64]) -> Result<(), DeviceError> {
+        self.put(axes, speeds, |state| &mut state.speeds)
+    }
+
+    fn reference_speeds(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
+        self.get(axes, |state| &state.speeds)
+    }
+}
+
+impl VelocityControl for RecordedBoard {
+    fn velocity_move(&self, axes: Axes<'_>, velocities: &[f64]) -> Result<(), DeviceError> {
+        self.put(axes, velocities, |state| &mut state.velocities)
+    }
+
+    fn reference_velocities(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
+        self.get(axes, |state| &state.velocities)
+    }
+}
+
+impl Encoders for RecordedBoard {
+    fn read_encoders(&self, axes: Axes<'_>, out: &mut [EncoderReading]) -> Result<(), DeviceError> {
+        axes.check_count(self.axes(), "readings", out.len())?;
+        for (axis, reading) in axes.iter(self.axes()).zip(out) {
+            *reading = EncoderReading {
+                position: self.positions[axis.index()],
+                ..EncoderReading::default()
+            };
+        }
+        Ok(())
+    }
+
+    fn set_encoders(&self, axes: Axes<'_>, positions: &[f64]) -> Result<(), DeviceError> {
+        axes.check_command(self.axes(), "positions", positions.len())
+    }
+}
+
+impl ControlMode for RecordedBoard {
+    fn available_control_modes(&self, axis: AxisIndex) -> Result<Vec<Mode>, DeviceError> {
+        Axes::One(axis).check(self.axes())?;
+        Ok(vec![Mode::Position, Mode::Velocity, Mode::PositionDirect])
+    }
+
+    fn read_control_modes(&self, axes: Axes<'_>, out: &mut [Mode]) -> Result<(), DeviceError> {
+        axes.check_count(self.axes(), "modes", out.len())?;
+        let state = self.state();
+        for (axis, mode) in axes.iter(self.axes()).zip(out) {
+            *mode = state.modes[axis.index()];
+        }
+        Ok(())
+    }
+
+    fn set_control_modes(&self, axes: Axes<'_>, modes: &[Mode]) -> Result<(), DeviceError> {
+        axes.check_command(self.axes(), "modes", modes.len())?;
+        let mut state = self.state();
+        for (axis, mode) in axes.iter(self.axes()).zip(modes) {
+            state.modes[axis.index()] = *mode;
+        }
+        Ok(())
+    }
+}
+
+impl ControlLimits for RecordedBoard {
+    fn position_limits(&self, axis: AxisIndex) -> Result<Limits, DeviceError> {
+        Axes::One(axis).check(self.axes())?;
+        Ok(Limits::new(0.0, 100.0))
+    }
+
+    fn set_position_limits(&self, axis: AxisIndex, _limits: Limits) -> Result<(), DeviceError> {
+        Axes::One(axis).check(self.axes())
+    }
+
+    fn velocity_limits(&self, axis: AxisIndex) -> Result<Limits, DeviceError> {
+        Axes::One(axis).check(self.axes())?;
+        Ok(Limits::new(0.0, 50.0))
+    }
+
+    fn set_velocity_limits(&self, axis: AxisIndex, _limits: Limits) -> Result<(), DeviceError> {
+        Axes::One(axis).check(self.axes())
+    }
+}

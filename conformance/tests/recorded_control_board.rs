@@ -1,0 +1,140 @@
+//! Recorded conversations with stock control boards, played against ours.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use bytes::{Bytes, BytesMut};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpStream;
+use yarp_conformance::board::RecordedBoard;
+use yarp_conformance::capture::{Capture, Run};
+use yarp_conformance::mask;
+use yarp_nameserver::{Server, ServerOptions};
+use yarp_wire::{Bottle, Dialect, Limits, Vocab32};
+use yarp_wrappers::{ControlBoardOptions, ControlBoardServer};
+
+const PATIENCE: Duration = Duration::from_secs(20);
+
+/// Interfaces that the board behind our server does not have: what is asked of them fails.
+const NOT_OFFERED: [&str; 8] = ["pid", "torq", "asts", "maxc", "intm", "mtnm", "tmp", "iimp"];
+
+/// The answer in a run: one bottle, and the acknowledgement after it.
+fn answer(bytes: &[u8]) -> Option<Bottle> {
+    let bytes = Bytes::copy_from_slice(bytes);
+    let read = Bottle::decode_prefix(&bytes, Dialect::V3, Limits::DEFAULT);
+    read.ok().map(|(bottle, _)| bottle)
+}
+
+/// The question in a run, behind index and command block.
+fn question(run: &Run) -> Option<Bottle> {
+    const HEAD: usize = 38;
+    let bytes = Bytes::copy_from_slice(run.bytes.get(HEAD..)?);
+    Bottle::decode(&bytes, Dialect::V3, Limits::DEFAULT).ok()
+}
+
+fn not_offered(question: &Bottle) -> bool {
+    let word = question.get(1).and_then(|item| item.as_vocab());
+    NOT_OFFERED
+        .iter()
+        .any(|name| word == Some(Vocab32::new(name)))
+}
+
+/// Reads a bottle and the eight bytes of the acknowledgement.
+async fn read_answer(stream: &mut TcpStream) -> Bottle {
+    let mut bytes = BytesMut::new();
+    let reading = async {
+        loop {
+            let whole =
+                Bottle::decode_prefix(&bytes.clone().freeze(), Dialect::V3, Limits::DEFAULT);
+            if let Ok((bottle, length)) = whole
+                && bytes.len() >= length + 8
+            {
+                assert_eq!(
+                    &bytes[length..],
+                    b"YA\0\0\0\0RP",
+                    "an acknowledgement follows"
+                );
+                return bottle;
+            }
+            assert_ne!(
+                stream.read_buf(&mut bytes).await.expect("bytes"),
+                0,
+                "an answer"
+            );
+        }
+    };
+    tokio::time::timeout(PATIENCE, reading)
+        .await
+        .expect("an answer in time")
+}
+
+/// Plays the questions of one recorded client; gives how many were compared.
+async fn play(scenario: &str, positions: Vec<f64>) -> usize {
+    let capture = Capture::load("yarp-3.12", scenario);
+    let server = Server::start(ServerOptions::default().at("127.0.0.1", 0))
+        .await
+        .expect("a server");
+    let network = server.network();
+    let device = Arc::new(RecordedBoard::at(positions));
+    let options = ControlBoardOptions::new();
+    let board = ControlBoardServer::open(&network, device, "/fake", options)
+        .await
+        .expect("a board");
+    let place = network.query("/fake/rpc:i").await.expect("a place");
+
+    let mut compared = 0;
+    for recorded in capture.to(capture.number_of("/fake/rpc:i")) {
+        let address = (place.host.as_str(), place.port);
+        let mut stream = TcpStream::connect(address).await.expect("a connection");
+        let mut asked = None;
+        for (index, run) in recorded.runs.iter().enumerate() {
+            if run.sent {
+                stream.write_all(&run.bytes).await.expect("it listens");
+                asked = question(run);
+                continue;
+            }
+            let (Some(expected), Some(asked)) = (answer(&run.bytes), &asked) else {
+                // Header reply and goodbye.
+                let mut skipped = [0; 8];
+                stream.read_exact(&mut skipped).await.expect("eight bytes");
+                assert!(skipped.starts_with(b"YA"), "run {index}");
+                continue;
+            };
+            let got = mask::bottle(&read_answer(&mut stream).await).to_string();
+            if not_offered(asked) {
+                assert_eq!(got, "[fail]", "{asked}");
+            } else {
+                assert_eq!(got, mask::bottle(&expected).to_string(), "{asked}");
+                compared += 1;
+            }
+        }
+    }
+    board.close().await;
+    server.close().await;
+    compared
+}
+
+#[tokio::test]
+async fn the_stock_client_is_answered_as_by_stock() {
+    let compared = play("controlboard", vec![0.0; 7]).await;
+    assert!(compared > 100, "{compared} answers compared");
+}
+
+#[tokio::test]
+async fn a_person_is_answered_as_by_stock() {
+    // Where the recorded axes stood.
+    let capture = Capture::load("yarp-3.12", "controlboard_rpc");
+    let positions = capture
+        .to(capture.number_of("/fake/rpc:i"))
+        .flat_map(|stream| &stream.runs)
+        .filter(|run| !run.sent)
+        .filter_map(|run| answer(&run.bytes))
+        .find_map(|answer| answer.find("encs")?.as_list().cloned())
+        .expect("the recording shows the encoders");
+    let positions = positions
+        .iter()
+        .filter_map(|value| value.as_f64())
+        .collect();
+    let compared = play("controlboard_rpc", positions).await;
+    assert!(compared == 9, "{compared} answers compared");
+}

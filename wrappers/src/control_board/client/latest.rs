@@ -1,0 +1,83 @@
+//! The newest state that has come.
+
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use yarp_devices::DeviceError;
+use yarp_ports::Received;
+
+use super::super::messages::JointData;
+
+/// The newest state of the board, written by its feed and read by whoever asks.
+#[derive(Debug)]
+pub(super) struct Latest {
+    state: Mutex<Option<State>>,
+    trusted: Duration,
+}
+
+#[derive(Debug)]
+struct State {
+    data: JointData,
+    /// When the joints were measured: seconds since the start of 1970.
+    time: f64,
+    /// When it came here.
+    arrived: Instant,
+}
+
+impl Latest {
+    /// A state is trusted until it is `trusted` old.
+    pub(super) fn new(trusted: Duration) -> Self {
+        Self {
+            state: Mutex::default(),
+            trusted,
+        }
+    }
+
+    /// Takes in a message of the feed.
+    pub(super) fn take(&self, received: &Received) {
+        let data = match received.read::<JointData>() {
+            Ok(data) => data,
+            Err(error) => {
+                tracing::warn!(from = %received.from, "not a state of a control board: {error}");
+                return;
+            }
+        };
+        let time = match received.stamp() {
+            Some(stamp) => stamp.time,
+            // Stock takes its own time where the board sends none.
+            None => SystemTime::now()
+                .duration_since(UNIX_EPOCH)
+                .unwrap_or_default()
+                .as_secs_f64(),
+        };
+        let state = State {
+            data,
+            time,
+            arrived: Instant::now(),
+        };
+        *self.state.lock().unwrap_or_else(PoisonError::into_inner) = Some(state);
+    }
+
+    /// Shows `read` the newest state and its time, if it is trusted.
+    ///
+    /// `what` is asked for; `read` answers `None` if the board does not know it.
+    pub(super) fn read<T>(
+        &self,
+        what: &'static str,
+        read: impl FnOnce(&JointData, f64) -> Option<T>,
+    ) -> Result<T, DeviceError> {
+        let state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        let state = state.as_ref().ok_or(DeviceError::NoDataYet { what })?;
+        let age = state.arrived.elapsed();
+        if age > self.trusted {
+            return Err(DeviceError::Stale {
+                what,
+                age,
+                limit: self.trusted,
+            });
+        }
+        read(&state.data, state.time).ok_or_else(|| DeviceError::NotSupported {
+            what: format!("{what}, which the board marks invalid,"),
+        })
+    }
+}

@@ -1,0 +1,55 @@
+//! Whom to call, as whom, and how long to wait.
+
+use std::time::Duration;
+
+/// How a remote control board is opened; the names are those of stock's parameters.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct RemoteControlBoardOptions {
+    pub(super) remote: String,
+    pub(super) local: String,
+    pub(super) carrier: String,
+    pub(super) timeout: Duration,
+    pub(super) deadline: Duration,
+    pub(super) ignores_protocol: bool,
+}
+
+impl RemoteControlBoardOptions {
+    /// The board named `remote`, by ports that begin with `local`: `/wam` and, for instance, `/me/wam`.
+    ///
+    /// Commands and state travel over `fast_tcp`, a state is trusted for 0.5 s, an answer is waited for 2 s.
+    pub fn new(remote: impl Into<String>, local: impl Into<String>) -> Self {
+        Self {
+            remote: remote.into(),
+            local: local.into(),
+            carrier: "fast_tcp".to_owned(),
+            timeout: Duration::from_millis(500),
+            deadline: Duration::from_secs(2),
+            ignores_protocol: false,
+        }
+    }
+
+    /// The carrier for commands and state (stock: `carrier`, by default `udp`). Questions always go over `tcp`.
+    pub fn carrier(mut self, carrier: impl Into<String>) -> Self {
+        self.carrier = carrier.into();
+        self
+    }
+
+    /// How old the newest state may be to be trusted (stock: `timeout`, as here 0.5 s).
+    pub fn timeout(mut self, age: Duration) -> Self {
+        self.timeout = age;
+        self
+    }
+
+    /// How long an answer, or each step of opening, is waited for. Stock waits for ever.
+    pub fn deadline(mut self, deadline: Duration) -> Self {
+        self.deadline = deadline;
+        self
+    }
+
+    /// Goes on with a board that speaks another version of the protocol (stock: `ignoreProtocolCheck`).
+    pub fn ignore_protocol_version(mut self) -> Self {
+        self.ignores_protocol = true;
+        self
+    }
+}

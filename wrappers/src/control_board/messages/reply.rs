@@ -1,0 +1,247 @@
+//! Answers on `rpc:i`.
+//!
+//! ```text
+//! [is] ECHO VALUES.. [tsta] count time [ok]     to a question
+//! [ok]                                          to an order
+//! [fail]                                        to whatever was refused, without a reason
+//! ```
+
+use yarp_devices::JointType;
+use yarp_wire::{Bottle, Stamp, Value, Vocab32};
+
+use super::number;
+use super::vocabulary as word;
+
+/// What a request is answered with, as it travels.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reply(Bottle);
+
+impl Reply {
+    /// To an order that was carried out.
+    pub fn ok() -> Self {
+        Self(Bottle::of(Vocab32::OK))
+    }
+
+    /// To what was refused.
+    pub fn fail() -> Self {
+        Self(Bottle::of(Vocab32::FAIL))
+    }
+
+    /// To a request of fewer than two items.
+    pub fn not_understood() -> Self {
+        Self(Bottle::of(word::NOT_UNDERSTOOD))
+    }
+
+    /// To the question for the version of the protocol.
+    pub fn version(version: ProtocolVersion) -> Self {
+        let numbers = [version.major, version.minor, version.tweak];
+        let mut reply = Bottle::of(word::PROTOCOL_VERSION);
+        reply.extend(numbers.map(Value::Int32));
+        reply.push(Vocab32::OK);
+        Self(reply)
+    }
+
+    /// To a question: `echo` is a word of the question, `stamp` when it was answered.
+    pub fn is(echo: Value, values: impl IntoIterator<Item = Value>, stamp: Stamp) -> Self {
+        let mut reply = Bottle::of(word::IS).with(echo);
+        reply.extend(values);
+        reply.push(word::TIME_STAMP);
+        reply.extend(stamp.to_bottle());
+        reply.push(Vocab32::OK);
+        Self(reply)
+    }
+
+    /// Usage for people: each line is what to type and what it does.
+    pub fn usage(lines: impl IntoIterator<Item = (Bottle, String)>) -> Self {
+        let mut reply = Bottle::of(Vocab32::MANY);
+        for (typed, meaning) in lines {
+            reply.push(typed);
+            reply.push(meaning);
+        }
+        reply.push(Vocab32::OK);
+        Self(reply)
+    }
+
+    /// An answer as it came.
+    pub fn from_bottle(reply: Bottle) -> Self {
+        Self(reply)
+    }
+
+    /// The answer as it travels.
+    pub fn into_bottle(self) -> Bottle {
+        self.0
+    }
+
+    /// Whether the other side said no.
+    pub fn is_refusal(&self) -> bool {
+        let first = self.word(0);
+        first == Some(Vocab32::FAIL) || first == Some(word::NOT_UNDERSTOOD)
+    }
+
+    /// Whether an order was carried out.
+    pub fn is_ok(&self) -> bool {
+        self.word(0) == Some(Vocab32::OK)
+    }
+
+    /// The version of the protocol. Exactly five items, as stock demands.
+    pub fn read_version(&self) -> Option<ProtocolVersion> {
+        if self.0.len() != 5 || self.word(0) != Some(word::PROTOCOL_VERSION) {
+            return None;
+        }
+        let number = |index| self.0.get(index).and_then(Value::as_i32);
+        Some(ProtocolVersion {
+            major: number(1)?,
+            minor: number(2)?,
+            tweak: number(3)?,
+        })
+    }
+
+    /// The first value of the answer to a question.
+    pub fn value(&self) -> Option<&Value> {
+        self.values()?.first()
+    }
+
+    /// A number.
+    pub fn float(&self) -> Option<f64> {
+        self.value().and_then(number::float)
+    }
+
+    /// A number from 0.
+    pub fn count(&self) -> Option<usize> {
+        self.value().and_then(number::count)
+    }
+
+    /// A list of `expected` numbers.
+    pub fn floats(&self, expected: usize) -> Option<Vec<f64>> {
+        let list = self.value()?.as_list()?;
+        (list.len() == expected).then(|| number::floats(list))?
+    }
+
+    /// Two numbers, one behind the other.
+    pub fn pair(&self) -> Option<(f64, f64)> {
+        match self.values()? {
+            [first, second, ..] => number::float(first).zip(number::float(second)),
+            _ => None,
+        }
+    }
+
+    fn values(&self) -> Option<&[Value]> {
+        match self.0.as_slice() {
+            [is, _, values @ ..] if is.as_vocab() == Some(word::IS) => Some(values),
+            _ => None,
+        }
+    }
+
+    fn word(&self, index: usize) -> Option<Vocab32> {
+        self.0.get(index).and_then(Value::as_vocab)
+    }
+}
+
+/// The version of the protocol between client and control board.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub struct ProtocolVersion {
+    /// Must be the same on both sides.
+    pub major: i32,
+    /// Must be the same on both sides.
+    pub minor: i32,
+    /// Need not be the same.
+    pub tweak: i32,
+}
+
+impl ProtocolVersion {
+    /// What YARP 3.5 to 3.12 speak.
+    pub const CURRENT: Self = Self {
+        major: 1,
+        minor: 9,
+        tweak: 0,
+    };
+
+    /// Whether both sides understand each other.
+    pub fn is_compatible(self, other: Self) -> bool {
+        (self.major, self.minor) == (other.major, other.minor)
+    }
+}
+
+impl std::fmt::Display for ProtocolVersion {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}.{}.{}", self.major, self.minor, self.tweak)
+    }
+}
+
+/// The kind of an axis as stock sends it: the code of a word, as an integer.
+pub(crate) fn joint_type_to_value(joint_type: JointType) -> Value {
+    let word = match joint_type {
+        JointType::Revolute => word::REVOLUTE,
+        JointType::Prismatic => word::PRISMATIC,
+        _ => word::UNKNOWN_TYPE,
+    };
+    Value::Int32(word.code() as i32)
+}
+
+/// The kind of an axis; a word that we do not know is an unknown kind.
+pub(crate) fn joint_type_from_value(value: &Value) -> Option<JointType> {
+    Some(match value.as_vocab()? {
+        word::REVOLUTE => JointType::Revolute,
+        word::PRISMATIC => JointType::Prismatic,
+        _ => JointType::Unknown,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use yarp_wire::Dialect;
+
+    #[test]
+    fn bytes_are_those_recorded() {
+        // [get] [llim] 0 and [get] [prot], answered by a stock 3.12.3 board.
+        let limits: &[u8] = b"\x00\x01\x00\x00\x08\x00\x00\x00\x09\x00\x00\x00is\x00\x00\x09\x00\x00\x00llim\
+            \x0a\x00\x00\x00\x00\x00\x00\x00\x00\x00\x00\x00\x0a\x00\x00\x00\x00\x00\x00\x00\x00\x00Y@\
+            \x09\x00\x00\x00tsta\x01\x00\x00\x00\xde\x01\x00\x00\x0a\x00\x00\x00\x83\x84\x94\xb1M\xc0\xdaA\
+            \x09\x00\x00\x00ok\x00\x00";
+        let time = f64::from_le_bytes(*b"\x83\x84\x94\xb1M\xc0\xdaA");
+        let reply = Reply::is(
+            word::POSITION_LIMITS.into(),
+            [0.0.into(), 100.0.into()],
+            Stamp::new(0x1de, time),
+        );
+        assert_eq!(&reply.into_bottle().encode(Dialect::V3)[..], limits);
+        let version: &[u8] = b"\x00\x01\x00\x00\x05\x00\x00\x00\x09\x00\x00\x00prot\x01\x00\x00\x00\x01\x00\x00\x00\
+            \x01\x00\x00\x00\x09\x00\x00\x00\x01\x00\x00\x00\x00\x00\x00\x00\x09\x00\x00\x00ok\x00\x00";
+        let reply = Reply::version(ProtocolVersion::CURRENT);
+        assert_eq!(&reply.into_bottle().encode(Dialect::V3)[..], version);
+    }
+
+    #[test]
+    fn the_number_of_axes_is_answered_in_these_bytes() {
+        // [is] [axes] 2 [tsta] 7 1.5 [ok], float64 being code 10 in 3.x.
+        let drawn: &[u8] =
+            b"\x00\x01\x00\x00\x07\x00\x00\x00\x09\x00\x00\x00is\x00\x00\x09\x00\x00\x00axes\
+            \x01\x00\x00\x00\x02\x00\x00\x00\x09\x00\x00\x00tsta\x01\x00\x00\x00\x07\x00\x00\x00\
+            \x0a\x00\x00\x00\x00\x00\x00\x00\x00\x00\xf8\x3f\x09\x00\x00\x00ok\x00\x00";
+        let reply = Reply::is(word::AXES.into(), [2.into()], Stamp::new(7, 1.5));
+        assert_eq!(&reply.into_bottle().encode(Dialect::V3)[..], drawn);
+    }
+
+    #[test]
+    fn answers_are_read() {
+        let reply = |text: &str| Reply::from_bottle(Bottle::parse(text).unwrap());
+        assert_eq!(reply("[is] [axes] 2 [tsta] 7 1.5 [ok]").count(), Some(2));
+        let list = reply("[is] [encs] (1.0 2) [tsta] 7 1.5 [ok]");
+        assert_eq!(list.floats(2), Some(vec![1.0, 2.0]));
+        assert_eq!(list.floats(3), None);
+        assert_eq!(
+            reply("[is] [llim] -1.0 1.0 [tsta] 7 1.5 [ok]").pair(),
+            Some((-1.0, 1.0))
+        );
+        assert!(reply("[fail]").is_refusal() && reply("[nak]").is_refusal());
+        assert!(reply("[ok]").is_ok() && !reply("").is_ok());
+        assert_eq!(reply("[fail]").float(), None);
+        assert_eq!(reply("[prot] 1 9 0").read_version(), None);
+        let other = reply("[prot] 1 9 7 [ok]").read_version().unwrap();
+        assert!(ProtocolVersion::CURRENT.is_compatible(other));
+        let kind = Value::Int32(1987212385);
+        assert_eq!(joint_type_to_value(JointType::Revolute), kind);
+        assert_eq!(joint_type_from_value(&kind), Some(JointType::Revolute));
+    }
+}

@@ -1,0 +1,31 @@
+//! Opening ports: all of them, or none.
+
+use yarp_ports::{Network, Port, PortOptions, remote};
+
+use super::OpenError;
+
+/// Opens a port whose name nobody else has.
+///
+/// A name server gives a name away again to whoever asks, so that a second port of one name takes the place of the
+/// first. For a robot that must not happen by mistake.
+pub(super) async fn open(
+    network: &Network,
+    name: String,
+    options: PortOptions,
+) -> Result<Port, OpenError> {
+    let taken = remote::exists(network, &name).await;
+    match taken {
+        Ok(true) => return Err(OpenError::NameTaken { name }),
+        Ok(false) => {}
+        Err(source) => return Err(OpenError::Port { name, source }),
+    }
+    Port::open(network, &name, options)
+        .await
+        .map_err(|source| OpenError::Port { name, source })
+}
+
+/// Closes ports side by side; takes a few seconds at the most, whatever peers do.
+pub(super) async fn close_all(ports: impl IntoIterator<Item = Port>) {
+    let closing: tokio::task::JoinSet<()> = ports.into_iter().map(Port::close).collect();
+    closing.join_all().await;
+}

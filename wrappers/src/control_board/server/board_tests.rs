@@ -1,0 +1,258 @@
+use proptest::prelude::*;
+use yarp_devices::wam::SimulatedWam;
+use yarp_devices::{Axes, Device};
+use yarp_wire::{Dialect, Value, Vocab32};
+
+use super::*;
+
+fn board() -> Board {
+    let arm: Arc<dyn Device> = Arc::new(SimulatedWam::start().expect("threads"));
+    Board::new(arm, "/test").expect("it has axes")
+}
+
+/// The answer without the count and time of it.
+fn asked(board: &Board, request: &str) -> String {
+    let request = Bottle::parse(request).expect("the test's own text");
+    let reply = board.answer(&request, "/tester").into_bottle();
+    let mut items = reply.into_items();
+    let stamp = Value::from(Vocab32::new("tsta"));
+    if let Some(place) = items.iter().position(|item| *item == stamp) {
+        assert!(matches!(items[place + 1], Value::Int32(_)));
+        assert!(matches!(items[place + 2], Value::Float64(_)));
+        items.drain(place + 1..place + 3);
+    }
+    Bottle::from(items).to_string()
+}
+
+#[test]
+fn a_session_goes_as_with_stock() {
+    let board = board();
+    let check = |request: &str, reply: &str| assert_eq!(asked(&board, request), reply, "{request}");
+    check("help", "[nak]");
+    check("[nons]", "[nak]");
+    check("", "[nak]");
+    check("[get] [prot]", "[prot] 1 9 0 [ok]");
+    check("foo [prot]", "[fail]");
+    check("[get] [axes]", "[is] [axes] 7 [tsta] [ok]");
+    check("get axes", "[is] axes 7 [tsta] [ok]");
+    check("[get] [name] 3", "[is] [name] elbow [tsta] [ok]");
+    check("[get] [type] 0", "[is] [type] 1987212385 [tsta] [ok]");
+    check("[get] [name] 7", "[fail]");
+    check("[get] [dons]", "[is] [dons] 1 [tsta] [ok]");
+    check("[get] [dong] 2 (0 1)", "[is] [dong] 1 [tsta] [ok]");
+    check("[get] [enc] 0", "[is] [enc] 0.0 [tsta] [ok]");
+    check(
+        "[get] [esps]",
+        "[is] [esps] (0.0 0.0 0.0 0.0 0.0 0.0 0.0) [tsta] [ok]",
+    );
+    check("[get] [icmd] [cmod] 0", "[is] 0 [pos] [tsta] [ok]");
+    check(
+        "[get] [icmd] [cmog] 2 (0 1)",
+        "[is] [cmog] ([pos] [pos]) [tsta] [ok]",
+    );
+    check("get icmd cmog 1 (1)", "[is] [cmog] ([pos]) [tsta] [ok]");
+    check("[set] [icmd] [cmod] 2 [vel]", "[ok]");
+    check("[get] [icmd] [cmod] 2", "[is] 2 [vel] [tsta] [ok]");
+    check("[set] [icmd] [cmod] 2 [torq]", "[fail]");
+    check("[set] [vels] (9 9 9 9 9 9 9)", "[ok]");
+    check("[set] [velg] 2 (1 0) (11 12.0)", "[ok]");
+    check(
+        "[get] [velg] 2 (0 1)",
+        "[is] [velg] (12.0 11.0) [tsta] [ok]",
+    );
+    check("[set] [acc] 1 30", "[ok]");
+    check("[get] [acc] 1", "[is] [acc] 30.0 [tsta] [ok]");
+    check("[set] [llim] 0 -10 50", "[ok]");
+    check("[get] [llim] 0", "[is] [llim] -10.0 50.0 [tsta] [ok]");
+    check("[set] [vlim] 0 0 30", "[ok]");
+    check("[get] [vlim] 0", "[is] [vlim] 0.0 30.0 [tsta] [ok]");
+    check("[set] [pos] 0 2.5", "[ok]");
+    check("[get] [pos] 0", "[is] [pos] 2.5 [tsta] [ok]");
+    check("[set] [poss] (1 2)", "[fail]");
+    check("[set] [pos] 0 51", "[fail]");
+    check("[set] [stos]", "[ok]");
+    check("[set] [vmo] 2 5.0", "[fail]");
+    check("[get] [vmo] 2", "[is] [vmo] 0.0 [tsta] [ok]");
+    check("[get] [pid] [pid] [pos] 0", "[fail]");
+    check("[get] [mtnm]", "[fail]");
+    check("[cal] 0", "[fail]");
+    let help = asked(&board, "help more");
+    assert!(
+        help.starts_with("[many] (\"help more\") ") && help.ends_with(" [ok]"),
+        "{help}"
+    );
+}
+
+#[test]
+fn answers_are_counted_from_0() {
+    let board = board();
+    for count in 0..3 {
+        let reply = board.answer(&Bottle::parse("[get] [axes]").unwrap(), "/tester");
+        assert_eq!(reply.into_bottle().get(4), Some(&Value::Int32(count)));
+    }
+}
+
+#[test]
+fn streamed_velocities_move() {
+    let board = board();
+    asked(&board, "[set] [icmd] [cmod] 2 [vel]");
+    let stream = |text: &str| {
+        let bytes = Bottle::parse(text).unwrap().encode(Dialect::V3);
+        let command = yarp_wire::message::ReadObject::read_binary(&bytes, Dialect::V3).unwrap();
+        board.obey(&command, "/tester");
+        asked(&board, "[get] [vmo] 2")
+    };
+    let at = |velocity: &str| format!("[is] [vmo] {velocity} [tsta] [ok]");
+    assert_eq!(stream("([vmo] 2) (5.0)"), at("5.0"));
+    assert_eq!(stream("([vmog] 1 (2)) (6)"), at("6.0"));
+    // Whatever is wrong with a command, the joint goes on as before.
+    for wrong in [
+        "([vmo] 2) (1e9)",
+        "([vmo] 2) (1.0 2.0)",
+        "([vmo] 2) ()",
+        "([vmo] 7) (1.0)",
+        "([vmos]) (1.0)",
+        "([vmos]) (0.0 0.0 1.0 0.0 0.0 0.0 0.0)",
+        "([vmog] 2 (2 2)) (1.0 1.0)",
+        "([dpo] 2) (1.0)",
+        "() ()",
+    ] {
+        assert_eq!(stream(wrong), at("6.0"), "{wrong}");
+    }
+    assert_eq!(stream("([vmo] 2) (0.0)"), at("0.0"));
+}
+
+fn value() -> impl Strategy<Value = Value> {
+    let words = prop::sample::select(vec![
+        "set", "get", "pos", "poss", "posg", "rel", "rels", "relg", "vmos", "vmo", "icmd", "cmod",
+        "cmds", "sto", "enc", "llim", "axes", "help", "more", "is", "fail",
+    ]);
+    let leaf = prop_oneof![
+        words
+            .clone()
+            .prop_map(|word| Value::from(Vocab32::new(word))),
+        words.prop_map(Value::from),
+        (-2..9i32).prop_map(Value::from),
+        any::<i64>().prop_map(Value::from),
+        any::<f64>().prop_map(Value::from),
+        (-90.0..90.0f64).prop_map(Value::from),
+        Just(Value::bool(true)),
+    ];
+    leaf.prop_recursive(2, 12, 8, |inner| {
+        prop::collection::vec(inner, 0..8).prop_map(|items| Value::from(Bottle::from(items)))
+    })
+}
+
+/// A move from the home pose that is as it should be.
+fn good_move() -> impl Strategy<Value = Vec<Value>> {
+    let all = |word: &'static str| {
+        prop::collection::vec(1.0..9.0f64, 7).prop_map(move |mut values| {
+            // The elbow begins at its upper limit.
+            values[3] = -values[3];
+            let list: Bottle = values.into_iter().map(Value::from).collect();
+            vec![
+                Vocab32::new("set").into(),
+                Vocab32::new(word).into(),
+                list.into(),
+            ]
+        })
+    };
+    let one = (0..3i32, 1.0..9.0f64).prop_map(|(joint, value)| {
+        let words = ["set", "rel"].map(|word| Value::from(Vocab32::new(word)));
+        words
+            .into_iter()
+            .chain([joint.into(), value.into()])
+            .collect()
+    });
+    prop_oneof![all("poss"), all("rels"), one]
+}
+
+/// Spoils one thing of it.
+fn spoiled() -> impl Strategy<Value = Bottle> {
+    let bad = prop_oneof![
+        Just(Value::from("up")),
+        Just(Value::from(Vocab32::new("a"))),
+        Just(Value::Float64(f64::NAN)),
+        Just(Value::Float64(f64::INFINITY)),
+        Just(Value::Float64(1e6)),
+        Just(Value::Int32(-1)),
+        Just(Value::from(Bottle::new())),
+        Just(Value::bool(true)),
+    ];
+    (good_move(), 0..4u8, bad).prop_map(|(mut items, how, bad)| {
+        match how {
+            0 => drop(items.pop()),
+            1 => items.push(bad),
+            2 => items[2] = bad,
+            _ => match items.last_mut() {
+                Some(Value::List(list)) => {
+                    let mut values = std::mem::take(list).into_items();
+                    values[6] = bad;
+                    // -1 is a fine position, and a fine distance.
+                    if values[6] == Value::Int32(-1) {
+                        values.pop();
+                    }
+                    *list = values.into();
+                }
+                Some(last) => {
+                    *last = if bad == Value::Int32(-1) {
+                        Value::from("-1")
+                    } else {
+                        bad
+                    };
+                }
+                None => {}
+            },
+        }
+        Bottle::from(items)
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn arbitrary_messages_are_answered(messages in prop::collection::vec(
+        prop::collection::vec(value(), 0..6), 1..40,
+    )) {
+        let board = board();
+        for items in messages {
+            let message = Bottle::from(items.clone());
+            let reply = board.answer(&message, "/tester").into_bottle();
+            prop_assert!(!reply.is_empty());
+            let mut items = items.into_iter();
+            if let (Some(Value::List(head)), Some(Value::List(values))) = (items.next(), items.next()) {
+                let values = values.iter().filter_map(Value::as_f64).collect();
+                board.obey(&Command { head, values }, "/tester");
+            }
+        }
+    }
+
+    #[test]
+    fn good_moves_are_carried_out(items in good_move()) {
+        let board = board();
+        let before = targets(&board);
+        prop_assert_eq!(board.answer(&Bottle::from(items), "/tester"), Reply::ok());
+        prop_assert_ne!(targets(&board), before);
+    }
+
+    #[test]
+    fn malformed_moves_move_nothing(messages in prop::collection::vec(spoiled(), 1..40)) {
+        let board = board();
+        let before = targets(&board);
+        for message in messages {
+            let reply = board.answer(&message, "/tester");
+            prop_assert!(reply.is_refusal(), "{} was taken", message);
+            prop_assert_eq!(&targets(&board), &before, "{} moved it", message);
+        }
+        prop_assert!(board.position().unwrap().motion_done(Axes::All).unwrap());
+    }
+}
+
+fn targets(board: &Board) -> Vec<f64> {
+    board
+        .position()
+        .expect("the arm moves")
+        .target_positions(Axes::All)
+        .expect("it has targets")
+}

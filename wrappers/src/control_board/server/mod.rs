@@ -1,0 +1,225 @@
+//! A device on ports.
+//!
+//! | file | what it is about |
+//! | --- | --- |
+//! | `board` | the device, and the decision what a request is |
+//! | `question`, `order` | what questions and orders mean for the device |
+//! | `publisher` | the state, every period |
+//! | `usage` | help for people |
+
+mod board;
+mod order;
+mod publisher;
+mod question;
+mod usage;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::runtime::Handle;
+use yarp_devices::Device;
+use yarp_ports::{Answer, Network, Port, PortOptions, Received};
+
+use self::board::Board;
+use self::publisher::Publisher;
+use super::OpenError;
+use super::messages::Command;
+use super::opening::{close_all, open};
+
+/// How often the state is published: 50 Hz, as stock.
+const PERIOD: Duration = Duration::from_millis(20);
+/// 1 kHz.
+const SHORTEST_PERIOD: Duration = Duration::from_millis(1);
+/// Longer than any client trusts a state.
+const LONGEST_PERIOD: Duration = Duration::from_secs(60);
+/// How long the end of publishing is waited for.
+const ENDING: Duration = Duration::from_secs(1);
+
+/// How a control board is served.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct ControlBoardOptions {
+    period: Duration,
+}
+
+impl Default for ControlBoardOptions {
+    fn default() -> Self {
+        Self { period: PERIOD }
+    }
+}
+
+impl ControlBoardOptions {
+    /// The state every 20 ms.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// The time from one state to the next, 1 ms to 60 s.
+    pub fn period(mut self, period: Duration) -> Self {
+        self.period = period;
+        self
+    }
+}
+
+/// A device, served as stock's `controlBoard_nws_yarp` serves one.
+///
+/// * `NAME/rpc:i` answers questions and carries out orders, one after the other for each client. The device is called
+///   on the task of the connection: a device that blocks holds up that client.
+/// * `NAME/command:i` takes velocities, in the order in which they come; none is dropped.
+/// * `NAME/state:o` and `NAME/stateExt:o` send joint positions and the whole state every period, to each reader that
+///   is done with the one before. Both carry one stamp: its count goes up by one, its time is the mean of the encoder
+///   times. A period is left out when the time of a joint is more than a second from that of the first, as in stock.
+/// * A request that is malformed, or that the device has no interface for or refuses, is answered with `[fail]`, and
+///   nothing moves. Parts of the state that the device does not measure are zeros that are marked invalid; while it
+///   does not know its positions nothing is sent on `state:o`, which has no mark.
+/// * Whoever can connect can give orders. **Nothing times out**: a velocity stays in force when its sender is gone.
+///
+/// ```no_run
+/// # async fn example() -> Result<(), Box<dyn std::error::Error>> {
+/// use std::sync::Arc;
+/// use yarp_devices::wam::SimulatedWam;
+/// use yarp_ports::Network;
+/// use yarp_wrappers::{ControlBoardOptions, ControlBoardServer};
+///
+/// let network = Network::from_process()?;
+/// let arm = Arc::new(SimulatedWam::start()?);
+/// let board = ControlBoardServer::open(&network, arm, "/wam", ControlBoardOptions::new()).await?;
+/// tokio::signal::ctrl_c().await?;
+/// board.close().await;
+/// # Ok(()) }
+/// ```
+///
+/// Source: `ControlBoard_nws_yarp.cpp` and `RPCMessagesParser.cpp` of YARP 3.12; answers of 3.5.0 and recorded traffic
+/// of 3.12.3.
+#[derive(Debug)]
+pub struct ControlBoardServer {
+    name: String,
+    running: Option<Running>,
+    /// Where the ports live, for closing them from anywhere.
+    runtime: Handle,
+}
+
+#[derive(Debug)]
+struct Running {
+    inputs: [Port; 2],
+    outputs: [Arc<Port>; 2],
+    publisher: Publisher,
+}
+
+impl ControlBoardServer {
+    /// Opens the four ports and begins to publish.
+    ///
+    /// * `name`: begins with `/`; the ports are `NAME/rpc:i`, `NAME/command:i`, `NAME/state:o`, `NAME/stateExt:o`.
+    /// * Errors: [`OpenError::NoAxes`], [`OpenError::Period`], [`OpenError::NameTaken`], [`OpenError::Port`],
+    ///   [`OpenError::Thread`]; then all that was opened is closed and unregistered again.
+    ///
+    /// Cancelling closes the ports in the background.
+    pub async fn open(
+        network: &Network,
+        device: Arc<dyn Device>,
+        name: &str,
+        options: ControlBoardOptions,
+    ) -> Result<Self, OpenError> {
+        let period = options.period;
+        if !(SHORTEST_PERIOD..=LONGEST_PERIOD).contains(&period) {
+            return Err(OpenError::Period {
+                asked: period,
+                min: SHORTEST_PERIOD,
+                max: LONGEST_PERIOD,
+            });
+        }
+        let board = Arc::new(Board::new(device, name).ok_or(OpenError::NoAxes)?);
+        let wanted = [
+            ("rpc:i", answering(board.clone())),
+            ("command:i", obeying(board.clone())),
+            ("state:o", PortOptions::new()),
+            ("stateExt:o", PortOptions::new()),
+        ];
+        let mut opened = Vec::new();
+        for (suffix, options) in wanted {
+            match open(network, format!("{name}/{suffix}"), options).await {
+                Ok(port) => opened.push(port),
+                Err(error) => {
+                    close_all(opened).await;
+                    return Err(error);
+                }
+            }
+        }
+        let [rpc, command, state, extended]: [Port; 4] =
+            opened.try_into().expect("four were asked for");
+        let outputs = [Arc::new(state), Arc::new(extended)];
+        let axes = board.axes();
+        let running = match Publisher::start(board, outputs.clone(), period) {
+            Ok(publisher) => Running {
+                inputs: [rpc, command],
+                outputs,
+                publisher,
+            },
+            Err(error) => {
+                close_all([rpc, command].into_iter().chain(owned(outputs))).await;
+                return Err(OpenError::Thread(error));
+            }
+        };
+        tracing::info!(name, axes, ?period, "control board served");
+        Ok(Self {
+            name: name.to_owned(),
+            running: Some(running),
+            runtime: Handle::current(),
+        })
+    }
+
+    /// The name that the four ports have in common.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Ends publishing, closes the four ports and unregisters their names.
+    ///
+    /// Takes a few seconds at the most, whatever peers do. The device stays as it is: a joint that moves goes on.
+    pub async fn close(mut self) {
+        if let Some(running) = self.running.take() {
+            running.close().await;
+        }
+    }
+}
+
+impl Drop for ControlBoardServer {
+    /// As [`close`](Self::close), in the background, as far as the runtime still runs.
+    fn drop(&mut self) {
+        if let Some(running) = self.running.take() {
+            self.runtime.spawn(running.close());
+        }
+    }
+}
+
+impl Running {
+    async fn close(self) {
+        self.publisher.end(ENDING).await;
+        close_all(self.inputs.into_iter().chain(owned(self.outputs))).await;
+    }
+}
+
+/// The ports that nobody else holds any more; the others close when they are let go.
+fn owned(ports: [Arc<Port>; 2]) -> impl Iterator<Item = Port> {
+    ports.into_iter().filter_map(Arc::into_inner)
+}
+
+fn answering(board: Arc<Board>) -> PortOptions {
+    let answer = move |received: &mut Received| {
+        let request = received.bottle().unwrap_or_default();
+        let reply = board.answer(&request, &received.from);
+        Answer::reply(reply.into_bottle())
+    };
+    PortOptions::new().handler(answer).input_only()
+}
+
+fn obeying(board: Arc<Board>) -> PortOptions {
+    let obey = move |received: &mut Received| {
+        match received.read::<Command>() {
+            Ok(command) => board.obey(&command, &received.from),
+            Err(error) => board.cannot_read(&error, &received.from),
+        }
+        Answer::Nothing
+    };
+    PortOptions::new().handler(obey).input_only()
+}

@@ -1,0 +1,236 @@
+//! The state of the board, every period.
+
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use tokio::sync::oneshot;
+use yarp_devices::{Axes, EncoderReading};
+use yarp_ports::Port;
+use yarp_wire::Stamp;
+use yarp_wire::vector::Vector;
+
+use super::super::messages::JointData;
+use super::board::{Board, wall_clock};
+
+/// How far apart the times of joints may be, in seconds. Source: stock from 3.7 on.
+const LARGEST_SPREAD: f64 = 1.0;
+
+/// The thread that publishes.
+///
+/// It is a thread and no task, so that the period does not depend on what the tasks of the program are doing.
+#[derive(Debug)]
+pub(super) struct Publisher {
+    ending: Arc<AtomicBool>,
+    thread: JoinHandle<()>,
+    ended: oneshot::Receiver<()>,
+}
+
+impl Publisher {
+    /// Starts publishing on `[state, extended]`.
+    pub(super) fn start(
+        board: Arc<Board>,
+        [state, extended]: [Arc<Port>; 2],
+        period: Duration,
+    ) -> io::Result<Self> {
+        let ending = Arc::new(AtomicBool::new(false));
+        let theirs = ending.clone();
+        let (alive, ended) = oneshot::channel();
+        let mut cycle = Cycle::new(board, state, extended);
+        let thread = thread::Builder::new()
+            .name("control-board".into())
+            .spawn(move || {
+                every(period, &theirs, || cycle.publish());
+                // The ports are let go before anybody hears that this has ended.
+                drop(cycle);
+                drop(alive);
+            })?;
+        Ok(Self {
+            ending,
+            thread,
+            ended,
+        })
+    }
+
+    /// Ends publishing; waits for a cycle that is under way at most until `deadline`.
+    pub(super) async fn end(self, deadline: Duration) {
+        self.ending.store(true, Ordering::Release);
+        self.thread.thread().unpark();
+        if tokio::time::timeout(deadline, self.ended).await.is_err() {
+            tracing::warn!("the device holds up the end of publishing; going on without it");
+        } else if self.thread.join().is_err() {
+            tracing::error!("publishing the state had panicked");
+        }
+    }
+}
+
+/// Calls `work` every `period` until told to end. Deadlines are multiples of the period from the start, so that
+/// lateness does not add up; after a pause of the machine the missed ones are left out, not run in a burst.
+fn every(period: Duration, ending: &AtomicBool, mut work: impl FnMut()) {
+    let mut deadline = Instant::now();
+    while !ending.load(Ordering::Acquire) {
+        let now = Instant::now();
+        if now < deadline {
+            // May wake early, then the loop comes back here.
+            thread::park_timeout(deadline - now);
+            continue;
+        }
+        work();
+        deadline += period;
+        let late = Instant::now().saturating_duration_since(deadline);
+        if late >= period {
+            let missed = late.as_nanos() / period.as_nanos();
+            deadline += period * u32::try_from(missed).unwrap_or(u32::MAX);
+        }
+    }
+}
+
+/// One reading of the board after the other, in buffers that stay.
+struct Cycle {
+    board: Arc<Board>,
+    state: Arc<Port>,
+    extended: Arc<Port>,
+    readings: Vec<EncoderReading>,
+    positions: Vector,
+    data: JointData,
+    stamp: Stamp,
+}
+
+impl Cycle {
+    fn new(board: Arc<Board>, state: Arc<Port>, extended: Arc<Port>) -> Self {
+        let axes = board.axes();
+        Self {
+            board,
+            state,
+            extended,
+            readings: vec![EncoderReading::default(); axes],
+            positions: Vector(vec![0.0; axes]),
+            data: JointData::unknown(axes),
+            // Stock counts from 0.
+            stamp: Stamp::new(-1, 0.0),
+        }
+    }
+
+    fn publish(&mut self) {
+        let measured = self.measure();
+        let time = if measured {
+            match common_time(&self.readings) {
+                Some(time) => time,
+                None => {
+                    tracing::debug!("the joints disagree on the time: a period is left out");
+                    return;
+                }
+            }
+        } else {
+            wall_clock()
+        };
+        self.read_modes();
+        self.stamp = self.stamp.next(time);
+        if measured {
+            self.state
+                .write_if_idle(&self.positions, Some(self.stamp.into()));
+        }
+        self.extended
+            .write_if_idle(&self.data, Some(self.stamp.into()));
+    }
+
+    /// Reads the joints into the buffers; tells whether that worked.
+    fn measure(&mut self) -> bool {
+        let read = self.board.encoders().is_ok_and(|encoders| {
+            encoders
+                .read_encoders(Axes::All, &mut self.readings)
+                .is_ok()
+        });
+        let data = &mut self.data;
+        if read {
+            for (joint, reading) in self.readings.iter().enumerate() {
+                self.positions.0[joint] = reading.position;
+                data.positions.values[joint] = reading.position;
+                data.velocities.values[joint] = known_or_zero(reading.speed);
+                data.accelerations.values[joint] = known_or_zero(reading.acceleration);
+            }
+        }
+        let all = |known: fn(&EncoderReading) -> f64| {
+            read && self.readings.iter().all(|reading| !known(reading).is_nan())
+        };
+        data.positions.valid = read;
+        data.velocities.valid = all(|reading| reading.speed);
+        data.accelerations.valid = all(|reading| reading.acceleration);
+        read
+    }
+
+    fn read_modes(&mut self) {
+        let modes = &mut self.data.control_modes;
+        modes.valid = self.board.modes().is_ok_and(|control| {
+            control
+                .read_control_modes(Axes::All, &mut modes.values)
+                .is_ok()
+        });
+    }
+}
+
+/// A device that does not measure a speed gives NaN for it.
+fn known_or_zero(value: f64) -> f64 {
+    if value.is_nan() { 0.0 } else { value }
+}
+
+/// The mean of the times, unless they are too far apart.
+fn common_time(readings: &[EncoderReading]) -> Option<f64> {
+    let first = readings.first()?.time;
+    let mut sum = 0.0;
+    for reading in readings {
+        let apart = reading.time - first;
+        if apart.abs() > LARGEST_SPREAD {
+            return None;
+        }
+        // Relative to the first, so that the sum keeps the microseconds.
+        sum += apart;
+    }
+    Some(first + sum / readings.len() as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_time_is_the_mean_unless_joints_disagree() {
+        let check = |times: &[f64], expected: Option<f64>| {
+            let readings: Vec<_> = times
+                .iter()
+                .map(|&time| EncoderReading {
+                    time,
+                    ..EncoderReading::default()
+                })
+                .collect();
+            assert_eq!(common_time(&readings), expected);
+        };
+        check(&[10.0, 10.5], Some(10.25));
+        check(&[10.0, 10.5, 11.5], None);
+        check(&[7.0], Some(7.0));
+        check(&[], None);
+    }
+
+    #[test]
+    fn deadlines_do_not_drift_and_missed_ones_are_left_out() {
+        let ending = AtomicBool::new(false);
+        let start = Instant::now();
+        let mut times = Vec::new();
+        every(Duration::from_millis(2), &ending, || {
+            times.push(start.elapsed());
+            if times.len() == 3 {
+                thread::sleep(Duration::from_millis(9));
+            }
+            if times.len() == 20 {
+                ending.store(true, Ordering::Release);
+            }
+        });
+        // Nothing runs before its deadline, and the long third cycle costs the deadlines it overran.
+        for (place, time) in times.iter().enumerate() {
+            assert!(*time >= Duration::from_millis(2) * place as u32);
+        }
+        assert!(times[3] >= times[2] + Duration::from_millis(9));
+    }
+}

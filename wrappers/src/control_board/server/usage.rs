@@ -1,0 +1,42 @@
+//! Help for people who type requests.
+
+use yarp_wire::Bottle;
+
+use super::super::messages::Reply;
+
+/// What to type, and what it does.
+const LINES: [(&str, &str); 22] = [
+    ("help more", "this list"),
+    ("get axes", "number of axes"),
+    ("get name 0", "name of an axis"),
+    ("get encs", "measured positions, degrees or metres"),
+    ("get esps", "measured speeds"),
+    ("get poss", "where the joints were last told to go"),
+    ("get vels", "how fast point-to-point moves may become"),
+    ("get accs", "how hard the joints accelerate"),
+    ("get vmos", "velocities last asked for"),
+    ("get dons", "1 if all joints are at rest, else 0"),
+    ("get llim 0", "position limits of an axis"),
+    ("get vlim 0", "velocity limits of an axis"),
+    ("get icmd cmds", "control modes"),
+    (
+        "set icmd cmod 0 pos",
+        "put an axis into a mode: pos, vel, idl",
+    ),
+    ("set icmd cmds (pos vel)", "put all axes into modes"),
+    ("set pos 0 10.0", "move an axis to a position"),
+    ("set poss (10.0 20.0)", "move all axes to positions"),
+    ("set rel 0 -5.0", "move an axis by a distance"),
+    (
+        "set vel 0 10.0",
+        "how fast point-to-point moves of an axis may become",
+    ),
+    ("set acc 0 20.0", "how hard an axis accelerates"),
+    ("set vmos (1.0 0.0)", "move all axes at velocities"),
+    ("set stos", "stop all axes; set sto 0 stops one"),
+];
+
+/// The answer to `help more`, laid out as stock's: `[many]`, then a list and a string in turn.
+pub(super) fn reply() -> Reply {
+    Reply::usage(LINES.map(|(typed, meaning)| (Bottle::of(typed), meaning.to_owned())))
+}

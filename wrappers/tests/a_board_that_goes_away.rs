@@ -1,0 +1,59 @@
+//! Every call ends, whatever becomes of the other side.
+
+mod support;
+
+use std::time::{Duration, Instant};
+
+use support::{PATIENCE, Stage, eventually};
+use yarp_devices::{
+    Axes, AxisInfo, ControlMode, DeviceError, Encoders, PositionControl, VelocityControl,
+};
+
+#[test]
+fn its_state_grows_stale_and_calls_name_it() {
+    let stage = Stage::new();
+    let server = stage.serve_arm();
+    let arm = stage.remote("/me");
+    eventually("a first state", || arm.encoder_readings(Axes::All).is_ok());
+
+    stage.runtime.block_on(server.close());
+    eventually("distrust", || {
+        matches!(
+            arm.encoder_readings(Axes::All),
+            Err(DeviceError::Stale { limit, .. }) if limit == Duration::from_millis(500)
+        )
+    });
+    assert!(matches!(
+        arm.control_modes(Axes::All),
+        Err(DeviceError::Stale { .. })
+    ));
+    let begun = Instant::now();
+    let message = |outcome: Result<(), DeviceError>| outcome.expect_err("gone").to_string();
+    let error = message(arm.position_move(Axes::One(0.into()), &[1.0]));
+    assert!(
+        error.starts_with("`[set] [pos] 0 1.0` with /wam/rpc:i failed; try "),
+        "{error}"
+    );
+    let error = message(arm.velocity_move(Axes::One(0.into()), &[1.0]));
+    assert!(
+        error.starts_with("sending a command with /wam/command:i failed; try "),
+        "{error}"
+    );
+    assert!(arm.axis_name(0.into()).is_err());
+    assert!(begun.elapsed() < PATIENCE / 2);
+    drop(arm);
+    assert!(stage.registered().is_empty());
+}
+
+#[test]
+fn a_server_that_is_dropped_lets_its_names_go() {
+    let stage = Stage::new();
+    let server = stage.serve_arm();
+    let begun = Instant::now();
+    drop(server);
+    assert!(
+        begun.elapsed() < Duration::from_secs(1),
+        "a drop waits for nothing"
+    );
+    eventually("the end of the names", || stage.registered().is_empty());
+}
