@@ -20,6 +20,11 @@ use crate::DeviceError;
 pub struct AxisIndex(usize);
 
 impl AxisIndex {
+    /// The axis with this number, counted from 0.
+    pub const fn new(index: usize) -> Self {
+        Self(index)
+    }
+
     /// The number itself, for indexing.
     pub const fn index(self) -> usize {
         self.0

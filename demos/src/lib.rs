@@ -1,1 +1,0 @@
-//! Short programs that show the project at work
