@@ -275,7 +275,7 @@ def state_feed(remote, axes, hertz):
     waits = [later - earlier for earlier, later in zip(arrivals, arrivals[1:])]
     missed = counts[-1] - counts[0] - (len(counts) - 1)
     rate = (counts[-1] - counts[0]) / (times[-1] - times[0])
-    check(f"state:o runs at {hertz:g} Hz", abs(rate / hertz - 1) < 0.05 and missed == 0,
+    check(f"state:o runs at {hertz:g} Hz", abs(rate / hertz - 1) < 0.05 and missed <= len(counts) // 100,
           f"{rate:.2f} Hz, {len(counts)} states, {missed} missed; stamps: mean gap "
           f"{1000 * sum(gaps) / len(gaps):.3f} ms, worst {1000 * max(gaps):.3f} ms; arrivals: worst "
           f"{1000 * max(waits):.3f} ms")

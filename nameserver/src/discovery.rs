@@ -14,7 +14,7 @@ use std::net::{IpAddr, Ipv4Addr};
 use std::time::Instant;
 
 use yarp_wire::datagram;
-use yarp_wire::name_service::{Command, PREFIX, Request};
+use yarp_wire::name_service::{Command, Form, PREFIX, Request};
 
 use crate::registry::Registry;
 
@@ -26,8 +26,9 @@ const LONGEST: usize = 4096;
 
 /// The datagram to send to the group in answer to `packet`, or none.
 ///
-/// Answers whatever changes nothing. Requests that would change the registry are for TCP only:
-/// a datagram can come twice, or from anybody (stock serves those too).
+/// Answers whatever changes nothing and asks for lines of text. Requests that would change the
+/// registry are for TCP only: a datagram can come twice, and reaches every server in the group
+/// (stock serves them). Like stock it is silent on `bot` and on a line without line end.
 pub fn respond(
     registry: &mut Registry,
     now: Instant,
@@ -50,10 +51,10 @@ pub fn respond_line(
     from: IpAddr,
     line: &str,
 ) -> Option<String> {
-    let line = line.lines().next()?;
+    let (line, _) = line.split_once('\n')?;
     line.strip_prefix(PREFIX)?.strip_prefix(' ')?;
     let request = Request::parse(line).ok()?;
-    if !is_question(&request.command) {
+    if request.form != Form::Plain || !is_question(&request.command) {
         return None;
     }
     let reply = registry.handle(now, Some(from), &request);
@@ -99,6 +100,8 @@ mod tests {
         check("query /root\n", None);
         check("NAME_SERVERquery /root\n", None);
         check(root, None);
+        check("NAME_SERVER query /root", None);
+        check("NAME_SERVER bot list\n", None);
         check("", None);
     }
 
@@ -120,6 +123,6 @@ mod tests {
 
     #[test]
     fn the_group_is_the_one_that_is_listed() {
-        assert_eq!(GROUP.to_string(), registry::GROUP);
+        assert_eq!(GROUP.to_string(), crate::registry::GROUP);
     }
 }

@@ -3,7 +3,7 @@
 use std::net::Ipv4Addr;
 use std::time::Instant;
 
-use yarp_nameserver::{Registry, Settings};
+use yarp_nameserver::registry::{Registry, Settings};
 use yarp_wire::name_service::Request;
 
 /// What `yarp name ...`, a port over `mcast` and `yarp topic` asked, in that order, and the bytes

@@ -7,6 +7,8 @@ use yarp_wire::bottle::DecodeError;
 use yarp_wire::connection::ProtocolError;
 use yarp_wire::name::NameError;
 
+use crate::config::ConfigError;
+
 /// Why something that a port was asked for did not happen.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -14,6 +16,9 @@ pub enum PortError {
     /// The name breaks the rules.
     #[error(transparent)]
     Name(#[from] NameError),
+    /// The configuration cannot be used.
+    #[error(transparent)]
+    Configuration(#[from] ConfigError),
     /// There is no name server to ask.
     #[error("no name server is configured; run `yarp conf HOST PORT`, or `yarp detect --write`")]
     NoNameServer,

@@ -11,6 +11,8 @@ use yarp_wire::name_service::{
     Answer, AnswerReader, Command, PREFIX, Registering, Registration, Request, Until,
 };
 
+use crate::addresses;
+use crate::config::{Configuration, DEFAULT_NAMESPACE};
 use crate::error::PortError;
 use crate::stream::{self, Inflow};
 
@@ -21,27 +23,31 @@ use crate::stream::{self, Inflow};
 #[derive(Clone, Debug)]
 pub struct Network(Arc<Inner>);
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Inner {
     server: Option<(String, u16)>,
     namespace: String,
-    prefix: String,
-    ip: Option<String>,
+    /// What the environment says, for a network that came from it.
+    configuration: Option<Configuration>,
     deadline: Duration,
 }
+
+/// How long connecting and asking may take, unless told otherwise; stock waits as long.
+const DEADLINE: Duration = Duration::from_secs(10);
 
 /// Where the name server says a port is.
 pub type Place = Registration;
 
 impl Network {
     /// The network whose name server is at `host:port`, in namespace `/root`.
+    ///
+    /// Environment and configuration files play no part.
     pub fn at(host: &str, port: u16) -> Self {
         Self::from(Inner {
             server: Some((host.to_owned(), port)),
-            namespace: "/root".to_owned(),
-            prefix: String::new(),
-            ip: None,
-            deadline: Duration::from_secs(10),
+            namespace: DEFAULT_NAMESPACE.to_owned(),
+            configuration: None,
+            deadline: DEADLINE,
         })
     }
 
@@ -49,21 +55,28 @@ impl Network {
     pub fn none() -> Self {
         Self::from(Inner {
             server: None,
-            namespace: "/root".to_owned(),
-            prefix: String::new(),
-            ip: None,
-            deadline: Duration::from_secs(10),
+            namespace: DEFAULT_NAMESPACE.to_owned(),
+            configuration: None,
+            deadline: DEADLINE,
         })
     }
 
     /// The network that the process's environment and configuration files name.
     pub fn from_process() -> Result<Self, PortError> {
-        let dir = std::env::var("YARP_CONFIG_HOME").unwrap_or_default();
-        let text = std::fs::read_to_string(format!("{dir}/yarp.conf")).unwrap_or_default();
-        let words: Vec<&str> = text.split_whitespace().collect();
-        Ok(match words[..] {
-            [host, port, ..] => Self::at(host, port.parse().unwrap_or(10000)),
-            _ => Self::none(),
+        Ok(Self::from_configuration(Configuration::from_process()?))
+    }
+
+    /// The network that a configuration names: the first of its name servers whose place is known.
+    pub fn from_configuration(configuration: Configuration) -> Self {
+        let (namespace, server) = match configuration.name_server() {
+            Some((name, server)) => (name, Some((server.host.clone(), server.port))),
+            None => (configuration.namespaces()[0].name.as_str(), None),
+        };
+        Self::from(Inner {
+            server,
+            namespace: namespace.to_owned(),
+            configuration: Some(configuration),
+            deadline: DEADLINE,
         })
     }
 
@@ -75,10 +88,7 @@ impl Network {
     pub fn with_deadline(&self, deadline: Duration) -> Self {
         Self::from(Inner {
             deadline,
-            server: self.0.server.clone(),
-            namespace: self.0.namespace.clone(),
-            prefix: self.0.prefix.clone(),
-            ip: self.0.ip.clone(),
+            ..Inner::clone(&self.0)
         })
     }
 
@@ -108,14 +118,28 @@ impl Network {
 
     /// The name under which a port called `name` is opened.
     pub(crate) fn full_name(&self, name: &str) -> String {
-        if name == "..." {
-            return name.to_owned();
+        match &self.0.configuration {
+            Some(configuration) => configuration.port_name(name),
+            None => name.to_owned(),
         }
-        format!("{}{name}", self.0.prefix)
     }
 
+    /// The TCP port that the environment fixes for a port.
+    pub(crate) fn fixed_number(&self, name: &str) -> Result<Option<u16>, PortError> {
+        match &self.0.configuration {
+            Some(configuration) => Ok(configuration.port_number(name)?),
+            None => Ok(None),
+        }
+    }
+
+    /// The address that the environment wants ports to be registered with.
+    fn own_address(&self) -> Option<String> {
+        self.0.configuration.as_ref()?.address(&addresses::own())
+    }
+
+    /// The address of a port that is not registered.
     pub(crate) fn own_host(&self) -> String {
-        self.0.ip.clone().unwrap_or_else(|| "127.0.0.1".to_owned())
+        self.own_address().unwrap_or_else(addresses::best)
     }
 
     /// Sends one request line to the name server and gives its answer.
@@ -205,8 +229,8 @@ impl Network {
 
     /// Registers a port; what it leaves open the server chooses.
     pub async fn register(&self, mut port: Registering) -> Result<Place, PortError> {
-        if let Some(ip) = &self.0.ip {
-            port.host.get_or_insert_with(|| ip.clone());
+        if port.host.is_none() {
+            port.host = self.own_address();
         }
         let request = Command::Register(port);
         let answer = self.command(request.clone()).await?;
@@ -222,7 +246,7 @@ impl Network {
         let mut carriers = ALL.map(|carrier| carrier.name).to_vec();
         carriers.dedup();
         let carriers = carriers.join(" ");
-        let addresses = crate::addresses::own().join(" ");
+        let addresses = addresses::own().join(" ");
         let process = std::process::id();
         for request in [
             format!("set {name} offers {carriers}"),

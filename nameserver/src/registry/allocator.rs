@@ -45,20 +45,20 @@ impl Numbers {
         if let Some(last_name) = self.names.insert(number, name.to_owned()) {
             self.previous.remove(&last_name);
         }
-        if let Some(old) = self.previous.insert(name.to_owned(), number) {
-            if old != number {
-                self.names.remove(&old);
-            }
+        if let Some(old) = self.previous.insert(name.to_owned(), number)
+            && old != number
+        {
+            self.names.remove(&old);
         }
         Some(number)
     }
 
     fn candidate(&mut self, name: &str) -> Option<u16> {
-        if let Some(&number) = self.previous.get(name) {
-            if !self.used.contains_key(&number) {
-                self.freed.retain(|freed| *freed != number);
-                return Some(number);
-            }
+        if let Some(&number) = self.previous.get(name)
+            && !self.used.contains_key(&number)
+        {
+            self.freed.retain(|freed| *freed != number);
+            return Some(number);
         }
         while self.next <= self.last {
             let number = u16::try_from(self.next).ok()?;
@@ -200,7 +200,7 @@ impl Groups {
         };
         let [_, _, high, low] = address.octets().map(u32::from);
         let index = high.saturating_sub(1) * 255 + low.saturating_sub(1);
-        if index >= 2 && index < Self::COUNT && Self::address(index) == address {
+        if (2..Self::COUNT).contains(&index) && Self::address(index) == address {
             self.0.free(index);
         }
     }

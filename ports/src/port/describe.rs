@@ -61,7 +61,12 @@ impl Core {
     /// Adds an output, answering in stock's words.
     pub(super) async fn add_output_in_words(&self, destination: &str) -> Result<String, String> {
         use crate::error::PortError;
-        let contact = yarp_wire::Contact::parse(destination);
+        // A person types `/reader`, and `/fast_tcp://reader` for another carrier.
+        let contact = match destination.strip_prefix('/') {
+            Some(contact) if contact.contains("://") => contact,
+            _ => destination,
+        };
+        let contact = yarp_wire::Contact::parse(contact);
         match self.connect(&contact).await {
             Ok(()) => Ok(format!(
                 "Added connection from {} to {destination}\r\n",
@@ -85,8 +90,7 @@ impl Core {
 
     /// Removes outputs to a reader, answering in stock's words.
     pub(super) async fn remove_output_in_words(&self, name: &str) -> Result<String, String> {
-        let name = yarp_wire::Contact::parse(name).name;
-        if self.disconnect(&name).await {
+        if self.disconnect(name).await {
             Ok(format!(
                 "Removed connection from {} to {name}\r\n",
                 self.name
@@ -100,8 +104,7 @@ impl Core {
 
     /// Removes inputs from a writer, answering in stock's words.
     pub(super) fn remove_input_in_words(&self, name: &str) -> Result<String, String> {
-        let name = yarp_wire::Contact::parse(name).name;
-        if self.drop_inputs(&name) {
+        if self.drop_inputs(name) {
             Ok(format!(
                 "Removing connection from {name} to {}\r\n",
                 self.name

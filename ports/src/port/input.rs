@@ -274,7 +274,8 @@ impl Connection {
             }
             Command::Admin => {
                 let request = message.payload.to_bottle().unwrap_or_default();
-                let answer = self.core.administer(&request).await;
+                let core = self.core.clone();
+                let answer = self.wait_for(core.administer(&request)).await;
                 self.acceptor.reply(&answer, &mut self.output);
                 Next::Go
             }
@@ -300,21 +301,35 @@ impl Connection {
                 }
                 let inbox = core.inbox.as_ref();
                 let inbox = inbox.expect("a port that queues has an inbox");
-                inbox.push(received).await;
+                self.wait_for(inbox.push(received)).await;
                 match answer {
-                    Some(answer) => answer.await.unwrap_or(Answer::Nothing),
+                    Some(answer) => self.wait_for(answer).await.unwrap_or(Answer::Nothing),
                     None => Answer::Nothing,
                 }
             }
         };
         loop {
             match answer {
-                Answer::Later(later) => answer = later.await,
+                Answer::Later(later) => answer = self.wait_for(later).await,
                 Answer::Nothing => return (None, false),
                 Answer::Reply(reply) => return (Some(reply), false),
                 Answer::ReplyAndClose(reply) => return (Some(reply), true),
             }
         }
+    }
+
+    /// Waits for what may take long. What was said so far goes out first: a peer that sends ahead
+    /// must not wait for one answer because the next is not there yet.
+    async fn wait_for<T>(&mut self, waiting: impl Future<Output = T>) -> T {
+        tokio::pin!(waiting);
+        tokio::select! {
+            biased;
+            done = &mut waiting => return done,
+            () = std::future::ready(()) => {}
+        }
+        // A peer that is gone is noticed when it is read from.
+        let _ = stream::write_all(&self.stream, &mut self.output).await;
+        waiting.await
     }
 
     fn answer(&mut self, (reply, last): (Option<Reply>, bool), wants_reply: bool) -> Next {
@@ -348,6 +363,7 @@ impl Connection {
     }
 
     async fn command(&mut self, command: Command) -> Next {
+        let core = self.core.clone();
         let lines = match command {
             Command::Quit => return Next::Stop(End::Closed),
             Command::Reverse => {
@@ -355,9 +371,11 @@ impl Connection {
                 return Next::Stop(End::Reversed(carrier));
             }
             Command::AddOutput(destination) => {
-                either(self.core.add_output_in_words(&destination).await)
+                either(self.wait_for(core.add_output_in_words(&destination)).await)
             }
-            Command::RemoveOutput(name) => either(self.core.remove_output_in_words(&name).await),
+            Command::RemoveOutput(name) => {
+                either(self.wait_for(core.remove_output_in_words(&name)).await)
+            }
             Command::RemoveInput(name) => either(self.core.remove_input_in_words(&name)),
             Command::Describe => self.core.describe(),
             Command::Help => HELP.to_owned(),

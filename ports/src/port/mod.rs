@@ -83,9 +83,12 @@ impl Port {
     pub async fn open(
         network: &Network,
         name: &str,
-        options: PortOptions,
+        mut options: PortOptions,
     ) -> Result<Self, PortError> {
         let name = network.full_name(name);
+        if options.number.is_none() {
+            options.number = network.fixed_number(&name)?;
+        }
         if name != "..." {
             name.parse::<PortName>()?;
         }

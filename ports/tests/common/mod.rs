@@ -124,6 +124,11 @@ impl Raw {
         }
     }
 
+    /// Reads one byte.
+    pub(crate) async fn byte(&mut self) -> u8 {
+        within(self.0.read_u8()).await.unwrap()
+    }
+
     /// Waits until the other side ends the connection; what it still said.
     pub(crate) async fn ended(mut self) -> Vec<u8> {
         let mut rest = Vec::new();

@@ -1,0 +1,99 @@
+//! The variables that a configuration depends on.
+
+use std::collections::BTreeMap;
+
+use super::ConfigError;
+
+/// Variables by name, and the system whose habits apply.
+///
+/// ```
+/// use yarp_ports::config::Environment;
+/// let environment = Environment::from_iter([("HOME", "/home/me"), ("YARP_IP", "")]);
+/// assert_eq!(environment.get("HOME"), Some("/home/me"));
+/// assert_eq!(environment.get("YARP_IP"), None);
+/// ```
+#[derive(Clone, Debug, Default)]
+pub struct Environment {
+    variables: BTreeMap<String, String>,
+    platform: Platform,
+}
+
+/// Whose habits decide where files are.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub enum Platform {
+    /// The directories of the XDG convention.
+    Linux,
+    /// `~/Library`.
+    MacOs,
+    /// `%APPDATA%`.
+    Windows,
+}
+
+impl Default for Platform {
+    /// The one this program was built for.
+    fn default() -> Self {
+        if cfg!(windows) {
+            Self::Windows
+        } else if cfg!(target_os = "macos") {
+            Self::MacOs
+        } else {
+            Self::Linux
+        }
+    }
+}
+
+impl Environment {
+    /// The variables of this process; those that are not Unicode are left out.
+    pub fn from_process() -> Self {
+        let variables = std::env::vars_os();
+        let text = |(key, value): (std::ffi::OsString, std::ffi::OsString)| {
+            Some((key.into_string().ok()?, value.into_string().ok()?))
+        };
+        Self {
+            variables: variables.filter_map(text).collect(),
+            platform: Platform::default(),
+        }
+    }
+
+    /// The same variables on another system.
+    pub fn on(mut self, platform: Platform) -> Self {
+        self.platform = platform;
+        self
+    }
+
+    /// Whose habits apply.
+    pub fn platform(&self) -> Platform {
+        self.platform
+    }
+
+    /// A variable; one that is set to nothing counts as not set.
+    pub fn get(&self, variable: &str) -> Option<&str> {
+        let value = self.variables.get(variable)?;
+        (!value.is_empty()).then_some(value)
+    }
+
+    /// A variable that holds a port number.
+    pub fn port(&self, variable: &str) -> Result<Option<u16>, ConfigError> {
+        let Some(found) = self.get(variable) else {
+            return Ok(None);
+        };
+        match found.trim().parse() {
+            Ok(port) if port > 0 => Ok(Some(port)),
+            _ => Err(ConfigError::Variable {
+                variable: variable.to_owned(),
+                expected: "a port number of 1 to 65535",
+                found: found.to_owned(),
+            }),
+        }
+    }
+}
+
+impl<K: Into<String>, V: Into<String>> FromIterator<(K, V)> for Environment {
+    fn from_iter<I: IntoIterator<Item = (K, V)>>(variables: I) -> Self {
+        let text = |(key, value): (K, V)| (key.into(), value.into());
+        Self {
+            variables: variables.into_iter().map(text).collect(),
+            platform: Platform::default(),
+        }
+    }
+}

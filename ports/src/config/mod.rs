@@ -1,0 +1,329 @@
+//! Where the configuration of a YARP network lives, and what it says.
+//!
+//! The files and variables are those of stock YARP, so that both use one configuration:
+//!
+//! | in the configuration directory | says |
+//! | --- | --- |
+//! | `yarp.conf` | where the name server is: `HOST PORT [MODE]` |
+//! | `yarp_namespace.conf` | the names of the name servers to use, `/root` unless told otherwise |
+//! | `_NAME.conf` | where the name server called `/NAME` is |
+//!
+//! | variable | says |
+//! | --- | --- |
+//! | `YARP_CONFIG_HOME`, `XDG_CONFIG_HOME`, `HOME` | which directory that is |
+//! | `YARP_NAMESPACE` | the names, instead of `yarp_namespace.conf` |
+//! | `YARP_IP` | the address to register ports with, or how it begins |
+//! | `YARP_PORT_RANGE` | TCP port of a server to start, and of multicast detection (10000) |
+//! | `YARP_PORT_PREFIX` | what every port name of this process begins with |
+//! | `YARP_RENAME_x`, `YARP_PORTNUMBER_x` | another name, or a fixed TCP port, for port `/x` |
+//!
+//! [`Configuration::load`] is a function of an [`Environment`] and a way to read files;
+//! [`Configuration::from_process`] gives it those of the process. Checked against stock 3.5.0.
+
+mod directories;
+mod environment;
+mod name_server;
+mod namespaces;
+mod naming;
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+pub use directories::Directories;
+pub use environment::{Environment, Platform};
+pub use name_server::{Mode, NameServer};
+pub use namespaces::{DEFAULT_NAMESPACE, file_name, parse_namespaces, print_namespaces};
+
+/// TCP port of the name server, and UDP port of multicast detection, unless told otherwise.
+pub const DEFAULT_PORT: u16 = 10000;
+
+/// What the files and the environment say.
+#[derive(Clone, Debug)]
+pub struct Configuration {
+    environment: Environment,
+    directories: Directories,
+    namespaces: Vec<Namespace>,
+    default_port: u16,
+}
+
+/// One name server that may be used.
+#[derive(Clone, Debug, Eq, PartialEq)]
+pub struct Namespace {
+    /// Its name, that of its port.
+    pub name: String,
+    /// The file that says where it is.
+    pub file: PathBuf,
+    /// What the file says; none if it is missing or empty.
+    pub server: Option<NameServer>,
+}
+
+/// What is wrong with the configuration.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConfigError {
+    /// No variable says where the configuration is.
+    #[error("expected one of {variables} to name the directory of the configuration, none is set")]
+    NoDirectory {
+        /// The variables that were tried.
+        variables: &'static str,
+    },
+    /// A file that exists cannot be read.
+    #[error("cannot read {}", file.display())]
+    Read {
+        /// The file.
+        file: PathBuf,
+        /// What the system says.
+        #[source]
+        source: io::Error,
+    },
+    /// A file cannot be written.
+    #[error("cannot write {}", file.display())]
+    Write {
+        /// The file.
+        file: PathBuf,
+        /// What the system says.
+        #[source]
+        source: io::Error,
+    },
+    /// A file says something else than it should.
+    #[error("{}:{line}: expected {expected}, got {found:?}", file.display())]
+    Line {
+        /// The file.
+        file: PathBuf,
+        /// The line, from 1.
+        line: usize,
+        /// What should stand there.
+        expected: &'static str,
+        /// What stands there.
+        found: String,
+    },
+    /// A variable says something else than it should.
+    #[error("variable {variable}: expected {expected}, got {found:?}")]
+    Variable {
+        /// The variable.
+        variable: String,
+        /// What it should hold.
+        expected: &'static str,
+        /// What it holds.
+        found: String,
+    },
+}
+
+impl Configuration {
+    /// The configuration of this process.
+    pub fn from_process() -> Result<Self, ConfigError> {
+        Self::load(Environment::from_process(), |file| {
+            std::fs::read_to_string(file)
+        })
+    }
+
+    /// The configuration that `environment` and the files show; `read` gives the text of a file,
+    /// or the error [`io::ErrorKind::NotFound`].
+    pub fn load(
+        environment: Environment,
+        read: impl Fn(&Path) -> io::Result<String>,
+    ) -> Result<Self, ConfigError> {
+        let directories = Directories::of(&environment)?;
+        let read = |file: &Path| match read(file) {
+            Ok(text) => Ok(text),
+            Err(source) if source.kind() == io::ErrorKind::NotFound => Ok(String::new()),
+            Err(source) => Err(ConfigError::Read {
+                file: file.to_owned(),
+                source,
+            }),
+        };
+        let names = match environment.get("YARP_NAMESPACE") {
+            Some(text) => parse_namespaces(text),
+            None => parse_namespaces(&read(&directories.namespace_file())?),
+        };
+        let namespace = |name: String| {
+            let file = directories.config_home.join(file_name(&name));
+            let server = NameServer::parse(&file, &read(&file)?)?;
+            Ok(Namespace { name, file, server })
+        };
+        let namespaces = names.into_iter().map(namespace).collect::<Result<_, _>>()?;
+        let default_port = environment.port("YARP_PORT_RANGE")?;
+        Ok(Self {
+            environment,
+            directories,
+            namespaces,
+            default_port: default_port.unwrap_or(DEFAULT_PORT),
+        })
+    }
+
+    /// The variables.
+    pub fn environment(&self) -> &Environment {
+        &self.environment
+    }
+
+    /// Where files are.
+    pub fn directories(&self) -> &Directories {
+        &self.directories
+    }
+
+    /// The name servers to use, one at least; queries go to the first that answers.
+    pub fn namespaces(&self) -> &[Namespace] {
+        &self.namespaces
+    }
+
+    /// The first name server whose place is known.
+    pub fn name_server(&self) -> Option<(&str, &NameServer)> {
+        let known = |held: &'_ Namespace| held.server.is_some();
+        let held = self.namespaces.iter().find(|held| known(held))?;
+        Some((&held.name, held.server.as_ref()?))
+    }
+
+    /// TCP port of a name server to start, and UDP port of multicast detection:
+    /// `YARP_PORT_RANGE`, or 10000.
+    pub fn default_port(&self) -> u16 {
+        self.default_port
+    }
+
+    /// The address to register ports with, given those of this machine as text.
+    ///
+    /// With `YARP_IP`: the first own address that begins with it, else the text itself. Without:
+    /// none, which leaves it to the name server.
+    pub fn address(&self, own: &[String]) -> Option<String> {
+        let wanted = self.environment.get("YARP_IP")?;
+        let found = own.iter().find(|address| address.starts_with(wanted));
+        Some(found.map_or(wanted, String::as_str).to_owned())
+    }
+}
+
+/// Writes one configuration file, its directories first, so that a reader sees the old text or
+/// the new one.
+pub fn write(file: &Path, text: &str) -> Result<(), ConfigError> {
+    let written = || {
+        if let Some(directory) = file.parent() {
+            std::fs::create_dir_all(directory)?;
+        }
+        let mut draft = file.as_os_str().to_owned();
+        draft.push(format!(".{}.new", std::process::id()));
+        std::fs::write(&draft, text)?;
+        std::fs::rename(&draft, file)
+    };
+    written().map_err(|source| ConfigError::Write {
+        file: file.to_owned(),
+        source,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The configuration of a process with these variables and files.
+    fn load(
+        variables: &[(&str, &str)],
+        files: &[(&str, &str)],
+    ) -> Result<Configuration, ConfigError> {
+        let environment = variables.iter().copied().collect::<Environment>();
+        let environment = environment.on(Platform::Linux);
+        Configuration::load(environment, |asked| {
+            let found = files.iter().find(|(file, _)| Path::new(file) == asked);
+            let text = found.map(|(_, text)| (*text).to_owned());
+            text.ok_or_else(|| io::ErrorKind::NotFound.into())
+        })
+    }
+
+    #[test]
+    fn the_usual_configuration() {
+        let file = "/home/me/.config/yarp/yarp.conf";
+        let held = load(&[("HOME", "/home/me")], &[(file, "192.0.2.2 10310 yarp\n")]).unwrap();
+        let (name, server) = held.name_server().unwrap();
+        assert_eq!(
+            (name, server.host.as_str(), server.port),
+            ("/root", "192.0.2.2", 10310)
+        );
+        assert_eq!(held.namespaces()[0].file, Path::new(file));
+        assert_eq!(held.default_port(), 10000);
+    }
+
+    #[test]
+    fn no_file_is_no_name_server() {
+        for files in [&[][..], &[("/c/yarp.conf", "")], &[("/c/yarp.conf", "\n")]] {
+            let held = load(&[("YARP_CONFIG_HOME", "/c")], files).unwrap();
+            assert_eq!(held.name_server(), None);
+            assert_eq!(held.namespaces().len(), 1);
+        }
+    }
+
+    #[test]
+    fn namespaces_have_files_of_their_own() {
+        let files = [
+            ("/c/yarp.conf", "1.1.1.1 1"),
+            ("/c/yarp_namespace.conf", "\"/foo\" \"/bar\""),
+            ("/c/_bar.conf", "2.2.2.2 2"),
+            ("/c/_baz.conf", "3.3.3.3 3"),
+        ];
+        let home = ("YARP_CONFIG_HOME", "/c");
+        let held = load(&[home], &files).unwrap();
+        let names: Vec<_> = held
+            .namespaces()
+            .iter()
+            .map(|held| held.name.as_str())
+            .collect();
+        assert_eq!(names, ["/foo", "/bar"]);
+        let (name, server) = held.name_server().unwrap();
+        assert_eq!((name, server.port), ("/bar", 2));
+        let held = load(&[home, ("YARP_NAMESPACE", "/baz")], &files).unwrap();
+        assert_eq!(held.name_server().unwrap().1.port, 3);
+        let held = load(&[home, ("YARP_NAMESPACE", "")], &files).unwrap();
+        assert_eq!(held.namespaces().len(), 2);
+    }
+
+    #[test]
+    fn errors_name_file_and_line() {
+        let files = [("/c/yarp.conf", "\nsomewhere")];
+        let error = load(&[("YARP_CONFIG_HOME", "/c")], &files).unwrap_err();
+        let text = "/c/yarp.conf:2: expected `HOST PORT [MODE]`, got \"somewhere\"";
+        assert_eq!(error.to_string(), text);
+        let variables = [("HOME", "/"), ("YARP_PORT_RANGE", "many")];
+        let error = load(&variables, &[]).unwrap_err();
+        let text = "variable YARP_PORT_RANGE: expected a port number of 1 to 65535, got \"many\"";
+        assert_eq!(error.to_string(), text);
+        assert!(matches!(
+            load(&[], &[]),
+            Err(ConfigError::NoDirectory { .. })
+        ));
+    }
+
+    #[test]
+    fn unreadable_files_are_errors() {
+        let environment = Environment::from_iter([("HOME", "/home/me")]).on(Platform::Linux);
+        let denied = |_: &Path| Err(io::ErrorKind::PermissionDenied.into());
+        let error = Configuration::load(environment, denied).unwrap_err();
+        assert!(matches!(error, ConfigError::Read { .. }));
+    }
+
+    #[test]
+    fn the_address_may_be_given_by_its_beginning() {
+        let own = ["127.0.0.1", "192.0.2.2", "192.0.2.3"].map(str::to_owned);
+        let check = |wanted: &str, expected: Option<&str>| {
+            let held = load(&[("HOME", "/"), ("YARP_IP", wanted)], &[]).unwrap();
+            assert_eq!(held.address(&own).as_deref(), expected, "{wanted}");
+        };
+        check("", None);
+        check("127", Some("127.0.0.1"));
+        check("192.0", Some("192.0.2.2"));
+        check("192.0.2.3", Some("192.0.2.3"));
+        check("55.5.5.5", Some("55.5.5.5"));
+        check("myhost", Some("myhost"));
+    }
+
+    #[test]
+    fn written_files_are_whole() {
+        let directory = tempfile::tempdir().unwrap();
+        let file = directory.path().join("deep/er/yarp.conf");
+        let server = NameServer::at("1.2.3.4", 5);
+        write(&file, &server.to_string()).unwrap();
+        write(&file, &server.to_string()).unwrap();
+        let text = std::fs::read_to_string(&file).unwrap();
+        assert_eq!(text, "1.2.3.4 5 yarp\n");
+        assert_eq!(
+            std::fs::read_dir(file.parent().unwrap()).unwrap().count(),
+            1
+        );
+        assert!(write(&file.join("below"), "").is_err());
+    }
+}

@@ -1,0 +1,162 @@
+//! Closing and dropping a port end, whatever its peers do.
+
+mod common;
+
+use std::sync::{Arc, OnceLock};
+
+use common::{ACK, Raw, bottle, connect, open, tcp_command, tcp_message, until, within};
+use yarp_ports::{Answer, Port, PortError, PortOptions, Queue};
+use yarp_wire::Bottle;
+
+/// A port with every kind of trouble: silent, stuck and half-open peers, and messages underway.
+async fn troubled() -> (Port, Vec<Raw>) {
+    let port = open("/troubled", PortOptions::new().reading(Queue::Wait(1))).await;
+    let mut peers = Vec::new();
+    for start in [&b""[..], b"CONN", b"YA\xe4\x1e\0\0RP\x04\0\0\0/w"] {
+        let mut raw = Raw::to(&port).await;
+        raw.send(start).await;
+        peers.push(raw);
+    }
+    // Fills the queue, and waits for room with the next message.
+    let mut full = Raw::tcp(&port, "/full").await;
+    for _ in 0..3 {
+        full.send(tcp_message(b'D', &bottle("x"))).await;
+    }
+    peers.push(full);
+    // Never takes what it asked for.
+    for (name, number) in [("/stuck/1", 1), ("/stuck/2", 2)] {
+        let mut stuck = Raw::tcp(&port, name).await;
+        stuck.send(tcp_command(b'r')).await;
+        stuck.expect(ACK).await;
+        until(|| port.outputs().len() == number).await;
+        peers.push(stuck);
+    }
+    for _ in 0..3 {
+        port.write_strict(&Bottle::of("x".repeat(500_000)), None)
+            .await;
+        if port.write_if_idle(&bottle("x"), None) == 0 {
+            break;
+        }
+    }
+    (port, peers)
+}
+
+#[tokio::test]
+async fn closing_ends_whatever_peers_do() {
+    let (port, peers) = troubled().await;
+    within(port.close()).await;
+    for peer in peers {
+        peer.ended().await;
+    }
+}
+
+#[tokio::test]
+async fn dropping_closes_in_the_background() {
+    let (port, peers) = troubled().await;
+    drop(port);
+    for peer in peers {
+        peer.ended().await;
+    }
+}
+
+#[tokio::test]
+async fn a_number_is_free_again_after_closing() {
+    let port = open("/port", PortOptions::new()).await;
+    let number = port.number();
+    let writer = open("/writer", PortOptions::new()).await;
+    connect(&writer, &port, "tcp").await;
+    within(port.close()).await;
+    let port = open("/port", PortOptions::new().number(number)).await;
+    assert_eq!(port.number(), number);
+    until(|| writer.outputs().is_empty()).await;
+    connect(&writer, &port, "tcp").await;
+}
+
+#[tokio::test]
+async fn waiting_readers_are_told() {
+    let port = Arc::new(open("/port", PortOptions::new().reading(Queue::Latest)).await);
+    let waiting: Vec<_> = (0..5)
+        .map(|_| {
+            let port = port.clone();
+            tokio::spawn(async move { port.read().await.map(drop) })
+        })
+        .collect();
+    tokio::task::yield_now().await;
+    port.interrupt();
+    for reader in waiting {
+        let error = within(reader).await.unwrap().unwrap_err();
+        assert!(matches!(error, PortError::Closed { .. }), "{error}");
+    }
+}
+
+#[tokio::test]
+async fn a_caller_is_told_when_the_server_closes() {
+    let server = open("/server", PortOptions::new().serving()).await;
+    let client = open("/client", PortOptions::new().calling()).await;
+    connect(&client, &server, "tcp").await;
+    let call = tokio::spawn(async move { client.call::<Bottle>(&bottle("x")).await });
+    let request = within(server.read()).await.unwrap();
+    within(server.close()).await;
+    drop(request);
+    let error = within(call).await.unwrap().unwrap_err();
+    assert!(matches!(error, PortError::Lost { .. }), "{error}");
+}
+
+#[tokio::test]
+async fn an_answer_that_never_comes_does_not_hold_up_closing() {
+    let options = PortOptions::new().handler(|_| Answer::Later(Box::pin(std::future::pending())));
+    let server = open("/server", options).await;
+    let mut caller = Raw::tcp(&server, "/caller").await;
+    caller.send(tcp_message(b'd', &bottle("x"))).await;
+    until(|| server.inputs() == ["/caller"]).await;
+    within(server.close()).await;
+    caller.ended().await;
+}
+
+#[tokio::test]
+async fn ports_connected_in_a_circle_close_together() {
+    let ports = [
+        open("/a", PortOptions::new().reading(Queue::Latest)).await,
+        open("/b", PortOptions::new().reading(Queue::Latest)).await,
+    ];
+    connect(&ports[0], &ports[1], "tcp").await;
+    connect(&ports[1], &ports[0], "tcp").await;
+    let itself = open("/c", PortOptions::new().reading(Queue::Latest)).await;
+    connect(&itself, &itself, "tcp").await;
+    assert_eq!(within(itself.write(&bottle("to me"))).await, 1);
+    let [a, b] = ports;
+    within(async { tokio::join!(a.close(), b.close(), itself.close()) }).await;
+}
+
+/// The list of connections was locked while the owner was told of one that ended: looking at the
+/// list then waited for ever.
+#[tokio::test]
+async fn an_owner_may_look_at_the_connections_when_told_of_a_change() {
+    let port: Arc<OnceLock<Port>> = Arc::default();
+    let seen = port.clone();
+    let (told, mut changes) = tokio::sync::mpsc::unbounded_channel();
+    let options = PortOptions::new().watcher(move |change| {
+        let now = seen
+            .get()
+            .map(|port| (port.outputs().len(), port.inputs().len()));
+        let _ = told.send((change.to.clone(), change.began, now));
+    });
+    let writer = open("/writer", options).await;
+    port.set(writer).unwrap();
+    let writer = port.get().unwrap();
+    let reader = open("/reader", PortOptions::new().reading(Queue::Latest)).await;
+    connect(writer, &reader, "tcp").await;
+    let began = within(changes.recv()).await.unwrap();
+    assert_eq!((began.0.as_str(), began.1), ("/reader", true));
+    within(reader.close()).await;
+    until(|| writer.outputs().is_empty()).await;
+    let ended = within(async {
+        loop {
+            let change = changes.recv().await.unwrap();
+            if change.0 == "/reader" && !change.1 {
+                break change;
+            }
+        }
+    });
+    assert_eq!(ended.await.2, Some((0, 0)));
+}

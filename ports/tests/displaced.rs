@@ -1,0 +1,71 @@
+//! Of two connections from one port only the newer stays.
+
+mod common;
+
+use common::{ACK, Raw, bottle, next, open, tcp_message, until};
+use yarp_ports::{PortOptions, Queue};
+
+#[tokio::test]
+async fn a_newer_connection_of_a_port_ends_the_older() {
+    let reader = open("/reader", PortOptions::new().reading(Queue::Wait(10))).await;
+    let old = Raw::tcp(&reader, "/writer").await;
+    until(|| reader.inputs() == ["/writer"]).await;
+    let mut new = Raw::tcp(&reader, "/writer").await;
+    assert!(old.ended().await.is_empty());
+    until(|| reader.inputs() == ["/writer"]).await;
+    new.send(tcp_message(b'D', &bottle("new"))).await;
+    assert_eq!(next(&reader).await, "new");
+    new.expect(ACK).await;
+}
+
+#[tokio::test]
+async fn the_carrier_makes_no_difference() {
+    let reader = open("/reader", PortOptions::new().reading(Queue::Wait(10))).await;
+    let old = Raw::tcp(&reader, "/writer").await;
+    let mut new = Raw::text(&reader, "/writer").await;
+    assert!(old.ended().await.is_empty());
+    new.send("d\r\nnew\r\n").await;
+    assert_eq!(next(&reader).await, "new");
+}
+
+/// An older connection that waited for room, or for an answer, was not ended.
+#[tokio::test]
+async fn an_older_connection_that_waits_for_room_is_ended_too() {
+    let reader = open("/reader", PortOptions::new().reading(Queue::Wait(1))).await;
+    let mut old = Raw::tcp(&reader, "/writer").await;
+    old.send(tcp_message(b'D', &bottle("1"))).await;
+    old.expect(ACK).await;
+    old.send(tcp_message(b'D', &bottle("2"))).await;
+    old.send(tcp_message(b'D', &bottle("3"))).await;
+    let mut new = Raw::tcp(&reader, "/writer").await;
+    old.ended().await;
+    new.send(tcp_message(b'D', &bottle("new"))).await;
+    let mut last = next(&reader).await;
+    assert_eq!(last, "1");
+    while last != "new" {
+        last = next(&reader).await;
+    }
+}
+
+#[tokio::test]
+async fn programs_that_are_no_ports_do_not_displace_each_other() {
+    let reader = open("/reader", PortOptions::new().reading(Queue::Wait(10))).await;
+    let mut first = Raw::text(&reader, "admin").await;
+    let mut second = Raw::text(&reader, "admin").await;
+    for raw in [&mut first, &mut second] {
+        raw.send("d\r\nhere\r\n").await;
+        assert_eq!(next(&reader).await, "here");
+    }
+    assert_eq!(reader.inputs(), ["admin", "admin"]);
+}
+
+#[tokio::test]
+async fn other_ports_stay() {
+    let reader = open("/reader", PortOptions::new().reading(Queue::Wait(10))).await;
+    let mut other = Raw::tcp(&reader, "/other").await;
+    let old = Raw::tcp(&reader, "/writer").await;
+    let _new = Raw::tcp(&reader, "/writer").await;
+    old.ended().await;
+    other.send(tcp_message(b'D', &bottle("still here"))).await;
+    assert_eq!(next(&reader).await, "still here");
+}
