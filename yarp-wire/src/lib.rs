@@ -23,6 +23,7 @@ pub mod name;
 pub mod name_service;
 pub mod number;
 pub mod stamp;
+pub mod typed;
 pub mod vector;
 pub mod vocab;
 

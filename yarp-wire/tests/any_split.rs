@@ -37,7 +37,13 @@ const FIVE: [&str; 6] = [
     "D ()",
     "q",
 ];
-const RPC: [&str; 5] = ["d hello 1 2", "d [get] [axes]", "d (a (b c)) 3.25", "d help", "q"];
+const RPC: [&str; 5] = [
+    "d hello 1 2",
+    "d [get] [axes]",
+    "d (a (b c)) 3.25",
+    "d help",
+    "q",
+];
 const ADMIN_ANSWERS: [&str; 9] = [
     "[ver] 1 2 3",
     "anon_rpc",
@@ -86,16 +92,70 @@ const fn call(
 }
 
 const CONVERSATIONS: [Conversation; 10] = [
-    recorded("tcp", Dialect::V3, half!("v3_tcp", "sent"), half!("v3_tcp", "answered")),
-    recorded("tcp", Dialect::V4, half!("v4_tcp", "sent"), half!("v4_tcp", "answered")),
-    recorded("text", Dialect::V3, half!("v3_text", "sent"), half!("v3_text", "answered")),
-    recorded("text", Dialect::V4, half!("v4_text", "sent"), half!("v4_text", "answered")),
-    recorded("text_ack", Dialect::V3, half!("v3_text_ack", "sent"), half!("v3_text_ack", "answered")),
-    recorded("text_ack", Dialect::V4, half!("v4_text_ack", "sent"), half!("v4_text_ack", "answered")),
-    call(Dialect::V3, half!("v3_rpc", "sent"), half!("v3_rpc", "answered"), &RPC, &RPC_ANSWERS),
-    call(Dialect::V4, half!("v4_rpc", "sent"), half!("v4_rpc", "answered"), &RPC, &RPC_ANSWERS),
-    call(Dialect::V3, half!("v3_admin", "sent"), half!("v3_admin", "answered"), &[], &ADMIN_ANSWERS),
-    call(Dialect::V4, half!("v4_admin", "sent"), half!("v4_admin", "answered"), &[], &ADMIN_ANSWERS),
+    recorded(
+        "tcp",
+        Dialect::V3,
+        half!("v3_tcp", "sent"),
+        half!("v3_tcp", "answered"),
+    ),
+    recorded(
+        "tcp",
+        Dialect::V4,
+        half!("v4_tcp", "sent"),
+        half!("v4_tcp", "answered"),
+    ),
+    recorded(
+        "text",
+        Dialect::V3,
+        half!("v3_text", "sent"),
+        half!("v3_text", "answered"),
+    ),
+    recorded(
+        "text",
+        Dialect::V4,
+        half!("v4_text", "sent"),
+        half!("v4_text", "answered"),
+    ),
+    recorded(
+        "text_ack",
+        Dialect::V3,
+        half!("v3_text_ack", "sent"),
+        half!("v3_text_ack", "answered"),
+    ),
+    recorded(
+        "text_ack",
+        Dialect::V4,
+        half!("v4_text_ack", "sent"),
+        half!("v4_text_ack", "answered"),
+    ),
+    call(
+        Dialect::V3,
+        half!("v3_rpc", "sent"),
+        half!("v3_rpc", "answered"),
+        &RPC,
+        &RPC_ANSWERS,
+    ),
+    call(
+        Dialect::V4,
+        half!("v4_rpc", "sent"),
+        half!("v4_rpc", "answered"),
+        &RPC,
+        &RPC_ANSWERS,
+    ),
+    call(
+        Dialect::V3,
+        half!("v3_admin", "sent"),
+        half!("v3_admin", "answered"),
+        &[],
+        &ADMIN_ANSWERS,
+    ),
+    call(
+        Dialect::V4,
+        half!("v4_admin", "sent"),
+        half!("v4_admin", "answered"),
+        &[],
+        &ADMIN_ANSWERS,
+    ),
 ];
 const RPC_ANSWERS: [&str; 4] = ["hello 1 2", "[get] [axes]", "(a (b c)) 3.25", "help"];
 
@@ -149,13 +209,24 @@ fn acceptors_see_the_same_events_at_every_split() {
         if !talk.says.is_empty() {
             assert_eq!(said, talk.says);
         }
-        let Event::Opened { carrier, sender, .. } = &whole.0[0] else {
+        let Event::Opened {
+            carrier, sender, ..
+        } = &whole.0[0]
+        else {
             panic!("no header");
         };
-        assert_eq!((carrier.name, sender.name.as_str()), (talk.carrier, talk.sender));
+        assert_eq!(
+            (carrier.name, sender.name.as_str()),
+            (talk.carrier, talk.sender)
+        );
         for pieces in every_split(talk.sent) {
             let split = accept(&pieces, talk.dialect);
-            assert_eq!(format!("{split:?}"), format!("{whole:?}"), "{}", talk.carrier);
+            assert_eq!(
+                format!("{split:?}"),
+                format!("{whole:?}"),
+                "{}",
+                talk.carrier
+            );
         }
     }
 }
@@ -229,7 +300,13 @@ fn initiators_make_the_same_progress_at_every_split() {
             .collect();
         let texts: Vec<String> = replies.iter().map(Bottle::to_string).collect();
         assert!(
-            texts.ends_with(&talk.answers.iter().map(|text| (*text).to_owned()).collect::<Vec<_>>()),
+            texts.ends_with(
+                &talk
+                    .answers
+                    .iter()
+                    .map(|text| (*text).to_owned())
+                    .collect::<Vec<_>>()
+            ),
             "{texts:?}"
         );
         for pieces in every_split(talk.answered) {

@@ -173,12 +173,40 @@ proptest! {
 
 /// Pieces of real traffic, so that random sequences get past the first checks.
 const PIECES: [&[u8]; 34] = [
-    b"YA", b"\xe4\x1e\0\0RP", b"\x64\x1e\0\0RP", b"\x0a\0\0\0RP", b"YA\0\0\0\0RP",
-    b"YA\x0a\0\0\0RP\x02\x01\xff\xff\xff\xff\xff\xff\xff\xff", b"CONNECT ", b"CONNACK ",
-    b"NAME_SERVER ", b"\x04\0\0\0/wr\0", b"\0\0\0\0~D\0\x01", b"\0\0\0\0~d\0\x01",
-    b"\x02\0\0\0~\0\0\x01q\0", b"\0\x01\0\0", b"\x01\x01\0\0", b"\x04\x01\0\0", b"\0\x03\0\0",
-    b"\x01\0\0\0", b"\x0c\0\0\0", b"\xff\xff\xff\xff", b"\xff\xff\xff\x7f", b"\0", b"\r\n", b"\n",
-    b"\\", b"\"", b"(", b")", b"{1 ", b"}", b"[", b" a ", b"d\r\n", b"r",
+    b"YA",
+    b"\xe4\x1e\0\0RP",
+    b"\x64\x1e\0\0RP",
+    b"\x0a\0\0\0RP",
+    b"YA\0\0\0\0RP",
+    b"YA\x0a\0\0\0RP\x02\x01\xff\xff\xff\xff\xff\xff\xff\xff",
+    b"CONNECT ",
+    b"CONNACK ",
+    b"NAME_SERVER ",
+    b"\x04\0\0\0/wr\0",
+    b"\0\0\0\0~D\0\x01",
+    b"\0\0\0\0~d\0\x01",
+    b"\x02\0\0\0~\0\0\x01q\0",
+    b"\0\x01\0\0",
+    b"\x01\x01\0\0",
+    b"\x04\x01\0\0",
+    b"\0\x03\0\0",
+    b"\x01\0\0\0",
+    b"\x0c\0\0\0",
+    b"\xff\xff\xff\xff",
+    b"\xff\xff\xff\x7f",
+    b"\0",
+    b"\r\n",
+    b"\n",
+    b"\\",
+    b"\"",
+    b"(",
+    b")",
+    b"{1 ",
+    b"}",
+    b"[",
+    b" a ",
+    b"d\r\n",
+    b"r",
 ];
 
 fn feed_all(bytes: &[u8]) {
@@ -208,7 +236,12 @@ fn feed_all(bytes: &[u8]) {
     let mut acceptor = Acceptor::new(10002, Dialect::V3, Limits::DEFAULT);
     let (mut input, mut output) = (BytesMut::from(bytes), BytesMut::new());
     while let Ok(Some(_)) = acceptor.poll(&mut input, &mut output) {}
-    for framing in [Framing::Indexed, Framing::Lines, Framing::NameService] {
+    for framing in [
+        Framing::Indexed,
+        Framing::Bare,
+        Framing::Lines,
+        Framing::NameService,
+    ] {
         let mut reader = MessageReader::new(framing, Dialect::V3, Limits::DEFAULT);
         let mut input = BytesMut::from(bytes);
         while let Ok(Some(_)) = reader.read(&mut input) {}

@@ -51,7 +51,9 @@ fn every_corpus_file_passes_with_a_byte_changed() {
 #[ignore = "writes into the source tree"]
 fn write_seeds() {
     for (name, seeds) in seeds::all() {
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus").join(name);
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join("fuzz/corpus")
+            .join(name);
         std::fs::create_dir_all(&folder).unwrap();
         for (number, bytes) in seeds.into_iter().enumerate() {
             std::fs::write(folder.join(format!("seed_{number:02}")), bytes).unwrap();

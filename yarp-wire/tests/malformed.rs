@@ -20,13 +20,19 @@ const SLACK: usize = 64 * 1024;
 fn frugal<T>(sent: usize, work: impl FnOnce() -> T) -> T {
     let (result, held) = most_held(work);
     let allowed = 2 * sent + SLACK;
-    assert!(held <= allowed, "held {held} bytes for {sent} that were sent");
+    assert!(
+        held <= allowed,
+        "held {held} bytes for {sent} that were sent"
+    );
     result
 }
 
 /// 32-bit numbers as they travel.
 fn words(numbers: &[i32]) -> Bytes {
-    numbers.iter().flat_map(|number| number.to_le_bytes()).collect()
+    numbers
+        .iter()
+        .flat_map(|number| number.to_le_bytes())
+        .collect()
 }
 
 /// Checks that no dialect reads `bytes`, whole or with any tail.
@@ -34,9 +40,14 @@ fn words(numbers: &[i32]) -> Bytes {
 fn refused(bytes: &Bytes) -> DecodeError {
     let mut first = None;
     for dialect in DIALECTS {
-        let error = frugal(bytes.len(), || Bottle::decode(bytes, dialect, Limits::DEFAULT));
+        let error = frugal(bytes.len(), || {
+            Bottle::decode(bytes, dialect, Limits::DEFAULT)
+        });
         first.get_or_insert(error.expect_err("it reads"));
-        frugal(bytes.len(), || Bottle::decode_any(bytes, dialect, Limits::DEFAULT)).unwrap_err();
+        frugal(bytes.len(), || {
+            Bottle::decode_any(bytes, dialect, Limits::DEFAULT)
+        })
+        .unwrap_err();
     }
     assert_eq!(frugal(bytes.len(), || detect(bytes, Limits::DEFAULT)), None);
     first.expect("two dialects were tried")
@@ -45,7 +56,16 @@ fn refused(bytes: &Bytes) -> DecodeError {
 #[test]
 fn lying_counts_and_lengths_cost_nothing() {
     for lie in [1000, 1 << 20, 1 << 28, i32::MAX] {
-        for list in [256, 257, 256 + 4, 256 + 9, 256 + 12, 256 + 17, 256 + 32, 256 + 64] {
+        for list in [
+            256,
+            257,
+            256 + 4,
+            256 + 9,
+            256 + 12,
+            256 + 17,
+            256 + 32,
+            256 + 64,
+        ] {
             refused(&words(&[list, lie]));
             refused(&words(&[list, lie, 0]));
         }
@@ -65,7 +85,13 @@ fn negative_lengths_are_refused_and_negative_counts_are_none() {
     for lie in [-1, -2, i32::MIN] {
         for item in [4, 12] {
             let error = refused(&words(&[256, 1, item, lie]));
-            assert_eq!(error, DecodeError::NegativeLength { length: lie, at: 12 });
+            assert_eq!(
+                error,
+                DecodeError::NegativeLength {
+                    length: lie,
+                    at: 12
+                }
+            );
             let error = refused(&words(&[256 + item, 1, lie]));
             assert_eq!(error, DecodeError::NegativeLength { length: lie, at: 8 });
         }
@@ -81,11 +107,17 @@ fn negative_lengths_are_refused_and_negative_counts_are_none() {
 fn unknown_codes_are_refused() {
     for code in [2, 3, 5, 8, 89, 127, 255, 512, 1024, 0x4159, -1, i32::MIN] {
         let error = refused(&words(&[256, 1, code, 0, 0, 0]));
-        assert!(matches!(error, DecodeError::UnknownCode { at: 8, .. }), "{code}: {error}");
+        assert!(
+            matches!(error, DecodeError::UnknownCode { at: 8, .. }),
+            "{code}: {error}"
+        );
     }
     for list in [256 + 2, 256 + 3, 256 + 89, 0x4159] {
         let error = refused(&words(&[list, 1, 0, 0]));
-        assert!(matches!(error, DecodeError::UnknownCode { at: 0, .. }), "{list}: {error}");
+        assert!(
+            matches!(error, DecodeError::UnknownCode { at: 0, .. }),
+            "{list}: {error}"
+        );
     }
     // Each generation refuses what only the other has.
     let read = |bytes: &Bytes, dialect| Bottle::decode(bytes, dialect, Limits::DEFAULT);
@@ -112,7 +144,11 @@ fn what_has_bytes_left_over_is_refused_before_it_is_read() {
 #[test]
 fn a_message_above_the_limit_is_refused_while_it_is_short() {
     let limits = Limits::DEFAULT.with_message(1000);
-    for bytes in [words(&[257, 249]), words(&[256, 1, 4, 1000]), words(&[256, 1, 12, i32::MAX])] {
+    for bytes in [
+        words(&[257, 249]),
+        words(&[256, 1, 4, 1000]),
+        words(&[256, 1, 12, i32::MAX]),
+    ] {
         let error = Bottle::decode(&bytes, Dialect::V3, limits);
         assert_eq!(error, Err(DecodeError::TooLong { limit: 1000 }));
     }
@@ -130,7 +166,11 @@ fn a_million_nested_lists_are_refused() {
         assert_eq!(read, Err(TextError::TooDeep { limit: 200 }));
     }
     // What is left open is dropped, as in stock.
-    for text in ["(".repeat(1_000_000), ")".repeat(1_000_000), "\"(".repeat(500_001)] {
+    for text in [
+        "(".repeat(1_000_000),
+        ")".repeat(1_000_000),
+        "\"(".repeat(500_001),
+    ] {
         let read = frugal(text.len(), || Bottle::parse(&text));
         assert_eq!(read, Ok(Bottle::new()));
     }
@@ -155,7 +195,11 @@ fn accept(bytes: &[u8], limits: Limits) -> (usize, Option<ProtocolError>) {
 
 #[test]
 fn a_header_that_ends_early_is_waited_for() {
-    for header in [&b"YA\xe4\x1e\0\0RP\x04\0\0\0/wr\0"[..], b"CONNECT /wr\r\n", b"CONNACK /wr\r\n"] {
+    for header in [
+        &b"YA\xe4\x1e\0\0RP\x04\0\0\0/wr\0"[..],
+        b"CONNECT /wr\r\n",
+        b"CONNACK /wr\r\n",
+    ] {
         for end in 0..header.len() {
             assert_eq!(accept(&header[..end], Limits::DEFAULT), (0, None));
         }
@@ -166,8 +210,15 @@ fn a_header_that_ends_early_is_waited_for() {
 #[test]
 fn garbage_magic_is_refused() {
     for magic in [
-        *b"GARBAGE!", *b"GET / HT", *b"\0\0\0\0\0\0\0\0", *b"YA\0\0\0\0RP", *b"YA\0\0\0\x80RP",
-        *b"YA\xff\xff\xff\x7fRP", *b"YA\xe4\x1e\0\0RX", *b"connect ", *b"\xff\xff\xff\xff\xff\xff\xff\xff",
+        *b"GARBAGE!",
+        *b"PUT / HT",
+        *b"\0\0\0\0\0\0\0\0",
+        *b"YA\0\0\0\0RP",
+        *b"YA\0\0\0\x80RP",
+        *b"YA\xff\xff\xff\x7fRP",
+        *b"YA\xe4\x1e\0\0RX",
+        *b"connect ",
+        *b"\xff\xff\xff\xff\xff\xff\xff\xff",
     ] {
         for end in 0..8 {
             assert_eq!(accept(&magic[..end], Limits::DEFAULT), (0, None));
@@ -219,7 +270,10 @@ fn a_line_without_end_is_refused_at_its_limit() {
     ] {
         let (count, error) = accept((start.to_owned() + &endless).as_bytes(), limits);
         assert_eq!(count, events, "{start:?}");
-        assert!(matches!(error, Some(ProtocolError::LineTooLong { .. })), "{start:?} {error:?}");
+        assert!(
+            matches!(error, Some(ProtocolError::LineTooLong { .. })),
+            "{start:?} {error:?}"
+        );
     }
 }
 
@@ -229,7 +283,10 @@ fn a_text_that_is_never_closed_is_refused_at_its_limit() {
     for line in ["(\r\n", "\"\r\n\"", "a\\\\\\\r\n", "({\"\r\n", "()(\n"] {
         let text = "CONNECT a\r\nd\r\n(".to_owned() + &line.repeat(100_000);
         let (_, error) = accept(text.as_bytes(), limits);
-        assert!(matches!(error, Some(ProtocolError::LineTooLong { .. })), "{line:?} {error:?}");
+        assert!(
+            matches!(error, Some(ProtocolError::LineTooLong { .. })),
+            "{line:?} {error:?}"
+        );
     }
 }
 
@@ -241,15 +298,24 @@ fn a_text_that_is_not_closed_yet_is_held_once() {
     let lines = "CONNECT a\r\nd\r\n(".to_owned() + &"some more\r\n".repeat(100_000);
     assert_eq!(accept(lines.as_bytes(), Limits::DEFAULT), (1, None));
     for carrier in ["text", "text_ack"] {
-        assert_eq!(await_reply(carrier, &open.as_bytes()[14..], Limits::DEFAULT), Ok(0));
+        assert_eq!(
+            await_reply(carrier, &open.as_bytes()[14..], Limits::DEFAULT),
+            Ok(0)
+        );
     }
 }
 
 #[test]
 fn zero_bytes_in_text_are_dropped() {
-    let (events, error) = accept(b"CONNECT \0a\0\r\n\0d\0\r\0\n\01 \0\x002\0\r\n\0", Limits::DEFAULT);
+    let (events, error) = accept(
+        b"CONNECT \0a\0\r\n\0d\0\r\0\n\x001 \0\x002\0\r\n\0",
+        Limits::DEFAULT,
+    );
     assert_eq!((events, error), (2, None));
-    let (events, error) = accept(&[b"CONNECT ", &[0; 1 << 20][..]].concat(), Limits::DEFAULT.with_line(1000));
+    let (events, error) = accept(
+        &[b"CONNECT ", &[0; 1 << 20][..]].concat(),
+        Limits::DEFAULT.with_line(1000),
+    );
     assert_eq!(events, 0);
     assert!(error.is_none_or(|error| matches!(error, ProtocolError::LineTooLong { .. })));
 }
@@ -275,7 +341,11 @@ fn an_index_may_have_any_number_of_blocks() {
         let bytes = indexed(len, out, &lengths, DATA);
         assert_eq!(accept(&bytes, Limits::DEFAULT), (2, None), "{len} {out}");
         for end in 16..bytes.len() {
-            assert_eq!(accept(&bytes[..end], Limits::DEFAULT), (1, None), "{len} {out} {end}");
+            assert_eq!(
+                accept(&bytes[..end], Limits::DEFAULT),
+                (1, None),
+                "{len} {out} {end}"
+            );
         }
     }
 }
@@ -290,16 +360,33 @@ fn a_lying_index_is_refused_or_waited_for() {
         let error = refused(indexed(2, 1, &[8, lie, 0], b""));
         assert_eq!(error, IndexError::NegativeLength { length: lie }.into());
     }
-    for lengths in [[i32::MAX, 0, 0], [1 << 30, 1, 0], [0, 1 << 29, (1 << 29) + 1]] {
+    for lengths in [
+        [i32::MAX, 0, 0],
+        [1 << 30, 1, 0],
+        [0, 1 << 29, (1 << 29) + 1],
+    ] {
         let error = refused(indexed(2, 1, &lengths, b""));
-        assert!(matches!(error, ProtocolError::Index(IndexError::TooLong { .. })), "{error}");
+        assert!(
+            matches!(error, ProtocolError::Index(IndexError::TooLong { .. })),
+            "{error}"
+        );
     }
     let all = refused(indexed(255, 255, &[i32::MAX; 510], b""));
-    assert!(matches!(all, ProtocolError::Index(IndexError::TooLong { .. })), "{all}");
+    assert!(
+        matches!(all, ProtocolError::Index(IndexError::TooLong { .. })),
+        "{all}"
+    );
     // No bytes at all, or too few for the command block.
-    for (lengths, rest) in [([0, 0, 0], &b""[..]), ([7, 0, 0], b"\0\0\0\0~D\0"), ([8, 0, 0], b"\0\0\0\0!D\0\x01")] {
+    for (lengths, rest) in [
+        ([0, 0, 0], &b""[..]),
+        ([7, 0, 0], b"\0\0\0\0~D\0"),
+        ([8, 0, 0], b"\0\0\0\0!D\0\x01"),
+    ] {
         let error = refused(indexed(2, 1, &lengths, rest));
-        assert!(matches!(error, ProtocolError::Command(CommandError { .. })), "{error}");
+        assert!(
+            matches!(error, ProtocolError::Command(CommandError { .. })),
+            "{error}"
+        );
     }
     for magic in [b"YA\x0b\0\0\0RP", b"YA\xff\xff\xff\xffRP", b"GARBAGE!"] {
         let bytes = [&b"YA\xe4\x1e\0\0RP\x04\0\0\0/wr\0"[..], magic].concat();
@@ -344,11 +431,17 @@ fn a_lying_reply_is_refused_or_waited_for() {
     assert!(reply(&words(&[256, 1].repeat(1000))).is_err());
     // A whole reply, then no acknowledgement.
     let garbage = [&words(&[257, 1, 42])[..], b"GARBAGE!"].concat();
-    assert!(matches!(reply(&garbage), Err(ProtocolError::Acknowledgement { .. })));
+    assert!(matches!(
+        reply(&garbage),
+        Err(ProtocolError::Acknowledgement { .. })
+    ));
     for discard in [-1, i32::MAX] {
         let mut bytes = words(&[257, 1, 42]).to_vec();
         bytes.extend_from_slice(&yarp_wire::number::encode(discard));
-        assert!(matches!(reply(&bytes), Err(ProtocolError::Acknowledgement { .. })));
+        assert!(matches!(
+            reply(&bytes),
+            Err(ProtocolError::Acknowledgement { .. })
+        ));
     }
     // Nobody asked.
     let extra = [&words(&[257, 1, 42])[..], &[7; 8]].concat();
@@ -363,7 +456,11 @@ fn an_endless_text_reply_is_refused_at_its_limit() {
         let text = "\"".to_owned() + &piece.repeat(1 << 18);
         for carrier in ["text", "text_ack"] {
             let error = await_reply(carrier, text.as_bytes(), limits);
-            assert_eq!(error, Err(ProtocolError::LineTooLong { limit: 100_000 }), "{piece:?}");
+            assert_eq!(
+                error,
+                Err(ProtocolError::LineTooLong { limit: 100_000 }),
+                "{piece:?}"
+            );
         }
     }
 }
@@ -374,12 +471,14 @@ fn a_header_reply_that_is_no_number_is_refused() {
     for got in [*b"GARBAGE!", *b"YA\0\0\0\0RX", *b"Welcome "] {
         let mut output = BytesMut::new();
         let sender = Sender::plain("/x");
-        let mut initiator =
-            Initiator::new(tcp, &sender, Dialect::V3, Limits::DEFAULT, &mut output);
+        let mut initiator = Initiator::new(tcp, &sender, Dialect::V3, Limits::DEFAULT, &mut output);
         let mut input = BytesMut::from(&got[..7]);
         assert_eq!(initiator.poll(&mut input), Ok(None));
         let mut input = BytesMut::from(&got[..]);
-        assert_eq!(initiator.poll(&mut input), Err(ProtocolError::HeaderReply { got }));
+        assert_eq!(
+            initiator.poll(&mut input),
+            Err(ProtocolError::HeaderReply { got })
+        );
     }
 }
 
@@ -390,7 +489,12 @@ fn long_names_and_numbers_are_taken_or_refused_without_growing() {
     frugal(long.len(), || Contact::parse(&long));
     frugal(long.len(), || long.parse::<Stamp>()).unwrap_err();
     let digits = "9".repeat(1 << 20);
-    for number in [digits.clone(), format!("0.{digits}"), format!("1e{digits}"), format!("-{digits}.5")] {
+    for number in [
+        digits.clone(),
+        format!("0.{digits}"),
+        format!("1e{digits}"),
+        format!("-{digits}.5"),
+    ] {
         let bottle = frugal(number.len(), || Bottle::parse(&number)).unwrap();
         assert_eq!(bottle.len(), 1);
     }

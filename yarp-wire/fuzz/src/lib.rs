@@ -34,8 +34,15 @@ pub const TARGETS: [Target; 11] = [
 const DIALECTS: [Dialect; 2] = [Dialect::V3, Dialect::V4];
 
 /// In an order that does not change, so that corpora keep their meaning.
-const CARRIERS: [&str; 7] = [
-    "name_ser", "tcp", "fast_tcp", "text", "text_ack", "udp", "mcast",
+const CARRIERS: [&str; 8] = [
+    "name_ser",
+    "tcp",
+    "fast_tcp",
+    "text",
+    "text_ack",
+    "udp",
+    "mcast",
+    "unix_stream",
 ];
 
 /// Small bounds, so that they are reached.
@@ -62,7 +69,9 @@ pub fn bottle_binary(data: &[u8]) {
             let encoded = bottle.encode(dialect);
             let again = Bottle::decode(&encoded, dialect, Limits::DEFAULT).expect("our own bytes");
             assert_eq!(again.encode(dialect), encoded);
-            let any = Bottle::decode_any(&bytes, dialect, LIMITS).expect("it reads").0;
+            let any = Bottle::decode_any(&bytes, dialect, LIMITS)
+                .expect("it reads")
+                .0;
             assert_eq!(any.encode(dialect), encoded);
             // Text of a deep bottle may be refused.
             let _ = Bottle::parse_bytes(&bottle.to_text());
@@ -151,13 +160,7 @@ pub fn initiator(data: &[u8]) {
 }
 
 /// Progress of an initiator in words; each two bits of `sends` are a message that it sends.
-fn initiate(
-    carrier: &str,
-    dialect: Dialect,
-    sends: u8,
-    data: &[u8],
-    step: usize,
-) -> Vec<String> {
+fn initiate(carrier: &str, dialect: Dialect, sends: u8, data: &[u8], step: usize) -> Vec<String> {
     let mut output = BytesMut::new();
     let sender = Sender::plain("/fuzz");
     let carrier = Carrier::by_name(carrier).expect("a carrier of the table");
@@ -200,10 +203,11 @@ pub fn message_reader(data: &[u8]) {
     let Some((&kind, data)) = data.split_first() else {
         return;
     };
-    let framing = match kind % 3 {
+    let framing = match kind % 4 {
         0 => Framing::Indexed,
         1 => Framing::Lines,
-        _ => Framing::NameService,
+        2 => Framing::NameService,
+        _ => Framing::Bare,
     };
     let mut reader = MessageReader::new(framing, Dialect::V3, LIMITS);
     let mut input = BytesMut::from(data);

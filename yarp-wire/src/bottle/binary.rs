@@ -299,7 +299,12 @@ fn scan_whole(bytes: &[u8], dialect: Dialect, limits: Limits) -> Result<bool, De
 
 /// Reads the bottle at the start of bytes that were scanned.
 fn read(bytes: &Bytes, dialect: Dialect) -> Bottle {
-    Reader { bytes, at: 0, dialect }.list()
+    Reader {
+        bytes,
+        at: 0,
+        dialect,
+    }
+    .list()
 }
 
 /// Which generation the bytes of one whole message betray.

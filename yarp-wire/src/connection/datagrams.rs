@@ -113,16 +113,16 @@ mod tests {
                 .collect()
         };
         let all: Vec<&Vec<u8>> = cut.iter().collect();
-        assert_eq!(read(&all), [long.clone()]);
+        assert_eq!(read(&all), std::slice::from_ref(&long));
         assert_eq!(
             read(&[&cut[0], &cut[2], &whole]),
-            [short.clone()],
+            std::slice::from_ref(&short),
             "one lost"
         );
         assert_eq!(read(&[&cut[0], &cut[0], &cut[1]]), [], "one doubled");
         assert_eq!(
             read(&[&cut[1], &cut[0], &whole]),
-            [short.clone()],
+            std::slice::from_ref(&short),
             "out of order"
         );
         let mut damaged = cut[1].clone();

@@ -48,7 +48,9 @@ impl Action {
         }
         let classic = target.len() <= 1
             || target.starts_with('?')
-            || ["form", "favi"].iter().any(|start| target.starts_with(start));
+            || ["form", "favi"]
+                .iter()
+                .any(|start| target.starts_with(start));
         if classic {
             return Self::Describe;
         }
@@ -101,7 +103,8 @@ mod tests {
         assert_eq!(action("favicon.ico"), Action::Describe);
         assert_eq!(action("r"), Action::Read);
         assert_eq!(action("data=list"), Action::Send("list".into()));
-        let request = bottle("hello (REQUEST_URI \"?req=hello&x=1\") (format json) (req hello) (x \"1\")");
+        let request =
+            bottle("hello (REQUEST_URI \"?req=hello&x=1\") (format json) (req hello) (x \"1\")");
         let admin = false;
         assert_eq!(action("?req=hello&x=1"), Action::Json { request, admin });
         let web = bottle("web \"main.css\" (REQUEST_URI \"web/main.css\")");

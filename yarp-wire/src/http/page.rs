@@ -157,6 +157,9 @@ mod tests {
         ] {
             assert!(html.contains(part), "{part} in {html}");
         }
-        assert_eq!(chunk("<1>\r\n"), "17\r\n<pre>&lt;1&gt;</pre>\n\r\n".replace("17", "15"));
+        assert_eq!(
+            chunk("<1>\r\n"),
+            "17\r\n<pre>&lt;1&gt;</pre>\n\r\n".replace("17", "15")
+        );
     }
 }

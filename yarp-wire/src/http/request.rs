@@ -75,7 +75,10 @@ impl RequestReader {
 
 /// Where the empty line after the headers ends.
 fn end_of_head(input: &[u8]) -> Option<usize> {
-    let crlf = input.windows(4).position(|w| w == b"\r\n\r\n").map(|at| at + 4);
+    let crlf = input
+        .windows(4)
+        .position(|w| w == b"\r\n\r\n")
+        .map(|at| at + 4);
     let lf = input.windows(2).position(|w| w == b"\n\n").map(|at| at + 2);
     match (crlf, lf) {
         (Some(a), Some(b)) => Some(a.min(b)),
@@ -168,12 +171,16 @@ mod tests {
         let form = "POST /form HTTP/1.1\r\nContent-Length: 18\r\n\
             Content-Type: application/x-www-form-urlencoded\r\n\r\ndata=hello%20there";
         assert_eq!(read(form).fields, [field("data", "hello there")]);
-        assert_eq!(read("GET /data=list HTTP/1.1\n\n").fields, [field("data", "list")]);
+        assert_eq!(
+            read("GET /data=list HTTP/1.1\n\n").fields,
+            [field("data", "list")]
+        );
     }
 
     #[test]
     fn a_lying_length_is_refused() {
-        let mut input = BytesMut::from("POST /form HTTP/1.1\r\nContent-Length: 99999999999\r\n\r\n");
+        let mut input =
+            BytesMut::from("POST /form HTTP/1.1\r\nContent-Length: 99999999999\r\n\r\n");
         let result = RequestReader::default().read(&mut input, Limits::DEFAULT);
         assert!(matches!(result, Err(ProtocolError::LineTooLong { .. })));
     }

@@ -9,7 +9,10 @@ use yarp_wire::{Bottle, Dialect, Value};
 pub(crate) fn all() -> Vec<(&'static str, Vec<Vec<u8>>)> {
     vec![
         ("bottle_binary", bottles()),
-        ("bottle_text", TEXTS.iter().map(|text| text.as_bytes().to_vec()).collect()),
+        (
+            "bottle_text",
+            TEXTS.iter().map(|text| text.as_bytes().to_vec()).collect(),
+        ),
         ("acceptor", acceptor()),
         ("initiator", initiator()),
         ("message_reader", message_reader()),
@@ -84,7 +87,12 @@ fn bottles() -> Vec<Vec<u8>> {
             Value::Dictionary(Bottle::parse("(a x) (b 1)").unwrap()),
         ]);
         seeds.push(kinds.encode(dialect).to_vec());
-        seeds.push(Bottle::parse("0.5 0.25 0.125").unwrap().encode(dialect).to_vec());
+        seeds.push(
+            Bottle::parse("0.5 0.25 0.125")
+                .unwrap()
+                .encode(dialect)
+                .to_vec(),
+        );
     }
     // Lying lengths: a list, a string, a count below zero.
     seeds.push(b"\0\x01\0\0\xff\xff\xff\x7f\x01\0\0\0".to_vec());
@@ -96,12 +104,22 @@ fn bottles() -> Vec<Vec<u8>> {
 
 /// Recorded conversations; the byte in front is the step in which they are fed.
 fn acceptor() -> Vec<Vec<u8>> {
-    let mut seeds: Vec<_> = ["v3_tcp", "v4_tcp", "v3_text", "v3_text_ack", "v3_rpc", "v3_admin"]
-        .iter()
-        .map(|name| [b"\x07".to_vec(), vector(name, "sent")].concat())
-        .collect();
+    let mut seeds: Vec<_> = [
+        "v3_tcp",
+        "v4_tcp",
+        "v3_text",
+        "v3_text_ack",
+        "v3_rpc",
+        "v3_admin",
+    ]
+    .iter()
+    .map(|name| [b"\x07".to_vec(), vector(name, "sent")].concat())
+    .collect();
     for text in [
         &b"\x01GARBAGE!"[..],
+        b"\x05GET /a/b?x=y&z=%41 HTTP/1.1\r\nHost: h\r\n\r\n",
+        b"\x05POST /form HTTP/1.1\r\nContent-Length: 8\r\n\
+          Content-Type: application/x-www-form-urlencoded\r\n\r\ndata=a+b",
         b"\x01NAME_SERVER query /x\nNAME_SERVER list\n",
         b"\x03CONNECT foo\r\nd\r\n(a\r\nb)\r\n*\r\n/x\r\n!x\r\n~x\r\nr\r\ni\r\n?\r\nz\r\n",
         b"\x01YA\xe4\x1e\0\0RP\xff\xff\xff\x7fxx",
@@ -129,6 +147,7 @@ fn initiator() -> Vec<Vec<u8>> {
 
 fn message_reader() -> Vec<Vec<u8>> {
     let mut seeds = vec![
+        b"\x03\0\0\0\0~d\0\x01\x01\x01\0\0\x01\0\0\0\x2a\0\0\0\x02\0\0\0~\0\0\x01q\0".to_vec(),
         b"\x01d 7 1.5\r\n(1 2\r\n3)\r\nD\r\n\"a\\\r\nb\"\r\nq\r\n".to_vec(),
         b"\x02VERquery /x\nNAME_SERVER list\n".to_vec(),
         b"\0YA\x0a\0\0\0RP\xff\xff\xff\xff\xff\xff\xff\xff\xff\xff".to_vec(),
@@ -137,7 +156,10 @@ fn message_reader() -> Vec<Vec<u8>> {
     let tcp = yarp_wire::carrier::Carrier::by_name("tcp").unwrap();
     let content = Bottle::parse("1 0.5 (a)").unwrap();
     for envelope in [None, Some("7 1.5".into())] {
-        let command = Command::Data { reply: true, envelope };
+        let command = Command::Data {
+            reply: true,
+            envelope,
+        };
         let mut out = BytesMut::from(&[0][..]);
         put_message(&mut out, tcp, &command, Some(&content), Dialect::V3);
         put_message(&mut out, tcp, &Command::Quit, None, Dialect::V3);
@@ -159,7 +181,12 @@ fn datagrams() -> Vec<Vec<u8>> {
         pieces.extend_from_slice(&[piece.len() as u8, number]);
         pieces.extend_from_slice(piece);
     }
-    vec![b"\x20hello".to_vec(), b"\x09abcdef".to_vec(), DATAGRAM.to_vec(), pieces]
+    vec![
+        b"\x20hello".to_vec(),
+        b"\x09abcdef".to_vec(),
+        DATAGRAM.to_vec(),
+        pieces,
+    ]
 }
 
 fn answers() -> Vec<Vec<u8>> {
@@ -176,6 +203,9 @@ fn answers() -> Vec<Vec<u8>> {
 
 /// One half of a recorded conversation.
 fn vector(name: &str, half: &str) -> Vec<u8> {
-    let path = format!("{}/tests/vectors/{name}.{half}.bin", env!("CARGO_MANIFEST_DIR"));
+    let path = format!(
+        "{}/tests/vectors/{name}.{half}.bin",
+        env!("CARGO_MANIFEST_DIR")
+    );
     std::fs::read(path).unwrap()
 }

@@ -1,0 +1,50 @@
+//! Two objects in one message.
+
+use bytes::{BufMut, Bytes, BytesMut};
+
+use super::prefix::{Front, ReadPrefix, read_whole};
+use crate::bottle::DecodeError;
+use crate::dialect::Dialect;
+use crate::message::{ReadObject, WireObject};
+
+/// A head and a body, stock's `yarp::os::PortablePair`.
+///
+/// ```text
+/// 256  2   head   body
+/// ```
+///
+/// The same bytes are the bottle `(head) (body)` if head and body are lists, as every type of
+/// this crate is. Source: bytes written and read by 3.5.0.
+#[derive(Clone, Debug, Default, Eq, PartialEq)]
+pub struct Pair<A, B> {
+    /// What stands first.
+    pub head: A,
+    /// What follows.
+    pub body: B,
+}
+
+impl<A: WireObject, B: WireObject> WireObject for Pair<A, B> {
+    fn write_binary(&self, out: &mut BytesMut, dialect: Dialect) {
+        out.put_i32_le(256);
+        out.put_i32_le(2);
+        self.head.write_binary(out, dialect);
+        self.body.write_binary(out, dialect);
+    }
+}
+
+impl<A: ReadPrefix, B: ReadPrefix> ReadPrefix for Pair<A, B> {
+    fn take(bytes: &mut Bytes, dialect: Dialect) -> Result<Self, DecodeError> {
+        let mut front = Front::new(bytes, "a pair: a list of two");
+        front.words(&[256, 2])?;
+        Ok(Self {
+            head: A::take(front.rest(), dialect)?,
+            body: B::take(front.rest(), dialect)?,
+        })
+    }
+}
+
+impl<A: ReadPrefix, B: ReadPrefix> ReadObject for Pair<A, B> {
+    fn read_binary(bytes: &Bytes, dialect: Dialect) -> Result<Self, DecodeError> {
+        read_whole(bytes, dialect)
+    }
+}

@@ -1,0 +1,51 @@
+//! Checks of bytes against objects.
+
+use std::fmt::Debug;
+
+use bytes::{Bytes, BytesMut};
+use yarp_wire::Dialect;
+use yarp_wire::bottle::DecodeError;
+use yarp_wire::message::{ReadObject, WireObject};
+
+/// The bytes that hexadecimal digits stand for, blanks left out.
+pub(crate) fn bytes(hex: &str) -> Bytes {
+    let digits: Vec<u8> = hex.bytes().filter(u8::is_ascii_hexdigit).collect();
+    let pairs = digits
+        .chunks(2)
+        .map(|pair| std::str::from_utf8(pair).unwrap());
+    pairs
+        .map(|pair| u8::from_str_radix(pair, 16).unwrap())
+        .collect()
+}
+
+/// What is written for readers of a dialect.
+pub(crate) fn written(object: &dyn WireObject, dialect: Dialect) -> Bytes {
+    let mut out = BytesMut::new();
+    object.write_binary(&mut out, dialect);
+    out.freeze()
+}
+
+/// What is written on a text connection.
+pub(crate) fn text(object: &dyn WireObject) -> String {
+    let mut out = BytesMut::new();
+    object.write_text(&mut out);
+    String::from_utf8(out.to_vec()).unwrap()
+}
+
+/// Checks that `object` is written as these bytes and read from them.
+#[track_caller]
+pub(crate) fn check<T>(object: &T, dialect: Dialect, hex: &str)
+where
+    T: WireObject + ReadObject + PartialEq + Debug,
+{
+    let expected = bytes(hex);
+    assert_eq!(written(object, dialect), expected, "{object:?}");
+    assert_eq!(T::read_binary(&expected, dialect).as_ref(), Ok(object));
+}
+
+/// Checks that these bytes are not laid out as a `T`.
+#[track_caller]
+pub(crate) fn refused<T: ReadObject + Debug>(dialect: Dialect, hex: &str) {
+    let error = T::read_binary(&bytes(hex), dialect).unwrap_err();
+    assert!(matches!(error, DecodeError::Shape { .. }), "{error}");
+}

@@ -1,0 +1,224 @@
+//! Any typed message survives both dialects and stands in front of others; no bytes at all make
+//! a reader panic.
+
+use std::fmt::Debug;
+
+use bytes::{Bytes, BytesMut};
+use proptest::collection::{btree_map, vec};
+use proptest::prelude::*;
+use yarp_wire::bottle::Text;
+use yarp_wire::message::{ReadObject, WireObject};
+use yarp_wire::typed::{
+    Image, Matrix, Pair, PixelCode, Property, ReadPrefix, Sound, SoundLayout, SoundMarker, VectorOf,
+};
+use yarp_wire::{Bottle, Dialect, Stamp};
+
+const DIALECTS: [Dialect; 2] = [Dialect::V3, Dialect::V4];
+const LAYOUTS: [SoundLayout; 4] = [
+    SoundLayout::Pair,
+    SoundLayout::Raw,
+    SoundLayout::List,
+    SoundLayout::Marked,
+];
+
+fn written(object: &dyn WireObject, dialect: Dialect) -> Bytes {
+    let mut out = BytesMut::new();
+    object.write_binary(&mut out, dialect);
+    out.freeze()
+}
+
+/// Checks that the object is read from what it wrote, also in front of other bytes, and from no
+/// part of it.
+fn survives<T>(object: &T, dialect: Dialect) -> Result<(), TestCaseError>
+where
+    T: WireObject + ReadObject + ReadPrefix + PartialEq + Debug,
+{
+    let bytes = written(object, dialect);
+    let whole = T::read_binary(&bytes, dialect);
+    prop_assert_eq!(whole.as_ref(), Ok(object));
+    for end in (0..bytes.len()).step_by(bytes.len() / 50 + 1) {
+        prop_assert!(T::read_binary(&bytes.slice(..end), dialect).is_err());
+    }
+    let mut longer = BytesMut::from(&bytes[..]);
+    longer.extend_from_slice(b"tail");
+    let mut longer = longer.freeze();
+    prop_assert!(T::read_binary(&longer, dialect).is_err());
+    let front = T::take(&mut longer, dialect);
+    prop_assert_eq!(front.as_ref(), Ok(object));
+    prop_assert_eq!(&longer[..], b"tail");
+    Ok(())
+}
+
+fn finite() -> impl Strategy<Value = f64> {
+    any::<f64>().prop_filter("equal to itself", |number| !number.is_nan())
+}
+
+fn matrix() -> impl Strategy<Value = Matrix> {
+    (1usize..6, 1usize..6).prop_flat_map(|(rows, columns)| {
+        vec(finite(), rows * columns)
+            .prop_map(move |values| Matrix::new(rows, columns, values).unwrap())
+    })
+}
+
+fn image() -> impl Strategy<Value = Image> {
+    let codes: Vec<PixelCode> = PixelCode::TABLE.iter().map(|(code, _)| *code).collect();
+    let code = prop_oneof![
+        prop::sample::select(codes),
+        (1u16..20).prop_map(PixelCode::of_bytes)
+    ];
+    let shape = (code, 0usize..12, 0usize..12, 1usize..70, any::<bool>());
+    shape.prop_flat_map(|(code, width, height, quantum, marked)| {
+        let pixel = code.stored_bytes(code.bytes_per_pixel().unwrap());
+        vec(any::<u8>(), width * height * pixel).prop_map(move |pixels| {
+            let image = Image::from_padded(code, width, height, 1, pixels).unwrap();
+            image.with_quantum(quantum).unwrap().with_mark(marked)
+        })
+    })
+}
+
+fn text() -> impl Strategy<Value = Text> {
+    vec(any::<u8>(), 0..8).prop_map(Text::from)
+}
+
+fn sound() -> impl Strategy<Value = Sound> {
+    let marker =
+        (text(), any::<i32>(), any::<i64>()).prop_map(|(label, channel, sample)| SoundMarker {
+            label,
+            channel,
+            sample,
+        });
+    let markers = btree_map(text(), marker, 0..4);
+    let samples = (1usize..5, 0usize..20)
+        .prop_flat_map(|(channels, length)| (Just(channels), vec(any::<i16>(), channels * length)));
+    (samples, any::<i32>(), markers).prop_map(|((channels, samples), frequency, markers)| {
+        let mut sound = Sound::new(channels, frequency, samples).unwrap();
+        sound.markers = markers;
+        sound
+    })
+}
+
+fn stamp() -> impl Strategy<Value = Stamp> {
+    (any::<i32>(), finite()).prop_map(|(count, time)| Stamp { count, time })
+}
+
+fn property() -> impl Strategy<Value = Property> {
+    btree_map("[a-z ]{0,5}", vec(any::<i64>(), 0..4), 0..5).prop_map(|entries| {
+        let mut property = Property::new();
+        for (name, values) in entries {
+            let values = values.into_iter().map(Into::into).collect();
+            property.put_all(&name, values);
+        }
+        property
+    })
+}
+
+/// Reads `bytes` as everything there is.
+fn read_all(bytes: &Bytes) {
+    for dialect in DIALECTS {
+        let _ = VectorOf::<f64>::read_binary(bytes, dialect);
+        let _ = VectorOf::<f32>::read_binary(bytes, dialect);
+        let _ = VectorOf::<i32>::read_binary(bytes, dialect);
+        let _ = VectorOf::<u16>::read_binary(bytes, dialect);
+        let _ = VectorOf::<i8>::read_binary(bytes, dialect);
+        let _ = Matrix::read_binary(bytes, dialect);
+        let _ = Stamp::read_binary(bytes, dialect);
+        let _ = Property::read_binary(bytes, dialect);
+        let _ = Pair::<Bottle, Image>::read_binary(bytes, dialect);
+        let _ = Pair::<Stamp, VectorOf<f64>>::read_binary(bytes, dialect);
+        if let Ok(image) = Image::read_binary(bytes, dialect) {
+            use_image(&image, dialect, bytes);
+        }
+        if let Ok(sound) = Sound::read_binary(bytes, dialect) {
+            for layout in LAYOUTS {
+                written(&sound.laid_out(layout), dialect);
+            }
+            assert!((0..sound.channels().min(9)).all(|n| sound.channel(n).is_some()));
+        }
+    }
+}
+
+/// Whatever was read as an image holds together.
+fn use_image(image: &Image, dialect: Dialect, bytes: &Bytes) {
+    let rows: usize = image.rows().map(<[u8]>::len).sum();
+    assert_eq!(rows, image.packed().len());
+    assert_eq!(image.flipped().pixels().len(), image.pixels().len());
+    assert!(image.pixel(image.width(), 0).is_none());
+    assert_eq!(written(image, dialect).len(), bytes.len());
+    let again = written(image, Dialect::V3);
+    assert_eq!(Image::read_binary(&again, Dialect::V3).as_ref(), Ok(image));
+}
+
+proptest! {
+    #[test]
+    fn vectors(doubles in vec(finite(), 1..30), shorts in vec(any::<i16>(), 1..30), bytes in vec(any::<u8>(), 1..30)) {
+        for dialect in DIALECTS {
+            survives(&VectorOf(doubles.clone()), dialect)?;
+            survives(&VectorOf(shorts.clone()), dialect)?;
+            survives(&VectorOf(bytes.clone()), dialect)?;
+        }
+    }
+
+    #[test]
+    fn bottles_of_their_own(matrix in matrix(), stamp in stamp(), property in property()) {
+        for dialect in DIALECTS {
+            survives(&matrix, dialect)?;
+            survives(&stamp, dialect)?;
+            survives(&property, dialect)?;
+            survives(&Pair { head: stamp, body: matrix.clone() }, dialect)?;
+        }
+    }
+
+    #[test]
+    fn images(image in image()) {
+        survives(&image, Dialect::V3)?;
+        survives(&image.clone().with_mark(false), Dialect::V4)?;
+        prop_assert_eq!(image.blocks(Dialect::V3).concat(), written(&image, Dialect::V3));
+        prop_assert_eq!(image.flipped().flipped().packed(), image.packed());
+        let packed = image.clone().with_quantum(1).unwrap();
+        prop_assert_eq!(packed.pixels(), &image.packed());
+        let bottle = Bottle::read_binary(&written(&image, Dialect::V3), Dialect::V3).unwrap();
+        prop_assert_eq!(bottle.len(), 4);
+    }
+
+    #[test]
+    fn sounds(sound in sound()) {
+        survives(&sound, Dialect::V4)?;
+        for layout in LAYOUTS {
+            let bytes = written(&sound.laid_out(layout), Dialect::V3);
+            let mut read = Sound::read_binary(&bytes, Dialect::V3).unwrap();
+            if layout != SoundLayout::Marked {
+                read.markers = sound.markers.clone();
+            }
+            prop_assert_eq!(&read, &sound);
+        }
+    }
+
+    #[test]
+    fn conversions_keep_colours(pixels in vec(any::<[u8; 3]>(), 6)) {
+        let rgb = Image::from_packed(PixelCode::RGB, 3, 2, pixels.concat()).unwrap();
+        for code in [PixelCode::BGR, PixelCode::RGBA, PixelCode::BGRA] {
+            let there = rgb.converted(code).unwrap();
+            prop_assert_eq!(there.converted(PixelCode::RGB).unwrap(), rgb.clone());
+            prop_assert_eq!(there.converted(PixelCode::MONO), rgb.converted(PixelCode::MONO));
+        }
+    }
+
+    #[test]
+    fn arbitrary_bytes(bytes in vec(any::<u8>(), 0..200)) {
+        read_all(&bytes.into());
+    }
+
+    #[test]
+    fn messages_with_bytes_changed(image in image(), sound in sound(), changes in vec((any::<prop::sample::Index>(), any::<u8>()), 1..4)) {
+        for layout in LAYOUTS {
+            for object in [&image as &dyn WireObject, &sound.laid_out(layout)] {
+                let mut bytes = written(object, Dialect::V3).to_vec();
+                for (at, byte) in &changes {
+                    let at = at.index(bytes.len().min(80));
+                    bytes[at] = *byte;
+                }
+                read_all(&bytes.into());
+            }
+        }
+    }
+}
