@@ -1,1 +1,39 @@
-//! What a robot program uses: ports and remote devices
+//! What a robot program uses: ports and remote devices.
+//!
+//! ```no_run
+//! use std::time::Duration;
+//! use yarp_client::{Axes, ControlMode, Mode, PositionControl, Robot};
+//!
+//! # fn main() -> Result<(), yarp_client::Error> {
+//! let arm = Robot::connect("/wam")?;
+//! let elbow = Axes::One(3.into());
+//! arm.set_control_modes(elbow, &[Mode::Position])?;
+//! arm.set_reference_speeds(elbow, &[20.0])?; // deg/s
+//! arm.position_move(elbow, &[120.0])?; // deg
+//! let arrived = arm.wait_for_rest(elbow, Duration::from_secs(10))?;
+//! println!("{arrived}: {:?}", arm.positions()?);
+//! # Ok(()) }
+//! ```
+//!
+//! * [`Robot`]: a control board somewhere on the network, with the interfaces of [`yarp_devices`].
+//! * [`Network`], [`Port`], [`PortOptions`]: ports whose calls block; [`yarp_ports`] has the async ones.
+//! * [`Bottle`], [`Value`]: what travels between ports.
+
+mod error;
+mod robot;
+
+pub use error::Error;
+pub use robot::Robot;
+pub use yarp_devices::{
+    Axes, AxisIndex, AxisInfo, ControlLimits, ControlMode, Device, DeviceError, EncoderReading,
+    Encoders, JointType, Limits, Mode, MotionControl, PositionControl, VelocityControl,
+};
+pub use yarp_ports::blocking::Port;
+pub use yarp_ports::{Network, PortError, PortOptions, Queue};
+pub use yarp_wire::{Bottle, Value};
+pub use yarp_wrappers::{OpenError, RemoteControlBoard, RemoteControlBoardOptions};
+
+/// Compiles the example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

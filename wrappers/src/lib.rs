@@ -13,3 +13,8 @@ pub use control_board::{
     ControlBoardOptions, ControlBoardServer, OpenError, RemoteControlBoard,
     RemoteControlBoardOptions,
 };
+
+/// Compiles the example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -105,9 +105,11 @@ impl RemoteControlBoard {
 
     fn order(&self, set: Set) -> Result<(), DeviceError> {
         let (reply, request) = self.link().call(Request::Set(set))?;
-        // An answer is no refusal, as stock judges it; what the board says besides is its own affair.
-        let _ = (reply, request);
-        Ok(())
+        if reply.is_ok() {
+            Ok(())
+        } else {
+            Err(self.link().unreadable(&request, reply))
+        }
     }
 }
 

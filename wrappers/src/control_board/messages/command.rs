@@ -13,7 +13,8 @@ use yarp_wire::vector::put_float64s;
 use yarp_wire::{Bottle, Dialect, Limits, Value, Vocab32};
 
 use super::number;
-use super::request::{Malformed, VELOCITY};
+use super::quantity::VELOCITY;
+use super::request::Malformed;
 use super::selection::Selection;
 use super::vocabulary as word;
 

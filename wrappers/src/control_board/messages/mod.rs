@@ -6,6 +6,7 @@
 //! | --- | --- | --- |
 //! | `vocabulary` | the words themselves | all |
 //! | `selection` | one joint, several, all: three words for each call | `rpc:i`, `command:i` |
+//! | `quantity` | the numbers that can be asked for and set | `rpc:i` |
 //! | `request` | questions and orders | `rpc:i` |
 //! | `reply` | what they are answered with | `rpc:i` |
 //! | `command` | orders that nobody waits for | `command:i` |
@@ -16,6 +17,7 @@
 mod command;
 mod joint_data;
 mod number;
+mod quantity;
 mod reply;
 mod request;
 mod selection;
@@ -23,7 +25,11 @@ pub mod vocabulary;
 
 pub use command::{Command, Streamed};
 pub use joint_data::{Field, JointData};
+pub use quantity::{Quantity, Setting};
 pub use reply::{ProtocolVersion, Reply};
 pub(crate) use reply::{joint_type_from_value, joint_type_to_value};
-pub use request::{Get, Malformed, Quantity, Request, Set, Setting};
+pub use request::{Get, Malformed, Request, Set};
 pub use selection::{Selection, Words};
+
+#[cfg(test)]
+mod recorded_tests;
