@@ -1,0 +1,103 @@
+#!/usr/bin/env bash
+# Ours against live stock YARP 3.5.0. Fails, and never skips, when stock is missing.
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+: "${STOCK:?set STOCK to the folder of stock YARP; \`make test-live\` does}"
+. conformance/stock/environment.sh
+
+ours=$PWD/target/release/yarp
+if ! peer=$(with_stock yarp version); then
+    echo "live: no stock YARP in $STOCK; run \`make stock\`" >&2
+    exit 1
+fi
+echo "live: the peer is stock $peer, in $STOCK"
+
+work=$(mktemp -d)
+running=()
+stop() {
+    for process in "${running[@]}"; do
+        kill "$process" 2>/dev/null || true
+    done
+    for process in "${running[@]}"; do
+        wait "$process" 2>/dev/null || true
+    done
+    running=()
+}
+trap 'stop; rm -rf "$work"' EXIT
+
+failed=0
+# Runs a command with a title; goes on after a failure, and remembers it.
+suite() {
+    local title=$1
+    shift
+    echo "---- $title"
+    if timeout 600 "$@"; then
+        echo "---- $title: passed"
+    else
+        echo "---- $title: FAILED"
+        failed=$((failed + 1))
+    fi
+}
+# Waits until a command succeeds, half a minute at the most.
+until_ok() {
+    for _ in $(seq 150); do
+        if "$@" >/dev/null 2>&1; then return 0; fi
+        sleep 0.2
+    done
+    echo "live: gave up waiting for: $*" >&2
+    return 1
+}
+python=$STOCK/bin/python
+
+cargo build --quiet --release -p yarp-cli -p yarp-conformance
+cargo build --quiet -p yarp-wire --example bottle --example typed
+
+suite "text of bottles" with_stock "$python" conformance/live/bottle_text.py target/debug/examples/bottle
+
+g++ -O1 -std=c++17 -include cstdint conformance/live/typed_peer.cpp -I"$stock_package/include" \
+    -L"$stock_package/lib" -lYARP_os -lYARP_sig -lYARP_init -o "$work/typed_peer"
+suite "typed messages" with_stock "$python" conformance/live/typed.py target/debug/examples/typed "$work/typed_peer"
+
+for server in ours stock; do
+    suite "the yarp command, server: $server" "$python" conformance/live/cli.py \
+        --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours" --server "$server"
+done
+
+# An arm of ours, driven by the stock client, on a name server of ours and on one of stock's.
+port=10510
+for server in ours stock; do
+    export YARP_CONFIG_HOME=$work/$server
+    mkdir -p "$YARP_CONFIG_HOME"
+    if [ "$server" = ours ]; then
+        "$ours" server --ip 127.0.0.1 --socket $port --write >"$work/server.log" 2>&1 &
+    else
+        with_stock yarpserver --ip 127.0.0.1 --socket $port --write >"$work/server.log" 2>&1 &
+    fi
+    running+=($!)
+    until_ok "$ours" where
+    "$ours" up --name /wam >"$work/up.log" 2>&1 &
+    arm=$!
+    running+=($arm)
+    until_ok "$ours" exists /wam/stateExt:o
+    for carrier in tcp udp; do
+        suite "stock remote_controlboard over $carrier, server: $server" \
+            with_stock "$python" conformance/live/remote_controlboard.py /wam $carrier
+    done
+    suite "yarp up ends cleanly" bash -c "kill -INT $arm; for i in \$(seq 100); do kill -0 $arm 2>/dev/null || exit 0; sleep 0.1; done; exit 1"
+    left=$("$ours" name list | grep -c ' /wam/' || true)
+    suite "no name is left behind" test "$left" = 0
+
+    with_stock yarpdev --device controlBoard_nws_yarp --subdevice fakeMotionControl \
+        --name /fake --period 0.02 --GENERAL::Joints 3 >"$work/fake.log" 2>&1 &
+    running+=($!)
+    until_ok "$ours" exists /fake/stateExt:o
+    suite "our client drives stock's control board, server: $server" target/release/drive_stock /fake
+    stop
+    port=$((port + 1))
+done
+
+if [ $failed != 0 ]; then
+    echo "live: $failed suites failed"
+    exit 1
+fi
+echo "live: everything passed against stock $peer"
