@@ -43,11 +43,17 @@ impl Default for Platform {
 }
 
 impl Environment {
-    /// The variables of this process; those that are not Unicode are left out.
+    /// The variables of this process that a configuration can depend on; those that are not
+    /// Unicode are left out.
     pub fn from_process() -> Self {
         let variables = std::env::vars_os();
         let text = |(key, value): (std::ffi::OsString, std::ffi::OsString)| {
-            Some((key.into_string().ok()?, value.into_string().ok()?))
+            let key = key.into_string().ok()?;
+            let ours = ["YARP_", "XDG_"]
+                .iter()
+                .any(|prefix| key.starts_with(prefix));
+            let ours = ours || matches!(key.as_str(), "HOME" | "APPDATA");
+            Some((ours.then_some(key)?, value.into_string().ok()?))
         };
         Self {
             variables: variables.filter_map(text).collect(),
