@@ -33,10 +33,10 @@ async fn the_recorded_dialogue() {
     raw.expect(HELP).await;
     raw.send("*\r\n").await;
     raw.expect(format!(
-        "This is /rd at tcp://127.0.0.1:{}/\r\n\
+        "This is /rd at {}\r\n\
         There are no outgoing connections\r\n\
         There is an input connection from foo to /rd using text\r\n",
-        port.number()
+        port.address()
     ))
     .await;
     raw.send("d\r\nhello yarp 1 2 (3)\r\nnonsense\r\n").await;
@@ -70,10 +70,10 @@ async fn a_description_says_who_is_connected() {
     raw.expect("Welcome <ping>\r\n").await;
     raw.send("*\r\n").await;
     raw.expect(format!(
-        "This is /adm at tcp://127.0.0.1:{}/\r\n\
+        "This is /adm at {}\r\n\
         There are no outgoing connections\r\n\
         There is an input connection from <ping> to /adm using text_ack\r\n<ACK>\r\n",
-        port.number()
+        port.address()
     ))
     .await;
 }
@@ -90,10 +90,10 @@ async fn connections_are_made_and_ended_by_hand() {
         .await;
     raw.send("*\r\n").await;
     raw.expect(format!(
-        "This is /wr at tcp://127.0.0.1:{}/\r\n\
+        "This is /wr at {}\r\n\
         There is an output connection from /wr to /rd using tcp\r\n\
         There is an input connection from me to /wr using text\r\n",
-        writer.number()
+        writer.address()
     ))
     .await;
     raw.send("!/tcp://rd\r\n!/rd\r\n!/rd\r\n~/nobody\r\n").await;

@@ -295,7 +295,12 @@ impl Core {
                 (false, true) => "Sending output",
                 (false, false) => "Removing output",
             };
-            tracing::info!(port = %self.name, "{what} from {from} to {to} using {carrier}");
+            // As in stock, the end does not name the carrier.
+            let using = match began {
+                true => format!(" using {carrier}"),
+                false => String::new(),
+            };
+            tracing::info!(port = %self.name, "{what} from {from} to {to}{using}");
         }
         if let Some(watcher) = &self.options.watcher {
             watcher(&ConnectionChange {
