@@ -62,7 +62,8 @@ impl AdminRequest {
             }
         };
         // Only words of at most four characters are commands; `address` is not `[addr]`.
-        let Some(head) = request.get(0).map(Value::to_plain_string) else {
+        let head = request.get(0).filter(|head| head.as_list().is_none());
+        let Some(head) = head.map(Value::to_plain_string) else {
             return Self::Other(request.clone());
         };
         match head.as_str() {

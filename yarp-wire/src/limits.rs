@@ -13,14 +13,18 @@ pub struct Limits {
     pub line: usize,
     /// Deepest nesting of lists.
     pub depth: usize,
+    /// Most values of one binary bottle: each takes some 40 bytes once it is read. Typed messages
+    /// such as vectors and images are not bottles in this sense.
+    pub values: usize,
 }
 
 impl Limits {
-    /// 1 GiB messages, 16 MiB of text, lists nested 200 deep.
+    /// 1 GiB messages, 4 MiB of text, lists nested 200 deep, 4 million values.
     pub const DEFAULT: Self = Self {
         message: 1 << 30,
-        line: 16 << 20,
+        line: 4 << 20,
         depth: 200,
+        values: 4 << 20,
     };
 
     /// The same bounds with another largest message, in bytes.

@@ -191,6 +191,12 @@ pub enum DecodeError {
         /// The limit in force.
         limit: usize,
     },
+    /// More values than the limit.
+    #[error("a bottle of more than {limit} values")]
+    TooMany {
+        /// The limit in force.
+        limit: usize,
+    },
     /// A bottle larger than the limit.
     #[error("a bottle of more than {limit} bytes")]
     TooLong {
@@ -241,8 +247,8 @@ impl Bottle {
     /// No value is made before the whole has been found well-formed; strings and blobs share
     /// `bytes`.
     pub fn decode(bytes: &Bytes, dialect: Dialect, limits: Limits) -> Result<Self, DecodeError> {
-        scan_whole(bytes, dialect, limits)?;
-        Ok(read(bytes, dialect))
+        let scanner = scan_whole(bytes, dialect, limits)?;
+        read(bytes, &scanner, dialect, limits)
     }
 
     /// Reads the bottle at the start of `bytes`, and tells how many bytes it took.
@@ -251,8 +257,9 @@ impl Bottle {
         dialect: Dialect,
         limits: Limits,
     ) -> Result<(Self, usize), DecodeError> {
-        match Scanner::new(dialect, limits).scan(bytes)? {
-            Scan::Complete { length } => Ok((read(bytes, dialect), length)),
+        let mut scanner = Scanner::new(dialect, limits);
+        match scanner.scan(bytes)? {
+            Scan::Complete { length } => Ok((read(bytes, &scanner, dialect, limits)?, length)),
             Scan::Needs { at_least } => Err(DecodeError::Truncated {
                 have: bytes.len(),
                 need: at_least,
@@ -268,24 +275,24 @@ impl Bottle {
         expected: Dialect,
         limits: Limits,
     ) -> Result<(Self, Option<Dialect>), DecodeError> {
-        let as_expected = scan_whole(bytes, expected, limits);
-        let scanned = match as_expected {
-            Ok(betrayed) => Ok((expected, betrayed)),
-            Err(error) => match scan_whole(bytes, expected.other(), limits) {
-                Ok(betrayed) => Ok((expected.other(), betrayed)),
-                Err(_) => Err(error),
-            },
+        let (dialect, scanner) = match scan_whole(bytes, expected, limits) {
+            Ok(scanner) => (expected, scanner),
+            Err(error) => {
+                let other = expected.other();
+                let scanner = scan_whole(bytes, other, limits).map_err(|_| error)?;
+                (other, scanner)
+            }
         };
-        let (dialect, betrayed) = scanned?;
-        Ok((read(bytes, dialect), betrayed.then_some(dialect)))
+        let bottle = read(bytes, &scanner, dialect, limits)?;
+        Ok((bottle, scanner.betrayed().then_some(dialect)))
     }
 }
 
-/// Checks that a bottle of `dialect` fills `bytes` exactly; tells whether it betrays the dialect.
-fn scan_whole(bytes: &[u8], dialect: Dialect, limits: Limits) -> Result<bool, DecodeError> {
+/// Checks that a bottle of `dialect` fills `bytes` exactly; gives what was seen on the way.
+fn scan_whole(bytes: &[u8], dialect: Dialect, limits: Limits) -> Result<Scanner, DecodeError> {
     let mut scanner = Scanner::new(dialect, limits);
     match scanner.scan(bytes)? {
-        Scan::Complete { length } if length == bytes.len() => Ok(scanner.betrayed()),
+        Scan::Complete { length } if length == bytes.len() => Ok(scanner),
         Scan::Complete { length } => Err(DecodeError::Trailing {
             length,
             extra: bytes.len() - length,
@@ -297,21 +304,30 @@ fn scan_whole(bytes: &[u8], dialect: Dialect, limits: Limits) -> Result<bool, De
     }
 }
 
-/// Reads the bottle at the start of bytes that were scanned.
-fn read(bytes: &Bytes, dialect: Dialect) -> Bottle {
-    Reader {
+/// Reads the bottle at the start of bytes that `scanner` went over.
+fn read(
+    bytes: &Bytes,
+    scanner: &Scanner,
+    dialect: Dialect,
+    limits: Limits,
+) -> Result<Bottle, DecodeError> {
+    if scanner.values() > limits.values as u64 {
+        let limit = limits.values;
+        return Err(DecodeError::TooMany { limit });
+    }
+    let mut reader = Reader {
         bytes,
         at: 0,
         dialect,
-    }
-    .list()
+    };
+    Ok(reader.list())
 }
 
 /// Which generation the bytes of one whole message betray.
 ///
 /// `None` if they read the same, or not at all, in both.
 pub fn detect(bytes: &[u8], limits: Limits) -> Option<Dialect> {
-    let reads = |dialect| scan_whole(bytes, dialect, limits).ok();
+    let reads = |dialect| Some(scan_whole(bytes, dialect, limits).ok()?.betrayed());
     match (reads(Dialect::V3), reads(Dialect::V4)) {
         (Some(true), None) => Some(Dialect::V3),
         (None, Some(true)) => Some(Dialect::V4),

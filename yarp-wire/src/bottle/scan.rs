@@ -16,6 +16,7 @@ pub struct Scanner {
     levels: Vec<Level>,
     betrayed: bool,
     started: bool,
+    values: u64,
 }
 
 /// A list that is not finished yet.
@@ -50,6 +51,7 @@ impl Scanner {
             levels: Vec::new(),
             betrayed: false,
             started: false,
+            values: 0,
         }
     }
 
@@ -79,6 +81,11 @@ impl Scanner {
         self.betrayed
     }
 
+    /// The values in all lists that were entered, as they announce them.
+    pub fn values(&self) -> u64 {
+        self.values
+    }
+
     /// Enters a list whose code has been read and whose count stands at `at`.
     fn open(&mut self, bytes: &[u8], code: i32, at: usize) -> Result<Option<Scan>, DecodeError> {
         let unit = Code::of_items(code, self.dialect).map_err(|code| DecodeError::UnknownCode {
@@ -100,6 +107,7 @@ impl Scanner {
             self.betrayed |= unit.betrays();
         }
         self.at = at + 4;
+        self.values = self.values.saturating_add(count.max(0) as u64);
         self.levels.push(Level {
             unit,
             // A negative count reads as none, as in stock.

@@ -182,8 +182,8 @@ impl Value {
 
     /// The text without quotes or brackets: what stock's `Value::toString` gives.
     ///
-    /// A string gives its characters, a vocab its word, a list its items; anything else its
-    /// nested form.
+    /// A string gives its characters, a vocab its word, a list its items, a
+    /// blob its bytes.
     pub fn to_plain_string(&self) -> String {
         match self {
             Self::String(text) => text.to_lossy().into_owned(),
@@ -192,7 +192,11 @@ impl Value {
             Self::Vocab32(v) => v.to_string(),
             Self::Vocab64(v) => v.to_string(),
             Self::List(list) | Self::Dictionary(list) => list.to_string(),
-            other => other.to_string(),
+            Self::Blob(bytes) => {
+                let numbers: Vec<String> = bytes.iter().map(u8::to_string).collect();
+                numbers.join(" ")
+            }
+            number => number.to_string(),
         }
     }
 }
