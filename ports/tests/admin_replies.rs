@@ -167,9 +167,8 @@ async fn an_owner_answers_what_the_port_does_not_know() {
 async fn an_input_only_port_refuses_to_connect() {
     let port = open("/adm", PortOptions::new().input_only()).await;
     let mut raw = Raw::text(&port, "me").await;
-    raw.send("a\r\n[add] \"/rd\"\r\n/rd\r\n").await;
-    raw.expect("-1 \"Outputs not allowed\\r\\n\"\r\nOutputs not allowed\r\n")
-        .await;
+    raw.send("a\r\n[add] \"tcp://127.0.0.1:1/rd\"\r\n").await;
+    raw.expect("-1 \"Outputs not allowed\\r\\n\"\r\n").await;
 }
 
 #[tokio::test]

@@ -6,7 +6,14 @@ use common::{at, bottle, connect, next, open, within};
 use yarp_ports::{Answer, PortOptions, Queue};
 use yarp_wire::{Bottle, Stamp, Value};
 
-const STREAMS: [&str; 4] = ["tcp", "fast_tcp", "text", "text_ack"];
+const STREAMS: [&str; 6] = [
+    "tcp",
+    "fast_tcp",
+    "text",
+    "text_ack",
+    "unix_stream",
+    "unix_stream+ack",
+];
 
 /// Every kind of value, and what is hard to carry in text.
 fn hard() -> Bottle {

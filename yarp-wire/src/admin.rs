@@ -50,7 +50,11 @@ impl AdminRequest {
     /// Reads a request.
     pub fn parse(request: &Bottle) -> Self {
         let word = |index: usize| request.get(index).and_then(Value::as_vocab);
-        let text = |index: usize| request.get(index).map(Value::to_plain_string);
+        // A list is no name: what browsers add to a request comes as lists.
+        let text = |index: usize| {
+            let item = request.get(index).filter(|item| item.as_list().is_none());
+            item.map(Value::to_plain_string)
+        };
         let is = |index, name: &str| word(index) == Some(Vocab32::new(name));
         let direction = |index| {
             if is(index, "in") {
@@ -62,8 +66,7 @@ impl AdminRequest {
             }
         };
         // Only words of at most four characters are commands; `address` is not `[addr]`.
-        let head = request.get(0).filter(|head| head.as_list().is_none());
-        let Some(head) = head.map(Value::to_plain_string) else {
+        let Some(head) = text(0) else {
             return Self::Other(request.clone());
         };
         match head.as_str() {

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use yarp_wire::carrier::{Carrier, CarrierSpec, Framing, Transport};
-use yarp_wire::{Bottle, Contact, Dialect};
+use yarp_wire::{Bottle, Contact, Dialect, admin};
 
 use super::group::Group;
 use super::inbox::Inbox;
@@ -15,6 +15,7 @@ use crate::cancel::{Cancel, Cancelled};
 use crate::error::PortError;
 use crate::network::Network;
 use crate::probe;
+use crate::remote;
 
 /// How long a goodbye to a reader may take.
 pub(crate) const GOODBYE: Duration = Duration::from_secs(1);
@@ -124,12 +125,13 @@ impl Core {
 
     /// Connects to a reader; connections to the same reader end first.
     pub(crate) async fn connect(&self, to: &Contact) -> Result<(), PortError> {
+        // As in stock, who cannot be found is told first.
+        let found = self.network.resolve(to).await?;
         if self.options.outputs == Outputs::None {
             return Err(PortError::OutputsNotAllowed {
                 name: self.name.clone(),
             });
         }
-        let found = self.network.resolve(to).await?;
         let spec = self.carrier_spec(to, &found.carrier)?;
         let carrier = Carrier::of(&spec).filter(|carrier| {
             // Browsers and name server clients connect to ports, not ports to them.
@@ -241,6 +243,31 @@ impl Core {
             found = true;
         }
         found
+    }
+
+    /// Asks the ports that write to this one to end their connections, as stock does at the end:
+    /// by itself a writer learns of the end only when it writes next.
+    pub(crate) async fn dismiss_sources(&self) {
+        let sources: Vec<_> = self
+            .inputs()
+            .iter()
+            .map(|entry| entry.from.clone())
+            .collect();
+        let network = self.network.with_deadline(GOODBYE);
+        let asking: tokio::task::JoinSet<()> = sources
+            .into_iter()
+            .filter(|source| is_port(source))
+            .map(|source| {
+                let (network, request) = (network.clone(), admin::remove(&self.name));
+                let asking = async move {
+                    let place = network.query(&source).await?;
+                    remote::administer(&network, &place, &request).await
+                };
+                // One that does not answer will notice by itself.
+                async move { drop(tokio::time::timeout(GOODBYE, asking).await) }
+            })
+            .collect();
+        asking.join_all().await;
     }
 
     /// Takes note of an incoming connection. An older one from the same port ends.

@@ -393,6 +393,7 @@ impl Port {
                 .map(|output| async move { output.close(core::GOODBYE).await })
                 .collect();
             goodbyes.join_all().await;
+            core.dismiss_sources().await;
             core.release_group().await;
             cancel.cancel();
             // The listener ends its connections, all of which heed the signal.

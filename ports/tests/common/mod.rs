@@ -124,6 +124,18 @@ impl Raw {
         }
     }
 
+    /// Sends as many of the bytes as the other side takes before it ends the connection.
+    pub(crate) async fn try_send(&mut self, bytes: impl AsRef<[u8]>) {
+        let _ = within(self.0.write_all(bytes.as_ref())).await;
+    }
+
+    /// Reads that many bytes.
+    pub(crate) async fn receive(&mut self, count: usize) -> Vec<u8> {
+        let mut bytes = vec![0; count];
+        within(self.0.read_exact(&mut bytes)).await.unwrap();
+        bytes
+    }
+
     /// Reads one byte.
     pub(crate) async fn byte(&mut self) -> u8 {
         within(self.0.read_u8()).await.unwrap()
