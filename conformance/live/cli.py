@@ -325,13 +325,16 @@ def _(world, tool):
     return elsewhere(world, tool, ["connect", "connect --persist /a /b", "read /r"], "127.0.0.1 1 yarp\n")
 
 
-def interrupted(line, ready="active at"):
+def interrupted(line, port="/i"):
     """A command that a signal ends, and what is left of its names."""
 
     def run(world, tool):
         results = []
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            process = world.start(tool, line, ready).signal(number).see("Interrupting...")
+            process = world.start(tool, line, f"Port {port} active")
+            # Stock is not ready for a signal before its port answers.
+            world.run("ours", f"exists {port}")
+            process.signal(number).see("Interrupting...")
             try:
                 # Stock misses a signal that comes before it waits for input.
                 process.end_input()
@@ -345,10 +348,8 @@ def interrupted(line, ready="active at"):
 
 
 for command in ("read /i", "write /i", "rpcserver /i"):
-    scenario(f"signals end {command.split()[0]}")(
-        interrupted(command, "Waiting" if "rpc" in command else "active at")
-    )
-scenario("signals end readwrite")(interrupted("readwrite /i/r /i/w", "Port /i/w active at"))
+    scenario(f"signals end {command.split()[0]}")(interrupted(command))
+scenario("signals end readwrite")(interrupted("readwrite /i/r /i/w", "/i/w"))
 
 
 @scenario("a name that is in use")
@@ -434,8 +435,7 @@ def _(world, first, second):
     left.see("to the left")
     results.append(left.signal().finish())
     right.see("Removing input")
-    right.see("Removing output")
-    results.append(right.signal().finish())
+    results.append(right.end_input().finish())
     return results
 
 
@@ -575,8 +575,8 @@ def _(world, asking, writing, reading):
     reader.see("hello")
     results.append(world.run(asking, "connect /w"))
     results.append(world.run(asking, "disconnect --persist /w /r"))
-    reader.see("Removing input")
     results.append(writer.end_input().finish())
+    reader.see("Removing input")
     results.append(reader.signal().finish())
     return results
 

@@ -1,0 +1,85 @@
+//! `yarp clean`: takes back the names of ports that are gone.
+
+use std::io::Write;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use yarp_ports::remote;
+
+use crate::error::Result;
+use crate::session;
+use crate::text::general;
+
+/// try to remove inactive entries from the name server
+///
+/// Takes back the names of ports that are gone: whose address refuses a connection.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// How long to wait for a port, in seconds
+    #[arg(long, value_name = "SECONDS", num_args = 0..=1, default_missing_value = "")]
+    timeout: Option<String>,
+    #[arg(hide = true, allow_hyphen_values = true, trailing_var_arg = true)]
+    rest: Vec<String>,
+}
+
+pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
+    if args.timeout.is_none() && args.rest.is_empty() {
+        writeln!(
+            out,
+            "# If the cleaning process has long delays, you may wish to use a timeout, "
+        )?;
+        writeln!(
+            out,
+            "# specifying how long to wait (in seconds) for a test connection to a port:"
+        )?;
+        writeln!(out, "#   yarp clean --timeout 5.0")?;
+    }
+    let network = session::network()?;
+    let timeout = args.timeout.and_then(|text| text.parse::<f64>().ok());
+    let timeout = timeout.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+    let timeout = timeout.filter(|timeout| !timeout.is_zero());
+    writeln!(out, "Requesting list of ports from name server... ")?;
+    let places = match network.ask("list").await {
+        Ok(answer) => answer.registrations(),
+        Err(error) => {
+            writeln!(out, "got -1 ports")?;
+            session::server_away(&network, &error);
+            return Ok(ExitCode::FAILURE);
+        }
+    };
+    writeln!(out, "got {} ports", places.len())?;
+    match timeout {
+        Some(timeout) => {
+            writeln!(
+                out,
+                "Using a timeout of {} seconds",
+                general(timeout.as_secs_f64())
+            )?;
+        }
+        None => writeln!(
+            out,
+            "No timeout; to specify one, do \"yarp clean --timeout NN.N\""
+        )?,
+    }
+    let patient = match timeout {
+        Some(timeout) => network.with_deadline(timeout),
+        None => network.clone(),
+    };
+    for place in places {
+        if place.name == network.namespace() || !place.name.starts_with('/') {
+            writeln!(out, "Ignoring {}", place.name)?;
+            continue;
+        }
+        let (carrier, host, port) = (&place.carrier, &place.host, place.port);
+        writeln!(out, "Testing {} at {carrier}://{host}:{port}/", place.name)?;
+        if !remote::listens(&patient, &place).await {
+            writeln!(out, "* No response, removing port {}", place.name)?;
+            network.unregister(&place.name).await?;
+        }
+    }
+    writeln!(out, "Giving name server a chance to do garbage collection.")?;
+    let answer = network.ask("gc").await?;
+    let lines: Vec<_> = answer.lines().collect();
+    writeln!(out, "Name server says: {}", lines.join(" "))?;
+    Ok(ExitCode::SUCCESS)
+}

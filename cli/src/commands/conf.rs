@@ -1,0 +1,98 @@
+//! `yarp conf`: the file that says where the name server is.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use yarp_ports::config::{self, ConfigError, Mode, NameServer, file_name};
+
+use super::namespace;
+use crate::error::Result;
+use crate::text::complain;
+
+/// report location of configuration file, and optionally fix it
+///
+/// Tells which file says where the name server is, writes it, or empties it.
+///
+/// Without arguments: prints the name of the file.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Empty the file
+    #[arg(long)]
+    clean: bool,
+    /// Host and TCP port of the name server, and its kind (yarp)
+    #[arg(
+        value_name = "HOST PORT [MODE]",
+        allow_hyphen_values = true,
+        trailing_var_arg = true
+    )]
+    words: Vec<String>,
+}
+
+pub(super) fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
+    let file = file()?;
+    let shown = file.display();
+    if args.clean {
+        config::write(&file, "")?;
+        writeln!(out, "Cleared configuration file:\n  {shown}")?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let (host, port, mode) = match &args.words[..] {
+        [] => {
+            writeln!(out, "{shown}")?;
+            return Ok(ExitCode::SUCCESS);
+        }
+        [host, port] => (host, port, Mode::Yarp),
+        [host, port, mode, ..] => (host, port, Mode::from(mode.as_str())),
+        [_] => {
+            complain(out, "Command not understood")?;
+            return Ok(ExitCode::FAILURE);
+        }
+    };
+    let Some(port) = port.parse().ok().filter(|port| *port > 0) else {
+        complain(
+            out,
+            &format!("Port number not understood: {port} (expected 1 to 65535)"),
+        )?;
+        return Ok(ExitCode::FAILURE);
+    };
+    let mut server = NameServer::at(host, port);
+    server.mode = mode;
+    writeln!(out, "Configuration file:\n  {shown}")?;
+    if let Some(stored) = stored(&file)? {
+        writeln!(out, "Stored:\n  {}", describe(&stored))?;
+    }
+    config::write(&file, &server.to_string())?;
+    writeln!(out, "Now stores:\n  {}", describe(&server))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The file for the namespace in force, whatever it contains.
+fn file() -> Result<PathBuf> {
+    let directories = namespace::directories()?;
+    let names = namespace::names(&directories)?;
+    Ok(directories.config_home.join(file_name(&names[0])))
+}
+
+/// What the file says now; what it says wrongly does not matter any more.
+fn stored(file: &Path) -> Result<Option<NameServer>> {
+    let text = read(file)?;
+    Ok(NameServer::parse(file, &text).ok().flatten())
+}
+
+/// The text of a file; none if there is no file.
+pub(super) fn read(file: &Path) -> std::result::Result<String, ConfigError> {
+    match std::fs::read_to_string(file) {
+        Ok(text) => Ok(text),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(String::new()),
+        Err(source) => Err(ConfigError::Read {
+            file: file.to_owned(),
+            source,
+        }),
+    }
+}
+
+fn describe(server: &NameServer) -> String {
+    let NameServer { host, port, mode } = server;
+    format!("host {host} port number {port} ({mode} name server)")
+}

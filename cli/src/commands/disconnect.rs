@@ -1,0 +1,49 @@
+//! `yarp disconnect`: ends the connection between two ports.
+
+use std::io::Write;
+use std::process::ExitCode;
+
+use yarp_wire::{Bottle, Value};
+
+use super::code;
+use super::connect::subscription;
+use crate::connecting;
+use crate::error::Result;
+use crate::session;
+use crate::text::complain;
+
+/// remove a connection between two ports
+///
+/// Ends the connection between two ports.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// End a persistent connection: the name server forgets it
+    #[arg(long)]
+    persist: bool,
+    /// Source and destination
+    #[arg(
+        value_name = "SOURCE DESTINATION",
+        allow_hyphen_values = true,
+        trailing_var_arg = true
+    )]
+    ports: Vec<String>,
+}
+
+pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
+    let [source, destination] = &args.ports[..] else {
+        complain(
+            out,
+            "Must have two arguments, a sender port and receiver port",
+        )?;
+        return Ok(ExitCode::FAILURE);
+    };
+    let network = session::network()?;
+    if args.persist {
+        let words = ["unsubscribe", source, destination];
+        let request: Bottle = words.into_iter().map(Value::from).collect();
+        return Ok(code(subscription(&network, &request).await));
+    }
+    Ok(code(
+        connecting::disconnect(&network, source, destination).await,
+    ))
+}

@@ -1,0 +1,51 @@
+//! `yarp exists`: is a port or a connection alive?
+
+use std::io::Write;
+use std::process::ExitCode;
+
+use yarp_ports::{PortError, remote};
+
+use super::code;
+use crate::connecting;
+use crate::error::Result;
+use crate::session;
+use crate::text::complain;
+
+/// check if a port or connection is alive
+///
+/// Exits with 0 if a port answers, or if two ports are connected; else with 1.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// A port, or the source and the destination of a connection
+    #[arg(
+        value_name = "PORT | SOURCE DESTINATION",
+        allow_hyphen_values = true,
+        trailing_var_arg = true
+    )]
+    ports: Vec<String>,
+}
+
+pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
+    match &args.ports[..] {
+        [port] => {
+            let network = session::network()?;
+            match remote::exists(&network, port).await {
+                Ok(exists) => Ok(code(exists)),
+                Err(PortError::NoNameServer) => Ok(ExitCode::FAILURE),
+                Err(error) => {
+                    session::away(&error);
+                    Ok(ExitCode::FAILURE)
+                }
+            }
+        }
+        [source, destination] => {
+            let network = session::network()?;
+            let connected = connecting::is_connected(&network, source, destination).await?;
+            Ok(code(connected))
+        }
+        _ => {
+            complain(out, "Please specify a port name")?;
+            Ok(ExitCode::FAILURE)
+        }
+    }
+}

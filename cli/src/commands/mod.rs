@@ -1,0 +1,104 @@
+//! The commands, one file each.
+
+mod check;
+mod clean;
+mod conf;
+mod connect;
+mod detect;
+mod disconnect;
+mod exists;
+mod help;
+mod name;
+mod namespace;
+mod ping;
+mod read;
+mod readwrite;
+mod repeat;
+mod rpc;
+mod rpcserver;
+mod server;
+mod terminate;
+mod topic;
+mod up;
+mod version;
+mod wait;
+mod where_;
+mod words;
+mod write;
+
+use std::io::Write;
+use std::process::ExitCode;
+
+use crate::cli::Prefixes;
+use crate::error::Result;
+
+/// Every command. The first line about its `Args` is stock's, and is what `yarp help` prints.
+#[derive(Debug, clap::Subcommand)]
+#[command(rename_all = "lower")]
+pub(crate) enum Command {
+    Check(check::Args),
+    Clean(clean::Args),
+    Conf(conf::Args),
+    Connect(connect::Args),
+    Detect(detect::Args),
+    Disconnect(disconnect::Args),
+    Exists(exists::Args),
+    Help(help::Args),
+    Name(name::Args),
+    Namespace(namespace::Args),
+    Ping(ping::Args),
+    Read(read::Args),
+    Readwrite(readwrite::Args),
+    Repeat(repeat::Args),
+    Rpc(rpc::Args),
+    Rpcserver(rpcserver::Args),
+    Server(server::Args),
+    Terminate(terminate::Args),
+    Topic(topic::Args),
+    Up(up::Args),
+    Version(version::Args),
+    Wait(wait::Args),
+    Where(where_::Args),
+    Write(write::Args),
+}
+
+impl Command {
+    /// Does it; gives the exit code.
+    pub(crate) async fn run(self, prefixes: Prefixes, out: &mut dyn Write) -> Result<ExitCode> {
+        match self {
+            Self::Check(args) => check::run(args, out).await,
+            Self::Clean(args) => clean::run(args, out).await,
+            Self::Conf(args) => conf::run(args, out),
+            Self::Connect(args) => connect::run(args, out).await,
+            Self::Detect(args) => detect::run(args, out).await,
+            Self::Disconnect(args) => disconnect::run(args, out).await,
+            Self::Exists(args) => exists::run(args, out).await,
+            Self::Help(args) => help::run(args, out),
+            Self::Name(args) => name::run(args, out).await,
+            Self::Namespace(args) => namespace::run(args, out),
+            Self::Ping(args) => ping::run(args, out).await,
+            Self::Read(args) => read::run(args, out).await,
+            Self::Readwrite(args) => readwrite::run(args, out).await,
+            Self::Repeat(args) => repeat::run(args, out).await,
+            Self::Rpc(args) => rpc::run(args, prefixes, out).await,
+            Self::Rpcserver(args) => rpcserver::run(args, out).await,
+            Self::Server(args) => server::run(args, out).await,
+            Self::Terminate(args) => terminate::run(args, out).await,
+            Self::Topic(args) => topic::run(args, out).await,
+            Self::Up(args) => up::run(args, out).await,
+            Self::Version(args) => version::run(args, out),
+            Self::Wait(args) => wait::run(args, out).await,
+            Self::Where(args) => where_::run(args, out).await,
+            Self::Write(args) => write::run(args, prefixes, out).await,
+        }
+    }
+}
+
+/// Success or "no".
+fn code(yes: bool) -> ExitCode {
+    if yes {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::FAILURE
+    }
+}

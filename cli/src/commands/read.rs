@@ -1,0 +1,254 @@
+//! `yarp read`: prints what arrives at a port.
+
+use std::io::Write;
+use std::process::ExitCode;
+
+use bytes::Bytes;
+use yarp_ports::{PortOptions, Queue, Received};
+use yarp_wire::{Bottle, Stamp, Value};
+
+use super::words::take_value;
+use crate::connecting::{self, Telling};
+use crate::error::Result;
+use crate::session;
+use crate::signals::Interrupt;
+use crate::text::{complain, leading_integer};
+
+/// Messages that may wait to be printed; beyond that the writer waits.
+const QUEUE: usize = 64;
+/// Characters of a message under `trim` without a number.
+const TRIM: usize = 80;
+
+/// read from the network and print to standard output
+///
+/// Opens a port and prints each message that arrives as a Bottle.
+///
+/// Ends on Ctrl-C, or when `yarp write ... verbatim` at the other end ends.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Words after the port:
+  REMOTE       connect from this port first
+  envelope     print the envelope (count and time) on a line of its own in front of each message
+  envelope2    the same
+  trim [N]     print at most N characters of each message (80)
+  once         end after one message
+  --type TYPE  register the port with this message type")]
+pub(crate) struct Args {
+    /// The port to open
+    port: Option<String>,
+    /// See below
+    #[arg(
+        value_name = "REMOTE | envelope | trim [N] | once",
+        allow_hyphen_values = true,
+        trailing_var_arg = true
+    )]
+    words: Vec<String>,
+}
+
+pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
+    let Some(name) = args.port else {
+        complain(
+            out,
+            "Usage:\n  yarp read <port> [remote port] [envelope] [trim [length]]",
+        )?;
+        return Ok(ExitCode::FAILURE);
+    };
+    let wishes = Wishes::parse(args.words);
+    let network = session::network()?;
+    let mut interrupt = Interrupt::listen();
+    let mut options = PortOptions::new().reading(Queue::Wait(QUEUE)).input_only();
+    if let Some(type_name) = &wishes.type_name {
+        options = options.type_name(type_name);
+    }
+    let Some(port) = session::open(&network, &name, options).await? else {
+        return Ok(ExitCode::FAILURE);
+    };
+    if let Some(remote) = &wishes.remote {
+        // Stock reads on even so: somebody else may connect.
+        connecting::connect(&network, remote, port.name(), None, Telling::Failure).await;
+    }
+    let mut printer = Printer::new(&wishes);
+    let printed = loop {
+        let message = tokio::select! {
+            biased;
+            () = interrupt.heard() => break Ok(()),
+            message = port.read() => match message {
+                Ok(message) => message,
+                Err(_) => break Ok(()),
+            },
+        };
+        match printer.print(&message, out) {
+            Ok(true) if wishes.once => break Ok(()),
+            Ok(true) => {}
+            Ok(false) => break Ok(()),
+            Err(error) => break Err(error),
+        }
+    };
+    port.close().await;
+    printed.map(|()| ExitCode::SUCCESS)
+}
+
+/// Whether a word says how to read, rather than from where or how much.
+fn is_wish(word: &str) -> bool {
+    matches!(word, "envelope" | "envelope2" | "once" | "trim") || word.starts_with('/')
+}
+
+/// What is asked for beside the name of the port.
+#[derive(Debug, Default, Eq, PartialEq)]
+struct Wishes {
+    remote: Option<String>,
+    envelope: bool,
+    trim: Option<usize>,
+    once: bool,
+    type_name: Option<String>,
+}
+
+impl Wishes {
+    fn parse(mut words: Vec<String>) -> Self {
+        let mut wishes = Self {
+            type_name: take_value(&mut words, "--type"),
+            ..Self::default()
+        };
+        let mut words = words.into_iter().peekable();
+        while let Some(word) = words.next() {
+            match word.as_str() {
+                "envelope" | "envelope2" => wishes.envelope = true,
+                "once" => wishes.once = true,
+                "trim" => {
+                    let number = words.next_if(|word| !is_wish(word));
+                    // As in stock, what is no number or 0 means no limit.
+                    wishes.trim = match number.map(|word| leading_integer(&word)) {
+                        None => Some(TRIM),
+                        Some(number) => usize::try_from(number).ok().filter(|limit| *limit > 0),
+                    };
+                }
+                _ => wishes.remote = Some(word),
+            }
+        }
+        wishes
+    }
+}
+
+#[derive(Default)]
+pub(super) struct Printer {
+    envelope: bool,
+    trim: Option<usize>,
+    last_envelope: Option<Bytes>,
+}
+
+impl Printer {
+    fn new(wishes: &Wishes) -> Self {
+        Self {
+            envelope: wishes.envelope,
+            trim: wishes.trim,
+            last_envelope: None,
+        }
+    }
+
+    /// Prints a message; tells whether to go on.
+    pub(super) fn print(&mut self, message: &Received, out: &mut dyn Write) -> Result<bool> {
+        let bottle = match message.bottle() {
+            Ok(bottle) => bottle,
+            Err(error) => {
+                tracing::error!(target: "yarp.companion", "what {} sent cannot be read: {error}", message.from);
+                return Ok(true);
+            }
+        };
+        if message.envelope.is_some() {
+            // As in stock, an envelope holds until the next one comes.
+            self.last_envelope.clone_from(&message.envelope);
+        }
+        let line = match shown(&bottle) {
+            Shown::End => return Ok(false),
+            Shown::Raw(text) => trimmed(text, self.trim),
+            Shown::Bottle => trimmed(bottle.to_string(), self.trim),
+        };
+        if self.envelope
+            && let Some(envelope) = &self.last_envelope
+        {
+            writeln!(out, "{} ", envelope_text(envelope))?;
+        }
+        writeln!(out, "{line}")?;
+        Ok(true)
+    }
+}
+
+/// How a message is printed.
+#[derive(Debug, Eq, PartialEq)]
+enum Shown {
+    /// As the Bottle that it is.
+    Bottle,
+    /// `0 "text"`, as `write ... verbatim` sends it: as the text.
+    Raw(String),
+    /// `1 "<EOF>"`: the writer has ended, and so do we.
+    End,
+}
+
+fn shown(bottle: &Bottle) -> Shown {
+    match bottle.as_slice() {
+        [Value::Int32(1), Value::String(_)] => Shown::End,
+        [Value::Int32(_), Value::String(text)] => Shown::Raw(text.to_lossy().into_owned()),
+        _ => Shown::Bottle,
+    }
+}
+
+fn trimmed(mut text: String, limit: Option<usize>) -> String {
+    if let Some(limit) = limit
+        && let Some((end, _)) = text.char_indices().nth(limit)
+    {
+        text.truncate(end);
+    }
+    text
+}
+
+fn envelope_text(envelope: &[u8]) -> String {
+    let text = String::from_utf8_lossy(envelope).into_owned();
+    match text.parse::<Stamp>() {
+        Ok(_) => Bottle::parse(&text).map_or(text, |bottle| bottle.to_string()),
+        Err(_) => text,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_may_stand_in_any_order() {
+        let parse =
+            |line: &str| Wishes::parse(line.split_whitespace().map(str::to_owned).collect());
+        let expected = Wishes {
+            remote: Some("/w".into()),
+            envelope: true,
+            trim: Some(3),
+            once: true,
+            type_name: Some("T".into()),
+        };
+        assert_eq!(parse("once /w --type T trim 3 envelope"), expected);
+        assert_eq!(parse("trim").trim, Some(80));
+        assert_eq!(parse("trim 0").trim, None);
+        assert_eq!(parse("trim x"), Wishes::default());
+        assert_eq!(parse(""), Wishes::default());
+        assert_eq!(parse("trim /w").remote.as_deref(), Some("/w"));
+    }
+
+    #[test]
+    fn verbatim_text_prints_as_it_was_typed() {
+        let check = |text: &str, expected: Shown| {
+            assert_eq!(shown(&Bottle::parse(text).unwrap()), expected, "{text}");
+        };
+        check("0 x", Shown::Raw("x".into()));
+        check("-1 \"a b\"", Shown::Raw("a b".into()));
+        check("0 x y", Shown::Bottle);
+        check("0 5", Shown::Bottle);
+        check("1 \"<EOF>\"", Shown::End);
+        check("hello", Shown::Bottle);
+    }
+
+    #[test]
+    fn trimming_counts_characters() {
+        assert_eq!(trimmed("one two".into(), Some(5)), "one t");
+        assert_eq!(trimmed("äöü".into(), Some(2)), "äö");
+        assert_eq!(trimmed("abc".into(), None), "abc");
+    }
+}

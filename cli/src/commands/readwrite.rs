@@ -1,0 +1,79 @@
+//! `yarp readwrite`: `read` and `write` in one.
+
+use std::io::Write;
+use std::process::ExitCode;
+
+use yarp_ports::{PortOptions, Queue};
+
+use super::code;
+use super::read::Printer;
+use super::words::take_flag;
+use super::write::{self, Form};
+use crate::error::Result;
+use crate::session;
+use crate::signals::Interrupt;
+use crate::text::complain;
+
+/// Messages that may wait to be printed; beyond that the writer waits.
+const QUEUE: usize = 64;
+
+/// read from the network and print to standard output, write to the network from standard input
+///
+/// Opens a port to read from and a port to write to: prints what arrives, and sends each line of
+/// standard input verbatim.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The port to read from, the port to write to, and what that connects to
+    #[arg(
+        value_name = "READER WRITER [TARGET ...]",
+        allow_hyphen_values = true,
+        trailing_var_arg = true
+    )]
+    words: Vec<String>,
+}
+
+pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
+    let mut words = args.words;
+    take_flag(&mut words, "verbatim");
+    let wait = take_flag(&mut words, "--wait-connect");
+    let [reader, writer, targets @ ..] = &words[..] else {
+        complain(out, "Please supply the read and write port names")?;
+        return Ok(ExitCode::FAILURE);
+    };
+    let network = session::network()?;
+    let mut interrupt = Interrupt::listen();
+    let options = PortOptions::new().reading(Queue::Wait(QUEUE)).input_only();
+    let Some(reader) = session::open(&network, reader, options).await? else {
+        return Ok(ExitCode::FAILURE);
+    };
+    let Some(writer) = session::open(&network, writer, PortOptions::new()).await? else {
+        reader.close().await;
+        return Ok(ExitCode::FAILURE);
+    };
+    let mut printer = Printer::default();
+    let connected = write::connect(&network, &writer, targets).await;
+    let ended = if connected {
+        let sending = write::send(&writer, Form::Verbatim, wait);
+        tokio::pin!(sending);
+        loop {
+            tokio::select! {
+                biased;
+                () = interrupt.heard() => break Ok(false),
+                message = reader.read() => match message {
+                    Ok(message) => match printer.print(&message, out) {
+                        Ok(true) => {}
+                        Ok(false) => break Ok(true),
+                        Err(error) => break Err(error),
+                    },
+                    Err(_) => break Ok(true),
+                },
+                () = &mut sending => break Ok(true),
+            }
+        }
+    } else {
+        Ok(false)
+    };
+    reader.close().await;
+    writer.close().await;
+    ended.map(code)
+}

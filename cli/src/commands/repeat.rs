@@ -1,0 +1,118 @@
+//! `yarp repeat`: sends on what arrives.
+
+use std::io::Write;
+use std::process::ExitCode;
+
+use bytes::{BufMut, BytesMut};
+use yarp_ports::{Envelope, PortOptions, Queue, Received};
+use yarp_wire::Dialect;
+use yarp_wire::message::{Form, Payload, WireObject};
+
+use crate::error::Result;
+use crate::session;
+use crate::signals::Interrupt;
+use crate::text::complain;
+
+/// Messages that may wait to be sent on; beyond that the writer waits.
+const QUEUE: usize = 64;
+
+/// repeats on the output port the same data received in the input port
+///
+/// Opens a port that writes whatever it reads.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The port to open
+    #[arg(
+        value_name = "PORT",
+        allow_hyphen_values = true,
+        trailing_var_arg = true
+    )]
+    words: Vec<String>,
+}
+
+pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
+    let Some(name) = args.words.first() else {
+        writeln!(out, "This is yarp repeat. Syntax:")?;
+        writeln!(out, "  yarp repeat /port")?;
+        writeln!(
+            out,
+            "/port is both the input port and the output port which repeats data"
+        )?;
+        return Ok(ExitCode::FAILURE);
+    };
+    let network = session::network()?;
+    let mut interrupt = Interrupt::listen();
+    let options = PortOptions::new().reading(Queue::Wait(QUEUE));
+    let Some(port) = session::open(&network, name, options).await? else {
+        complain(out, &format!("Failed to open port: {name}"))?;
+        return Ok(ExitCode::FAILURE);
+    };
+    loop {
+        let message = tokio::select! {
+            biased;
+            () = interrupt.heard() => break,
+            message = port.read() => match message {
+                Ok(message) => message,
+                Err(_) => break,
+            },
+        };
+        let envelope = envelope(&message);
+        let same = Same(message.payload);
+        // A reader that is stuck holds up the writer, not the signal.
+        tokio::select! {
+            biased;
+            () = interrupt.heard() => break,
+            _ = port.write_strict(&same, envelope) => {}
+        }
+    }
+    port.close().await;
+    Ok(ExitCode::FAILURE)
+}
+
+fn envelope(message: &Received) -> Option<Envelope> {
+    let text = std::str::from_utf8(message.envelope.as_deref()?).ok()?;
+    Some(text.into())
+}
+
+/// A payload that goes on as it came, or translated where the reader speaks otherwise.
+struct Same(Payload);
+
+impl WireObject for Same {
+    fn write_binary(&self, out: &mut BytesMut, dialect: Dialect) {
+        let as_it_came = matches!(self.0.form(), Form::Binary(_)) && self.0.dialect() == dialect;
+        match self.0.to_bottle() {
+            Ok(bottle) if !as_it_came => bottle.write_binary(out, dialect),
+            _ => out.put_slice(self.0.bytes()),
+        }
+    }
+
+    fn write_text(&self, out: &mut BytesMut) {
+        match self.0.to_bottle() {
+            Ok(bottle) => bottle.write_text(out),
+            // What is no bottle has no text.
+            Err(_) => out.put_slice(b"\r\n"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use yarp_wire::Bottle;
+
+    #[test]
+    fn payloads_go_on_in_any_dialect() {
+        let bottle = Bottle::parse("hello 1.5 (a b)").unwrap();
+        for from in [Dialect::V3, Dialect::V4] {
+            let payload = Payload::new(bottle.encode(from), Form::Binary(from));
+            for to in [Dialect::V3, Dialect::V4] {
+                let mut out = BytesMut::new();
+                Same(payload.clone()).write_binary(&mut out, to);
+                assert_eq!(out.freeze(), bottle.encode(to), "{from} to {to}");
+            }
+            let mut text = BytesMut::new();
+            Same(payload).write_text(&mut text);
+            assert_eq!(&text[..], b"hello 1.5 (a b)\r\n");
+        }
+    }
+}

@@ -1,0 +1,225 @@
+//! `yarp rpc`: asks a port and prints what it replies.
+
+use std::io::Write;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use yarp_ports::{Dialogue, Network, PortError, PortOptions};
+use yarp_wire::carrier::{Carrier, CarrierSpec};
+use yarp_wire::message::Command;
+use yarp_wire::{Bottle, Contact, Value, Vocab32};
+
+use crate::cli::Prefixes;
+use crate::error::Result;
+use crate::input::Lines;
+use crate::session;
+use crate::signals::Interrupt;
+use crate::text::complain;
+
+/// What we call ourselves if nothing else is wished.
+const ANONYMOUS: &str = "anon_rpc";
+/// How long a port has to take a connection; its replies may take as long as they like.
+const CONNECTING: Duration = Duration::from_secs(10);
+
+/// write commands to a port, and read replies
+///
+/// Sends each line of standard input to a port and prints the reply.
+///
+/// `yarp admin rpc PORT` talks to the port itself instead of to its owner: try `[help]`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Open a port and wait for somebody to connect it
+    #[arg(long)]
+    client: bool,
+    /// The port to ask (or, with --client, to open), and what we call ourselves
+    #[arg(
+        value_name = "PORT [OWN_NAME]",
+        allow_hyphen_values = true,
+        trailing_var_arg = true
+    )]
+    words: Vec<String>,
+}
+
+pub(super) async fn run(args: Args, prefixes: Prefixes, out: &mut dyn Write) -> Result<ExitCode> {
+    let words: Vec<&str> = args.words.iter().map(String::as_str).collect();
+    match words[..] {
+        _ if args.client => client(words.first().copied().unwrap_or("..."), out).await,
+        [] => {
+            writeln!(
+                out,
+                "Usage:
+  yarp [admin] rpc </destport>
+    Open an RPC client and connect to 'destport'
+    If 'admin' is passed, connect to the administrative interface of the port
+  yarp rpc --client </port>
+    Open an RPC client on 'port' amd wait for a connection"
+            )?;
+            Ok(ExitCode::FAILURE)
+        }
+        [port, ..] => {
+            let own = words.get(1).copied().unwrap_or(ANONYMOUS);
+            let command = if prefixes.admin {
+                Command::Admin
+            } else {
+                Command::data(true)
+            };
+            ask(&session::network()?, port, own, &command, out).await
+        }
+    }
+}
+
+async fn ask(
+    network: &Network,
+    port: &str,
+    own: &str,
+    command: &Command,
+    out: &mut dyn Write,
+) -> Result<ExitCode> {
+    let Some(mut connection) = Connection::open(network, port, own).await? else {
+        return cannot_connect(out);
+    };
+    let mut lines = Lines::open();
+    while let Some(line) = lines.next().await {
+        let request = Bottle::parse(&line).unwrap_or_default();
+        let mut reply = connection.request(command, &request).await;
+        if matches!(reply, Err(PortError::Lost { .. })) {
+            writeln!(out, "Target disappeared, reconnecting...")?;
+            drop(connection);
+            match Connection::open(network, port, own).await? {
+                Some(again) => connection = again,
+                None => return cannot_connect(out),
+            }
+            reply = connection.request(command, &request).await;
+        }
+        print(&reply?, out)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn cannot_connect(out: &mut dyn Write) -> Result<ExitCode> {
+    complain(
+        out,
+        "Cannot make connection\nAlternative method: precede port name with --client",
+    )?;
+    Ok(ExitCode::FAILURE)
+}
+
+/// A connection from us to the port, reported as that of a port if we call ourselves one.
+struct Connection {
+    dialogue: Dialogue,
+    from: String,
+    to: String,
+}
+
+impl Connection {
+    async fn open(network: &Network, port: &str, own: &str) -> Result<Option<Self>> {
+        let contact = Contact::parse(port);
+        let Some(place) = session::find(network, &contact).await? else {
+            return Ok(None);
+        };
+        let spec = contact.carrier.unwrap_or_else(|| place.carrier.clone());
+        let base = spec.parse().map(|spec: CarrierSpec| spec.base);
+        let Some(carrier) = base.ok().and_then(|base| Carrier::by_name(&base)) else {
+            return Ok(None);
+        };
+        let address = (place.host.as_str(), place.port);
+        let opening = Dialogue::open(&place.name, address, carrier, own, session::FOREVER);
+        let Ok(Ok(dialogue)) = tokio::time::timeout(CONNECTING, opening).await else {
+            return Ok(None);
+        };
+        if own.starts_with('/') {
+            tracing::info!(
+                "Sending output from {own} to {} using {carrier}",
+                place.name
+            );
+        }
+        Ok(Some(Self {
+            dialogue,
+            from: own.to_owned(),
+            to: place.name,
+        }))
+    }
+
+    async fn request(
+        &mut self,
+        command: &Command,
+        request: &Bottle,
+    ) -> std::result::Result<Bottle, PortError> {
+        let payload = self.dialogue.request(command, request).await?;
+        payload.to_bottle().map_err(|source| PortError::Unreadable {
+            peer: self.to.clone(),
+            source,
+        })
+    }
+}
+
+impl Drop for Connection {
+    fn drop(&mut self) {
+        if self.from.starts_with('/') {
+            tracing::info!("Removing output from {} to {}", self.from, self.to);
+        }
+    }
+}
+
+/// `[many]` in front makes each item a line.
+fn print(reply: &Bottle, out: &mut dyn Write) -> Result<()> {
+    if reply.get(0) != Some(&Value::Vocab32(Vocab32::new("many"))) {
+        writeln!(out, "Response: {reply}")?;
+        return Ok(());
+    }
+    writeln!(out, "Responses:")?;
+    for item in reply.iter().skip(1) {
+        writeln!(out, "  {}", item.to_plain_string())?;
+    }
+    Ok(())
+}
+
+/// `rpc --client`: a port of ours that somebody connects.
+async fn client(name: &str, out: &mut dyn Write) -> Result<ExitCode> {
+    let network = session::network()?;
+    let mut interrupt = Interrupt::listen();
+    let options = PortOptions::new().calling();
+    let Some(port) = session::open(&network, name, options).await? else {
+        return Ok(ExitCode::FAILURE);
+    };
+    let mut lines = Lines::open();
+    let ended = tokio::select! {
+        biased;
+        () = interrupt.heard() => Ok(ExitCode::FAILURE),
+        ended = async {
+            while let Some(line) = lines.next().await {
+                let request = Bottle::parse(&line).unwrap_or_default();
+                match port.call::<Bottle>(&request).await {
+                    Ok(reply) => writeln!(out, "{reply}")?,
+                    // Stock ends so as well: there is nobody to ask, or no more.
+                    Err(error) => {
+                        tracing::warn!(target: "yarp.companion", "{}", error.story());
+                        break;
+                    }
+                }
+            }
+            Ok(ExitCode::SUCCESS)
+        } => ended,
+    };
+    port.close().await;
+    ended
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn replies_print_as_in_stock() {
+        let check = |reply: &str, expected: &str| {
+            let mut out = Vec::new();
+            print(&Bottle::parse(reply).unwrap(), &mut out).unwrap();
+            assert_eq!(String::from_utf8(out).unwrap(), expected);
+        };
+        check("hi 5", "Response: hi 5\n");
+        check("", "Response: \n");
+        check("[many] 5 (a b) \"x y\"", "Responses:\n  5\n  a b\n  x y\n");
+        check("[many]", "Responses:\n");
+        check("many 1", "Response: many 1\n");
+    }
+}

@@ -1,0 +1,67 @@
+//! `yarp terminate`: asks a program to end.
+
+use std::io::Write;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use yarp_ports::{Dialogue, Network, Place, PortError};
+use yarp_wire::carrier::Carrier;
+use yarp_wire::message::Command;
+use yarp_wire::{Bottle, Contact};
+
+use crate::error::Result;
+use crate::session;
+use crate::text::complain;
+
+/// What stock calls itself when it asks so.
+const SENDER: &str = "/terminate";
+/// How long the program has to take note.
+const DEADLINE: Duration = Duration::from_secs(3);
+
+/// terminate a yarp-terminate-aware process by name
+///
+/// Asks a program to end, through its port for that purpose (`/NAME/quit`) or any other port.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The port
+    #[arg(
+        value_name = "PORT",
+        allow_hyphen_values = true,
+        trailing_var_arg = true
+    )]
+    words: Vec<String>,
+}
+
+pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
+    let [name] = &args.words[..] else {
+        complain(
+            out,
+            "Wrong parameter format, please specify a port name as a single parameter to terminate",
+        )?;
+        return Ok(ExitCode::FAILURE);
+    };
+    writeln!(out, "Asking port {name} to quit gracefully")?;
+    let network = session::network()?;
+    let Some(place) = session::find(&network, &Contact::parse(name)).await? else {
+        return Ok(ExitCode::SUCCESS);
+    };
+    let asked = ask(&network, &place).await;
+    if let Err(error) = asked {
+        tracing::warn!(target: "yarp.companion", "{}", error.story());
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+async fn ask(network: &Network, place: &Place) -> std::result::Result<(), PortError> {
+    let carrier = Carrier::by_name("text_ack").expect("text_ack is in the table");
+    let address = (place.host.as_str(), place.port);
+    let deadline = network.deadline().min(DEADLINE);
+    let mut dialogue = Dialogue::open(&place.name, address, carrier, SENDER, deadline).await?;
+    if place.name.contains("/quit") {
+        let request = Bottle::of("quit");
+        dialogue.request(&Command::data(true), &request).await?;
+    } else {
+        dialogue.command(&Command::Interrupt).await?;
+    }
+    Ok(())
+}

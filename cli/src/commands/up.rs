@@ -1,0 +1,168 @@
+//! `yarp up`: a whole network with a simulated arm.
+
+use std::io::Write;
+use std::process::ExitCode;
+use std::sync::Arc;
+
+use yarp_devices::wam::SimulatedWam;
+use yarp_nameserver::{Server, ServerOptions};
+use yarp_ports::config::{self, Configuration, NameServer};
+use yarp_ports::{Network, PortError, addresses};
+use yarp_wire::PortName;
+use yarp_wrappers::{ControlBoardOptions, ControlBoardServer, OpenError};
+
+use crate::error::{Failure, Result};
+use crate::session;
+use crate::signals::Interrupt;
+
+/// What a port of the arm is for.
+const PORTS: [(&str, &str); 4] = [
+    ("rpc:i", "questions and orders"),
+    ("command:i", "streams of orders"),
+    ("state:o", "joint positions in degrees, 50 times a second"),
+    ("stateExt:o", "the whole state, 50 times a second"),
+];
+
+/// bring up a whole network with a simulated arm
+///
+/// Brings up a whole network: a name server unless one answers, and a simulated WAM arm on it.
+///
+/// Ctrl-C ends both and takes every name back.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// What the ports of the arm have in front of their names
+    #[arg(long, value_name = "PREFIX", default_value = "/wam")]
+    name: String,
+}
+
+pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
+    args.name.parse::<PortName>().map_err(PortError::from)?;
+    let mut interrupt = Interrupt::listen();
+    let base = Base::find(out).await?;
+    let opened = tokio::select! {
+        biased;
+        () = interrupt.heard() => None,
+        opened = open(&base.network, &args.name) => Some(opened),
+    };
+    let board = match opened {
+        Some(Ok(board)) => board,
+        Some(Err(failure)) => {
+            base.close().await;
+            return Err(failure);
+        }
+        None => {
+            base.close().await;
+            return Ok(ExitCode::SUCCESS);
+        }
+    };
+    let told = tell(&base, &args.name, out).await;
+    if told.is_ok() {
+        interrupt.heard().await;
+    }
+    board.close().await;
+    base.close().await;
+    told.map(|()| ExitCode::SUCCESS)
+}
+
+/// The network, and the name server if it is ours.
+struct Base {
+    network: Network,
+    server: Option<Server>,
+}
+
+impl Base {
+    /// The configured name server if it answers, else one of our own where the configuration says.
+    async fn find(out: &mut dyn Write) -> Result<Self> {
+        let configuration = Configuration::from_process()?;
+        let network = Network::from_process()?;
+        if let Some((namespace, _)) = configuration.name_server()
+            && session::serves(&network, namespace).await
+        {
+            return Ok(Self {
+                network,
+                server: None,
+            });
+        }
+        let held = &configuration.namespaces()[0];
+        let place = match &held.server {
+            Some(server) if is_here(&server.host) => server.clone(),
+            Some(server) => {
+                return Err(Failure::Elsewhere {
+                    place: format!("{}:{}", server.host, server.port),
+                });
+            }
+            None => NameServer::at(&addresses::best(), configuration.default_port()),
+        };
+        let options = ServerOptions::default()
+            .at(&place.host, place.port)
+            .namespace(&held.name)
+            .multicast(configuration.default_port());
+        let server = Server::start(options).await?;
+        if held.server.is_none() {
+            if let Err(error) = config::write(&held.file, &place.to_string()) {
+                server.close().await;
+                return Err(error.into());
+            }
+            writeln!(out, "Wrote {}", held.file.display())?;
+        }
+        Ok(Self {
+            // The one that every other program will use.
+            network: Network::from_process()?,
+            server: Some(server),
+        })
+    }
+
+    async fn close(self) {
+        if let Some(server) = self.server {
+            server.close().await;
+        }
+    }
+}
+
+fn is_here(host: &str) -> bool {
+    host == "localhost"
+        || host.starts_with("127.")
+        || addresses::own().iter().any(|own| own == host)
+}
+
+async fn open(network: &Network, name: &str) -> Result<ControlBoardServer> {
+    let arm = SimulatedWam::start()?;
+    let options = ControlBoardOptions::new();
+    match ControlBoardServer::open(network, Arc::new(arm), name, options).await {
+        Ok(board) => Ok(board),
+        Err(OpenError::Port { source, .. }) => Err(source.into()),
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// Prints what is there and what to try.
+async fn tell(base: &Base, name: &str, out: &mut dyn Write) -> Result<()> {
+    let network = &base.network;
+    let (host, port) = network.server().unwrap_or_default();
+    let namespace = network.namespace();
+    let whose = match base.server {
+        Some(_) => "started here",
+        None => "was there",
+    };
+    writeln!(out, "\nName server {namespace} at {host}:{port} ({whose})")?;
+    writeln!(out, "Simulated WAM arm {name}, seven joints\n")?;
+    let width = name.len() + "/stateExt:o".len();
+    writeln!(out, "{:<width$}  {:<26}  what it is for", "port", "address")?;
+    for (suffix, purpose) in PORTS {
+        let port = format!("{name}/{suffix}");
+        let place = network.query(&port).await?;
+        let address = format!("tcp://{}:{}/", place.host, place.port);
+        writeln!(out, "{port:<width$}  {address:<26}  {purpose}")?;
+    }
+    writeln!(
+        out,
+        "
+Try in another terminal:
+  yarp read ... {name}/state:o                          # watch the joints
+  echo '[get] [encs]' | yarp rpc {name}/rpc:i           # ask where they are
+  echo '[set] [pos] 3 90.0' | yarp rpc {name}/rpc:i     # move the elbow to 90 degrees
+
+Ctrl-C ends it."
+    )?;
+    Ok(())
+}

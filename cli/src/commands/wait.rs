@@ -1,0 +1,88 @@
+//! `yarp wait`: waits until a port or a connection is there.
+
+use std::io::Write;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use tokio::time::Instant;
+use yarp_ports::{Network, PortError, remote};
+use yarp_wire::Contact;
+
+use crate::error::Result;
+use crate::session;
+use crate::text::complain;
+
+/// How often we look.
+const PERIOD: Duration = Duration::from_millis(100);
+/// How often we say that we still wait.
+const REMINDER: Duration = Duration::from_secs(3);
+
+/// wait for a port to be alive
+///
+/// Waits until a port listens, or until two ports are connected. Waits on if the name server does
+/// not answer yet.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// A port, or the source and the destination of a connection
+    #[arg(
+        value_name = "PORT | SOURCE DESTINATION",
+        allow_hyphen_values = true,
+        trailing_var_arg = true
+    )]
+    ports: Vec<String>,
+}
+
+pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
+    let what = match &args.ports[..] {
+        [port] => port.clone(),
+        [source, destination] => format!("{source}->{destination}"),
+        _ => {
+            complain(
+                out,
+                "Please specify a single port name, or a source and destination port name",
+            )?;
+            return Ok(ExitCode::FAILURE);
+        }
+    };
+    let network = session::network()?;
+    if network.server().is_none() {
+        return Err(PortError::NoNameServer.into());
+    }
+    let mut told = None::<Instant>;
+    let mut complained = false;
+    loop {
+        if told.is_none_or(|told| told.elapsed() >= REMINDER) {
+            tracing::info!(target: "yarp.os.Network", "Waiting for {what}...");
+            told = Some(Instant::now());
+        }
+        match is_there(&network, &args.ports).await {
+            Ok(true) => return Ok(ExitCode::SUCCESS),
+            Ok(false) => {}
+            Err(error) if complained => tracing::debug!("{}", error.story()),
+            Err(error) => {
+                session::away(&error);
+                complained = true;
+            }
+        }
+        tokio::time::sleep(PERIOD).await;
+    }
+}
+
+async fn is_there(network: &Network, ports: &[String]) -> std::result::Result<bool, PortError> {
+    let resolve = async |name: &String| match network.resolve(&Contact::parse(name)).await {
+        Err(PortError::Unknown { .. }) => Ok(None),
+        other => other.map(Some),
+    };
+    let Some(first) = resolve(&ports[0]).await? else {
+        return Ok(false);
+    };
+    let Some(destination) = ports.get(1) else {
+        return Ok(remote::listens(network, &first).await);
+    };
+    let Some(destination) = resolve(destination).await? else {
+        return Ok(false);
+    };
+    // A writer that does not answer is not connected yet.
+    let known = remote::connection(network, &first, &destination.name).await;
+    Ok(matches!(known, Ok(Some(_))))
+}

@@ -1,0 +1,89 @@
+//! `yarp where`: where the name server is.
+
+use std::io::Write;
+use std::process::ExitCode;
+
+use yarp_ports::config::{Configuration, NameServer};
+
+use crate::error::Result;
+use crate::session;
+
+const RULE: &str = "=======================================================================";
+
+const SOLUTIONS: &str = "\
+==
+== SHORT SOLUTION
+== If you are fairly confident there is a name server running, try:
+== $ yarp detect --write
+== If you just want to make a quick test, start your own name server:
+== $ yarp namespace /your/name
+== $ yarp server
+==
+== DETAILED SOLUTION
+== To try to fix this problem automatically, do:
+== $ yarp detect --write
+== This will search your network for a nameserver
+== and then write the result to a configuration file.
+== If you know the address of the name server, you
+== can bypass this search by doing:
+== $ yarp conf [ip address] [port number]
+== If you would like to search the network for a
+== nameserver but *not* automatically update the
+== configuration file, do:
+== $ yarp detect
+== Or to determine the name of the required
+== configuration file for manual viewing/editing, do:
+== $ yarp conf
+==";
+
+/// report where the yarp name server is running
+///
+/// Tells where the configured name server is, and whether it answers.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    #[arg(hide = true, allow_hyphen_values = true, trailing_var_arg = true)]
+    rest: Vec<String>,
+}
+
+pub(super) async fn run(_args: Args, out: &mut dyn Write) -> Result<ExitCode> {
+    let configuration = Configuration::from_process()?;
+    let network = session::network()?;
+    let Some((namespace, server)) = configuration.name_server() else {
+        problem(
+            out,
+            "\
+== No address for a YARP name server is available.
+== A configuration file giving the location of the 
+== YARP name server is required, but was not found.",
+        )?;
+        return Ok(ExitCode::FAILURE);
+    };
+    let NameServer { host, port, mode } = server;
+    writeln!(out, "Looking for name server on {host}, port number {port}")?;
+    writeln!(out, "If there is a long delay, try:\n  yarp conf --clean")?;
+    if session::serves(&network, namespace).await {
+        writeln!(
+            out,
+            "Name server {namespace} is available at ip {host} port {port}"
+        )?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    problem(
+        out,
+        &format!(
+            "\
+== No valid YARP name server is available.
+== Here is the expected configuration:
+==   host: {host} port number: {port}
+==   namespace: {namespace}
+==   type of name server: {mode}
+== But such a name server was not found."
+        ),
+    )?;
+    Ok(ExitCode::FAILURE)
+}
+
+fn problem(out: &mut dyn Write, text: &str) -> Result<()> {
+    writeln!(out, "\n{RULE}\n==\n== PROBLEM\n{text}\n{SOLUTIONS}\n{RULE}")?;
+    Ok(())
+}

@@ -1,0 +1,59 @@
+//! What ends a command early.
+
+use std::io;
+
+use yarp_devices::DeviceError;
+use yarp_ports::PortError;
+use yarp_ports::config::ConfigError;
+use yarp_wrappers::OpenError;
+
+/// Why a command could not go on. What a command can say in stock's words it says itself.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub(crate) enum Failure {
+    /// Standard output is gone.
+    #[error("cannot print")]
+    Output(#[from] io::Error),
+    /// A port or the name server let us down.
+    #[error(transparent)]
+    Port(#[from] PortError),
+    /// The configuration is not to be used.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The simulated arm did not start.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+    /// The ports of the arm were not opened.
+    #[error(transparent)]
+    Open(#[from] OpenError),
+    /// A name server is configured on another machine, and does not answer.
+    #[error(
+        "the configured name server at {place} does not answer; start it there, or run `yarp conf --clean` to have one here"
+    )]
+    Elsewhere {
+        /// Where it should be.
+        place: String,
+    },
+}
+
+/// What running a command gives: its exit code.
+pub(crate) type Result<T> = std::result::Result<T, Failure>;
+
+impl Failure {
+    /// Whether whoever read our output has gone.
+    pub(crate) fn is_broken_pipe(&self) -> bool {
+        matches!(self, Self::Output(error) if error.kind() == io::ErrorKind::BrokenPipe)
+    }
+
+    /// The whole story on one line.
+    pub(crate) fn story(&self) -> String {
+        let mut text = self.to_string();
+        let mut source = std::error::Error::source(self);
+        while let Some(error) = source {
+            text.push_str(": ");
+            text.push_str(&error.to_string());
+            source = error.source();
+        }
+        text
+    }
+}

@@ -1,0 +1,85 @@
+//! Lines on standard input.
+
+use std::io::{BufRead, IsTerminal, Write};
+use std::sync::mpsc::{SyncSender, sync_channel};
+
+use tokio::sync::mpsc;
+
+/// What a person is shown who shall type a line.
+const PROMPT: &str = ">>";
+
+/// Lines of standard input, read by a thread of their own so that nothing else waits for them.
+///
+/// A line is read only once it is asked for. The thread cannot be stopped while the system waits
+/// for input; it ends with the process.
+#[derive(Debug)]
+pub(crate) struct Lines {
+    ask: SyncSender<()>,
+    lines: mpsc::Receiver<String>,
+    asked: bool,
+}
+
+impl Lines {
+    /// Lines of this process's standard input.
+    pub(crate) fn open() -> Self {
+        let (ask, asked) = sync_channel::<()>(1);
+        let (sender, lines) = mpsc::channel(1);
+        std::thread::spawn(move || {
+            let terminal = std::io::stdin().is_terminal();
+            while asked.recv().is_ok() {
+                if terminal {
+                    let mut out = std::io::stdout();
+                    // If standard output is gone, nobody can miss the prompt.
+                    let _ = write!(out, "{PROMPT}").and_then(|()| out.flush());
+                }
+                let Some(line) = next_line(&mut std::io::stdin().lock()) else {
+                    return;
+                };
+                if sender.blocking_send(line).is_err() {
+                    return;
+                }
+            }
+        });
+        Self {
+            ask,
+            lines,
+            asked: false,
+        }
+    }
+
+    /// The next line, or `None` at the end. Cancelling loses nothing.
+    pub(crate) async fn next(&mut self) -> Option<String> {
+        if !self.asked {
+            // The thread may have ended, which the next line tells.
+            let _ = self.ask.try_send(());
+            self.asked = true;
+        }
+        let line = self.lines.recv().await;
+        self.asked = false;
+        line
+    }
+}
+
+/// A line without its end. What follows the last line end is no line, as in stock.
+fn next_line(input: &mut dyn BufRead) -> Option<String> {
+    let mut bytes = Vec::new();
+    input.read_until(b'\n', &mut bytes).ok()?;
+    let line = bytes.strip_suffix(b"\n")?;
+    let line = line.strip_suffix(b"\r").unwrap_or(line);
+    Some(String::from_utf8_lossy(line).into_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_end_as_in_stock() {
+        let mut input = &b"one\r\n\ntwo\nrest"[..];
+        let mut lines = std::iter::from_fn(|| next_line(&mut input));
+        assert_eq!(lines.next().as_deref(), Some("one"));
+        assert_eq!(lines.next().as_deref(), Some(""));
+        assert_eq!(lines.next().as_deref(), Some("two"));
+        assert_eq!(lines.next(), None);
+    }
+}

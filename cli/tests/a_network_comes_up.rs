@@ -1,0 +1,71 @@
+//! `yarp up`: all of it, or a line that says why not.
+
+#![cfg(unix)]
+
+mod common;
+
+use common::Home;
+
+const PORTS: [&str; 4] = ["rpc:i", "command:i", "state:o", "stateExt:o"];
+
+#[test]
+fn with_a_name_server_of_its_own() {
+    let home = Home::new();
+    let up = home
+        .start("up --name /robot/left_arm")
+        .see("Ctrl-C ends it.");
+    assert!(
+        home.run("where")
+            .with(0)
+            .says("Name server /root is available")
+    );
+    let names = home.names();
+    for port in PORTS {
+        assert!(
+            names.contains(&format!("/robot/left_arm/{port}")),
+            "{names:?}"
+        );
+    }
+    let axes = home
+        .run_with("rpc /robot/left_arm/rpc:i", "[get] [axes]\n")
+        .with(0);
+    assert!(axes.says("[is] [axes] 7"), "{axes:?}");
+    let ended = up.signal("TERM").finish().with(0);
+    assert!(ended.says("started here") && ended.says("/robot/left_arm/state:o"));
+    home.run("where").with(1);
+}
+
+#[test]
+fn on_a_name_server_that_is_there() {
+    let home = Home::new();
+    let _server = home.serve();
+    let up = home.start("up").see("Ctrl-C ends it.");
+    assert_eq!(home.names().len(), PORTS.len());
+    let second = home.run("up").with(1);
+    assert_eq!(second.err.len(), 1, "{second:?}");
+    assert!(second.err[0].contains("/wam/rpc:i"), "{second:?}");
+    assert_eq!(home.names().len(), PORTS.len());
+    let ended = up.signal("INT").finish().with(0);
+    assert!(ended.says("was there"));
+    assert!(home.names().is_empty());
+}
+
+#[test]
+fn not_with_what_cannot_be() {
+    let home = Home::new();
+    home.run("up --name wam").with(1);
+    std::fs::write(home.path().join("yarp.conf"), "garbage\n").unwrap();
+    let refused = home.run("up").with(1);
+    assert!(refused.err[0].contains("yarp.conf:1"), "{refused:?}");
+}
+
+#[test]
+fn not_on_a_port_that_is_taken() {
+    let home = Home::new();
+    let listener = std::net::TcpListener::bind("0.0.0.0:0").unwrap();
+    let port = listener.local_addr().unwrap().port();
+    home.run(&format!("conf 127.0.0.1 {port}")).with(0);
+    let refused = home.run("up").with(1);
+    assert_eq!(refused.err.len(), 1, "{refused:?}");
+    assert!(refused.err[0].contains(&port.to_string()), "{refused:?}");
+}

@@ -1,0 +1,253 @@
+//! Runs the `yarp` command with a configuration of its own.
+
+#![allow(
+    dead_code,
+    reason = "each test file is a program of its own and uses a part"
+)]
+
+use std::io::{BufRead, BufReader, Write};
+use std::net::TcpListener;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::{Arc, Condvar, Mutex};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// Longer than any step takes on a busy machine.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A configuration directory, and what all commands of a test have in common.
+pub struct Home {
+    directory: tempfile::TempDir,
+    /// Far from the ports of other tests and of other networks.
+    range: u16,
+}
+
+/// What a command that has ended did.
+#[derive(Debug)]
+pub struct Ended {
+    pub code: Option<i32>,
+    pub out: Vec<String>,
+    pub err: Vec<String>,
+}
+
+impl Ended {
+    /// The same, if it ended with `code`.
+    #[track_caller]
+    pub fn with(self, code: i32) -> Self {
+        assert_eq!(self.code, Some(code), "{self:?}");
+        self
+    }
+
+    /// Whether a line of standard output holds `text`.
+    pub fn says(&self, text: &str) -> bool {
+        self.out.iter().any(|line| line.contains(text))
+    }
+}
+
+impl Home {
+    /// A directory without any configuration.
+    pub fn new() -> Self {
+        Self {
+            directory: tempfile::tempdir().unwrap(),
+            range: free_port(),
+        }
+    }
+
+    pub fn path(&self) -> &Path {
+        self.directory.path()
+    }
+
+    /// What stands in a file of the configuration, if it is there.
+    pub fn file(&self, name: &str) -> Option<String> {
+        std::fs::read_to_string(self.path().join(name)).ok()
+    }
+
+    /// Starts `yarp` with these words, separated by blanks.
+    pub fn start(&self, line: &str) -> Running {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_yarp"))
+            .args(line.split_whitespace())
+            .env("YARP_CONFIG_HOME", self.path())
+            .env("YARP_PORT_RANGE", self.range.to_string())
+            .env_remove("YARP_NAMESPACE")
+            .env_remove("YARP_PORT_PREFIX")
+            .env_remove("YARP_IP")
+            .env_remove("YARP_QUIET")
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let out = Watched::of(child.stdout.take().unwrap());
+        let err = Watched::of(child.stderr.take().unwrap());
+        Running {
+            line: line.to_owned(),
+            child,
+            out,
+            err,
+        }
+    }
+
+    /// Runs `yarp` with these words and `input` on standard input.
+    pub fn run_with(&self, line: &str, input: &str) -> Ended {
+        let mut running = self.start(line);
+        running.type_text(input);
+        running.finish()
+    }
+
+    /// Runs `yarp` with these words.
+    pub fn run(&self, line: &str) -> Ended {
+        self.run_with(line, "")
+    }
+
+    /// Starts a name server that the other commands of this home use.
+    pub fn serve(&self) -> Running {
+        for _ in 0..5 {
+            let port = free_port();
+            let mut server = self.start(&format!("server --ip 127.0.0.1 --socket {port} --write"));
+            if server.sees("Ok. Ready!") {
+                return server;
+            }
+            // Somebody else was faster with that port.
+        }
+        panic!("no name server starts");
+    }
+
+    /// The names that the name server knows, but its own.
+    pub fn names(&self) -> Vec<String> {
+        let list = self.run("name list").with(0);
+        let words = list.out.iter().map(|line| line.split(' '));
+        let names = words.filter_map(|mut words| words.nth(2).map(str::to_owned));
+        names
+            .filter(|name| name.starts_with('/') && name != "/root")
+            .collect()
+    }
+}
+
+/// A TCP port that nobody has at the moment.
+fn free_port() -> u16 {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    listener.local_addr().unwrap().port()
+}
+
+/// A command that runs. Dropping it kills it.
+pub struct Running {
+    line: String,
+    child: Child,
+    out: Watched,
+    err: Watched,
+}
+
+impl Running {
+    /// Waits until a line of standard output holds `text`; tells whether one does before the end.
+    pub fn sees(&mut self, text: &str) -> bool {
+        self.out.wait(|line| line.contains(text))
+    }
+
+    /// As [`Running::sees`], and insists.
+    #[track_caller]
+    pub fn see(mut self, text: &str) -> Self {
+        let seen = self.sees(text);
+        let (out, err) = (self.out.lines(), self.err.lines());
+        assert!(seen, "{}: no {text:?} in {out:?} {err:?}", self.line);
+        self
+    }
+
+    /// Types at it.
+    pub fn type_text(&mut self, text: &str) {
+        let input = self.child.stdin.as_mut().unwrap();
+        // Some commands end before they have read everything.
+        let _ = input
+            .write_all(text.as_bytes())
+            .and_then(|()| input.flush());
+    }
+
+    /// Sends a signal.
+    #[cfg(unix)]
+    pub fn signal(self, name: &str) -> Self {
+        let id = self.child.id().to_string();
+        let sent = Command::new("kill")
+            .args(["-s", name, &id])
+            .status()
+            .unwrap();
+        assert!(sent.success());
+        self
+    }
+
+    /// Ends its input and waits for its end.
+    pub fn finish(mut self) -> Ended {
+        drop(self.child.stdin.take());
+        let deadline = Instant::now() + PATIENCE;
+        let status = loop {
+            if let Some(status) = self.child.try_wait().unwrap() {
+                break status;
+            }
+            let (out, err) = (self.out.lines(), self.err.lines());
+            assert!(Instant::now() < deadline, "{}: {out:?} {err:?}", self.line);
+            std::thread::sleep(Duration::from_millis(5));
+        };
+        self.out.join();
+        self.err.join();
+        Ended {
+            code: status.code(),
+            out: self.out.lines(),
+            err: self.err.lines(),
+        }
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        // It may have ended.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Lines that a thread collects as they come.
+struct Watched {
+    state: Arc<(Mutex<(Vec<String>, bool)>, Condvar)>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Watched {
+    fn of(stream: impl std::io::Read + Send + 'static) -> Self {
+        let state = Arc::new((Mutex::new((Vec::new(), false)), Condvar::new()));
+        let theirs = state.clone();
+        let thread = std::thread::spawn(move || {
+            let (lines, changed) = &*theirs;
+            for line in BufReader::new(stream).split(b'\n').map_while(Result::ok) {
+                let line = String::from_utf8_lossy(&line)
+                    .trim_end_matches('\r')
+                    .to_owned();
+                lines.lock().unwrap().0.push(line);
+                changed.notify_all();
+            }
+            lines.lock().unwrap().1 = true;
+            changed.notify_all();
+        });
+        Self {
+            state,
+            thread: Some(thread),
+        }
+    }
+
+    fn wait(&self, matches: impl Fn(&str) -> bool) -> bool {
+        let (lines, changed) = &*self.state;
+        let found = |lines: &[String]| lines.iter().any(|line| matches(line));
+        let waiting = changed.wait_timeout_while(lines.lock().unwrap(), PATIENCE, |state| {
+            !state.1 && !found(&state.0)
+        });
+        found(&waiting.unwrap().0.0)
+    }
+
+    fn lines(&self) -> Vec<String> {
+        self.state.0.lock().unwrap().0.clone()
+    }
+
+    fn join(&mut self) {
+        if let Some(thread) = self.thread.take() {
+            thread.join().unwrap();
+        }
+    }
+}

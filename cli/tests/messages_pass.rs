@@ -1,0 +1,145 @@
+//! What is written is read; who is asked replies.
+
+mod common;
+
+use common::Home;
+
+#[test]
+fn from_write_to_read_over_every_carrier() {
+    let home = Home::new();
+    let _server = home.serve();
+    for carrier in ["tcp", "fast_tcp", "text", "text_ack"] {
+        let reader = home.start("read /r").see("Port /r active at");
+        let mut writer = home.start("write /w").see("Port /w active at");
+        let made = home.run(&format!("connect /w /r {carrier}")).with(0);
+        assert!(made.says(&format!(
+            "Success: Added connection from /w to {carrier}://r"
+        )));
+        home.run("exists /w /r")
+            .with(if carrier == "tcp" { 0 } else { 1 });
+        home.run(&format!("exists /w {carrier}://r")).with(0);
+        writer.type_text("hello 5 (a b)\n\"unfinished\n0 raw\nend\n");
+        let reader = reader.see("end");
+        home.run("disconnect /w /r").with(0);
+        home.run("disconnect /w /r").with(1);
+        writer.finish().with(0);
+        drop(reader);
+        home.run("clean --timeout 5").with(0);
+    }
+}
+
+#[test]
+fn read_prints_what_is_meant() {
+    let home = Home::new();
+    let _server = home.serve();
+    let reader = home.start("read /r").see("active at");
+    home.run_with(
+        "write /w text://r",
+        "hello 5\n\n0 \"a b\"\n[ok] (1 2.5)\nlost",
+    )
+    .with(0);
+    home.run_with("write /w /r verbatim", "as (typed\n").with(0);
+    let ended = reader.finish().with(0);
+    let printed: Vec<_> = ended
+        .out
+        .iter()
+        .filter(|line| !line.starts_with("[INFO]"))
+        .collect();
+    assert_eq!(printed, ["hello 5", "", "a b", "[ok] (1 2.5)", "as (typed"]);
+}
+
+#[test]
+fn read_once_trims() {
+    let home = Home::new();
+    let _server = home.serve();
+    let reader = home.start("read /r trim 3 once").see("active at");
+    home.run_with("write /w /r", "hello\n").with(0);
+    assert_eq!(reader.finish().with(0).out[2], "hel");
+}
+
+#[test]
+fn read_connects_itself() {
+    let home = Home::new();
+    let _server = home.serve();
+    let mut writer = home.start("write /w").see("active at");
+    let reader = home.start("read ... /w").see("Receiving input from /w");
+    writer.type_text("hello\n");
+    drop(reader.see("hello"));
+    writer.finish().with(0);
+}
+
+#[test]
+fn rpc_asks_and_rpcserver_replies() {
+    let home = Home::new();
+    let _server = home.serve();
+    let mut server = home.start("rpcserver /s").see("Waiting for a message...");
+    let mut client = home.start("rpc /s");
+    client.type_text("question 1\n");
+    server = server.see("Message: question 1");
+    server.type_text("[ok] 2\n");
+    client = client.see("Response: [ok] 2");
+    client.type_text("question 2\n");
+    server = server.see("Message: question 2");
+    server.type_text("[many] a (b c)\n");
+    let ended = client.see("  b c").finish().with(0);
+    assert_eq!(
+        ended.out,
+        ["Response: [ok] 2", "Responses:", "  a", "  b c"]
+    );
+}
+
+#[test]
+fn rpcserver_echoes_and_stops() {
+    let home = Home::new();
+    let _server = home.serve();
+    let server = home.start("rpcserver --echo --stop /s").see("Waiting");
+    let ended = home.run_with("rpc /s", "hi 5\n").with(0);
+    assert_eq!(ended.out, ["Response: hi 5"]);
+    server.finish().with(0);
+    assert!(home.names().is_empty());
+}
+
+#[test]
+fn rpc_talks_to_the_administration() {
+    let home = Home::new();
+    let _server = home.serve();
+    let _reader = home.start("read /r").see("active at");
+    let ended = home
+        .run_with("admin rpc /r", "[ver]\n[list] [in]\n")
+        .with(0);
+    assert_eq!(ended.out, ["Response: [ver] 1 2 3", "Response: anon_rpc"]);
+}
+
+#[test]
+fn repeat_sends_on() {
+    let home = Home::new();
+    let _server = home.serve();
+    let reader = home.start("read /r").see("active at");
+    let _repeater = home.start("repeat /again").see("active at");
+    home.run("connect /again /r").with(0);
+    home.run_with("write /w /again", "hello (a b)\n").with(0);
+    drop(reader.see("hello (a b)"));
+}
+
+#[test]
+fn names_in_use_stay_with_their_ports() {
+    // Opening a port under a living name once took the name from its owner.
+    let home = Home::new();
+    let _server = home.serve();
+    let reader = home.start("read /r").see("active at");
+    for line in ["write /r", "read /r", "repeat /r", "rpcserver /r"] {
+        let refused = home.run(line).with(1);
+        assert!(refused.err[0].contains("(address conflict)"), "{refused:?}");
+    }
+    home.run_with("write /w /r", "hello\n").with(0);
+    drop(reader.see("hello"));
+}
+
+#[test]
+fn wait_ends_when_the_port_comes() {
+    let home = Home::new();
+    let _server = home.serve();
+    let waiting = home.start("wait /late").see("Waiting for /late...");
+    let _reader = home.start("read /late").see("active at");
+    waiting.finish().with(0);
+}

@@ -1,0 +1,40 @@
+//! A signal ends a command, and its names are taken back.
+
+#![cfg(unix)]
+
+mod common;
+
+use common::Home;
+
+#[track_caller]
+fn check(line: &str, port: &str, code: i32) {
+    let home = Home::new();
+    let _server = home.serve();
+    for signal in ["INT", "TERM", "HUP"] {
+        let running = home.start(line).see(&format!("Port {port} active at"));
+        let running = running.signal(signal).see("Interrupting...");
+        running.finish().with(code);
+        assert_eq!(home.names(), Vec::<String>::new(), "{line} {signal}");
+    }
+}
+
+#[test]
+fn read_ends_well() {
+    check("read /a", "/a", 0);
+}
+
+#[test]
+fn others_do_not() {
+    check("write /a", "/a", 1);
+    check("readwrite /a /b", "/b", 1);
+    check("rpcserver /a", "/a", 1);
+    check("rpc --client /a", "/a", 1);
+    check("repeat /a", "/a", 1);
+}
+
+#[test]
+fn the_name_server_ends_well() {
+    let home = Home::new();
+    home.serve().signal("TERM").finish().with(0);
+    home.run("where").with(1);
+}
