@@ -16,6 +16,7 @@ import glob
 import itertools
 import os
 import pty
+import random
 import re
 import signal
 import socket
@@ -433,8 +434,9 @@ def _(world, first, second):
     right.see("to the (right")
     right.see("Sending output").type("to the left")
     left.see("to the left")
-    results.append(left.signal().finish())
-    right.see("Removing input")
+    # The end of the input is told as well, but does not end the other.
+    results.append(left.end_input().finish())
+    right.see("Removing output").type("nobody reads this")
     results.append(right.end_input().finish())
     return results
 
@@ -600,10 +602,16 @@ def _(world, asking, writing, reading):
 
 
 def free_port():
-    """A TCP port that nobody has."""
-    with socket.socket() as listener:
-        listener.bind(("127.0.0.1", 0))
-        return listener.getsockname()[1]
+    """A TCP port that nobody has, away from those that systems give to outgoing connections: the
+    ports of a network are numbered from there, and stock does not step over one that is taken."""
+    for port in random.sample(range(11000, 30000, 200), 50):
+        with socket.socket() as listener:
+            try:
+                listener.bind(("", port))
+                return port
+            except OSError:
+                continue
+    raise Failure("no free TCP port")
 
 
 def start_server(world, tool):

@@ -4,9 +4,10 @@ set -euo pipefail
 cd "$(dirname "$0")/../.."
 : "${STOCK:?set STOCK to the folder of stock YARP; \`make test-live\` does}"
 . conformance/stock/environment.sh
+with_stock=$PWD/conformance/stock/with_stock
 
 ours=$PWD/target/release/yarp
-if ! peer=$(with_stock yarp version); then
+if ! peer=$("$with_stock" yarp version); then
     echo "live: no stock YARP in $STOCK; run \`make stock\`" >&2
     exit 1
 fi
@@ -52,11 +53,11 @@ python=$STOCK/bin/python
 cargo build --quiet --release -p yarp-cli -p yarp-conformance
 cargo build --quiet -p yarp-wire --example bottle --example typed
 
-suite "text of bottles" with_stock "$python" conformance/live/bottle_text.py target/debug/examples/bottle
+suite "text of bottles" "$with_stock" "$python" conformance/live/bottle_text.py target/debug/examples/bottle
 
 g++ -O1 -std=c++17 -include cstdint conformance/live/typed_peer.cpp -I"$stock_package/include" \
     -L"$stock_package/lib" -lYARP_os -lYARP_sig -lYARP_init -o "$work/typed_peer"
-suite "typed messages" with_stock "$python" conformance/live/typed.py target/debug/examples/typed "$work/typed_peer"
+suite "typed messages" "$with_stock" "$python" conformance/live/typed.py target/debug/examples/typed "$work/typed_peer"
 
 for server in ours stock; do
     suite "the yarp command, server: $server" "$python" conformance/live/cli.py \
@@ -71,7 +72,7 @@ for server in ours stock; do
     if [ "$server" = ours ]; then
         "$ours" server --ip 127.0.0.1 --socket $port --write >"$work/server.log" 2>&1 &
     else
-        with_stock yarpserver --ip 127.0.0.1 --socket $port --write >"$work/server.log" 2>&1 &
+        "$with_stock" yarpserver --ip 127.0.0.1 --socket $port --write >"$work/server.log" 2>&1 &
     fi
     running+=($!)
     until_ok "$ours" where
@@ -81,13 +82,13 @@ for server in ours stock; do
     until_ok "$ours" exists /wam/stateExt:o
     for carrier in tcp udp; do
         suite "stock remote_controlboard over $carrier, server: $server" \
-            with_stock "$python" conformance/live/remote_controlboard.py /wam $carrier
+            "$with_stock" "$python" conformance/live/remote_controlboard.py /wam $carrier
     done
     suite "yarp up ends cleanly" bash -c "kill -INT $arm; for i in \$(seq 100); do kill -0 $arm 2>/dev/null || exit 0; sleep 0.1; done; exit 1"
     left=$("$ours" name list | grep -c ' /wam/' || true)
     suite "no name is left behind" test "$left" = 0
 
-    with_stock yarpdev --device controlBoard_nws_yarp --subdevice fakeMotionControl \
+    "$with_stock" yarpdev --device controlBoard_nws_yarp --subdevice fakeMotionControl \
         --name /fake --period 0.02 --GENERAL::Joints 3 >"$work/fake.log" 2>&1 &
     running+=($!)
     until_ok "$ours" exists /fake/stateExt:o

@@ -6,9 +6,10 @@ use bytes::BytesMut;
 use yarp_wire::carrier::{Carrier, Sender};
 use yarp_wire::connection::{Initiator, Progress, ProtocolError, put_reply};
 use yarp_wire::message::{Command, Payload, WireObject};
-use yarp_wire::{Bottle, Dialect, Limits};
+use yarp_wire::{Bottle, Limits};
 
 use crate::error::PortError;
+use crate::probe;
 use crate::stream::{self, Inflow, Socket};
 
 /// A connection of a program that is no port itself: it sends, waits for the answer, sends again.
@@ -33,12 +34,17 @@ impl Dialogue {
         sender: &str,
         deadline: Duration,
     ) -> Result<Self, PortError> {
+        // The question itself is asked in text, so that it does not lead back here.
+        let dialect = match carrier.framing.is_binary() {
+            true => Box::pin(probe::generation(peer, (host, port), deadline)).await,
+            false => None,
+        };
         let stream = stream::connect(peer, host, port, deadline).await?;
         let mut output = BytesMut::new();
         let initiator = Initiator::new(
             carrier,
             &Sender::plain(sender),
-            Dialect::default(),
+            dialect.unwrap_or_default(),
             Limits::DEFAULT,
             &mut output,
         );

@@ -9,17 +9,20 @@ use crate::dialogue::Dialogue;
 
 /// A word that generation 3.x cuts to four characters.
 const WORD: &str = "generation";
+/// A port that has not answered by then does not say.
+const PATIENCE: Duration = Duration::from_secs(5);
 
 /// The generation of the port at an address, or `None` if it does not say.
 ///
 /// Asks it, in text, to drop a connection whose name is a vocab of more than four characters.
 /// There is no such connection, and the answer repeats the name: cut to four characters by 3.x.
-/// Checked against 3.5.0; 4.0.0 has vocabs of eight characters.
+/// Checked against 3.5.0 and 4.0.0, which has vocabs of eight characters.
 pub(crate) async fn generation(
     name: &str,
     address: (&str, u16),
     deadline: Duration,
 ) -> Option<Dialect> {
+    let deadline = deadline.min(PATIENCE);
     let carrier = Carrier::by_name("text_ack")?;
     let request = Bottle::parse(&format!("[del] [{WORD}]")).ok()?;
     let asking = async {
