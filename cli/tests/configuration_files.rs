@@ -8,7 +8,7 @@ use common::Home;
 fn conf_tells_writes_and_clears() {
     let home = Home::new();
     let file = home.path().join("yarp.conf").display().to_string();
-    assert_eq!(home.run("conf").with(0).out, [file.clone()]);
+    assert_eq!(home.run("conf").with(0).out, std::slice::from_ref(&file));
     assert_eq!(home.file("yarp.conf"), None);
     let written = home.run("conf 1.2.3.4 99").with(0).out;
     assert_eq!(

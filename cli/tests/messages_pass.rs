@@ -63,6 +63,7 @@ fn read_connects_itself() {
     let _server = home.serve();
     let mut writer = home.start("write /w").see("active at");
     let reader = home.start("read ... /w").see("Receiving input from /w");
+    writer = writer.see("Sending output");
     writer.type_text("hello\n");
     drop(reader.see("hello"));
     writer.finish().with(0);

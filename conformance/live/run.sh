@@ -65,7 +65,7 @@ for server in ours stock; do
 done
 
 # An arm of ours, driven by the stock client, on a name server of ours and on one of stock's.
-port=10510
+port=15510
 for server in ours stock; do
     export YARP_CONFIG_HOME=$work/$server
     mkdir -p "$YARP_CONFIG_HOME"

@@ -55,14 +55,16 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let ended = if connected {
         let sending = write::send(&writer, Form::Verbatim, wait);
         tokio::pin!(sending);
+        let mut reading = true;
         loop {
             tokio::select! {
                 biased;
                 () = interrupt.heard() => break Ok(false),
                 message = reader.read() => match message {
+                    // The end of what the other side says is not the end of what we say.
+                    Ok(_) if !reading => {}
                     Ok(message) => match printer.print(&message, out) {
-                        Ok(true) => {}
-                        Ok(false) => break Ok(true),
+                        Ok(more) => reading = more,
                         Err(error) => break Err(error),
                     },
                     Err(_) => break Ok(true),

@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A configuration directory, and what all commands of a test have in common.
-pub struct Home {
+pub(crate) struct Home {
     directory: tempfile::TempDir,
     /// Far from the ports of other tests and of other networks.
     range: u16,
@@ -25,46 +25,46 @@ pub struct Home {
 
 /// What a command that has ended did.
 #[derive(Debug)]
-pub struct Ended {
-    pub code: Option<i32>,
-    pub out: Vec<String>,
-    pub err: Vec<String>,
+pub(crate) struct Ended {
+    pub(crate) code: Option<i32>,
+    pub(crate) out: Vec<String>,
+    pub(crate) err: Vec<String>,
 }
 
 impl Ended {
     /// The same, if it ended with `code`.
     #[track_caller]
-    pub fn with(self, code: i32) -> Self {
+    pub(crate) fn with(self, code: i32) -> Self {
         assert_eq!(self.code, Some(code), "{self:?}");
         self
     }
 
     /// Whether a line of standard output holds `text`.
-    pub fn says(&self, text: &str) -> bool {
+    pub(crate) fn says(&self, text: &str) -> bool {
         self.out.iter().any(|line| line.contains(text))
     }
 }
 
 impl Home {
     /// A directory without any configuration.
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self {
             directory: tempfile::tempdir().unwrap(),
             range: free_port(),
         }
     }
 
-    pub fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         self.directory.path()
     }
 
     /// What stands in a file of the configuration, if it is there.
-    pub fn file(&self, name: &str) -> Option<String> {
+    pub(crate) fn file(&self, name: &str) -> Option<String> {
         std::fs::read_to_string(self.path().join(name)).ok()
     }
 
     /// Starts `yarp` with these words, separated by blanks.
-    pub fn start(&self, line: &str) -> Running {
+    pub(crate) fn start(&self, line: &str) -> Running {
         let mut child = Command::new(env!("CARGO_BIN_EXE_yarp"))
             .args(line.split_whitespace())
             .env("YARP_CONFIG_HOME", self.path())
@@ -89,19 +89,19 @@ impl Home {
     }
 
     /// Runs `yarp` with these words and `input` on standard input.
-    pub fn run_with(&self, line: &str, input: &str) -> Ended {
+    pub(crate) fn run_with(&self, line: &str, input: &str) -> Ended {
         let mut running = self.start(line);
         running.type_text(input);
         running.finish()
     }
 
     /// Runs `yarp` with these words.
-    pub fn run(&self, line: &str) -> Ended {
+    pub(crate) fn run(&self, line: &str) -> Ended {
         self.run_with(line, "")
     }
 
     /// Starts a name server that the other commands of this home use.
-    pub fn serve(&self) -> Running {
+    pub(crate) fn serve(&self) -> Running {
         for _ in 0..5 {
             let port = free_port();
             let mut server = self.start(&format!("server --ip 127.0.0.1 --socket {port} --write"));
@@ -114,7 +114,7 @@ impl Home {
     }
 
     /// The names that the name server knows, but its own.
-    pub fn names(&self) -> Vec<String> {
+    pub(crate) fn names(&self) -> Vec<String> {
         let list = self.run("name list").with(0);
         let words = list.out.iter().map(|line| line.split(' '));
         let names = words.filter_map(|mut words| words.nth(2).map(str::to_owned));
@@ -131,7 +131,7 @@ fn free_port() -> u16 {
 }
 
 /// A command that runs. Dropping it kills it.
-pub struct Running {
+pub(crate) struct Running {
     line: String,
     child: Child,
     out: Watched,
@@ -140,13 +140,13 @@ pub struct Running {
 
 impl Running {
     /// Waits until a line of standard output holds `text`; tells whether one does before the end.
-    pub fn sees(&mut self, text: &str) -> bool {
+    pub(crate) fn sees(&mut self, text: &str) -> bool {
         self.out.wait(|line| line.contains(text))
     }
 
     /// As [`Running::sees`], and insists.
     #[track_caller]
-    pub fn see(mut self, text: &str) -> Self {
+    pub(crate) fn see(mut self, text: &str) -> Self {
         let seen = self.sees(text);
         let (out, err) = (self.out.lines(), self.err.lines());
         assert!(seen, "{}: no {text:?} in {out:?} {err:?}", self.line);
@@ -154,7 +154,7 @@ impl Running {
     }
 
     /// Types at it.
-    pub fn type_text(&mut self, text: &str) {
+    pub(crate) fn type_text(&mut self, text: &str) {
         let input = self.child.stdin.as_mut().unwrap();
         // Some commands end before they have read everything.
         let _ = input
@@ -164,7 +164,7 @@ impl Running {
 
     /// Sends a signal.
     #[cfg(unix)]
-    pub fn signal(self, name: &str) -> Self {
+    pub(crate) fn signal(self, name: &str) -> Self {
         let id = self.child.id().to_string();
         let sent = Command::new("kill")
             .args(["-s", name, &id])
@@ -175,7 +175,7 @@ impl Running {
     }
 
     /// Ends its input and waits for its end.
-    pub fn finish(mut self) -> Ended {
+    pub(crate) fn finish(mut self) -> Ended {
         drop(self.child.stdin.take());
         let deadline = Instant::now() + PATIENCE;
         let status = loop {
@@ -204,26 +204,33 @@ impl Drop for Running {
     }
 }
 
+/// What a thread has collected of a stream.
+#[derive(Default)]
+struct Collected {
+    lines: Vec<String>,
+    ended: bool,
+}
+
 /// Lines that a thread collects as they come.
 struct Watched {
-    state: Arc<(Mutex<(Vec<String>, bool)>, Condvar)>,
+    state: Arc<(Mutex<Collected>, Condvar)>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Watched {
     fn of(stream: impl std::io::Read + Send + 'static) -> Self {
-        let state = Arc::new((Mutex::new((Vec::new(), false)), Condvar::new()));
+        let state = Arc::<(Mutex<Collected>, Condvar)>::default();
         let theirs = state.clone();
         let thread = std::thread::spawn(move || {
-            let (lines, changed) = &*theirs;
+            let (collected, changed) = &*theirs;
             for line in BufReader::new(stream).split(b'\n').map_while(Result::ok) {
                 let line = String::from_utf8_lossy(&line)
                     .trim_end_matches('\r')
                     .to_owned();
-                lines.lock().unwrap().0.push(line);
+                collected.lock().unwrap().lines.push(line);
                 changed.notify_all();
             }
-            lines.lock().unwrap().1 = true;
+            collected.lock().unwrap().ended = true;
             changed.notify_all();
         });
         Self {
@@ -233,16 +240,16 @@ impl Watched {
     }
 
     fn wait(&self, matches: impl Fn(&str) -> bool) -> bool {
-        let (lines, changed) = &*self.state;
+        let (collected, changed) = &*self.state;
         let found = |lines: &[String]| lines.iter().any(|line| matches(line));
-        let waiting = changed.wait_timeout_while(lines.lock().unwrap(), PATIENCE, |state| {
-            !state.1 && !found(&state.0)
+        let waiting = changed.wait_timeout_while(collected.lock().unwrap(), PATIENCE, |state| {
+            !state.ended && !found(&state.lines)
         });
-        found(&waiting.unwrap().0.0)
+        found(&waiting.unwrap().0.lines)
     }
 
     fn lines(&self) -> Vec<String> {
-        self.state.0.lock().unwrap().0.clone()
+        self.state.0.lock().unwrap().lines.clone()
     }
 
     fn join(&mut self) {
