@@ -7,3 +7,8 @@ pub mod registry;
 mod server;
 
 pub use server::{Server, ServerOptions};
+
+/// Compiles the example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

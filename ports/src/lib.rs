@@ -27,3 +27,8 @@ pub use port::{
     AdminHandler, Answer, ConnectionChange, Envelope, Handler, Port, PortOptions, Queue, Received,
     Reply, Watcher,
 };
+
+/// Compiles the example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -33,3 +33,8 @@ pub use limits::Limits;
 pub use name::{Contact, PortName};
 pub use stamp::Stamp;
 pub use vocab::{Vocab32, Vocab64};
+
+/// Compiles the example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
