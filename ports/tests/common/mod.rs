@@ -136,6 +136,17 @@ impl Raw {
         bytes
     }
 
+    /// Whether the other side has not ended the connection; throws away what it said.
+    pub(crate) fn is_open(&self) -> bool {
+        loop {
+            match self.0.try_read(&mut [0; 256]) {
+                Ok(0) => return false,
+                Ok(_) => {}
+                Err(error) => return error.kind() == std::io::ErrorKind::WouldBlock,
+            }
+        }
+    }
+
     /// Reads one byte.
     pub(crate) async fn byte(&mut self) -> u8 {
         within(self.0.read_u8()).await.unwrap()
