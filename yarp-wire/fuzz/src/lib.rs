@@ -8,16 +8,18 @@ use yarp_wire::admin::AdminRequest;
 use yarp_wire::bottle::{Balance, Scan, Scanner, detect};
 use yarp_wire::carrier::{Carrier, CarrierSpec, Framing, Sender};
 use yarp_wire::connection::{Acceptor, DatagramReader, Event, Initiator, MessageReader, Progress};
-use yarp_wire::message::{Command, Form, Index, Payload, ReadObject};
+use yarp_wire::http::page::Page;
+use yarp_wire::http::{Action, RequestReader, json};
+use yarp_wire::message::{Command, Form, Index, Payload, ReadObject, WireObject};
 use yarp_wire::name_service::{AnswerReader, Registration, Request, Style, Until};
 use yarp_wire::vector::Vector;
-use yarp_wire::{Bottle, Contact, Dialect, Limits, PortName, Stamp, datagram};
+use yarp_wire::{Bottle, Contact, Dialect, Limits, PortName, Stamp, datagram, typed};
 
 /// One fuzz target: its name, which is also that of its corpus, and what it does.
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All targets.
-pub const TARGETS: [Target; 11] = [
+pub const TARGETS: [Target; 13] = [
     ("bottle_binary", bottle_binary),
     ("bottle_text", bottle_text),
     ("acceptor", acceptor),
@@ -29,6 +31,8 @@ pub const TARGETS: [Target; 11] = [
     ("name_service_request", name_service_request),
     ("name_service_answer", name_service_answer),
     ("datagram", datagram),
+    ("http", http),
+    ("typed", typed),
 ];
 
 const DIALECTS: [Dialect; 2] = [Dialect::V3, Dialect::V4];
@@ -331,5 +335,72 @@ pub fn datagram(data: &[u8]) {
             let _ = message.payload.to_bottle();
         }
         rest = after;
+    }
+}
+
+/// Requests of browsers: any split reads the same, and every answer can be made.
+pub fn http(data: &[u8]) {
+    let Some((&step, data)) = data.split_first() else {
+        return;
+    };
+    let read = |step: usize| {
+        let mut reader = RequestReader::default();
+        let mut input = BytesMut::new();
+        for piece in data.chunks(step.max(1)) {
+            input.extend_from_slice(piece);
+            match reader.read(&mut input, LIMITS) {
+                Ok(None) => {}
+                other => return other.map_err(|error| error.to_string()),
+            }
+        }
+        Ok(None)
+    };
+    let whole = read(data.len());
+    let stepped = read(usize::from(step));
+    if whole.is_ok() {
+        assert_eq!(stepped, whole, "a request that arrives in pieces");
+    }
+    let Ok(Some(request)) = whole else {
+        return;
+    };
+    let shown = match Action::of(&request) {
+        Action::Json { request, .. } | Action::Web(request) => json::of(&request),
+        Action::Send(text) => text,
+        _ => String::new(),
+    };
+    let page = Page {
+        port: "/port",
+        host: &request.host,
+        name_server: None,
+        data: &shown,
+        text: &shown,
+    };
+    assert!(page.response().starts_with("HTTP/1.1 200 OK"));
+}
+
+/// Typed messages: whatever reads also writes, and reads the same again.
+pub fn typed(data: &[u8]) {
+    fn check<T: ReadObject + WireObject>(bytes: &Bytes, dialect: Dialect) {
+        if let Ok(value) = T::read_binary(bytes, dialect) {
+            let mut first = BytesMut::new();
+            value.write_binary(&mut first, dialect);
+            if let Ok(again) = T::read_binary(&first.clone().freeze(), dialect) {
+                let mut second = BytesMut::new();
+                again.write_binary(&mut second, dialect);
+                assert_eq!(first, second);
+            }
+        }
+    }
+    let bytes = Bytes::copy_from_slice(data);
+    for dialect in DIALECTS {
+        check::<Vector>(&bytes, dialect);
+        check::<typed::VectorOf<f32>>(&bytes, dialect);
+        check::<typed::VectorOf<i32>>(&bytes, dialect);
+        check::<typed::VectorOf<u8>>(&bytes, dialect);
+        check::<typed::Matrix>(&bytes, dialect);
+        check::<typed::Image>(&bytes, dialect);
+        check::<typed::Sound>(&bytes, dialect);
+        check::<typed::Property>(&bytes, dialect);
+        check::<typed::Pair<Bottle, typed::VectorOf<f64>>>(&bytes, dialect);
     }
 }

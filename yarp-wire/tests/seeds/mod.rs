@@ -22,6 +22,8 @@ pub(crate) fn all() -> Vec<(&'static str, Vec<Vec<u8>>)> {
         ("name_service_request", strings(&REQUESTS)),
         ("name_service_answer", answers()),
         ("datagram", datagrams()),
+        ("http", strings(&HTTP)),
+        ("typed", typed_messages()),
     ]
 }
 
@@ -65,6 +67,14 @@ const REQUESTS: [&str; 7] = [
     "get /x ips (format json)",
     "unregister /x",
     "NAME_SERVER subscribe /a /b",
+];
+/// Requests of browsers; the byte in front is the step in which they are fed.
+const HTTP: [&str; 5] = [
+    "\x07GET / HTTP/1.1\r\nHost: h:1\r\n\r\n",
+    "\x01GET /?req=hello&x=1 HTTP/1.1\r\nHost: h\r\n\r\n",
+    "\x03POST /form HTTP/1.1\r\nContent-Length: 11\r\nContent-Type: application/x-www-form-urlencoded\r\n\r\ndata=a+b%2e",
+    "\x05GET /a/b?x=y&z=%4 HTTP/1.1\n\n",
+    "\x05POST /form HTTP/1.1\r\nContent-Length: 99999999999\r\n\r\n",
 ];
 const DATAGRAM: &[u8] = b"\x2d\x7c\x9f\xe0\0\0\0\0NAME_SERVER query /root\n";
 
@@ -208,4 +218,34 @@ fn vector(name: &str, half: &str) -> Vec<u8> {
         env!("CARGO_MANIFEST_DIR")
     );
     std::fs::read(path).unwrap()
+}
+
+fn typed_messages() -> Vec<Vec<u8>> {
+    use yarp_wire::message::WireObject;
+    use yarp_wire::typed::{Image, Matrix, Pair, PixelCode, Property, Sound, VectorOf};
+    let image = Image::new(PixelCode::RGB, 3, 2).unwrap();
+    let sound = Sound::new(1, 8000, vec![1, -2, 3]).unwrap();
+    let matrix = Matrix::new(1, 2, vec![1.0, 2.0]).unwrap();
+    let property = Property::from_bottle(Bottle::parse("(a 1) (b (x y))").unwrap());
+    let pair = Pair {
+        head: Bottle::parse("[vmo] 0").unwrap(),
+        body: VectorOf(vec![10.0]),
+    };
+    let objects: [&dyn WireObject; 6] = [
+        &image,
+        &sound,
+        &matrix,
+        &property,
+        &pair,
+        &VectorOf(vec![1i32, 2, 3]),
+    ];
+    let mut seeds = Vec::new();
+    for dialect in [Dialect::V3, Dialect::V4] {
+        for object in objects {
+            let mut bytes = BytesMut::new();
+            object.write_binary(&mut bytes, dialect);
+            seeds.push(bytes.to_vec());
+        }
+    }
+    seeds
 }
