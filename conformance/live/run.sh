@@ -20,6 +20,11 @@ stop() {
         kill "$process" 2>/dev/null || true
     done
     for process in "${running[@]}"; do
+        for _ in $(seq 50); do
+            kill -0 "$process" 2>/dev/null || break
+            sleep 0.1
+        done
+        kill -KILL "$process" 2>/dev/null || true
         wait "$process" 2>/dev/null || true
     done
     running=()
@@ -94,7 +99,8 @@ for server in ours stock; do
     until_ok "$ours" exists /fake/stateExt:o
     suite "our client drives stock's control board, server: $server" target/release/drive_stock /fake
     stop
-    port=$((port + 1))
+    # Numbers that the first server gave out may still be busy.
+    port=$((port + 1000))
 done
 
 if [ $failed != 0 ]; then
