@@ -11,6 +11,7 @@ use super::group::Group;
 use super::inbox::Inbox;
 use super::options::{ConnectionChange, Input, Outputs, PortOptions};
 use super::output::{Output, Target};
+use super::qos::SocketHandle;
 use crate::cancel::{Cancel, Cancelled};
 use crate::error::PortError;
 use crate::network::Network;
@@ -41,6 +42,7 @@ pub(crate) struct InputEntry {
     pub(crate) from: String,
     pub(crate) carrier_text: String,
     pub(crate) carrier: &'static Carrier,
+    pub(crate) socket: SocketHandle,
     cancel: Cancel,
 }
 
@@ -276,6 +278,7 @@ impl Core {
         from: &str,
         carrier: &'static Carrier,
         carrier_text: String,
+        socket: SocketHandle,
         cancel: Cancel,
     ) -> u64 {
         let id = self.next_input.fetch_add(1, Ordering::Relaxed);
@@ -292,9 +295,17 @@ impl Core {
             from: from.to_owned(),
             carrier_text,
             carrier,
+            socket,
             cancel,
         });
         id
+    }
+
+    /// Takes note that an incoming connection goes on over another socket.
+    pub(crate) fn move_input(&self, id: u64, socket: SocketHandle) {
+        if let Some(entry) = self.inputs().iter_mut().find(|entry| entry.id == id) {
+            entry.socket = socket;
+        }
     }
 
     /// Takes note that an incoming connection ended.

@@ -18,6 +18,7 @@ use super::core::Core;
 use super::describe::{HELP, NOT_UNDERSTOOD};
 use super::options::{Input, Serving};
 use super::output::{Output, Way};
+use super::qos::SocketHandle;
 use super::received::{Answer, Received, Reply, Responder};
 use crate::busy::BusyPoll;
 use crate::cancel::Cancel;
@@ -32,7 +33,7 @@ pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, address: IpAddr) {
     let mut connection = Connection {
         acceptor: Acceptor::new(core.number, core.options.dialect, Limits::DEFAULT),
         core: core.clone(),
-        stream: Socket::Tcp(stream),
+        stream: Arc::new(Socket::Tcp(stream)),
         input: Inflow::default(),
         output: BytesMut::new(),
         entry: None,
@@ -77,7 +78,7 @@ impl From<io::Error> for End {
 
 pub(super) struct Connection {
     pub(super) core: Arc<Core>,
-    stream: Socket,
+    stream: Arc<Socket>,
     acceptor: Acceptor,
     input: Inflow,
     pub(super) output: BytesMut,
@@ -162,10 +163,18 @@ impl Connection {
     async fn go_unix(&mut self) -> io::Result<()> {
         if let Some(header) = self.stream.tcp() {
             let socket = unix::accept(header).await?;
-            self.stream = Socket::Unix(socket);
+            self.stream = Arc::new(Socket::Unix(socket));
+            self.moved(SocketHandle::of(&self.stream));
             self.input = Inflow::default();
         }
         Ok(())
+    }
+
+    /// The connection goes on over another socket.
+    fn moved(&self, socket: SocketHandle) {
+        if let Some(entry) = &self.entry {
+            self.core.move_input(entry.id, socket);
+        }
     }
 
     /// Serves what comes as datagrams: to the group, or to a socket that the peer is told of.
@@ -180,9 +189,10 @@ impl Connection {
             _ => datagram::reader(),
         };
         let socket = match opening {
-            Ok(socket) => socket,
+            Ok(socket) => Arc::new(socket),
             Err(error) => return error.into(),
         };
+        self.moved(SocketHandle::of(&socket));
         if group.is_none() {
             let number = socket.local_addr().map_or(0, |address| address.port());
             header_reply(number, &mut self.output);
@@ -252,7 +262,9 @@ impl Connection {
             }
         }
         let cancel = self.cancel.take().expect("a header comes once");
-        let id = self.core.add_input(&sender.name, carrier, text, cancel);
+        let socket = SocketHandle::of(&self.stream);
+        let core = &self.core;
+        let id = core.add_input(&sender.name, carrier, text, socket, cancel);
         let core = self.core.clone();
         self.entry = Some(Entry { id, core });
         self.sender = sender;

@@ -7,6 +7,7 @@
 //! | `input`, `inbox`, `received` | incoming connections, what arrived, one message of it |
 //! | `output`, `outbox`, `group` | outgoing connections, what is to be sent, multicast |
 //! | `admin`, `describe`, `browser` | what programs and people ask of the port itself |
+//! | `qos` | how urgent the packets of a connection are |
 
 mod admin;
 mod browser;
@@ -18,6 +19,7 @@ mod input;
 mod options;
 mod outbox;
 mod output;
+mod qos;
 mod received;
 
 use std::io;
