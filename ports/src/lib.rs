@@ -24,6 +24,6 @@ pub use dialogue::Dialogue;
 pub use error::PortError;
 pub use network::{Network, Place};
 pub use port::{
-    AdminHandler, Answer, ConnectionChange, Envelope, Handler, Port, PortOptions, Queue, Received,
-    Reply, Watcher,
+    AdminHandler, Answer, ConnectionChange, ConnectionCounters, Envelope, Handler, Port,
+    PortCounters, PortOptions, Queue, Received, Reply, Traffic, Watcher,
 };

@@ -202,7 +202,14 @@ impl Core {
         }
         let properties = self.properties();
         let found = properties.iter().find(|(name, _)| *name == key);
-        found.map(|(_, values)| values.clone()).unwrap_or_default()
+        match found {
+            Some((_, values)) => values.clone(),
+            None if key == "counters" => {
+                drop(properties);
+                self.counters().to_bottle()
+            }
+            None => Bottle::new(),
+        }
     }
 
     fn set_property(&self, key: String, values: Bottle) -> Bottle {

@@ -7,6 +7,7 @@ use std::time::Duration;
 use yarp_wire::carrier::{Carrier, CarrierSpec, Framing, Transport};
 use yarp_wire::{Bottle, Contact, Dialect, admin};
 
+use super::counters::{Ended, Meter};
 use super::group::Group;
 use super::inbox::Inbox;
 use super::options::{ConnectionChange, Input, Outputs, PortOptions};
@@ -34,6 +35,7 @@ pub(crate) struct Core {
     inputs: Mutex<Vec<InputEntry>>,
     properties: Mutex<Vec<(String, Bottle)>>,
     next_input: AtomicU64,
+    ended: Mutex<Ended>,
 }
 
 /// An incoming connection as others see it.
@@ -43,6 +45,7 @@ pub(crate) struct InputEntry {
     pub(crate) carrier_text: String,
     pub(crate) carrier: &'static Carrier,
     pub(crate) socket: SocketHandle,
+    pub(crate) meter: Arc<Meter>,
     cancel: Cancel,
 }
 
@@ -72,6 +75,7 @@ impl Core {
             inputs: Mutex::default(),
             properties: Mutex::default(),
             next_input: AtomicU64::new(1),
+            ended: Mutex::default(),
         }
     }
 
@@ -84,6 +88,7 @@ impl Core {
         if ended.is_empty() {
             return outputs;
         }
+        self.count_ended(&ended);
         // The owner may look at the connections when told.
         drop(outputs);
         for output in &ended {
@@ -94,6 +99,18 @@ impl Core {
 
     pub(crate) fn inputs(&self) -> MutexGuard<'_, Vec<InputEntry>> {
         self.inputs.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What was counted of connections that ended.
+    pub(crate) fn ended(&self) -> MutexGuard<'_, Ended> {
+        self.ended.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn count_ended(&self, outputs: &[Arc<Output>]) {
+        let mut ended = self.ended();
+        for output in outputs {
+            ended.sent.add(output.outbox.depth().traffic);
+        }
     }
 
     pub(crate) fn properties(&self) -> MutexGuard<'_, Vec<(String, Bottle)>> {
@@ -201,6 +218,7 @@ impl Core {
             .outputs_mut()
             .extract_if(.., |output| output.to == name)
             .collect();
+        self.count_ended(&gone);
         for output in &gone {
             output.close(GOODBYE).await;
             self.report_output(output, false);
@@ -279,6 +297,7 @@ impl Core {
         carrier: &'static Carrier,
         carrier_text: String,
         socket: SocketHandle,
+        meter: Arc<Meter>,
         cancel: Cancel,
     ) -> u64 {
         let id = self.next_input.fetch_add(1, Ordering::Relaxed);
@@ -296,6 +315,7 @@ impl Core {
             carrier_text,
             carrier,
             socket,
+            meter,
             cancel,
         });
         id
@@ -315,6 +335,7 @@ impl Core {
             return;
         };
         let entry = inputs.remove(index);
+        self.ended().received.add(entry.meter.traffic());
         drop(inputs);
         self.report(&entry.from, &self.name, &entry.carrier_text, true, false);
     }

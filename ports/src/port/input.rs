@@ -15,6 +15,7 @@ use yarp_wire::message::Command;
 use yarp_wire::{Bottle, Limits};
 
 use super::core::Core;
+use super::counters::Meter;
 use super::describe::{HELP, NOT_UNDERSTOOD};
 use super::options::{Input, Serving};
 use super::output::{Output, Way};
@@ -41,6 +42,7 @@ pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, address: IpAddr) {
         sender: Sender::plain(""),
         address,
         busy: BusyPoll::new(),
+        meter: Arc::default(),
     };
     let end = tokio::select! {
         end = connection.run() => end,
@@ -89,6 +91,7 @@ pub(super) struct Connection {
     pub(super) sender: Sender,
     pub(super) address: IpAddr,
     busy: BusyPoll,
+    pub(super) meter: Arc<Meter>,
 }
 
 /// A place in the port's list of connections, given back on drop, also by a handler's panic.
@@ -217,6 +220,7 @@ impl Connection {
                     self.output.clear();
                 }
                 Err(error) => {
+                    self.meter.drop_one();
                     let from = &self.sender.name;
                     tracing::debug!(port = %self.core.name, from, "a message is dropped: {error}");
                 }
@@ -264,7 +268,8 @@ impl Connection {
         let cancel = self.cancel.take().expect("a header comes once");
         let socket = SocketHandle::of(&self.stream);
         let core = &self.core;
-        let id = core.add_input(&sender.name, carrier, text, socket, cancel);
+        let meter = self.meter.clone();
+        let id = core.add_input(&sender.name, carrier, text, socket, meter, cancel);
         let core = self.core.clone();
         self.entry = Some(Entry { id, core });
         self.sender = sender;
@@ -273,6 +278,8 @@ impl Connection {
     async fn message(&mut self, message: Message) -> Next {
         let next = match message.command {
             Command::Data { reply, envelope } => {
+                self.meter
+                    .count(message.payload.bytes().len(), envelope.as_deref());
                 let received = Received {
                     payload: message.payload,
                     envelope,
@@ -280,6 +287,7 @@ impl Connection {
                     address: self.address,
                     wants_reply: reply,
                     responder: None,
+                    connection: self.id(),
                 };
                 let answer = self.deliver(received).await;
                 self.answer(answer, reply)
@@ -295,6 +303,11 @@ impl Connection {
         };
         self.acceptor.acknowledge(&mut self.output);
         next
+    }
+
+    /// Its number in the port's list.
+    pub(super) fn id(&self) -> u64 {
+        self.entry.as_ref().map_or(0, |entry| entry.id)
     }
 
     /// Hands a message to the owner and waits for the reply, if there is to be one; tells whether
@@ -313,7 +326,11 @@ impl Connection {
                 }
                 let inbox = core.inbox.as_ref();
                 let inbox = inbox.expect("a port that queues has an inbox");
-                self.wait_for(inbox.push(received)).await;
+                match self.wait_for(inbox.push(received)).await {
+                    Some(id) if id == self.id() => self.meter.drop_one(),
+                    Some(id) => core.count_dropped(id),
+                    None => {}
+                }
                 match answer {
                     Some(answer) => self.wait_for(answer).await.unwrap_or(Answer::Nothing),
                     None => Answer::Nothing,

@@ -7,11 +7,13 @@
 //! | `input`, `inbox`, `received` | incoming connections, what arrived, one message of it |
 //! | `output`, `outbox`, `group` | outgoing connections, what is to be sent, multicast |
 //! | `admin`, `describe`, `browser` | what programs and people ask of the port itself |
+//! | `counters` | what passed |
 //! | `qos` | how urgent the packets of a connection are |
 
 mod admin;
 mod browser;
 mod core;
+mod counters;
 mod describe;
 mod group;
 mod inbox;
@@ -41,6 +43,7 @@ use crate::cancel::Cancel;
 use crate::error::PortError;
 use crate::network::Network;
 
+pub use counters::{ConnectionCounters, PortCounters, Traffic};
 pub use inbox::Queue;
 pub use options::{AdminHandler, ConnectionChange, Handler, PortOptions, Watcher};
 pub use received::{Answer, Received, Reply};
@@ -230,6 +233,11 @@ impl Port {
         self.core.inbox.as_ref().map_or(0, |inbox| inbox.dropped())
     }
 
+    /// What passed over this port and over each of its connections.
+    pub fn counters(&self) -> PortCounters {
+        self.core.counters()
+    }
+
     /// Ends all waits of [`Port::read`], now and later; what was kept can still be read.
     pub fn interrupt(&self) {
         if let Some(inbox) = &self.core.inbox {
@@ -283,7 +291,9 @@ impl Port {
         let mut encoded = Encoded::default();
         let mut taken = 0;
         self.core.for_each_sender(|output| {
-            if !output.outbox.is_busy() {
+            if output.outbox.is_busy() {
+                output.outbox.count_dropped();
+            } else {
                 let payload = encoded.of(message, output);
                 let pushed = output.outbox.push(&command, &payload, false);
                 taken += usize::from(pushed.is_ok());
