@@ -24,6 +24,6 @@ pub use dialogue::Dialogue;
 pub use error::PortError;
 pub use network::{Network, Place};
 pub use port::{
-    AdminHandler, Answer, ConnectionChange, ConnectionCounters, Envelope, Handler, Port,
-    PortCounters, PortOptions, Queue, Received, Reply, Traffic, Watcher,
+    AdminHandler, Answer, ConnectionChange, ConnectionCounters, Envelope, Handler, LinkState, Port,
+    PortCounters, PortOptions, Queue, Received, Reply, Supervised, Supervision, Traffic, Watcher,
 };

@@ -30,6 +30,9 @@ pub(crate) struct Core {
     pub(crate) options: PortOptions,
     pub(crate) inbox: Option<Inbox>,
     pub(crate) cancelled: Cancelled,
+    /// Given when the port begins to close; `cancelled` follows when its peers have been told.
+    pub(crate) closing: Cancelled,
+    close: Cancel,
     outputs: Mutex<Vec<Arc<Output>>>,
     group: Mutex<Option<Group>>,
     inputs: Mutex<Vec<InputEntry>>,
@@ -62,6 +65,7 @@ impl Core {
             Input::Queue(queue, _) => Some(Inbox::new(queue)),
             _ => None,
         };
+        let (close, closing) = Cancel::new();
         Self {
             name,
             host,
@@ -70,6 +74,8 @@ impl Core {
             options,
             inbox,
             cancelled,
+            closing,
+            close,
             outputs: Mutex::default(),
             group: Mutex::default(),
             inputs: Mutex::default(),
@@ -77,6 +83,11 @@ impl Core {
             next_input: AtomicU64::new(1),
             ended: Mutex::default(),
         }
+    }
+
+    /// The port begins to close.
+    pub(crate) fn close(&self) {
+        self.close.cancel();
     }
 
     fn outputs_mut(&self) -> MutexGuard<'_, Vec<Arc<Output>>> {
@@ -142,8 +153,8 @@ impl Core {
         }
     }
 
-    /// Connects to a reader; connections to the same reader end first.
-    pub(crate) async fn connect(&self, to: &Contact) -> Result<(), PortError> {
+    /// Connects to a reader, whose name is the answer; connections to it end first.
+    pub(crate) async fn connect(&self, to: &Contact) -> Result<String, PortError> {
         // As in stock, who cannot be found is told first.
         let found = self.network.resolve(to).await?;
         if self.options.outputs == Outputs::None {
@@ -189,7 +200,7 @@ impl Core {
         match Output::connect(&target, self.cancelled.clone()).await {
             Ok(output) => {
                 self.add_output(output);
-                Ok(())
+                Ok(found.name)
             }
             Err(error) => {
                 self.release_group().await;

@@ -68,7 +68,7 @@ impl Core {
         };
         let contact = yarp_wire::Contact::parse(contact);
         match self.connect(&contact).await {
-            Ok(()) => Ok(format!(
+            Ok(_) => Ok(format!(
                 "Added connection from {} to {destination}\r\n",
                 self.name
             )),

@@ -7,6 +7,7 @@
 //! | `input`, `inbox`, `received` | incoming connections, what arrived, one message of it |
 //! | `output`, `outbox`, `group` | outgoing connections, what is to be sent, multicast |
 //! | `admin`, `describe`, `browser` | what programs and people ask of the port itself |
+//! | `supervised` | connections that come back |
 //! | `counters` | what passed |
 //! | `qos` | how urgent the packets of a connection are |
 
@@ -23,6 +24,7 @@ mod outbox;
 mod output;
 mod qos;
 mod received;
+mod supervised;
 
 use std::io;
 use std::sync::Arc;
@@ -47,6 +49,7 @@ pub use counters::{ConnectionCounters, PortCounters, Traffic};
 pub use inbox::Queue;
 pub use options::{AdminHandler, ConnectionChange, Handler, PortOptions, Watcher};
 pub use received::{Answer, Received, Reply};
+pub use supervised::{LinkState, Supervised, Supervision};
 
 /// A port that is open.
 ///
@@ -184,14 +187,40 @@ impl Port {
 
     /// Connects to a reader, given as a name or a contact such as `fast_tcp://reader`.
     pub async fn connect(&self, to: &str) -> Result<(), PortError> {
-        self.core.connect(&Contact::parse(to)).await
+        self.core.connect(&Contact::parse(to)).await.map(drop)
     }
 
     /// Connects to a reader over a carrier such as `fast_tcp`.
     pub async fn connect_over(&self, to: &str, carrier: &str) -> Result<(), PortError> {
         let mut contact = Contact::parse(to);
         contact.carrier = Some(carrier.to_owned());
-        self.core.connect(&contact).await
+        self.core.connect(&contact).await.map(drop)
+    }
+
+    /// Connects to a reader, given as for [`Port::connect`], and connects again whenever the
+    /// connection is lost, until the answer is dropped.
+    ///
+    /// Returns at once; [`Supervised::up`] waits for the connection. A reader that comes back at
+    /// another address is found if it was given by its name. A connection that is taken down by
+    /// somebody else is made again. Over `udp` and `mcast` the end of a reader that says no
+    /// goodbye goes unnoticed.
+    ///
+    /// ```no_run
+    /// # async fn example(port: &yarp_ports::Port) {
+    /// use yarp_ports::{LinkState, Supervision};
+    ///
+    /// let mut link = port.supervise("/camera/viewer", Supervision::new());
+    /// while link.state() != LinkState::Ended {
+    ///     println!("{:?}", link.changed().await);
+    /// }
+    /// # }
+    /// ```
+    ///
+    /// # Panics
+    ///
+    /// Outside a tokio runtime.
+    pub fn supervise(&self, to: &str, options: Supervision) -> Supervised {
+        Supervised::start(self.core.clone(), Contact::parse(to), options)
     }
 
     /// Ends the connection to a reader; tells whether there was one.
@@ -396,6 +425,8 @@ impl Port {
         let core = self.core.clone();
         let registered = std::mem::take(&mut self.registered);
         self.interrupt();
+        // What is taken down now shall not come back.
+        self.core.close();
         let (keep, _) = Cancel::new();
         let cancel = std::mem::replace(&mut self.cancel, keep);
         Some(async move {

@@ -183,6 +183,15 @@ impl Outbox {
             .await
     }
 
+    /// Waits for the end of the connection; tells why it ended.
+    pub(crate) async fn ended(&self) -> Arc<str> {
+        loop {
+            if let Err(reason) = self.wait_until(|_| false).await {
+                return reason;
+            }
+        }
+    }
+
     async fn wait_until(&self, done: impl Fn(&State) -> bool) -> Result<(), Arc<str>> {
         loop {
             let changed = self.changed.notified();

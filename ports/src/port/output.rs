@@ -38,6 +38,8 @@ pub(crate) struct Output {
     /// The generation of the reader.
     pub(crate) dialect: Dialect,
     pub(crate) outbox: Arc<Outbox>,
+    /// Whether it carries copies of what the port receives instead of what its owner writes.
+    pub(crate) logs: bool,
     /// The group that it shares with others: one of them transmits for all.
     pub(crate) group: Option<Group>,
     /// Whom to tell of the end, where the connection itself cannot.
@@ -148,6 +150,7 @@ impl Output {
             carrier,
             dialect,
             outbox,
+            logs: false,
             group: None,
             farewell: None,
             socket,
