@@ -1,6 +1,6 @@
 //! What the tasks of one port share.
 
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -10,6 +10,7 @@ use yarp_wire::{Bottle, Contact, Dialect, admin};
 use super::counters::{Ended, Meter};
 use super::group::Group;
 use super::inbox::Inbox;
+use super::log;
 use super::options::{ConnectionChange, Input, Outputs, PortOptions};
 use super::output::{Output, Target};
 use super::qos::SocketHandle;
@@ -39,6 +40,8 @@ pub(crate) struct Core {
     properties: Mutex<Vec<(String, Bottle)>>,
     next_input: AtomicU64,
     ended: Mutex<Ended>,
+    /// Whether there may be connections that carry copies of what arrives.
+    pub(super) logged: AtomicBool,
 }
 
 /// An incoming connection as others see it.
@@ -82,6 +85,7 @@ impl Core {
             properties: Mutex::default(),
             next_input: AtomicU64::new(1),
             ended: Mutex::default(),
+            logged: AtomicBool::new(false),
         }
     }
 
@@ -90,7 +94,7 @@ impl Core {
         self.close.cancel();
     }
 
-    fn outputs_mut(&self) -> MutexGuard<'_, Vec<Arc<Output>>> {
+    pub(super) fn outputs_mut(&self) -> MutexGuard<'_, Vec<Arc<Output>>> {
         let lock = || self.outputs.lock().unwrap_or_else(PoisonError::into_inner);
         let mut outputs = lock();
         let ended: Vec<_> = outputs
@@ -146,7 +150,7 @@ impl Core {
     pub(crate) fn for_each_sender(&self, mut visit: impl FnMut(&Arc<Output>)) {
         let mut elected = false;
         for output in self.outputs_mut().iter() {
-            if output.group.is_some() && std::mem::replace(&mut elected, true) {
+            if output.logs || output.group.is_some() && std::mem::replace(&mut elected, true) {
                 continue;
             }
             visit(output);
@@ -157,22 +161,25 @@ impl Core {
     pub(crate) async fn connect(&self, to: &Contact) -> Result<String, PortError> {
         // As in stock, who cannot be found is told first.
         let found = self.network.resolve(to).await?;
-        if self.options.outputs == Outputs::None {
+        let spec = self.carrier_spec(to, &found.carrier)?;
+        let logs = log::is_wanted(&spec)?;
+        if self.options.outputs == Outputs::None && !logs {
             return Err(PortError::OutputsNotAllowed {
                 name: self.name.clone(),
             });
         }
-        let spec = self.carrier_spec(to, &found.carrier)?;
         let carrier = Carrier::of(&spec).filter(|carrier| {
             // Browsers and name server clients connect to ports, not ports to them.
             !matches!(carrier.framing, Framing::Http | Framing::NameService)
+                // A group is for what the owner writes.
+                && !(logs && carrier.transport == Transport::Group)
         });
         let carrier = carrier.ok_or_else(|| PortError::NoCarrier {
             carrier: spec.base.clone(),
             known: known_carriers(),
         })?;
         self.disconnect(&found.name).await;
-        if self.options.outputs == Outputs::One && !self.outputs_mut().is_empty() {
+        if self.options.outputs == Outputs::One && !logs && !self.senders().is_empty() {
             return Err(PortError::AlreadyConnected {
                 name: self.name.clone(),
             });
@@ -198,7 +205,8 @@ impl Core {
             deadline: self.network.deadline(),
         };
         match Output::connect(&target, self.cancelled.clone()).await {
-            Ok(output) => {
+            Ok(mut output) => {
+                output.logs = logs;
                 self.add_output(output);
                 Ok(found.name)
             }
@@ -220,7 +228,11 @@ impl Core {
     pub(crate) fn add_output(&self, output: Output) {
         let output = Arc::new(output);
         self.report_output(&output, true);
-        self.outputs_mut().push(output);
+        let mut outputs = self.outputs_mut();
+        if output.logs {
+            self.logged.store(true, Ordering::Relaxed);
+        }
+        outputs.push(output);
     }
 
     /// Ends the outgoing connections to `name`; tells whether there was one.

@@ -17,6 +17,7 @@ use yarp_wire::{Bottle, Limits};
 use super::core::Core;
 use super::counters::Meter;
 use super::describe::{HELP, NOT_UNDERSTOOD};
+use super::log::Copied;
 use super::options::{Input, Serving};
 use super::output::{Output, Way};
 use super::qos::SocketHandle;
@@ -314,6 +315,7 @@ impl Connection {
     /// the connection shall end with it.
     pub(super) async fn deliver(&mut self, mut received: Received) -> (Option<Reply>, bool) {
         let core = self.core.clone();
+        let copy = (core.is_logged() && !self.brings_copies()).then(|| Copied::of(&received));
         let mut answer = match &core.options.input {
             Input::Discard => Answer::Nothing,
             Input::Handler(handler) => handler(&mut received),
@@ -337,14 +339,23 @@ impl Connection {
                 }
             }
         };
-        loop {
+        let (reply, last) = loop {
             match answer {
                 Answer::Later(later) => answer = self.wait_for(later).await,
-                Answer::Nothing => return (None, false),
-                Answer::Reply(reply) => return (Some(reply), false),
-                Answer::ReplyAndClose(reply) => return (Some(reply), true),
+                Answer::Nothing => break (None, false),
+                Answer::Reply(reply) => break (Some(reply), false),
+                Answer::ReplyAndClose(reply) => break (Some(reply), true),
             }
+        };
+        if let Some(copy) = copy {
+            core.forward(&copy, reply.as_ref());
         }
+        (reply, last)
+    }
+
+    /// Whether what arrives are copies of what another port receives.
+    fn brings_copies(&self) -> bool {
+        self.sender.modifiers.iter().any(|(key, _)| key == "log")
     }
 
     /// Waits for what may take long. What was said so far goes out first: a peer that sends ahead

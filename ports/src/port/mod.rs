@@ -8,6 +8,7 @@
 //! | `output`, `outbox`, `group` | outgoing connections, what is to be sent, multicast |
 //! | `admin`, `describe`, `browser` | what programs and people ask of the port itself |
 //! | `supervised` | connections that come back |
+//! | `log` | copies of what arrives for those who look on |
 //! | `counters` | what passed |
 //! | `qos` | how urgent the packets of a connection are |
 
@@ -19,6 +20,7 @@ mod describe;
 mod group;
 mod inbox;
 mod input;
+mod log;
 mod options;
 mod outbox;
 mod output;
@@ -186,6 +188,9 @@ impl Port {
     }
 
     /// Connects to a reader, given as a name or a contact such as `fast_tcp://reader`.
+    ///
+    /// Over `tcp+log.in` the reader gets copies of what this port receives, and of its replies,
+    /// instead of what it writes.
     pub async fn connect(&self, to: &str) -> Result<(), PortError> {
         self.core.connect(&Contact::parse(to)).await.map(drop)
     }
@@ -357,7 +362,7 @@ impl Port {
 
     /// Waits until every message has been handed over, and acknowledged where that is the custom.
     pub async fn flush(&self) {
-        for output in self.core.outputs() {
+        for output in self.core.senders() {
             // A reader that is gone has nothing left to take.
             let _ = output.outbox.drained().await;
         }

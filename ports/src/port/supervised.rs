@@ -11,6 +11,7 @@ use tokio::time::Instant;
 use yarp_wire::Contact;
 
 use super::core::Core;
+use super::log;
 use super::outbox::Outbox;
 use crate::cancel::{Cancel, Cancelled};
 
@@ -102,8 +103,10 @@ impl Supervised {
         let (sender, state) = watch::channel(LinkState::Connecting { attempt: 1 });
         let (cancel, released) = Cancel::new();
         let kept = Arc::new(AtomicBool::new(false));
+        let logs = to.carrier.as_deref().is_some_and(log::is_named);
         let supervisor = Supervisor {
             core,
+            logs,
             to,
             options,
             state: sender,
@@ -161,6 +164,8 @@ impl Supervised {
 struct Supervisor {
     core: Arc<Core>,
     to: Contact,
+    /// Whether the connection is one of copies.
+    logs: bool,
     options: Supervision,
     state: watch::Sender<LinkState>,
     kept: Arc<AtomicBool>,
@@ -214,7 +219,7 @@ impl Supervisor {
         let connected = |name: &str| {
             let outputs = self.core.outputs();
             let mut outputs = outputs.iter();
-            let found = outputs.find(|output| output.to == name && !output.logs)?;
+            let found = outputs.find(|output| output.to == name && output.logs == self.logs)?;
             Some(found.outbox.clone())
         };
         // Somebody else may have connected the two in the meantime.
