@@ -168,11 +168,11 @@ impl Core {
                 name: self.name.clone(),
             });
         }
-        let carrier = Carrier::of(&spec).filter(|carrier| {
+        let carrier = Carrier::of(&spec).filter(|carrier| match carrier.framing {
             // Browsers and name server clients connect to ports, not ports to them.
-            !matches!(carrier.framing, Framing::Http | Framing::NameService)
-                // A group is for what the owner writes.
-                && !(logs && carrier.transport == Transport::Group)
+            Framing::Http | Framing::NameService => false,
+            // A group is for what the owner writes.
+            _ => !logs || carrier.transport != Transport::Group,
         });
         let carrier = carrier.ok_or_else(|| PortError::NoCarrier {
             carrier: spec.base.clone(),
