@@ -120,6 +120,12 @@ pub enum PortError {
         /// The port.
         name: String,
     },
+    /// Connections carry copies of what a port receives, and of nothing else.
+    #[error("cannot connect over log.{what}: a port forwards what comes in, which is log.in")]
+    LogNotSupported {
+        /// What was asked for.
+        what: String,
+    },
     /// A port that calls has one connection.
     #[error("port {name} calls, and is connected already")]
     AlreadyConnected {

@@ -24,8 +24,8 @@ pub use dialogue::Dialogue;
 pub use error::PortError;
 pub use network::{Network, Place};
 pub use port::{
-    AdminHandler, Answer, ConnectionChange, Envelope, Handler, Port, PortOptions, Queue, Received,
-    Reply, Watcher,
+    AdminHandler, Answer, ConnectionChange, ConnectionCounters, Envelope, Handler, LinkState, Port,
+    PortCounters, PortOptions, Queue, Received, Reply, Supervised, Supervision, Traffic, Watcher,
 };
 
 /// Compiles the example of the README.

@@ -9,6 +9,7 @@
 //! * [`carrier`]: one file per carrier, and the one table that lists them.
 //! * [`connection`]: the state machines of both sides of a connection.
 //! * [`admin`], [`name_service`]: the messages that programs send to ports and to the name server.
+//! * [`qos`]: how urgent packets are, in the words of those messages.
 
 pub mod admin;
 pub mod bottle;
@@ -22,6 +23,7 @@ pub mod message;
 pub mod name;
 pub mod name_service;
 pub mod number;
+pub mod qos;
 pub mod stamp;
 pub mod typed;
 pub mod vector;

@@ -5,6 +5,7 @@ use yarp_wire::{Bottle, Value, Vocab32};
 
 use super::core::Core;
 use super::options::{Input, Outputs, Serving};
+use super::qos::scheduling;
 
 /// Stock's answer to `[help]`. Source: recorded traffic of 3.12.3 and 4.0.0.
 const HELP: [&str; 20] = [
@@ -201,13 +202,19 @@ impl Core {
         }
         let properties = self.properties();
         let found = properties.iter().find(|(name, _)| *name == key);
-        found.map(|(_, values)| values.clone()).unwrap_or_default()
+        match found {
+            Some((_, values)) => values.clone(),
+            None if key == "counters" => {
+                drop(properties);
+                self.counters().to_bottle()
+            }
+            None => Bottle::new(),
+        }
     }
 
     fn set_property(&self, key: String, values: Bottle) -> Bottle {
         if key.starts_with('/') {
-            // Thread policies and packet priorities are not offered: say so.
-            return fail("scheduling and quality of service cannot be set on this port");
+            return self.set_connection_properties(&key, &values);
         }
         let mut properties = self.properties();
         if let Some(entry) = properties.iter_mut().find(|(name, _)| *name == key) {
@@ -221,15 +228,6 @@ impl Core {
         ok()
     }
 
-    fn connection_properties(&self, name: &str) -> Bottle {
-        let known = self.inputs().iter().any(|input| input.from == name)
-            || self.outputs().iter().any(|output| output.to == name);
-        if !known {
-            return fail(&format!("cannot find any connection to/from {name}"));
-        }
-        Bottle::from_iter([scheduling(), group("qos", [pair("tos", 0)])])
-    }
-
     fn own_properties(&self) -> Bottle {
         let arguments: Vec<String> = std::env::args().collect();
         let program = std::env::current_exe().unwrap_or_default();
@@ -238,7 +236,7 @@ impl Core {
             || self.options.outputs == Outputs::One;
         let number = |flag: bool| i32::from(flag);
         Bottle::from_iter([
-            scheduling(),
+            scheduling(0, 0),
             group(
                 "process",
                 [
@@ -266,11 +264,11 @@ impl Core {
     }
 }
 
-fn ok() -> Bottle {
+pub(super) fn ok() -> Bottle {
     Bottle::of(Vocab32::OK)
 }
 
-fn fail(reason: &str) -> Bottle {
+pub(super) fn fail(reason: &str) -> Bottle {
     Bottle::from_iter([Vocab32::FAIL.into(), reason.into()])
 }
 
@@ -283,15 +281,10 @@ fn counted(result: Result<String, String>) -> Bottle {
     Bottle::from_iter([Value::Int32(code), text.into()])
 }
 
-fn pair(key: &str, value: impl Into<Value>) -> Value {
+pub(super) fn pair(key: &str, value: impl Into<Value>) -> Value {
     Bottle::from_iter([key.into(), value.into()]).into()
 }
 
-fn group<const N: usize>(key: &str, pairs: [Value; N]) -> Value {
+pub(super) fn group<const N: usize>(key: &str, pairs: [Value; N]) -> Value {
     pair(key, Value::Dictionary(Bottle::from_iter(pairs)))
-}
-
-fn scheduling() -> Value {
-    let policy = [pair("policy", 0), pair("priority", 0), pair("tid", 0)];
-    group("sched", policy)
 }

@@ -72,7 +72,9 @@ impl Connection {
             address: self.address,
             wants_reply: true,
             responder: None,
+            connection: self.id(),
         };
+        self.meter.count(message.len(), None);
         let (reply, _) = self.deliver(received).await;
         let mut text = BytesMut::new();
         if let Some(reply) = reply {

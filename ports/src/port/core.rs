@@ -1,16 +1,19 @@
 //! What the tasks of one port share.
 
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use yarp_wire::carrier::{Carrier, CarrierSpec, Framing, Transport};
 use yarp_wire::{Bottle, Contact, Dialect, admin};
 
+use super::counters::{Ended, Meter};
 use super::group::Group;
 use super::inbox::Inbox;
+use super::log;
 use super::options::{ConnectionChange, Input, Outputs, PortOptions};
 use super::output::{Output, Target};
+use super::qos::SocketHandle;
 use crate::cancel::{Cancel, Cancelled};
 use crate::error::PortError;
 use crate::network::Network;
@@ -28,11 +31,17 @@ pub(crate) struct Core {
     pub(crate) options: PortOptions,
     pub(crate) inbox: Option<Inbox>,
     pub(crate) cancelled: Cancelled,
+    /// Given when the port begins to close; `cancelled` follows when its peers have been told.
+    pub(crate) closing: Cancelled,
+    close: Cancel,
     outputs: Mutex<Vec<Arc<Output>>>,
     group: Mutex<Option<Group>>,
     inputs: Mutex<Vec<InputEntry>>,
     properties: Mutex<Vec<(String, Bottle)>>,
     next_input: AtomicU64,
+    ended: Mutex<Ended>,
+    /// Whether there may be connections that carry copies of what arrives.
+    pub(super) logged: AtomicBool,
 }
 
 /// An incoming connection as others see it.
@@ -41,6 +50,8 @@ pub(crate) struct InputEntry {
     pub(crate) from: String,
     pub(crate) carrier_text: String,
     pub(crate) carrier: &'static Carrier,
+    pub(crate) socket: SocketHandle,
+    pub(crate) meter: Arc<Meter>,
     cancel: Cancel,
 }
 
@@ -57,6 +68,7 @@ impl Core {
             Input::Queue(queue, _) => Some(Inbox::new(queue)),
             _ => None,
         };
+        let (close, closing) = Cancel::new();
         Self {
             name,
             host,
@@ -65,15 +77,24 @@ impl Core {
             options,
             inbox,
             cancelled,
+            closing,
+            close,
             outputs: Mutex::default(),
             group: Mutex::default(),
             inputs: Mutex::default(),
             properties: Mutex::default(),
             next_input: AtomicU64::new(1),
+            ended: Mutex::default(),
+            logged: AtomicBool::new(false),
         }
     }
 
-    fn outputs_mut(&self) -> MutexGuard<'_, Vec<Arc<Output>>> {
+    /// The port begins to close.
+    pub(crate) fn close(&self) {
+        self.close.cancel();
+    }
+
+    pub(super) fn outputs_mut(&self) -> MutexGuard<'_, Vec<Arc<Output>>> {
         let lock = || self.outputs.lock().unwrap_or_else(PoisonError::into_inner);
         let mut outputs = lock();
         let ended: Vec<_> = outputs
@@ -82,6 +103,7 @@ impl Core {
         if ended.is_empty() {
             return outputs;
         }
+        self.count_ended(&ended);
         // The owner may look at the connections when told.
         drop(outputs);
         for output in &ended {
@@ -92,6 +114,18 @@ impl Core {
 
     pub(crate) fn inputs(&self) -> MutexGuard<'_, Vec<InputEntry>> {
         self.inputs.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What was counted of connections that ended.
+    pub(crate) fn ended(&self) -> MutexGuard<'_, Ended> {
+        self.ended.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn count_ended(&self, outputs: &[Arc<Output>]) {
+        let mut ended = self.ended();
+        for output in outputs {
+            ended.sent.add(output.outbox.depth().traffic);
+        }
     }
 
     pub(crate) fn properties(&self) -> MutexGuard<'_, Vec<(String, Bottle)>> {
@@ -116,33 +150,36 @@ impl Core {
     pub(crate) fn for_each_sender(&self, mut visit: impl FnMut(&Arc<Output>)) {
         let mut elected = false;
         for output in self.outputs_mut().iter() {
-            if output.group.is_some() && std::mem::replace(&mut elected, true) {
+            if output.logs || output.group.is_some() && std::mem::replace(&mut elected, true) {
                 continue;
             }
             visit(output);
         }
     }
 
-    /// Connects to a reader; connections to the same reader end first.
-    pub(crate) async fn connect(&self, to: &Contact) -> Result<(), PortError> {
+    /// Connects to a reader, whose name is the answer; connections to it end first.
+    pub(crate) async fn connect(&self, to: &Contact) -> Result<String, PortError> {
         // As in stock, who cannot be found is told first.
         let found = self.network.resolve(to).await?;
-        if self.options.outputs == Outputs::None {
+        let spec = self.carrier_spec(to, &found.carrier)?;
+        let logs = log::is_wanted(&spec)?;
+        if self.options.outputs == Outputs::None && !logs {
             return Err(PortError::OutputsNotAllowed {
                 name: self.name.clone(),
             });
         }
-        let spec = self.carrier_spec(to, &found.carrier)?;
-        let carrier = Carrier::of(&spec).filter(|carrier| {
+        let carrier = Carrier::of(&spec).filter(|carrier| match carrier.framing {
             // Browsers and name server clients connect to ports, not ports to them.
-            !matches!(carrier.framing, Framing::Http | Framing::NameService)
+            Framing::Http | Framing::NameService => false,
+            // A group is for what the owner writes.
+            _ => !logs || carrier.transport != Transport::Group,
         });
         let carrier = carrier.ok_or_else(|| PortError::NoCarrier {
             carrier: spec.base.clone(),
             known: known_carriers(),
         })?;
         self.disconnect(&found.name).await;
-        if self.options.outputs == Outputs::One && !self.outputs_mut().is_empty() {
+        if self.options.outputs == Outputs::One && !logs && !self.senders().is_empty() {
             return Err(PortError::AlreadyConnected {
                 name: self.name.clone(),
             });
@@ -168,9 +205,10 @@ impl Core {
             deadline: self.network.deadline(),
         };
         match Output::connect(&target, self.cancelled.clone()).await {
-            Ok(output) => {
+            Ok(mut output) => {
+                output.logs = logs;
                 self.add_output(output);
-                Ok(())
+                Ok(found.name)
             }
             Err(error) => {
                 self.release_group().await;
@@ -190,7 +228,11 @@ impl Core {
     pub(crate) fn add_output(&self, output: Output) {
         let output = Arc::new(output);
         self.report_output(&output, true);
-        self.outputs_mut().push(output);
+        let mut outputs = self.outputs_mut();
+        if output.logs {
+            self.logged.store(true, Ordering::Relaxed);
+        }
+        outputs.push(output);
     }
 
     /// Ends the outgoing connections to `name`; tells whether there was one.
@@ -199,6 +241,7 @@ impl Core {
             .outputs_mut()
             .extract_if(.., |output| output.to == name)
             .collect();
+        self.count_ended(&gone);
         for output in &gone {
             output.close(GOODBYE).await;
             self.report_output(output, false);
@@ -276,6 +319,8 @@ impl Core {
         from: &str,
         carrier: &'static Carrier,
         carrier_text: String,
+        socket: SocketHandle,
+        meter: Arc<Meter>,
         cancel: Cancel,
     ) -> u64 {
         let id = self.next_input.fetch_add(1, Ordering::Relaxed);
@@ -292,9 +337,18 @@ impl Core {
             from: from.to_owned(),
             carrier_text,
             carrier,
+            socket,
+            meter,
             cancel,
         });
         id
+    }
+
+    /// Takes note that an incoming connection goes on over another socket.
+    pub(crate) fn move_input(&self, id: u64, socket: SocketHandle) {
+        if let Some(entry) = self.inputs().iter_mut().find(|entry| entry.id == id) {
+            entry.socket = socket;
+        }
     }
 
     /// Takes note that an incoming connection ended.
@@ -304,6 +358,7 @@ impl Core {
             return;
         };
         let entry = inputs.remove(index);
+        self.ended().received.add(entry.meter.traffic());
         drop(inputs);
         self.report(&entry.from, &self.name, &entry.carrier_text, true, false);
     }

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use super::core::Core;
+use super::log;
 
 /// Stock's answer to `?`.
 pub(super) const HELP: &str = "\
@@ -68,16 +69,27 @@ impl Core {
         };
         let contact = yarp_wire::Contact::parse(contact);
         match self.connect(&contact).await {
-            Ok(()) => Ok(format!(
-                "Added connection from {} to {destination}\r\n",
-                self.name
-            )),
+            Ok(reader) => {
+                let own = &self.name;
+                let copies = match contact.carrier.as_deref().is_some_and(log::is_named) {
+                    true => {
+                        format!("; {own} will forward messages and replies (if any) to {reader}")
+                    }
+                    false => String::new(),
+                };
+                Ok(format!(
+                    "Added connection from {own} to {destination}{copies}\r\n"
+                ))
+            }
             Err(error) => {
                 tracing::warn!(port = %self.name, destination, "{}", error.story());
                 Err(match error {
                     PortError::OutputsNotAllowed { .. } => "Outputs not allowed\r\n".to_owned(),
                     PortError::AlreadyConnected { .. } => {
                         "RPC output already connected\r\n".to_owned()
+                    }
+                    PortError::LogNotSupported { what } => {
+                        format!("Logger configured as log.{what}, but only log.in is supported\r\n")
                     }
                     PortError::Unknown { .. } => {
                         format!("Do not know how to connect to {destination}\r\n")

@@ -51,8 +51,9 @@ impl Inbox {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes a message in; waits only under [`Queue::Wait`].
-    pub(crate) async fn push(&self, message: Received) {
+    /// Takes a message in; waits only under [`Queue::Wait`]. Tells whose message was dropped.
+    pub(crate) async fn push(&self, message: Received) -> Option<u64> {
+        let own = message.connection;
         let mut message = Some(message);
         loop {
             let room = self.room.notified();
@@ -61,14 +62,14 @@ impl Inbox {
             {
                 let mut state = self.state();
                 if state.closed {
-                    return;
+                    return None;
                 }
                 let full = |limit: usize| state.messages.len() >= limit.max(1);
                 match self.queue {
                     Queue::Wait(limit) if full(limit) => {}
                     Queue::DropNewest(limit) if full(limit) => {
                         state.dropped += 1;
-                        return;
+                        return Some(own);
                     }
                     queue => {
                         let dropped = match queue {
@@ -80,7 +81,7 @@ impl Inbox {
                         state.messages.extend(message.take());
                         drop(state);
                         self.arrived.notify_one();
-                        return;
+                        return dropped.map(|message| message.connection);
                     }
                 }
             }
@@ -125,6 +126,11 @@ impl Inbox {
     /// Messages that were dropped, as the queue's rule says.
     pub(crate) fn dropped(&self) -> u64 {
         self.state().dropped
+    }
+
+    /// Messages that wait to be read.
+    pub(crate) fn waiting(&self) -> usize {
+        self.state().messages.len()
     }
 
     /// Ends all waits, now and later.

@@ -15,9 +15,12 @@ use yarp_wire::message::Command;
 use yarp_wire::{Bottle, Limits};
 
 use super::core::Core;
+use super::counters::Meter;
 use super::describe::{HELP, NOT_UNDERSTOOD};
+use super::log::Copied;
 use super::options::{Input, Serving};
 use super::output::{Output, Way};
+use super::qos::SocketHandle;
 use super::received::{Answer, Received, Reply, Responder};
 use crate::busy::BusyPoll;
 use crate::cancel::Cancel;
@@ -32,7 +35,7 @@ pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, address: IpAddr) {
     let mut connection = Connection {
         acceptor: Acceptor::new(core.number, core.options.dialect, Limits::DEFAULT),
         core: core.clone(),
-        stream: Socket::Tcp(stream),
+        stream: Arc::new(Socket::Tcp(stream)),
         input: Inflow::default(),
         output: BytesMut::new(),
         entry: None,
@@ -40,6 +43,7 @@ pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, address: IpAddr) {
         sender: Sender::plain(""),
         address,
         busy: BusyPoll::new(),
+        meter: Arc::default(),
     };
     let end = tokio::select! {
         end = connection.run() => end,
@@ -77,7 +81,7 @@ impl From<io::Error> for End {
 
 pub(super) struct Connection {
     pub(super) core: Arc<Core>,
-    stream: Socket,
+    stream: Arc<Socket>,
     acceptor: Acceptor,
     input: Inflow,
     pub(super) output: BytesMut,
@@ -88,6 +92,7 @@ pub(super) struct Connection {
     pub(super) sender: Sender,
     pub(super) address: IpAddr,
     busy: BusyPoll,
+    pub(super) meter: Arc<Meter>,
 }
 
 /// A place in the port's list of connections, given back on drop, also by a handler's panic.
@@ -162,10 +167,18 @@ impl Connection {
     async fn go_unix(&mut self) -> io::Result<()> {
         if let Some(header) = self.stream.tcp() {
             let socket = unix::accept(header).await?;
-            self.stream = Socket::Unix(socket);
+            self.stream = Arc::new(Socket::Unix(socket));
+            self.moved(SocketHandle::of(&self.stream));
             self.input = Inflow::default();
         }
         Ok(())
+    }
+
+    /// The connection goes on over another socket.
+    fn moved(&self, socket: SocketHandle) {
+        if let Some(entry) = &self.entry {
+            self.core.move_input(entry.id, socket);
+        }
     }
 
     /// Serves what comes as datagrams: to the group, or to a socket that the peer is told of.
@@ -180,9 +193,10 @@ impl Connection {
             _ => datagram::reader(),
         };
         let socket = match opening {
-            Ok(socket) => socket,
+            Ok(socket) => Arc::new(socket),
             Err(error) => return error.into(),
         };
+        self.moved(SocketHandle::of(&socket));
         if group.is_none() {
             let number = socket.local_addr().map_or(0, |address| address.port());
             header_reply(number, &mut self.output);
@@ -207,6 +221,7 @@ impl Connection {
                     self.output.clear();
                 }
                 Err(error) => {
+                    self.meter.drop_one();
                     let from = &self.sender.name;
                     tracing::debug!(port = %self.core.name, from, "a message is dropped: {error}");
                 }
@@ -252,7 +267,10 @@ impl Connection {
             }
         }
         let cancel = self.cancel.take().expect("a header comes once");
-        let id = self.core.add_input(&sender.name, carrier, text, cancel);
+        let socket = SocketHandle::of(&self.stream);
+        let core = &self.core;
+        let meter = self.meter.clone();
+        let id = core.add_input(&sender.name, carrier, text, socket, meter, cancel);
         let core = self.core.clone();
         self.entry = Some(Entry { id, core });
         self.sender = sender;
@@ -261,6 +279,8 @@ impl Connection {
     async fn message(&mut self, message: Message) -> Next {
         let next = match message.command {
             Command::Data { reply, envelope } => {
+                self.meter
+                    .count(message.payload.bytes().len(), envelope.as_deref());
                 let received = Received {
                     payload: message.payload,
                     envelope,
@@ -268,6 +288,7 @@ impl Connection {
                     address: self.address,
                     wants_reply: reply,
                     responder: None,
+                    connection: self.id(),
                 };
                 let answer = self.deliver(received).await;
                 self.answer(answer, reply)
@@ -285,10 +306,16 @@ impl Connection {
         next
     }
 
+    /// Its number in the port's list.
+    pub(super) fn id(&self) -> u64 {
+        self.entry.as_ref().map_or(0, |entry| entry.id)
+    }
+
     /// Hands a message to the owner and waits for the reply, if there is to be one; tells whether
     /// the connection shall end with it.
     pub(super) async fn deliver(&mut self, mut received: Received) -> (Option<Reply>, bool) {
         let core = self.core.clone();
+        let copy = (core.is_logged() && !self.brings_copies()).then(|| Copied::of(&received));
         let mut answer = match &core.options.input {
             Input::Discard => Answer::Nothing,
             Input::Handler(handler) => handler(&mut received),
@@ -301,21 +328,34 @@ impl Connection {
                 }
                 let inbox = core.inbox.as_ref();
                 let inbox = inbox.expect("a port that queues has an inbox");
-                self.wait_for(inbox.push(received)).await;
+                match self.wait_for(inbox.push(received)).await {
+                    Some(id) if id == self.id() => self.meter.drop_one(),
+                    Some(id) => core.count_dropped(id),
+                    None => {}
+                }
                 match answer {
                     Some(answer) => self.wait_for(answer).await.unwrap_or(Answer::Nothing),
                     None => Answer::Nothing,
                 }
             }
         };
-        loop {
+        let (reply, last) = loop {
             match answer {
                 Answer::Later(later) => answer = self.wait_for(later).await,
-                Answer::Nothing => return (None, false),
-                Answer::Reply(reply) => return (Some(reply), false),
-                Answer::ReplyAndClose(reply) => return (Some(reply), true),
+                Answer::Nothing => break (None, false),
+                Answer::Reply(reply) => break (Some(reply), false),
+                Answer::ReplyAndClose(reply) => break (Some(reply), true),
             }
+        };
+        if let Some(copy) = copy {
+            core.forward(&copy, reply.as_ref());
         }
+        (reply, last)
+    }
+
+    /// Whether what arrives are copies of what another port receives.
+    fn brings_copies(&self) -> bool {
+        self.sender.modifiers.iter().any(|(key, _)| key == "log")
     }
 
     /// Waits for what may take long. What was said so far goes out first: a peer that sends ahead

@@ -7,18 +7,26 @@
 //! | `input`, `inbox`, `received` | incoming connections, what arrived, one message of it |
 //! | `output`, `outbox`, `group` | outgoing connections, what is to be sent, multicast |
 //! | `admin`, `describe`, `browser` | what programs and people ask of the port itself |
+//! | `supervised` | connections that come back |
+//! | `log` | copies of what arrives for those who look on |
+//! | `counters` | what passed |
+//! | `qos` | how urgent the packets of a connection are |
 
 mod admin;
 mod browser;
 mod core;
+mod counters;
 mod describe;
 mod group;
 mod inbox;
 mod input;
+mod log;
 mod options;
 mod outbox;
 mod output;
+mod qos;
 mod received;
+mod supervised;
 
 use std::io;
 use std::sync::Arc;
@@ -39,9 +47,11 @@ use crate::cancel::Cancel;
 use crate::error::PortError;
 use crate::network::Network;
 
+pub use counters::{ConnectionCounters, PortCounters, Traffic};
 pub use inbox::Queue;
 pub use options::{AdminHandler, ConnectionChange, Handler, PortOptions, Watcher};
 pub use received::{Answer, Received, Reply};
+pub use supervised::{LinkState, Supervised, Supervision};
 
 /// A port that is open.
 ///
@@ -178,15 +188,44 @@ impl Port {
     }
 
     /// Connects to a reader, given as a name or a contact such as `fast_tcp://reader`.
+    ///
+    /// Over `tcp+log.in` the reader gets copies of what this port receives, and of its replies,
+    /// instead of what it writes.
     pub async fn connect(&self, to: &str) -> Result<(), PortError> {
-        self.core.connect(&Contact::parse(to)).await
+        self.core.connect(&Contact::parse(to)).await.map(drop)
     }
 
     /// Connects to a reader over a carrier such as `fast_tcp`.
     pub async fn connect_over(&self, to: &str, carrier: &str) -> Result<(), PortError> {
         let mut contact = Contact::parse(to);
         contact.carrier = Some(carrier.to_owned());
-        self.core.connect(&contact).await
+        self.core.connect(&contact).await.map(drop)
+    }
+
+    /// Connects to a reader, given as for [`Port::connect`], and connects again whenever the
+    /// connection is lost, until the answer is dropped.
+    ///
+    /// Returns at once; [`Supervised::up`] waits for the connection. A reader that comes back at
+    /// another address is found if it was given by its name. A connection that is taken down by
+    /// somebody else is made again. Over `udp` and `mcast` the end of a reader that says no
+    /// goodbye goes unnoticed.
+    ///
+    /// ```no_run
+    /// # async fn example(port: &yarp_ports::Port) {
+    /// use yarp_ports::{LinkState, Supervision};
+    ///
+    /// let mut link = port.supervise("/camera/viewer", Supervision::new());
+    /// while link.state() != LinkState::Ended {
+    ///     println!("{:?}", link.changed().await);
+    /// }
+    /// # }
+    /// ```
+    ///
+    /// # Panics
+    ///
+    /// Outside a tokio runtime.
+    pub fn supervise(&self, to: &str, options: Supervision) -> Supervised {
+        Supervised::start(self.core.clone(), Contact::parse(to), options)
     }
 
     /// Ends the connection to a reader; tells whether there was one.
@@ -226,6 +265,11 @@ impl Port {
     /// Messages that were dropped because they were not read in time.
     pub fn dropped(&self) -> u64 {
         self.core.inbox.as_ref().map_or(0, |inbox| inbox.dropped())
+    }
+
+    /// What passed over this port and over each of its connections.
+    pub fn counters(&self) -> PortCounters {
+        self.core.counters()
     }
 
     /// Ends all waits of [`Port::read`], now and later; what was kept can still be read.
@@ -281,7 +325,9 @@ impl Port {
         let mut encoded = Encoded::default();
         let mut taken = 0;
         self.core.for_each_sender(|output| {
-            if !output.outbox.is_busy() {
+            if output.outbox.is_busy() {
+                output.outbox.count_dropped();
+            } else {
                 let payload = encoded.of(message, output);
                 let pushed = output.outbox.push(&command, &payload, false);
                 taken += usize::from(pushed.is_ok());
@@ -316,7 +362,7 @@ impl Port {
 
     /// Waits until every message has been handed over, and acknowledged where that is the custom.
     pub async fn flush(&self) {
-        for output in self.core.outputs() {
+        for output in self.core.senders() {
             // A reader that is gone has nothing left to take.
             let _ = output.outbox.drained().await;
         }
@@ -384,6 +430,8 @@ impl Port {
         let core = self.core.clone();
         let registered = std::mem::take(&mut self.registered);
         self.interrupt();
+        // What is taken down now shall not come back.
+        self.core.close();
         let (keep, _) = Cancel::new();
         let cancel = std::mem::replace(&mut self.cancel, keep);
         Some(async move {

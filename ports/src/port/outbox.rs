@@ -5,9 +5,12 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use bytes::{Bytes, BytesMut};
 use tokio::sync::{Notify, oneshot};
+use yarp_wire::Stamp;
 use yarp_wire::carrier::Transport;
 use yarp_wire::connection::{Initiator, Progress, ProtocolError};
 use yarp_wire::message::{Command, Payload};
+
+use super::counters::{Newest, Traffic};
 
 /// What becomes of a message that somebody waits for.
 pub(crate) type Outcome = Result<Option<Payload>, Arc<str>>;
@@ -39,6 +42,17 @@ struct State {
     /// One entry per message that is not done with, where the peer says when it is.
     unfinished: VecDeque<Pending>,
     closed: Option<Arc<str>>,
+    traffic: Traffic,
+    newest: Newest,
+}
+
+/// What has been and is to be sent.
+#[derive(Debug)]
+pub(crate) struct Depth {
+    pub(crate) traffic: Traffic,
+    pub(crate) queued: usize,
+    pub(crate) unanswered: usize,
+    pub(crate) stamp: Option<Stamp>,
 }
 
 #[derive(Debug)]
@@ -57,6 +71,8 @@ impl Outbox {
                 queued: 0,
                 unfinished: VecDeque::new(),
                 closed: None,
+                traffic: Traffic::default(),
+                newest: Newest::default(),
             }),
             filled: Notify::new(),
             changed: Notify::new(),
@@ -84,8 +100,17 @@ impl Outbox {
             tail,
             queued,
             unfinished,
+            traffic,
+            newest,
             ..
         } = &mut *state;
+        if let Command::Data { envelope, .. } = command {
+            traffic.messages += 1;
+            traffic.bytes += payload.len() as u64;
+            if let Some(envelope) = envelope {
+                newest.keep(envelope);
+            }
+        }
         let before = tail.len();
         let datagrams = initiator.carrier().transport == Transport::Datagrams;
         initiator.send(command, payload.len(), tail);
@@ -120,6 +145,21 @@ impl Outbox {
         Ok(receiver)
     }
 
+    /// A message was not sent.
+    pub(crate) fn count_dropped(&self) {
+        self.state().traffic.dropped += 1;
+    }
+
+    pub(crate) fn depth(&self) -> Depth {
+        let state = self.state();
+        Depth {
+            traffic: state.traffic,
+            queued: state.queued,
+            unanswered: state.unfinished.len(),
+            stamp: state.newest.stamp(),
+        }
+    }
+
     /// Whether an earlier message is still on its way.
     pub(crate) fn is_busy(&self) -> bool {
         let state = self.state();
@@ -141,6 +181,15 @@ impl Outbox {
     pub(crate) async fn drained(&self) -> Result<(), Arc<str>> {
         self.wait_until(|state| state.queued == 0 && state.unfinished.is_empty())
             .await
+    }
+
+    /// Waits for the end of the connection; tells why it ended.
+    pub(crate) async fn ended(&self) -> Arc<str> {
+        loop {
+            if let Err(reason) = self.wait_until(|_| false).await {
+                return reason;
+            }
+        }
     }
 
     async fn wait_until(&self, done: impl Fn(&State) -> bool) -> Result<(), Arc<str>> {

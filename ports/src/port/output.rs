@@ -18,6 +18,7 @@ use yarp_wire::{Dialect, Limits};
 
 use super::group::Group;
 use super::outbox::Outbox;
+use super::qos::SocketHandle;
 use crate::cancel::Cancelled;
 use crate::datagram;
 use crate::dialogue::Dialogue;
@@ -37,10 +38,14 @@ pub(crate) struct Output {
     /// The generation of the reader.
     pub(crate) dialect: Dialect,
     pub(crate) outbox: Arc<Outbox>,
+    /// Whether it carries copies of what the port receives instead of what its owner writes.
+    pub(crate) logs: bool,
     /// The group that it shares with others: one of them transmits for all.
     pub(crate) group: Option<Group>,
     /// Whom to tell of the end, where the connection itself cannot.
     farewell: Option<Farewell>,
+    /// What it sends on.
+    pub(crate) socket: SocketHandle,
     task: JoinHandle<()>,
 }
 
@@ -63,8 +68,8 @@ pub(crate) struct Target<'a> {
 
 /// What messages go out on.
 pub(crate) enum Way {
-    Stream(Socket, Inflow),
-    Datagrams(UdpSocket),
+    Stream(Arc<Socket>, Inflow),
+    Datagrams(Arc<UdpSocket>),
 }
 
 /// The end of a connection that cannot carry it itself.
@@ -86,20 +91,20 @@ impl Output {
             let way = match (target.group, local_ip(&stream)) {
                 (Some(group), Some(IpAddr::V4(local))) => {
                     let socket = datagram::group_sender(group.address, local).await;
-                    Way::Datagrams(socket.map_err(|error| target.lost(error))?)
+                    Way::Datagrams(Arc::new(socket.map_err(|error| target.lost(error))?))
                 }
                 _ if target.carrier.transport == Transport::Datagrams => {
                     let number = datagram_port(&initiator).map_err(|error| target.lost(error))?;
                     let socket = datagram::sender(&target.to.host, number).await;
-                    Way::Datagrams(socket.map_err(|error| target.lost(error))?)
+                    Way::Datagrams(Arc::new(socket.map_err(|error| target.lost(error))?))
                 }
                 _ => match (target.carrier.transport, stream.tcp()) {
                     (Transport::UnixSocket, Some(header)) => {
                         let socket = unix::connect(header).await;
                         let socket = socket.map_err(|error| target.lost(error))?;
-                        Way::Stream(Socket::Unix(socket), Inflow::default())
+                        Way::Stream(Arc::new(Socket::Unix(socket)), Inflow::default())
                     }
-                    _ => Way::Stream(stream, input),
+                    _ => Way::Stream(Arc::new(stream), input),
                 },
             };
             Ok((way, initiator))
@@ -127,6 +132,10 @@ impl Output {
         let outbox = Arc::new(Outbox::new(initiator));
         let peer = to.to_owned();
         let shared = outbox.clone();
+        let socket = match &way {
+            Way::Stream(stream, _) => SocketHandle::of(stream),
+            Way::Datagrams(socket) => SocketHandle::of(socket),
+        };
         let task = tokio::spawn(async move {
             let reason = match way {
                 Way::Stream(stream, input) => stream::run(&stream, &shared, input, cancelled).await,
@@ -141,8 +150,10 @@ impl Output {
             carrier,
             dialect,
             outbox,
+            logs: false,
             group: None,
             farewell: None,
+            socket,
             task,
         }
     }

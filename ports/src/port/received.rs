@@ -26,6 +26,8 @@ pub struct Received {
     /// Whether the sender waits for a reply.
     pub wants_reply: bool,
     pub(crate) responder: Option<Responder>,
+    /// The connection that it came over.
+    pub(crate) connection: u64,
 }
 
 /// Carries the reply back to the connection; dropping it answers with an empty bottle.

@@ -21,6 +21,7 @@ pub(super) async fn run(socket: &UdpSocket, outbox: &Outbox, mut cancelled: Canc
                     // Nobody listens there now, or the system has no room: this one is lost.
                     Err(error) => {
                         tracing::trace!("a datagram was not sent: {error}");
+                        outbox.count_dropped();
                         break;
                     }
                 }

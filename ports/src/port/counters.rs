@@ -1,0 +1,303 @@
+//! What a port counts while messages pass.
+//!
+//! Only data counts: no administration, no commands, no replies. Counting costs no clock and no
+//! allocation per message. A connection that ended still counts in the sums of its port.
+//!
+//! Programs ask a port for it by `[prop] [get] counters`, unless somebody has set a property of
+//! that name. The answer is a bottle of groups:
+//!
+//! ```text
+//! (port (received (messages N) (bytes N) (dropped N)) (sent (messages N) (bytes N) (dropped N))
+//!       (waiting N))
+//! (in (from PEER) (carrier C) (messages N) (bytes N) (dropped N) [(age SECONDS)])
+//! (out (to PEER) (carrier C) (messages N) (bytes N) (dropped N) (queued BYTES) (unanswered N)
+//!      [(age SECONDS)])
+//! ```
+//!
+//! with one `in` or `out` for each connection; counts are 64-bit integers.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::time::SystemTime;
+
+use yarp_wire::{Bottle, Stamp, Value};
+
+use super::admin::pair;
+use super::core::Core;
+
+/// What a port has counted since it was opened.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct PortCounters {
+    /// What arrived, over connections that are up and over those that ended.
+    pub received: Traffic,
+    /// What was sent, over connections that are up and over those that ended.
+    pub sent: Traffic,
+    /// Messages that arrived and wait to be read.
+    pub waiting: usize,
+    /// The connections that are up.
+    pub connections: Vec<ConnectionCounters>,
+}
+
+/// Messages and their payloads.
+#[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
+#[non_exhaustive]
+pub struct Traffic {
+    /// How many messages, dropped ones of a reader included.
+    pub messages: u64,
+    /// The bytes of their payloads.
+    pub bytes: u64,
+    /// Read from: messages dropped because they were not read in time, or came incomplete.
+    /// Written to: messages that were not sent because the reader was busy, or that the system
+    /// did not take.
+    pub dropped: u64,
+}
+
+/// What has been counted of one connection.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct ConnectionCounters {
+    /// The name at the other end.
+    pub peer: String,
+    /// Carrier with its modifiers.
+    pub carrier: String,
+    /// Whether the port is the reader.
+    pub incoming: bool,
+    /// What passed.
+    pub traffic: Traffic,
+    /// Bytes that wait to be sent, heads included.
+    pub queued: usize,
+    /// Messages that the reader has not answered or acknowledged yet, where it does so.
+    pub unanswered: usize,
+    /// The newest envelope, where that is a stamp.
+    pub stamp: Option<Stamp>,
+    /// How long ago the newest stamp was taken, in seconds, by the clock of this machine.
+    ///
+    /// It grows while nothing arrives. Stamps of other clocks make it meaningless.
+    pub age: Option<f64>,
+}
+
+impl PortCounters {
+    /// The counters as a message.
+    pub fn to_bottle(&self) -> Bottle {
+        let mut port = Bottle::of("port");
+        for (key, traffic) in [("received", self.received), ("sent", self.sent)] {
+            let mut group = Bottle::of(key);
+            group.extend(traffic.pairs());
+            port.push(group);
+        }
+        port.push(pair("waiting", self.waiting as i64));
+        let mut answer = Bottle::of(port);
+        answer.extend(
+            self.connections
+                .iter()
+                .map(|counted| counted.group().into()),
+        );
+        answer
+    }
+}
+
+impl Traffic {
+    fn pairs(self) -> [Value; 3] {
+        [
+            pair("messages", self.messages as i64),
+            pair("bytes", self.bytes as i64),
+            pair("dropped", self.dropped as i64),
+        ]
+    }
+
+    pub(crate) fn add(&mut self, other: Self) {
+        self.messages += other.messages;
+        self.bytes += other.bytes;
+        self.dropped += other.dropped;
+    }
+}
+
+impl ConnectionCounters {
+    fn group(&self) -> Bottle {
+        let (kind, key) = match self.incoming {
+            true => ("in", "from"),
+            false => ("out", "to"),
+        };
+        let mut group = Bottle::of(kind);
+        group.push(pair(key, self.peer.as_str()));
+        group.push(pair("carrier", self.carrier.as_str()));
+        group.extend(self.traffic.pairs());
+        if !self.incoming {
+            group.push(pair("queued", self.queued as i64));
+            group.push(pair("unanswered", self.unanswered as i64));
+        }
+        group.extend(self.age.map(|age| pair("age", age)));
+        group
+    }
+}
+
+/// The newest envelope, if it is short enough to be a stamp.
+///
+/// A copy, so that the buffer that it arrived in is free for the next message; not read before
+/// somebody asks.
+#[derive(Debug)]
+pub(crate) struct Newest {
+    length: usize,
+    text: [u8; Self::LONGEST],
+}
+
+impl Default for Newest {
+    fn default() -> Self {
+        Self {
+            length: 0,
+            text: [0; Self::LONGEST],
+        }
+    }
+}
+
+impl Newest {
+    /// A count of 32 bits, a blank and a time of 15 digits with sign and exponent take 34.
+    const LONGEST: usize = 40;
+
+    pub(crate) fn keep(&mut self, envelope: &[u8]) {
+        self.length = match envelope.len() {
+            length if length <= Self::LONGEST => length,
+            _ => 0,
+        };
+        self.text[..self.length].copy_from_slice(&envelope[..self.length]);
+    }
+
+    pub(crate) fn stamp(&self) -> Option<Stamp> {
+        let text = std::str::from_utf8(&self.text[..self.length]).ok()?;
+        text.parse().ok()
+    }
+}
+
+/// Counts what arrives over one connection.
+#[derive(Debug, Default)]
+pub(crate) struct Meter {
+    messages: AtomicU64,
+    bytes: AtomicU64,
+    dropped: AtomicU64,
+    newest: Mutex<Newest>,
+}
+
+impl Meter {
+    /// A message arrived. To be called by the task of the connection alone: it is the only one
+    /// that writes these two, so they need no more than a load and a store.
+    pub(crate) fn count(&self, bytes: usize, envelope: Option<&[u8]>) {
+        let add = |counter: &AtomicU64, more: u64| {
+            let sum = counter.load(Ordering::Relaxed).wrapping_add(more);
+            counter.store(sum, Ordering::Relaxed);
+        };
+        add(&self.messages, 1);
+        add(&self.bytes, bytes as u64);
+        if let Some(envelope) = envelope {
+            let mut newest = self.newest.lock().unwrap_or_else(PoisonError::into_inner);
+            newest.keep(envelope);
+        }
+    }
+
+    /// A message was dropped.
+    pub(crate) fn drop_one(&self) {
+        self.dropped.fetch_add(1, Ordering::Relaxed);
+    }
+
+    pub(crate) fn traffic(&self) -> Traffic {
+        Traffic {
+            messages: self.messages.load(Ordering::Relaxed),
+            bytes: self.bytes.load(Ordering::Relaxed),
+            dropped: self.dropped.load(Ordering::Relaxed),
+        }
+    }
+
+    fn stamp(&self) -> Option<Stamp> {
+        let newest = self.newest.lock().unwrap_or_else(PoisonError::into_inner);
+        newest.stamp()
+    }
+}
+
+/// What was counted of connections that ended.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Ended {
+    pub(crate) received: Traffic,
+    pub(crate) sent: Traffic,
+}
+
+impl Core {
+    pub(crate) fn counters(&self) -> PortCounters {
+        let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+        let now = now.map_or(0.0, |now| now.as_secs_f64());
+        let age = |stamp: Option<Stamp>| stamp.map(|stamp| now - stamp.time);
+        let outputs = self.outputs();
+        let inputs = self.inputs();
+        // A connection counts among the ended ones from the moment that it leaves the list.
+        let Ended {
+            mut received,
+            mut sent,
+        } = *self.ended();
+        let mut connections = Vec::new();
+        for input in inputs.iter() {
+            let (traffic, stamp) = (input.meter.traffic(), input.meter.stamp());
+            received.add(traffic);
+            connections.push(ConnectionCounters {
+                peer: input.from.clone(),
+                carrier: input.carrier_text.clone(),
+                incoming: true,
+                traffic,
+                queued: 0,
+                unanswered: 0,
+                stamp,
+                age: age(stamp),
+            });
+        }
+        for output in outputs {
+            let depth = output.outbox.depth();
+            sent.add(depth.traffic);
+            connections.push(ConnectionCounters {
+                peer: output.to.clone(),
+                carrier: output.carrier_text.clone(),
+                incoming: false,
+                traffic: depth.traffic,
+                queued: depth.queued,
+                unanswered: depth.unanswered,
+                stamp: depth.stamp,
+                age: age(depth.stamp),
+            });
+        }
+        PortCounters {
+            received,
+            sent,
+            waiting: self.inbox.as_ref().map_or(0, |inbox| inbox.waiting()),
+            connections,
+        }
+    }
+
+    /// A message from connection `id` was dropped.
+    pub(crate) fn count_dropped(&self, id: u64) {
+        if let Some(entry) = self.inputs().iter().find(|entry| entry.id == id) {
+            entry.meter.drop_one();
+        } else {
+            self.ended().received.dropped += 1;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_stamps_have_an_age() {
+        let check = |envelope: &str, expected: Option<Stamp>| {
+            let mut newest = Newest::default();
+            newest.keep(b"1 2.5");
+            newest.keep(envelope.as_bytes());
+            assert_eq!(newest.stamp(), expected, "{envelope}");
+        };
+        check("7 1700000000.25", Some(Stamp::new(7, 1_700_000_000.25)));
+        check(
+            "-2147483648 -1.23456789012345e-100",
+            "-2147483648 -1.23456789012345e-100".parse().ok(),
+        );
+        check("", None);
+        check("hello", None);
+        check(&format!("1 2.{}", "0".repeat(100)), None);
+    }
+}

@@ -1,0 +1,130 @@
+//! Copies of what a port receives, for those who look on: the carrier modifier `log.in`.
+//!
+//! A port that is asked to connect over `tcp+log.in` sends its owner's messages elsewhere, and
+//! over this connection copies of what arrives: each message as it came, with its envelope, and
+//! each request that was answered as `[rpc] (REQUEST) (REPLY)`. Source: checked against 3.5.0.
+//!
+//! Who looks on never holds the port up: copies that there is no room for are dropped, and counted
+//! as such. Copies are not copied again, so that ports that look at each other come to rest.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use bytes::{BufMut, Bytes, BytesMut};
+use yarp_wire::carrier::CarrierSpec;
+use yarp_wire::message::{Command, Payload, WireObject};
+use yarp_wire::{Bottle, Dialect, Limits, Vocab32};
+
+use super::core::Core;
+use super::output::Output;
+use super::received::{Received, Reply};
+use super::{Encoded, PortError};
+
+/// What a copy begins with that holds a request and its reply.
+const REQUEST: Vocab32 = Vocab32::new("rpc");
+
+/// Whether a carrier asks for copies instead of messages.
+pub(super) fn is_wanted(spec: &CarrierSpec) -> Result<bool, PortError> {
+    match spec.modifier("log") {
+        None | Some("") => Ok(false),
+        Some("in") => Ok(true),
+        Some(what) => Err(PortError::LogNotSupported {
+            what: what.to_owned(),
+        }),
+    }
+}
+
+/// Whether a carrier string asks for copies instead of messages.
+pub(super) fn is_named(carrier: &str) -> bool {
+    carrier
+        .parse()
+        .is_ok_and(|spec| matches!(is_wanted(&spec), Ok(true)))
+}
+
+/// A message on its way to those who look on.
+pub(super) struct Copied {
+    payload: Payload,
+    envelope: Option<Bytes>,
+    wants_reply: bool,
+}
+
+impl Copied {
+    pub(super) fn of(message: &Received) -> Self {
+        Self {
+            payload: message.payload.clone(),
+            envelope: message.envelope.clone(),
+            wants_reply: message.wants_reply,
+        }
+    }
+
+    fn with(&self, reply: &Reply) -> Bottle {
+        let request = self.payload.to_bottle().unwrap_or_default();
+        let mut bytes = BytesMut::new();
+        reply.write_binary(&mut bytes, Dialect::V4);
+        let reply = Bottle::decode(&bytes.freeze(), Dialect::V4, Limits::DEFAULT);
+        // What is no bottle cannot stand in one.
+        let reply = reply.unwrap_or_default();
+        Bottle::from_iter([REQUEST.into(), request.into(), reply.into()])
+    }
+}
+
+impl WireObject for Copied {
+    fn write_binary(&self, out: &mut BytesMut, dialect: Dialect) {
+        let as_it_came = || self.payload.to_binary(dialect);
+        let bytes = match self.payload.dialect() == dialect {
+            true => as_it_came(),
+            // What is no bottle has no generation.
+            false => match self.payload.to_bottle() {
+                Ok(bottle) => Ok(bottle.encode(dialect)),
+                Err(_) => as_it_came(),
+            },
+        };
+        out.put_slice(&bytes.unwrap_or_default());
+    }
+
+    fn write_text(&self, out: &mut BytesMut) {
+        self.payload.to_bottle().unwrap_or_default().write_text(out);
+    }
+}
+
+impl Core {
+    /// Whether anybody may be looking on; costs next to nothing.
+    pub(super) fn is_logged(&self) -> bool {
+        self.logged.load(Ordering::Relaxed)
+    }
+
+    /// Sends a message, and the reply if there was one, to those who look on.
+    pub(super) fn forward(&self, message: &Copied, reply: Option<&Reply>) {
+        let command = Command::Data {
+            reply: false,
+            envelope: message.envelope.clone(),
+        };
+        let answered = reply.filter(|_| message.wants_reply);
+        let answered = answered.map(|reply| message.with(reply));
+        let mut encoded = Encoded::default();
+        for output in self.loggers() {
+            if !output.outbox.has_room() {
+                output.outbox.count_dropped();
+                continue;
+            }
+            let payload = match &answered {
+                Some(transaction) => encoded.of(transaction, &output),
+                None => encoded.of(message, &output),
+            };
+            // A connection that has ended is taken off the list by itself.
+            let _ = output.outbox.push(&command, &payload, false);
+        }
+    }
+
+    fn loggers(&self) -> Vec<Arc<Output>> {
+        let outputs = self.outputs_mut();
+        let loggers: Vec<_> = outputs
+            .iter()
+            .filter(|output| output.logs)
+            .cloned()
+            .collect();
+        // Under the lock, under which it is also set.
+        self.logged.store(!loggers.is_empty(), Ordering::Relaxed);
+        loggers
+    }
+}

@@ -1,0 +1,150 @@
+//! How urgent the packets of a connection are: what programs ask for, in stock's words.
+//!
+//! The type of service is set on the socket of the connection and read back from it. Threads are
+//! another matter: connections here are tasks that share the threads of the runtime, so there is
+//! no thread of a connection whose priority could be raised; who asks for that is told.
+
+use std::fmt;
+use std::io;
+use std::os::fd::AsFd;
+use std::sync::{Arc, Weak};
+
+use socket2::SockRef;
+use yarp_wire::qos::{Scheduling, type_of_service};
+use yarp_wire::{Bottle, Value, Vocab32};
+
+use super::admin::{fail, group, ok, pair};
+use super::core::Core;
+
+/// Why a thread's priority is not set.
+const NO_THREAD: &str = "a connection of this port has no thread of its own to schedule";
+/// Why those of all threads are not set.
+const NO_PROCESS: &str = "a port does not change how the process that it is in is scheduled";
+/// What stock answers for a connection whose thread was not asked for, and for sockets that have
+/// no type of service.
+const UNKNOWN: i32 = -1;
+
+/// The socket of a connection, as long as the connection has it.
+#[derive(Clone)]
+pub(crate) struct SocketHandle(Weak<dyn AsFd + Send + Sync>);
+
+impl SocketHandle {
+    /// A handle that does not keep the socket open.
+    pub(crate) fn of<S: AsFd + Send + Sync + 'static>(socket: &Arc<S>) -> Self {
+        let weak: Weak<S> = Arc::downgrade(socket);
+        Self(weak)
+    }
+
+    /// What stands in the head of each packet.
+    fn type_of_service(&self) -> io::Result<u32> {
+        self.with(|socket, six| match six {
+            true => socket.tclass_v6(),
+            false => socket.tos_v4(),
+        })
+    }
+
+    fn set_type_of_service(&self, value: u32) -> io::Result<()> {
+        self.with(|socket, six| match six {
+            true => socket.set_tclass_v6(value),
+            false => socket.set_tos_v4(value),
+        })
+    }
+
+    /// Calls `ask` with the socket, and with whether it speaks version 6.
+    fn with<T>(&self, ask: impl FnOnce(SockRef<'_>, bool) -> io::Result<T>) -> io::Result<T> {
+        let socket = self.0.upgrade().ok_or(io::ErrorKind::NotConnected)?;
+        let descriptor = socket.as_fd();
+        let socket = SockRef::from(&descriptor);
+        let six = socket.local_addr()?.is_ipv6();
+        ask(socket, six)
+    }
+}
+
+impl fmt::Debug for SocketHandle {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("SocketHandle")
+    }
+}
+
+impl Core {
+    /// `[prop] [get] /PEER`: how the connection to or from a port is treated.
+    pub(super) fn connection_properties(&self, name: &str) -> Bottle {
+        let (outputs, inputs) = (self.output_sockets(name), self.input_sockets(name));
+        // Stock knows the policy of a thread that reads, and none of one that only writes.
+        let usual = if outputs.is_empty() { 0 } else { UNKNOWN };
+        let Some(socket) = outputs.iter().chain(&inputs).next() else {
+            return fail(&format!("cannot find any connection to/from {name}"));
+        };
+        let service = socket.type_of_service().ok();
+        let service = service.and_then(|service| i32::try_from(service).ok());
+        Bottle::from_iter([
+            scheduling(usual, UNKNOWN),
+            group("qos", [pair("tos", service.unwrap_or(UNKNOWN))]),
+        ])
+    }
+
+    /// `[prop] [set] /NAME GROUP...`: nothing is changed unless all of it can be.
+    pub(super) fn set_connection_properties(&self, name: &str, groups: &Bottle) -> Bottle {
+        // A group without content asks for nothing that there is.
+        let wanted = |key: &str| {
+            let group = groups.find_group(key)?;
+            Some(group.get(1).and_then(Value::as_list))
+        };
+        let scheduled = |key: &str| wanted(key).map(|wanted| Scheduling::parse(wanted?));
+        let refused = || Bottle::of(Vocab32::FAIL);
+        match scheduled("process").filter(|_| name == self.name) {
+            Some(None) => return refused(),
+            Some(Some(process)) if !process.is_usual() => return fail(NO_PROCESS),
+            _ => {}
+        }
+        let (schedule, quality) = (scheduled("sched"), wanted("qos"));
+        if schedule.is_none() && quality.is_none() {
+            return ok();
+        }
+        let mut sockets = self.output_sockets(name);
+        sockets.extend(self.input_sockets(name));
+        if sockets.is_empty() {
+            return refused();
+        }
+        match schedule {
+            Some(None) => return refused(),
+            Some(Some(schedule)) if !schedule.is_usual() => return fail(NO_THREAD),
+            _ => {}
+        }
+        let Some(quality) = quality else {
+            return ok();
+        };
+        let Some(service) = quality.and_then(type_of_service) else {
+            return refused();
+        };
+        for socket in &sockets {
+            if let Err(error) = socket.set_type_of_service(service) {
+                tracing::debug!(port = %self.name, peer = name, service, "not set: {error}");
+                return fail(&format!("cannot set the type of service: {error}"));
+            }
+        }
+        ok()
+    }
+
+    fn output_sockets(&self, name: &str) -> Vec<SocketHandle> {
+        let outputs = self.outputs();
+        let found = outputs.iter().filter(|output| output.to == name);
+        found.map(|output| output.socket.clone()).collect()
+    }
+
+    fn input_sockets(&self, name: &str) -> Vec<SocketHandle> {
+        let inputs = self.inputs();
+        let found = inputs.iter().filter(|input| input.from == name);
+        found.map(|input| input.socket.clone()).collect()
+    }
+}
+
+/// `(sched ((policy P) (priority P) (tid T)))`
+pub(super) fn scheduling(usual: i32, thread: i32) -> Value {
+    let policy = [
+        pair("policy", usual),
+        pair("priority", usual),
+        pair("tid", thread),
+    ];
+    group("sched", policy)
+}
