@@ -10,34 +10,52 @@ const PATIENCE: Duration = Duration::from_secs(20);
 
 async fn names(network: &Network) -> Vec<String> {
     let list = network.ask("list").await.unwrap();
-    list.registrations().into_iter().map(|port| port.name).collect()
+    list.registrations()
+        .into_iter()
+        .map(|port| port.name)
+        .collect()
 }
 
 #[tokio::test]
 async fn readers_share_one_transmission_and_the_group_goes_with_the_last() {
-    let server = Server::start(ServerOptions::default().at("127.0.0.1", 0)).await.unwrap();
+    let server = Server::start(ServerOptions::default().at("127.0.0.1", 0))
+        .await
+        .unwrap();
     let network = server.network();
     let reading = || PortOptions::new().reading(Queue::Wait(100));
     let first = Port::open(&network, "/first", reading()).await.unwrap();
     let second = Port::open(&network, "/second", reading()).await.unwrap();
-    let writer = Port::open(&network, "/writer", PortOptions::new()).await.unwrap();
+    let writer = Port::open(&network, "/writer", PortOptions::new())
+        .await
+        .unwrap();
     writer.connect_over("/first", "mcast").await.unwrap();
     writer.connect_over("/second", "mcast").await.unwrap();
-    let groups = |names: Vec<String>| names.iter().filter(|name| name.starts_with("/tmp/")).count();
+    let groups = |names: Vec<String>| {
+        names
+            .iter()
+            .filter(|name| name.starts_with("/tmp/"))
+            .count()
+    };
     assert_eq!(groups(names(&network).await), 1);
 
     for number in 0..20 {
         // One of the two connections transmits for both.
         assert_eq!(writer.write(&Bottle::of(number)).await, 1);
         for reader in [&first, &second] {
-            let read = tokio::time::timeout(PATIENCE, reader.read()).await.unwrap().unwrap();
+            let read = tokio::time::timeout(PATIENCE, reader.read())
+                .await
+                .unwrap()
+                .unwrap();
             assert_eq!(read.bottle().unwrap(), Bottle::of(number));
         }
     }
     // The one that transmitted goes; the other takes over.
     assert!(writer.disconnect("/first").await);
     assert_eq!(writer.write(&Bottle::of("still")).await, 1);
-    let read = tokio::time::timeout(PATIENCE, second.read()).await.unwrap().unwrap();
+    let read = tokio::time::timeout(PATIENCE, second.read())
+        .await
+        .unwrap()
+        .unwrap();
     assert_eq!(read.bottle().unwrap(), Bottle::of("still"));
     assert!(writer.disconnect("/second").await);
     assert_eq!(groups(names(&network).await), 0);

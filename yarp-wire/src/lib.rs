@@ -8,6 +8,7 @@
 //! * [`vocab`], [`name`], [`stamp`], [`number`]: the small words of the protocol.
 //! * [`carrier`]: one file per carrier, and the one table that lists them.
 //! * [`connection`]: the state machines of both sides of a connection.
+//! * [`mjpeg`]: pictures for browsers, and from them that send some.
 //! * [`admin`], [`name_service`]: the messages that programs send to ports and to the name server.
 
 pub mod admin;
@@ -19,6 +20,7 @@ pub mod dialect;
 pub mod http;
 pub mod limits;
 pub mod message;
+pub mod mjpeg;
 pub mod name;
 pub mod name_service;
 pub mod number;

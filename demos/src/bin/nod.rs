@@ -32,7 +32,11 @@ fn nod(arm: &dyn Device) -> Result<(), Box<dyn Error>> {
     let encoders = arm.encoders().ok_or("the arm has no encoders")?;
     let motion = arm.position_control().ok_or("the arm cannot be moved")?;
     let elbow = Axes::One(ELBOW);
-    let position = || encoders.encoder_readings(elbow).map(|readings| readings[0].position);
+    let position = || {
+        encoders
+            .encoder_readings(elbow)
+            .map(|readings| readings[0].position)
+    };
 
     modes.set_control_modes(elbow, &[Mode::Position])?;
     motion.set_reference_speeds(elbow, &[20.0])?;

@@ -6,6 +6,7 @@
 mod fast_tcp;
 mod http;
 mod mcast;
+mod mjpeg;
 mod name_ser;
 mod specifier;
 mod tcp;
@@ -35,6 +36,8 @@ pub enum Framing {
     NameService,
     /// One request of a browser.
     Http,
+    /// One request, then pictures ([`mjpeg`](crate::mjpeg)) to whoever connected.
+    Pictures,
 }
 
 impl Framing {
@@ -78,10 +81,12 @@ pub struct Carrier {
     /// Whether stock lists its connections with `(connectionless 1)` and closes them out of band:
     /// only the datagram carriers (recorded traffic of 3.12.3 and 4.0.0).
     pub connectionless: bool,
+    /// Whether the writer connects to the reader; where not, the reader connects and pulls.
+    pub push: bool,
 }
 
 /// Every carrier, in the order in which an acceptor tries them.
-pub static ALL: [&Carrier; 10] = [
+pub static ALL: [&Carrier; 11] = [
     &http::HTTP,
     &name_ser::NAME_SER,
     &tcp::TCP,
@@ -92,6 +97,7 @@ pub static ALL: [&Carrier; 10] = [
     &text_ack::TEXT_ACK,
     &unix_stream::UNIX_STREAM,
     &unix_stream::UNIX_STREAM_ACK,
+    &mjpeg::MJPEG,
 ];
 
 impl Carrier {
@@ -162,6 +168,7 @@ mod tests {
         check(b"GET / HT", Some("http"));
         check(b"GET /dat", Some("http"));
         check(b"POST /fo", Some("http"));
+        check(b"GET /?ac", Some("mjpeg"));
         check(b"GET /?ws", None);
         check(b"GARBAGE!", None);
         check(b"YA\0\0\0\x80RP", None);

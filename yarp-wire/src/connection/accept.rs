@@ -12,12 +12,14 @@ use crate::dialect::Dialect;
 use crate::http::{Request, RequestReader};
 use crate::limits::Limits;
 use crate::message::{Command, Form, WireObject};
+use crate::mjpeg;
 use crate::number;
 
 /// What an acceptor has learned.
 #[derive(Debug)]
 pub enum Event {
-    /// The header is complete: the peer is this sender on this carrier.
+    /// The header is complete: the peer is this sender on this carrier. On a carrier that does not
+    /// push it is a reader, and the connection goes on as one that the port writes to.
     Opened {
         /// The carrier.
         carrier: &'static Carrier,
@@ -49,6 +51,8 @@ enum State {
     Group(&'static Carrier, Sender),
     Open(&'static Carrier, MessageReader),
     Browser(&'static Carrier, RequestReader),
+    /// A request for pictures is being read; nothing else of it matters.
+    Viewer(&'static Carrier, RequestReader),
 }
 
 /// Bytes of a group: IPv4 address and port, the latter high byte first.
@@ -77,7 +81,8 @@ impl Acceptor {
             State::Sender(carrier, _)
             | State::Group(carrier, _)
             | State::Open(carrier, _)
-            | State::Browser(carrier, _) => Some(carrier),
+            | State::Browser(carrier, _)
+            | State::Viewer(carrier, _) => Some(carrier),
         }
     }
 
@@ -111,6 +116,10 @@ impl Acceptor {
                             group: None,
                         }));
                     }
+                    if carrier.framing == Framing::Pictures {
+                        self.state = State::Viewer(carrier, RequestReader::default());
+                        continue;
+                    }
                     input.advance(MAGIC);
                     self.state = State::Sender(carrier, LineReader::new(LONGEST_SENDER));
                 }
@@ -138,6 +147,14 @@ impl Acceptor {
                 }
                 State::Browser(_, reader) => {
                     return Ok(reader.read(input, self.limits)?.map(Event::Browser));
+                }
+                State::Viewer(carrier, reader) => {
+                    let carrier = *carrier;
+                    if reader.read(input, self.limits)?.is_none() {
+                        return Ok(None);
+                    }
+                    let sender = Sender::plain(mjpeg::VIEWER);
+                    return Ok(Some(self.open(carrier, sender, None, output)));
                 }
                 State::Open(_, reader) => {
                     let message = reader.read(input)?;
@@ -195,6 +212,7 @@ impl Acceptor {
             Framing::Lines => {
                 output.put_slice(format!("Welcome {}\r\n", sender.name).as_bytes());
             }
+            Framing::Pictures => output.put_slice(mjpeg::RESPONSE.as_bytes()),
             Framing::Bare | Framing::NameService | Framing::Http => {}
         }
         let reader = MessageReader::new(carrier.framing, self.dialect, self.limits);
@@ -237,7 +255,7 @@ fn read_sender(
 ) -> Result<Option<Sender>, ProtocolError> {
     match carrier.framing {
         Framing::NameService => Ok(Some(Sender::plain("anon"))),
-        Framing::Http => Ok(Some(Sender::plain("web"))),
+        Framing::Http | Framing::Pictures => Ok(Some(Sender::plain("web"))),
         Framing::Lines => Ok(line.read(input)?.map(|name| Sender::parse(&name))),
         Framing::Indexed | Framing::Bare => {
             let Some(length) = input.first_chunk::<4>() else {

@@ -86,7 +86,7 @@ impl Initiator {
                 output.put_slice(b"\r\n");
             }
             Framing::NameService => output.put_slice(b"VER "),
-            Framing::Http => {}
+            Framing::Http | Framing::Pictures => {}
         }
         Self {
             carrier,
@@ -161,6 +161,11 @@ impl Initiator {
         match self.carrier.framing {
             Framing::Indexed | Framing::Bare => self.poll_binary(input),
             Framing::Lines | Framing::NameService | Framing::Http => self.poll_text(input),
+            // Who watches pictures has nothing more to say.
+            Framing::Pictures => {
+                input.clear();
+                Ok(None)
+            }
         }
     }
 
@@ -186,7 +191,7 @@ impl Initiator {
             }
             // A text initiator sends without waiting for the welcome.
             Framing::Lines => {}
-            Framing::NameService | Framing::Http => self.welcomed = true,
+            Framing::NameService | Framing::Http | Framing::Pictures => self.welcomed = true,
         }
         self.ready = true;
         Ok(Some(Progress::Ready))

@@ -39,14 +39,17 @@ pub fn put_head(out: &mut impl BufMut, carrier: &Carrier, command: &Command, len
         }
         Framing::Bare => command.put_block(out),
         Framing::Lines => command.put_line(out),
-        Framing::NameService | Framing::Http => {}
+        // What goes to browsers is made whole: a part holds its own head.
+        Framing::NameService | Framing::Http | Framing::Pictures => {}
     }
 }
 
 /// Appends a reply, or the payload of a message: the object alone, in the form of the carrier.
 pub fn put_reply(out: &mut BytesMut, carrier: &Carrier, object: &dyn WireObject, dialect: Dialect) {
     match carrier.framing {
-        Framing::Indexed | Framing::Bare => object.write_binary(out, dialect),
+        Framing::Indexed | Framing::Bare | Framing::Pictures => {
+            object.write_binary(out, dialect);
+        }
         Framing::Lines | Framing::NameService => object.write_text(out),
         Framing::Http => {
             let mut text = BytesMut::new();
@@ -65,7 +68,7 @@ pub fn put_acknowledgement(out: &mut impl BufMut, carrier: &Carrier) {
     match carrier.framing {
         Framing::Indexed => number::put(out, 0),
         Framing::Bare => out.put_slice(ACKNOWLEDGEMENT_WORD),
-        Framing::Lines | Framing::NameService | Framing::Http => {
+        Framing::Lines | Framing::NameService | Framing::Http | Framing::Pictures => {
             out.put_slice(ACKNOWLEDGEMENT_LINE.as_bytes());
             out.put_slice(b"\r\n");
         }
