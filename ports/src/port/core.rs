@@ -4,7 +4,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use yarp_wire::carrier::{Carrier, CarrierSpec, Framing, Transport};
+use tokio::task::JoinSet;
+use yarp_wire::carrier::{Carrier, Framing, Transport};
 use yarp_wire::{Bottle, Contact, Dialect, admin};
 
 use super::group::Group;
@@ -33,6 +34,8 @@ pub(crate) struct Core {
     inputs: Mutex<Vec<InputEntry>>,
     properties: Mutex<Vec<(String, Bottle)>>,
     next_input: AtomicU64,
+    /// Connections that this port made to read from.
+    pulls: Mutex<JoinSet<()>>,
 }
 
 /// An incoming connection as others see it.
@@ -42,6 +45,18 @@ pub(crate) struct InputEntry {
     pub(crate) carrier_text: String,
     pub(crate) carrier: &'static Carrier,
     cancel: Cancel,
+}
+
+/// A place in the port's list of connections, given back on drop, also by a handler's panic.
+pub(super) struct Entry {
+    pub(super) id: u64,
+    pub(super) core: Arc<Core>,
+}
+
+impl Drop for Entry {
+    fn drop(&mut self) {
+        self.core.remove_input(self.id);
+    }
 }
 
 impl Core {
@@ -70,6 +85,7 @@ impl Core {
             inputs: Mutex::default(),
             properties: Mutex::default(),
             next_input: AtomicU64::new(1),
+            pulls: Mutex::default(),
         }
     }
 
@@ -123,16 +139,27 @@ impl Core {
         }
     }
 
-    /// Connects to a reader; connections to the same reader end first.
-    pub(crate) async fn connect(&self, to: &Contact) -> Result<(), PortError> {
+    /// Connects to a reader; connections to the same reader end first. Over a carrier that does not
+    /// push, connects to a writer and reads from it.
+    pub(crate) async fn connect(self: &Arc<Self>, to: &Contact) -> Result<(), PortError> {
         // As in stock, who cannot be found is told first.
         let found = self.network.resolve(to).await?;
+        let text = to.carrier.as_deref().unwrap_or(&found.carrier);
+        let spec = text.parse().ok();
+        if let Some(spec) = &spec
+            && let Some(carrier) = Carrier::of(spec).filter(|carrier| !carrier.push)
+        {
+            return self.pull(&found, spec, carrier).await;
+        }
         if self.options.outputs == Outputs::None {
             return Err(PortError::OutputsNotAllowed {
                 name: self.name.clone(),
             });
         }
-        let spec = self.carrier_spec(to, &found.carrier)?;
+        let spec = spec.ok_or_else(|| PortError::NoCarrier {
+            carrier: text.to_owned(),
+            known: known_carriers(),
+        })?;
         let carrier = Carrier::of(&spec).filter(|carrier| {
             // Browsers and name server clients connect to ports, not ports to them.
             !matches!(carrier.framing, Framing::Http | Framing::NameService)
@@ -177,14 +204,6 @@ impl Core {
                 Err(error)
             }
         }
-    }
-
-    fn carrier_spec(&self, to: &Contact, registered: &str) -> Result<CarrierSpec, PortError> {
-        let text = to.carrier.as_deref().unwrap_or(registered);
-        text.parse().map_err(|_| PortError::NoCarrier {
-            carrier: text.to_owned(),
-            known: known_carriers(),
-        })
     }
 
     pub(crate) fn add_output(&self, output: Output) {
@@ -251,10 +270,12 @@ impl Core {
         let sources: Vec<_> = self
             .inputs()
             .iter()
+            // A writer that was asked does not know who reads, and need not be told.
+            .filter(|entry| entry.carrier.push)
             .map(|entry| entry.from.clone())
             .collect();
         let network = self.network.with_deadline(GOODBYE);
-        let asking: tokio::task::JoinSet<()> = sources
+        let asking: JoinSet<()> = sources
             .into_iter()
             .filter(|source| is_port(source))
             .map(|source| {
@@ -295,6 +316,22 @@ impl Core {
             cancel,
         });
         id
+    }
+
+    /// Runs a connection that this port made to read from.
+    pub(super) fn own(&self, task: impl Future<Output = ()> + Send + 'static) {
+        let mut pulls = self.pulls.lock().unwrap_or_else(PoisonError::into_inner);
+        while pulls.try_join_next().is_some() {}
+        pulls.spawn(task);
+    }
+
+    /// Waits for the end of the connections that this port made to read from.
+    pub(super) async fn join_pulls(&self) {
+        let pulls = {
+            let mut pulls = self.pulls.lock().unwrap_or_else(PoisonError::into_inner);
+            std::mem::take(&mut *pulls)
+        };
+        pulls.join_all().await;
     }
 
     /// Takes note that an incoming connection ended.

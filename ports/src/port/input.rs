@@ -14,7 +14,7 @@ use yarp_wire::connection::{
 use yarp_wire::message::Command;
 use yarp_wire::{Bottle, Limits};
 
-use super::core::Core;
+use super::core::{Core, Entry};
 use super::describe::{HELP, NOT_UNDERSTOOD};
 use super::options::{Input, Serving};
 use super::output::{Output, Way};
@@ -88,18 +88,6 @@ pub(super) struct Connection {
     pub(super) sender: Sender,
     pub(super) address: IpAddr,
     busy: BusyPoll,
-}
-
-/// A place in the port's list of connections, given back on drop, also by a handler's panic.
-struct Entry {
-    id: u64,
-    core: Arc<Core>,
-}
-
-impl Drop for Entry {
-    fn drop(&mut self) {
-        self.core.remove_input(self.id);
-    }
 }
 
 /// What is to happen after a message.
@@ -229,6 +217,10 @@ impl Connection {
                 sender,
                 group,
             } => {
+                if !carrier.push {
+                    self.sender = sender;
+                    return Next::Stop(End::Reversed(carrier));
+                }
                 self.opened(carrier, sender);
                 match carrier.transport {
                     Transport::Stream => Next::Go,
@@ -287,35 +279,9 @@ impl Connection {
 
     /// Hands a message to the owner and waits for the reply, if there is to be one; tells whether
     /// the connection shall end with it.
-    pub(super) async fn deliver(&mut self, mut received: Received) -> (Option<Reply>, bool) {
+    pub(super) async fn deliver(&mut self, received: Received) -> (Option<Reply>, bool) {
         let core = self.core.clone();
-        let mut answer = match &core.options.input {
-            Input::Discard => Answer::Nothing,
-            Input::Handler(handler) => handler(&mut received),
-            Input::Queue(_, serving) => {
-                let mut answer = None;
-                if received.wants_reply && *serving == Serving::Replies {
-                    let (sender, receiver) = oneshot::channel();
-                    received.responder = Some(Responder(sender));
-                    answer = Some(receiver);
-                }
-                let inbox = core.inbox.as_ref();
-                let inbox = inbox.expect("a port that queues has an inbox");
-                self.wait_for(inbox.push(received)).await;
-                match answer {
-                    Some(answer) => self.wait_for(answer).await.unwrap_or(Answer::Nothing),
-                    None => Answer::Nothing,
-                }
-            }
-        };
-        loop {
-            match answer {
-                Answer::Later(later) => answer = self.wait_for(later).await,
-                Answer::Nothing => return (None, false),
-                Answer::Reply(reply) => return (Some(reply), false),
-                Answer::ReplyAndClose(reply) => return (Some(reply), true),
-            }
-        }
+        self.wait_for(core.deliver(received)).await
     }
 
     /// Waits for what may take long. What was said so far goes out first: a peer that sends ahead
@@ -396,6 +362,40 @@ impl Connection {
             self.core.cancelled.clone(),
         );
         self.core.add_output(output);
+    }
+}
+
+impl Core {
+    /// Hands a message to the owner and waits for the reply, if there is to be one; tells whether
+    /// the connection shall end with it.
+    pub(super) async fn deliver(&self, mut received: Received) -> (Option<Reply>, bool) {
+        let mut answer = match &self.options.input {
+            Input::Discard => Answer::Nothing,
+            Input::Handler(handler) => handler(&mut received),
+            Input::Queue(_, serving) => {
+                let mut answer = None;
+                if received.wants_reply && *serving == Serving::Replies {
+                    let (sender, receiver) = oneshot::channel();
+                    received.responder = Some(Responder(sender));
+                    answer = Some(receiver);
+                }
+                let inbox = self.inbox.as_ref();
+                let inbox = inbox.expect("a port that queues has an inbox");
+                inbox.push(received).await;
+                match answer {
+                    Some(answer) => answer.await.unwrap_or(Answer::Nothing),
+                    None => Answer::Nothing,
+                }
+            }
+        };
+        loop {
+            match answer {
+                Answer::Later(later) => answer = later.await,
+                Answer::Nothing => return (None, false),
+                Answer::Reply(reply) => return (Some(reply), false),
+                Answer::ReplyAndClose(reply) => return (Some(reply), true),
+            }
+        }
     }
 }
 

@@ -104,9 +104,15 @@ impl PartReader {
         }
     }
 
-    /// Whether the head of the response has been read.
-    pub fn is_open(&self) -> bool {
-        !matches!(self.state, State::Status | State::Headers { .. })
+    /// Reads the head of the response alone; tells whether it is there.
+    pub fn open(&mut self, input: &mut BytesMut) -> Result<bool, MjpegError> {
+        while matches!(self.state, State::Status | State::Headers { .. }) {
+            match self.line(input)? {
+                Some(line) => self.take(&line)?,
+                None => return Ok(false),
+            }
+        }
+        Ok(true)
     }
 
     /// Bytes that the part in progress still needs, as far as it has said.
