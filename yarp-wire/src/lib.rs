@@ -9,6 +9,7 @@
 //! * [`carrier`]: one file per carrier, and the one table that lists them.
 //! * [`connection`]: the state machines of both sides of a connection.
 //! * [`mjpeg`]: pictures for browsers, and from them that send some.
+//! * [`websocket`]: the frames in which pages talk to ports.
 //! * [`admin`], [`name_service`]: the messages that programs send to ports and to the name server.
 
 pub mod admin;
@@ -28,6 +29,7 @@ pub mod stamp;
 pub mod typed;
 pub mod vector;
 pub mod vocab;
+pub mod websocket;
 
 pub use bottle::{Bottle, Value};
 pub use dialect::Dialect;

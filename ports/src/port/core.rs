@@ -162,7 +162,8 @@ impl Core {
         })?;
         let carrier = Carrier::of(&spec).filter(|carrier| {
             // Browsers and name server clients connect to ports, not ports to them.
-            !matches!(carrier.framing, Framing::Http | Framing::NameService)
+            carrier.transport != Transport::WebSocket
+                && !matches!(carrier.framing, Framing::Http | Framing::NameService)
         });
         let carrier = carrier.ok_or_else(|| PortError::NoCarrier {
             carrier: spec.base.clone(),

@@ -9,7 +9,7 @@ use tokio::net::TcpStream;
 use tokio::sync::oneshot;
 use yarp_wire::carrier::{Carrier, Sender, Transport};
 use yarp_wire::connection::{
-    Acceptor, DatagramReader, Event, Initiator, Message, ProtocolError, REFUSAL, header_reply,
+    Acceptor, DatagramReader, Event, Message, ProtocolError, REFUSAL, header_reply,
 };
 use yarp_wire::message::Command;
 use yarp_wire::{Bottle, Limits};
@@ -56,7 +56,7 @@ pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, address: IpAddr) {
         End::Failed(error) => {
             tracing::debug!(port = %core.name, from, "a connection failed: {error}");
         }
-        End::Reversed(carrier) => connection.into_output(carrier),
+        End::Reversed => connection.into_output(),
     }
 }
 
@@ -66,7 +66,7 @@ pub(super) enum End {
     Broken(ProtocolError),
     Failed(io::Error),
     /// It goes on in the other direction.
-    Reversed(&'static Carrier),
+    Reversed,
 }
 
 impl From<io::Error> for End {
@@ -219,11 +219,11 @@ impl Connection {
             } => {
                 if !carrier.push {
                     self.sender = sender;
-                    return Next::Stop(End::Reversed(carrier));
+                    return Next::Stop(End::Reversed);
                 }
                 self.opened(carrier, sender);
                 match carrier.transport {
-                    Transport::Stream => Next::Go,
+                    Transport::Stream | Transport::WebSocket => Next::Go,
                     Transport::UnixSocket => Next::UnixSocket,
                     _ => Next::Datagrams(group),
                 }
@@ -333,8 +333,7 @@ impl Connection {
         let lines = match command {
             Command::Quit => return Next::Stop(End::Closed),
             Command::Reverse => {
-                let carrier = self.acceptor.carrier().expect("messages follow the header");
-                return Next::Stop(End::Reversed(carrier));
+                return Next::Stop(End::Reversed);
             }
             Command::AddOutput(destination) => {
                 either(self.wait_for(core.add_output_in_words(&destination)).await)
@@ -352,11 +351,13 @@ impl Connection {
     }
 
     /// Goes on as a connection that the port writes to.
-    fn into_output(self, carrier: &'static Carrier) {
-        let initiator = Initiator::established(carrier, self.acceptor.dialect(), Limits::DEFAULT);
+    fn into_output(self) {
+        let Some(initiator) = self.acceptor.reversed() else {
+            return;
+        };
         let output = Output::start(
             &self.sender.name,
-            carrier.name.to_owned(),
+            initiator.carrier().name.to_owned(),
             Way::Stream(self.stream, self.input),
             initiator,
             self.core.cancelled.clone(),

@@ -14,6 +14,7 @@ mod text;
 mod text_ack;
 mod udp;
 mod unix_stream;
+mod websocket;
 
 use std::fmt;
 
@@ -58,6 +59,8 @@ pub enum Transport {
     /// A socket of the file system, named after the TCP ports of the two ends of the header's
     /// connection, which ends.
     UnixSocket,
+    /// The connection of the header, in the frames of [`websocket`](crate::websocket).
+    WebSocket,
     /// Datagrams to a multicast group that the initiator names behind its header.
     Group,
 }
@@ -86,7 +89,7 @@ pub struct Carrier {
 }
 
 /// Every carrier, in the order in which an acceptor tries them.
-pub static ALL: [&Carrier; 11] = [
+pub static ALL: [&Carrier; 12] = [
     &http::HTTP,
     &name_ser::NAME_SER,
     &tcp::TCP,
@@ -98,6 +101,7 @@ pub static ALL: [&Carrier; 11] = [
     &unix_stream::UNIX_STREAM,
     &unix_stream::UNIX_STREAM_ACK,
     &mjpeg::MJPEG,
+    &websocket::WEBSOCKET,
 ];
 
 impl Carrier {
@@ -169,7 +173,8 @@ mod tests {
         check(b"GET /dat", Some("http"));
         check(b"POST /fo", Some("http"));
         check(b"GET /?ac", Some("mjpeg"));
-        check(b"GET /?ws", None);
+        check(b"GET /?ws", Some("websocket"));
+        check(b"GET /?wt", Some("http"));
         check(b"GARBAGE!", None);
         check(b"YA\0\0\0\x80RP", None);
         for carrier in ALL {

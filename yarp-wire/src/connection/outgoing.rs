@@ -2,11 +2,12 @@
 
 use bytes::{BufMut, BytesMut};
 
-use crate::carrier::{Carrier, Framing};
+use crate::carrier::{Carrier, Framing, Transport};
 use crate::dialect::Dialect;
 use crate::http::page;
 use crate::message::{Command, Index, WireObject};
 use crate::number;
+use crate::websocket::{put_close, put_frame_head};
 
 /// The acknowledgement of a text connection.
 pub const ACKNOWLEDGEMENT_LINE: &str = "<ACK>";
@@ -37,10 +38,25 @@ pub fn put_head(out: &mut impl BufMut, carrier: &Carrier, command: &Command, len
             Index::put(out, command.block_len(), length);
             command.put_block(out);
         }
+        Framing::Bare if carrier.transport == Transport::WebSocket => {
+            put_frames(out, command, length);
+        }
         Framing::Bare => command.put_block(out),
         Framing::Lines => command.put_line(out),
         // What goes to browsers is made whole: a part holds its own head.
         Framing::NameService | Framing::Http | Framing::Pictures => {}
+    }
+}
+
+/// As stock: the block is a frame, the payload another.
+fn put_frames(out: &mut impl BufMut, command: &Command, length: usize) {
+    put_frame_head(out, command.block_len());
+    command.put_block(out);
+    if length > 0 {
+        put_frame_head(out, length);
+    }
+    if *command == Command::Quit {
+        put_close(out);
     }
 }
 
