@@ -501,6 +501,7 @@ impl From<&str> for Envelope {
 struct Encoded<'a> {
     command: &'a Command,
     text: Option<Bytes>,
+    page: Option<Bytes>,
     v3: Option<Bytes>,
     v4: Option<Bytes>,
     /// Tried, and perhaps found to be no image.
@@ -512,6 +513,7 @@ impl<'a> Encoded<'a> {
         Self {
             command,
             text: None,
+            page: None,
             v3: None,
             v4: None,
             picture: None,
@@ -537,7 +539,12 @@ impl<'a> Encoded<'a> {
         if !output.is_text() {
             return Some(self.binary(message, output.dialect));
         }
-        let text = self.text.get_or_insert_with(|| {
+        // A page that is read on has text of its own.
+        let form = match output.carrier.framing {
+            Framing::Http => &mut self.page,
+            _ => &mut self.text,
+        };
+        let text = form.get_or_insert_with(|| {
             let mut bytes = BytesMut::new();
             put_reply(&mut bytes, output.carrier, message, output.dialect);
             bytes.freeze()
