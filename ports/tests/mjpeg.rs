@@ -191,3 +191,29 @@ async fn pulling_is_no_output() {
     within(reader.close()).await;
     within(camera.close()).await;
 }
+
+/// Who connects others asks the reader, and asks it again to end the connection.
+#[tokio::test]
+async fn others_connect_two_ports() {
+    use yarp_ports::{Network, remote};
+    let camera = open("/camera", PortOptions::new()).await;
+    let reader = open("/reader", PortOptions::new().reading(Queue::Latest)).await;
+    let network = Network::none().with_deadline(common::DEADLINE);
+    let (from, to) = (at(&camera, "tcp"), at(&reader, "tcp"));
+    let said = within(remote::connect(&network, &from, &to, Some("mjpeg"))).await;
+    assert_eq!(
+        said.unwrap(),
+        format!("Added connection from /reader to {}", at(&camera, "mjpeg"))
+    );
+    until(|| camera.outputs() == ["null"]).await;
+    let said = within(remote::disconnect(&network, &from, &to)).await;
+    assert_eq!(said.unwrap(), "Removing connection from /camera to /reader");
+    until(|| camera.outputs().is_empty() && reader.inputs().is_empty()).await;
+    let again = within(remote::disconnect(&network, &from, &to)).await;
+    assert!(
+        matches!(again, Err(remote::ConnectError::NoConnection)),
+        "{again:?}"
+    );
+    within(reader.close()).await;
+    within(camera.close()).await;
+}
