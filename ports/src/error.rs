@@ -5,6 +5,7 @@ use std::net::SocketAddr;
 
 use yarp_wire::bottle::DecodeError;
 use yarp_wire::connection::ProtocolError;
+use yarp_wire::mjpeg::MjpegError;
 use yarp_wire::name::NameError;
 
 use crate::config::ConfigError;
@@ -89,6 +90,15 @@ pub enum PortError {
         /// How.
         #[source]
         source: ProtocolError,
+    },
+    /// Pictures were asked for, and something else came.
+    #[error("{peer} sends no pictures")]
+    Pictures {
+        /// Who.
+        peer: String,
+        /// What is wrong.
+        #[source]
+        source: MjpegError,
     },
     /// Something took longer than allowed.
     #[error("{peer} did not answer in {seconds} s ({step})")]

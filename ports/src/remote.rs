@@ -88,8 +88,13 @@ pub async fn connection(
 ) -> Result<Option<Connection>, PortError> {
     let request = admin::list(Direction::Out, Some(destination));
     let answer = administer(network, source, &request).await?;
+    Ok(described(&answer))
+}
+
+/// A connection in the words of one of its ends.
+fn described(answer: &Bottle) -> Option<Connection> {
     let text = |key: &str| answer.find(key).map(Value::to_plain_string);
-    Ok(match (text("from"), text("to")) {
+    match (text("from"), text("to")) {
         (Some(from), Some(to)) => Some(Connection {
             from,
             to,
@@ -97,7 +102,7 @@ pub async fn connection(
             connectionless: answer.find("connectionless").is_some(),
         }),
         _ => None,
-    })
+    }
 }
 
 /// Connects two ports of others; gives the words in which the writer confirmed it.
@@ -117,6 +122,9 @@ pub async fn connect(
         .or(to.carrier.clone())
         .or(from.carrier.clone())
         .unwrap_or_else(|| destination.carrier.clone());
+    if !pushes(&carrier) {
+        return pull(network, &source, &from, &destination, &carrier).await;
+    }
     let known = connection(network, &source, &destination.name).await?;
     known.iter().for_each(report);
     if known.is_none_or(|known| known.connectionless) {
@@ -126,6 +134,39 @@ pub async fn connect(
     let request = admin::add(&format!("{carrier}:/{}", at(&to, &destination)));
     let answer = administer(network, &source, &request).await?;
     judge(&answer)
+}
+
+/// Asks the reader to connect to the writer, as stock does for carriers that do not push.
+async fn pull(
+    network: &Network,
+    source: &Place,
+    from: &Contact,
+    destination: &Place,
+    carrier: &str,
+) -> Result<String, ConnectError> {
+    let known = input(network, destination, &source.name).await?;
+    known.iter().for_each(report);
+    let request = admin::add(&format!("{carrier}:/{}", at(from, source)));
+    let answer = administer(network, destination, &request).await?;
+    judge(&answer)
+}
+
+/// Whether the writer connects over this carrier, as it does over those that we do not know.
+fn pushes(carrier: &str) -> bool {
+    let spec = carrier.parse().ok();
+    let known = spec.as_ref().and_then(Carrier::of);
+    known.is_none_or(|carrier| carrier.push)
+}
+
+/// The connection from one port to another, as the reader sees it.
+async fn input(
+    network: &Network,
+    destination: &Place,
+    source: &str,
+) -> Result<Option<Connection>, PortError> {
+    let request = admin::list(Direction::In, Some(source));
+    let answer = administer(network, destination, &request).await?;
+    Ok(described(&answer))
 }
 
 /// Tells the log of a connection that was found, in stock's words.
@@ -171,9 +212,18 @@ pub async fn disconnect(
     let (from, to) = (Contact::parse(source), Contact::parse(destination));
     let (source, destination) = both(network, &from, &to).await?;
     let known = connection(network, &source, &destination.name).await?;
-    report(&known.ok_or(ConnectError::NoConnection)?);
-    let request = admin::remove(&destination.name);
-    let answer = administer(network, &source, &request).await?;
+    if let Some(known) = known {
+        report(&known);
+        let request = admin::remove(&destination.name);
+        let answer = administer(network, &source, &request).await?;
+        return judge(&answer);
+    }
+    // One that the reader made is known to the reader alone.
+    let known = input(network, &destination, &source.name).await?;
+    let pulled = known.filter(|known| !pushes(&known.carrier));
+    report(&pulled.ok_or(ConnectError::NoConnection)?);
+    let request = admin::remove(&source.name);
+    let answer = administer(network, &destination, &request).await?;
     judge(&answer)
 }
 

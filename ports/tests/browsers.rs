@@ -86,3 +86,20 @@ async fn what_is_no_request_is_refused() {
     assert_eq!(lying.ended().await, b"");
     within(port.close()).await;
 }
+
+/// A page and a person at a terminal got the same bytes: whoever came second read the other's form.
+#[tokio::test]
+async fn a_page_and_a_terminal_each_read_their_own_form() {
+    let port = open("/port", PortOptions::new()).await;
+    let mut terminal = Raw::text(&port, "me").await;
+    terminal.send("r\r\n").await;
+    common::until(|| port.outputs() == ["me"]).await;
+    let mut page = Raw::to(&port).await;
+    page.send(b"GET /r HTTP/1.1\r\n\r\n").await;
+    common::until(|| port.outputs() == ["me", "web"]).await;
+    assert_eq!(within(port.write(&bottle("1 2"))).await, 2);
+    terminal.expect("D\r\n1 2\r\n").await;
+    within(port.close()).await;
+    let page = String::from_utf8(page.ended().await).unwrap();
+    assert!(page.contains("<pre>1 2</pre>"), "{page}");
+}

@@ -8,6 +8,8 @@
 //! * [`vocab`], [`name`], [`stamp`], [`number`]: the small words of the protocol.
 //! * [`carrier`]: one file per carrier, and the one table that lists them.
 //! * [`connection`]: the state machines of both sides of a connection.
+//! * [`mjpeg`]: pictures for browsers, and from them that send some.
+//! * [`websocket`]: the frames in which pages talk to ports.
 //! * [`admin`], [`name_service`]: the messages that programs send to ports and to the name server.
 //! * [`qos`]: how urgent packets are, in the words of those messages.
 
@@ -20,6 +22,7 @@ pub mod dialect;
 pub mod http;
 pub mod limits;
 pub mod message;
+pub mod mjpeg;
 pub mod name;
 pub mod name_service;
 pub mod number;
@@ -28,6 +31,7 @@ pub mod stamp;
 pub mod typed;
 pub mod vector;
 pub mod vocab;
+pub mod websocket;
 
 pub use bottle::{Bottle, Value};
 pub use dialect::Dialect;

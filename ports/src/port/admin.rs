@@ -1,6 +1,9 @@
 //! Answers to admin requests, in stock's words.
 
+use std::sync::Arc;
+
 use yarp_wire::admin::{AdminRequest, Direction};
+use yarp_wire::carrier::Carrier;
 use yarp_wire::{Bottle, Value, Vocab32};
 
 use super::core::Core;
@@ -36,7 +39,7 @@ const MOST_PROPERTIES: usize = 1024;
 
 impl Core {
     /// The answer to an admin request.
-    pub(super) async fn administer(&self, request: &Bottle) -> Bottle {
+    pub(super) async fn administer(self: &Arc<Self>, request: &Bottle) -> Bottle {
         match AdminRequest::parse(request) {
             AdminRequest::Help => {
                 let mut answer = Bottle::of(Vocab32::MANY);
@@ -108,25 +111,28 @@ impl Core {
     fn details(&self, direction: Direction, name: &str) -> Bottle {
         let name = yarp_wire::Contact::parse(name).name;
         let mut answer = Bottle::new();
-        let mut add = |from: &str, to: &str, carrier: &str, connectionless: bool| {
+        let mut add = |from: &str, to: &str, text: &str, carrier: &Carrier| {
             answer.push(pair("from", from));
             answer.push(pair("to", to));
-            answer.push(pair("carrier", carrier));
-            if connectionless {
+            answer.push(pair("carrier", text));
+            if carrier.connectionless {
                 answer.push(pair("connectionless", 1));
+            }
+            if !carrier.push {
+                answer.push(pair("push", 0));
             }
         };
         match direction {
             Direction::In => {
                 for input in self.inputs().iter().filter(|input| input.from == name) {
-                    let connectionless = input.carrier.connectionless;
-                    add(&input.from, &self.name, &input.carrier_text, connectionless);
+                    let (from, text) = (&input.from, &input.carrier_text);
+                    add(from, &self.name, text, input.carrier);
                 }
             }
             Direction::Out => {
                 for output in self.outputs().iter().filter(|output| output.to == name) {
-                    let connectionless = output.carrier.connectionless;
-                    add(&self.name, &output.to, &output.carrier_text, connectionless);
+                    let (to, text) = (&output.to, &output.carrier_text);
+                    add(&self.name, to, text, output.carrier);
                 }
             }
         }

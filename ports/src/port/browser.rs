@@ -1,7 +1,6 @@
 //! Browsers at a port.
 
 use bytes::{Bytes, BytesMut};
-use yarp_wire::carrier::Carrier;
 use yarp_wire::http::{Action, Request, json, page};
 use yarp_wire::message::{Form, Payload};
 use yarp_wire::{Bottle, Value};
@@ -37,8 +36,7 @@ impl Connection {
             Action::Read => {
                 let head = page::stream_head(&self.core.name);
                 self.output.extend_from_slice(head.as_bytes());
-                let carrier = Carrier::by_name("http").expect("http is in the table");
-                return Next::Stop(End::Reversed(carrier));
+                return Next::Stop(End::Reversed);
             }
         };
         self.output.extend_from_slice(response.as_bytes());

@@ -4,7 +4,8 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use yarp_wire::carrier::{Carrier, CarrierSpec, Framing, Transport};
+use tokio::task::JoinSet;
+use yarp_wire::carrier::{Carrier, Framing, Transport};
 use yarp_wire::{Bottle, Contact, Dialect, admin};
 
 use super::counters::{Ended, Meter};
@@ -42,6 +43,8 @@ pub(crate) struct Core {
     ended: Mutex<Ended>,
     /// Whether there may be connections that carry copies of what arrives.
     pub(super) logged: AtomicBool,
+    /// Connections that this port made to read from.
+    pulls: Mutex<JoinSet<()>>,
 }
 
 /// An incoming connection as others see it.
@@ -53,6 +56,18 @@ pub(crate) struct InputEntry {
     pub(crate) socket: SocketHandle,
     pub(crate) meter: Arc<Meter>,
     cancel: Cancel,
+}
+
+/// A place in the port's list of connections, given back on drop, also by a handler's panic.
+pub(super) struct Entry {
+    pub(super) id: u64,
+    pub(super) core: Arc<Core>,
+}
+
+impl Drop for Entry {
+    fn drop(&mut self) {
+        self.core.remove_input(self.id);
+    }
 }
 
 impl Core {
@@ -86,6 +101,7 @@ impl Core {
             next_input: AtomicU64::new(1),
             ended: Mutex::default(),
             logged: AtomicBool::new(false),
+            pulls: Mutex::default(),
         }
     }
 
@@ -157,20 +173,33 @@ impl Core {
         }
     }
 
-    /// Connects to a reader, whose name is the answer; connections to it end first.
-    pub(crate) async fn connect(&self, to: &Contact) -> Result<String, PortError> {
+    /// Connects to a reader, whose name is the answer; connections to it end first. Over a carrier
+    /// that does not push, connects to a writer and reads from it.
+    pub(crate) async fn connect(self: &Arc<Self>, to: &Contact) -> Result<String, PortError> {
         // As in stock, who cannot be found is told first.
         let found = self.network.resolve(to).await?;
-        let spec = self.carrier_spec(to, &found.carrier)?;
-        let logs = log::is_wanted(&spec)?;
+        let text = to.carrier.as_deref().unwrap_or(&found.carrier);
+        let spec = text.parse().ok();
+        if let Some(spec) = &spec
+            && let Some(carrier) = Carrier::of(spec).filter(|carrier| !carrier.push)
+        {
+            self.pull(&found, spec, carrier).await?;
+            return Ok(found.name);
+        }
+        let logs = spec.as_ref().map_or(Ok(false), log::is_wanted)?;
         if self.options.outputs == Outputs::None && !logs {
             return Err(PortError::OutputsNotAllowed {
                 name: self.name.clone(),
             });
         }
+        let spec = spec.ok_or_else(|| PortError::NoCarrier {
+            carrier: text.to_owned(),
+            known: known_carriers(),
+        })?;
         let carrier = Carrier::of(&spec).filter(|carrier| match carrier.framing {
             // Browsers and name server clients connect to ports, not ports to them.
             Framing::Http | Framing::NameService => false,
+            _ if carrier.transport == Transport::WebSocket => false,
             // A group is for what the owner writes.
             _ => !logs || carrier.transport != Transport::Group,
         });
@@ -215,14 +244,6 @@ impl Core {
                 Err(error)
             }
         }
-    }
-
-    fn carrier_spec(&self, to: &Contact, registered: &str) -> Result<CarrierSpec, PortError> {
-        let text = to.carrier.as_deref().unwrap_or(registered);
-        text.parse().map_err(|_| PortError::NoCarrier {
-            carrier: text.to_owned(),
-            known: known_carriers(),
-        })
     }
 
     pub(crate) fn add_output(&self, output: Output) {
@@ -294,10 +315,12 @@ impl Core {
         let sources: Vec<_> = self
             .inputs()
             .iter()
+            // A writer that was asked does not know who reads, and need not be told.
+            .filter(|entry| entry.carrier.push)
             .map(|entry| entry.from.clone())
             .collect();
         let network = self.network.with_deadline(GOODBYE);
-        let asking: tokio::task::JoinSet<()> = sources
+        let asking: JoinSet<()> = sources
             .into_iter()
             .filter(|source| is_port(source))
             .map(|source| {
@@ -349,6 +372,22 @@ impl Core {
         if let Some(entry) = self.inputs().iter_mut().find(|entry| entry.id == id) {
             entry.socket = socket;
         }
+    }
+
+    /// Runs a connection that this port made to read from.
+    pub(super) fn own(&self, task: impl Future<Output = ()> + Send + 'static) {
+        let mut pulls = self.pulls.lock().unwrap_or_else(PoisonError::into_inner);
+        while pulls.try_join_next().is_some() {}
+        pulls.spawn(task);
+    }
+
+    /// Waits for the end of the connections that this port made to read from.
+    pub(super) async fn join_pulls(&self) {
+        let pulls = {
+            let mut pulls = self.pulls.lock().unwrap_or_else(PoisonError::into_inner);
+            std::mem::take(&mut *pulls)
+        };
+        pulls.join_all().await;
     }
 
     /// Takes note that an incoming connection ended.

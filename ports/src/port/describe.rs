@@ -1,6 +1,7 @@
 //! What a port tells people who type at it.
 
 use std::fmt::Write;
+use std::sync::Arc;
 
 use super::core::Core;
 use super::log;
@@ -60,7 +61,10 @@ impl Core {
     }
 
     /// Adds an output, answering in stock's words.
-    pub(super) async fn add_output_in_words(&self, destination: &str) -> Result<String, String> {
+    pub(super) async fn add_output_in_words(
+        self: &Arc<Self>,
+        destination: &str,
+    ) -> Result<String, String> {
         use crate::error::PortError;
         // A person types `/reader`, and `/fast_tcp://reader` for another carrier.
         let contact = match destination.strip_prefix('/') {

@@ -9,12 +9,12 @@ use tokio::net::TcpStream;
 use tokio::sync::oneshot;
 use yarp_wire::carrier::{Carrier, Sender, Transport};
 use yarp_wire::connection::{
-    Acceptor, DatagramReader, Event, Initiator, Message, ProtocolError, REFUSAL, header_reply,
+    Acceptor, DatagramReader, Event, Message, ProtocolError, REFUSAL, header_reply,
 };
 use yarp_wire::message::Command;
 use yarp_wire::{Bottle, Limits};
 
-use super::core::Core;
+use super::core::{Core, Entry};
 use super::counters::Meter;
 use super::describe::{HELP, NOT_UNDERSTOOD};
 use super::log::Copied;
@@ -60,7 +60,7 @@ pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, address: IpAddr) {
         End::Failed(error) => {
             tracing::debug!(port = %core.name, from, "a connection failed: {error}");
         }
-        End::Reversed(carrier) => connection.into_output(carrier),
+        End::Reversed => connection.into_output(),
     }
 }
 
@@ -70,7 +70,7 @@ pub(super) enum End {
     Broken(ProtocolError),
     Failed(io::Error),
     /// It goes on in the other direction.
-    Reversed(&'static Carrier),
+    Reversed,
 }
 
 impl From<io::Error> for End {
@@ -93,18 +93,6 @@ pub(super) struct Connection {
     pub(super) address: IpAddr,
     busy: BusyPoll,
     pub(super) meter: Arc<Meter>,
-}
-
-/// A place in the port's list of connections, given back on drop, also by a handler's panic.
-struct Entry {
-    id: u64,
-    core: Arc<Core>,
-}
-
-impl Drop for Entry {
-    fn drop(&mut self) {
-        self.core.remove_input(self.id);
-    }
 }
 
 /// What is to happen after a message.
@@ -244,9 +232,13 @@ impl Connection {
                 sender,
                 group,
             } => {
+                if !carrier.push {
+                    self.sender = sender;
+                    return Next::Stop(End::Reversed);
+                }
                 self.opened(carrier, sender);
                 match carrier.transport {
-                    Transport::Stream => Next::Go,
+                    Transport::Stream | Transport::WebSocket => Next::Go,
                     Transport::UnixSocket => Next::UnixSocket,
                     _ => Next::Datagrams(group),
                 }
@@ -313,40 +305,10 @@ impl Connection {
 
     /// Hands a message to the owner and waits for the reply, if there is to be one; tells whether
     /// the connection shall end with it.
-    pub(super) async fn deliver(&mut self, mut received: Received) -> (Option<Reply>, bool) {
+    pub(super) async fn deliver(&mut self, received: Received) -> (Option<Reply>, bool) {
         let core = self.core.clone();
         let copy = (core.is_logged() && !self.brings_copies()).then(|| Copied::of(&received));
-        let mut answer = match &core.options.input {
-            Input::Discard => Answer::Nothing,
-            Input::Handler(handler) => handler(&mut received),
-            Input::Queue(_, serving) => {
-                let mut answer = None;
-                if received.wants_reply && *serving == Serving::Replies {
-                    let (sender, receiver) = oneshot::channel();
-                    received.responder = Some(Responder(sender));
-                    answer = Some(receiver);
-                }
-                let inbox = core.inbox.as_ref();
-                let inbox = inbox.expect("a port that queues has an inbox");
-                match self.wait_for(inbox.push(received)).await {
-                    Some(id) if id == self.id() => self.meter.drop_one(),
-                    Some(id) => core.count_dropped(id),
-                    None => {}
-                }
-                match answer {
-                    Some(answer) => self.wait_for(answer).await.unwrap_or(Answer::Nothing),
-                    None => Answer::Nothing,
-                }
-            }
-        };
-        let (reply, last) = loop {
-            match answer {
-                Answer::Later(later) => answer = self.wait_for(later).await,
-                Answer::Nothing => break (None, false),
-                Answer::Reply(reply) => break (Some(reply), false),
-                Answer::ReplyAndClose(reply) => break (Some(reply), true),
-            }
-        };
+        let (reply, last) = self.wait_for(core.deliver(received)).await;
         if let Some(copy) = copy {
             core.forward(&copy, reply.as_ref());
         }
@@ -407,8 +369,7 @@ impl Connection {
         let lines = match command {
             Command::Quit => return Next::Stop(End::Closed),
             Command::Reverse => {
-                let carrier = self.acceptor.carrier().expect("messages follow the header");
-                return Next::Stop(End::Reversed(carrier));
+                return Next::Stop(End::Reversed);
             }
             Command::AddOutput(destination) => {
                 either(self.wait_for(core.add_output_in_words(&destination)).await)
@@ -426,16 +387,56 @@ impl Connection {
     }
 
     /// Goes on as a connection that the port writes to.
-    fn into_output(self, carrier: &'static Carrier) {
-        let initiator = Initiator::established(carrier, self.acceptor.dialect(), Limits::DEFAULT);
+    fn into_output(self) {
+        let Some(initiator) = self.acceptor.reversed() else {
+            return;
+        };
         let output = Output::start(
             &self.sender.name,
-            carrier.name.to_owned(),
+            initiator.carrier().name.to_owned(),
             Way::Stream(self.stream, self.input),
             initiator,
             self.core.cancelled.clone(),
         );
         self.core.add_output(output);
+    }
+}
+
+impl Core {
+    /// Hands a message to the owner and waits for the reply, if there is to be one; tells whether
+    /// the connection shall end with it.
+    ///
+    /// Messages that the queue drops are counted where they came from.
+    pub(super) async fn deliver(&self, mut received: Received) -> (Option<Reply>, bool) {
+        let mut answer = match &self.options.input {
+            Input::Discard => Answer::Nothing,
+            Input::Handler(handler) => handler(&mut received),
+            Input::Queue(_, serving) => {
+                let mut answer = None;
+                if received.wants_reply && *serving == Serving::Replies {
+                    let (sender, receiver) = oneshot::channel();
+                    received.responder = Some(Responder(sender));
+                    answer = Some(receiver);
+                }
+                let inbox = self.inbox.as_ref();
+                let inbox = inbox.expect("a port that queues has an inbox");
+                if let Some(id) = inbox.push(received).await {
+                    self.count_dropped(id);
+                }
+                match answer {
+                    Some(answer) => answer.await.unwrap_or(Answer::Nothing),
+                    None => Answer::Nothing,
+                }
+            }
+        };
+        loop {
+            match answer {
+                Answer::Later(later) => answer = later.await,
+                Answer::Nothing => return (None, false),
+                Answer::Reply(reply) => return (Some(reply), false),
+                Answer::ReplyAndClose(reply) => return (Some(reply), true),
+            }
+        }
     }
 }
 

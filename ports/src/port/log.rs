@@ -101,15 +101,18 @@ impl Core {
         };
         let answered = reply.filter(|_| message.wants_reply);
         let answered = answered.map(|reply| message.with(reply));
-        let mut encoded = Encoded::default();
+        let mut encoded = Encoded::of(&command);
         for output in self.loggers() {
             if !output.outbox.has_room() {
                 output.outbox.count_dropped();
                 continue;
             }
             let payload = match &answered {
-                Some(transaction) => encoded.of(transaction, &output),
-                None => encoded.of(message, &output),
+                Some(transaction) => encoded.form(transaction, &output),
+                None => encoded.form(message, &output),
+            };
+            let Some(payload) = payload else {
+                continue;
             };
             // A connection that has ended is taken off the list by itself.
             let _ = output.outbox.push(&command, &payload, false);

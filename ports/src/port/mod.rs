@@ -6,6 +6,7 @@
 //! | `core` | what the tasks of a port share |
 //! | `input`, `inbox`, `received` | incoming connections, what arrived, one message of it |
 //! | `output`, `outbox`, `group` | outgoing connections, what is to be sent, multicast |
+//! | `pull`, `picture` | connections made to read from, images as browsers see them |
 //! | `admin`, `describe`, `browser` | what programs and people ask of the port itself |
 //! | `supervised` | connections that come back |
 //! | `log` | copies of what arrives for those who look on |
@@ -24,6 +25,8 @@ mod log;
 mod options;
 mod outbox;
 mod output;
+mod picture;
+mod pull;
 mod qos;
 mod received;
 mod supervised;
@@ -36,6 +39,7 @@ use std::time::Duration;
 use bytes::{Bytes, BytesMut};
 use tokio::net::TcpListener;
 use tokio::task::{JoinHandle, JoinSet};
+use yarp_wire::carrier::Framing;
 use yarp_wire::connection::put_reply;
 use yarp_wire::message::{Command, Payload, ReadObject, WireObject};
 use yarp_wire::name_service::Registering;
@@ -292,12 +296,14 @@ impl Port {
     /// As [`Port::write`], with an envelope such as a [`Stamp`](yarp_wire::Stamp).
     pub async fn write_with(&self, message: &impl WireObject, envelope: Option<Envelope>) -> usize {
         let command = data(false, envelope);
-        let mut encoded = Encoded::default();
+        let mut encoded = Encoded::of(&command);
         let mut taken = 0;
         let mut waits = Vec::new();
         let mut late = Vec::new();
         for output in self.core.senders() {
-            let payload = encoded.of(message, &output);
+            let Some(payload) = encoded.form(message, &output) else {
+                continue;
+            };
             if !output.outbox.has_room() {
                 late.push((output, payload));
                 continue;
@@ -322,13 +328,15 @@ impl Port {
     /// A reader that is still busy misses this message. Tells how many will get it.
     pub fn write_if_idle(&self, message: &impl WireObject, envelope: Option<Envelope>) -> usize {
         let command = data(false, envelope);
-        let mut encoded = Encoded::default();
+        let mut encoded = Encoded::of(&command);
         let mut taken = 0;
         self.core.for_each_sender(|output| {
             if output.outbox.is_busy() {
                 output.outbox.count_dropped();
             } else {
-                let payload = encoded.of(message, output);
+                let Some(payload) = encoded.form(message, output) else {
+                    return;
+                };
                 let pushed = output.outbox.push(&command, &payload, false);
                 taken += usize::from(pushed.is_ok());
             }
@@ -344,11 +352,13 @@ impl Port {
         envelope: Option<Envelope>,
     ) -> usize {
         let command = data(false, envelope);
-        let mut encoded = Encoded::default();
+        let mut encoded = Encoded::of(&command);
         let mut taken = 0;
         let mut late = Vec::new();
         for output in self.core.senders() {
-            let payload = encoded.of(message, &output);
+            let Some(payload) = encoded.form(message, &output) else {
+                continue;
+            };
             if output.outbox.has_room() {
                 taken += usize::from(output.outbox.push(&command, &payload, false).is_ok());
             } else {
@@ -395,7 +405,9 @@ impl Port {
     async fn call_raw(&self, request: &impl WireObject) -> Result<(String, Payload), PortError> {
         let mut first = None;
         self.core.for_each_sender(|output| {
-            first.get_or_insert_with(|| output.clone());
+            if output.carrier.push {
+                first.get_or_insert_with(|| output.clone());
+            }
         });
         let output = first.ok_or_else(|| PortError::NotConnected {
             name: self.name().to_owned(),
@@ -404,8 +416,10 @@ impl Port {
             peer: output.to.clone(),
             reason: reason.to_string(),
         };
-        let payload = Encoded::default().of(request, &output);
-        let pushed = output.outbox.push(&Command::data(true), &payload, true);
+        let command = Command::data(true);
+        let payload = Encoded::of(&command).form(request, &output);
+        let payload = payload.expect("all but pictures can carry a request");
+        let pushed = output.outbox.push(&command, &payload, true);
         let waiting = pushed.map_err(lost)?.expect("a request has an outcome");
         match waiting.await {
             Ok(Ok(Some(reply))) => Ok((output.to.clone(), reply)),
@@ -446,6 +460,7 @@ impl Port {
             cancel.cancel();
             // The listener ends its connections, all of which heed the signal.
             let _ = listener.await;
+            core.join_pulls().await;
             if registered && let Err(error) = core.network.unregister(&core.name).await {
                 tracing::warn!(port = %core.name, "cannot unregister: {}", error.story());
             }
@@ -531,23 +546,68 @@ impl From<&str> for Envelope {
 }
 
 /// A message in the forms that readers want, each written once.
-#[derive(Default)]
-struct Encoded {
+struct Encoded<'a> {
+    command: &'a Command,
     text: Option<Bytes>,
+    page: Option<Bytes>,
     v3: Option<Bytes>,
     v4: Option<Bytes>,
+    /// Tried, and perhaps found to be no image.
+    picture: Option<Option<Bytes>>,
 }
 
-impl Encoded {
-    fn of(&mut self, message: &impl WireObject, output: &Output) -> Bytes {
-        let form = match (output.is_text(), output.dialect) {
-            (true, _) => &mut self.text,
-            (false, Dialect::V3) => &mut self.v3,
-            (false, Dialect::V4) => &mut self.v4,
+impl<'a> Encoded<'a> {
+    fn of(command: &'a Command) -> Self {
+        Self {
+            command,
+            text: None,
+            page: None,
+            v3: None,
+            v4: None,
+            picture: None,
+        }
+    }
+
+    /// The form for this reader; `None` if there is none: only images go to who watches pictures.
+    fn form(&mut self, message: &impl WireObject, output: &Output) -> Option<Bytes> {
+        if output.carrier.framing == Framing::Pictures {
+            return match &self.picture {
+                Some(picture) => picture.clone(),
+                None => {
+                    let binary = self.binary(message, Dialect::V3);
+                    let envelope = match self.command {
+                        Command::Data { envelope, .. } => envelope.as_ref(),
+                        _ => None,
+                    };
+                    let picture = picture::part(&binary, Dialect::V3, envelope);
+                    self.picture.insert(picture).clone()
+                }
+            };
+        }
+        if !output.is_text() {
+            return Some(self.binary(message, output.dialect));
+        }
+        // A page that is read on has text of its own.
+        let form = match output.carrier.framing {
+            Framing::Http => &mut self.page,
+            _ => &mut self.text,
+        };
+        let text = form.get_or_insert_with(|| {
+            let mut bytes = BytesMut::new();
+            put_reply(&mut bytes, output.carrier, message, output.dialect);
+            bytes.freeze()
+        });
+        Some(text.clone())
+    }
+
+    fn binary(&mut self, message: &impl WireObject, dialect: Dialect) -> Bytes {
+        let form = match dialect {
+            Dialect::V3 => &mut self.v3,
+            Dialect::V4 => &mut self.v4,
         };
         let payload = form.get_or_insert_with(|| {
             let mut bytes = BytesMut::new();
-            put_reply(&mut bytes, output.carrier, message, output.dialect);
+            message.write_binary(&mut bytes, dialect);
             bytes.freeze()
         });
         payload.clone()

@@ -254,6 +254,9 @@ impl Outbox {
                 Progress::Ready | Progress::Lines(_) => {}
             }
         }
+        let said = state.initiator.said();
+        state.queued += said.len();
+        state.tail.extend_from_slice(&said);
         drop(state);
         if finished {
             self.changed.notify_waiters();

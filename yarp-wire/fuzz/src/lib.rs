@@ -11,15 +11,17 @@ use yarp_wire::connection::{Acceptor, DatagramReader, Event, Initiator, MessageR
 use yarp_wire::http::page::Page;
 use yarp_wire::http::{Action, RequestReader, json};
 use yarp_wire::message::{Command, Form, Index, Payload, ReadObject, WireObject};
+use yarp_wire::mjpeg::{PartReader, comment, with_comment};
 use yarp_wire::name_service::{AnswerReader, Registration, Request, Style, Until};
 use yarp_wire::vector::Vector;
+use yarp_wire::websocket::FrameReader;
 use yarp_wire::{Bottle, Contact, Dialect, Limits, PortName, Stamp, datagram, typed};
 
 /// One fuzz target: its name, which is also that of its corpus, and what it does.
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All targets.
-pub const TARGETS: [Target; 13] = [
+pub const TARGETS: [Target; 15] = [
     ("bottle_binary", bottle_binary),
     ("bottle_text", bottle_text),
     ("acceptor", acceptor),
@@ -33,6 +35,8 @@ pub const TARGETS: [Target; 13] = [
     ("datagram", datagram),
     ("http", http),
     ("typed", typed),
+    ("mjpeg", mjpeg),
+    ("websocket", websocket),
 ];
 
 const DIALECTS: [Dialect; 2] = [Dialect::V3, Dialect::V4];
@@ -403,4 +407,47 @@ pub fn typed(data: &[u8]) {
         check::<typed::Property>(&bytes, dialect);
         check::<typed::Pair<Bottle, typed::VectorOf<f64>>>(&bytes, dialect);
     }
+}
+
+/// Pictures in a stream: the same parts in one piece and byte by byte.
+pub fn mjpeg(data: &[u8]) {
+    let run = |size: usize| {
+        let mut reader = PartReader::new(LIMITS);
+        let mut input = BytesMut::new();
+        let mut parts = Vec::new();
+        for piece in data.chunks(size) {
+            input.extend_from_slice(piece);
+            loop {
+                match reader.read(&mut input) {
+                    Ok(Some(part)) => parts.push(part),
+                    Ok(None) => break,
+                    Err(_) => return parts,
+                }
+            }
+        }
+        parts
+    };
+    assert_eq!(run(data.len().max(1)), run(1));
+    let bytes = Bytes::copy_from_slice(data);
+    let _ = comment(&bytes);
+    let commented = with_comment(data, b"7 1.5");
+    if commented != bytes {
+        assert!(comment(&commented).is_some());
+    }
+}
+
+/// Frames of a page: the same stream and answers in one piece and byte by byte.
+pub fn websocket(data: &[u8]) {
+    let run = |size: usize| {
+        let mut reader = FrameReader::new(LIMITS.message);
+        let (mut input, mut output) = (BytesMut::new(), BytesMut::new());
+        for piece in data.chunks(size) {
+            input.extend_from_slice(piece);
+            if let Err(error) = reader.read(&mut input, &mut output) {
+                return (reader.stream.split(), output, Some(error));
+            }
+        }
+        (reader.stream.split(), output, None)
+    };
+    assert_eq!(run(data.len().max(1)), run(1));
 }

@@ -11,4 +11,5 @@ pub(super) static FAST_TCP: Carrier = Carrier {
     transport: Transport::Stream,
     acknowledges: false,
     connectionless: false,
+    push: true,
 };

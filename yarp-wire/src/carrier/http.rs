@@ -15,4 +15,5 @@ pub(super) static HTTP: Carrier = Carrier {
     transport: Transport::Stream,
     acknowledges: false,
     connectionless: false,
+    push: true,
 };

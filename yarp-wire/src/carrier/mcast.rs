@@ -11,4 +11,5 @@ pub(super) static MCAST: Carrier = Carrier {
     transport: Transport::Group,
     acknowledges: false,
     connectionless: true,
+    push: true,
 };

@@ -6,6 +6,7 @@
 mod fast_tcp;
 mod http;
 mod mcast;
+mod mjpeg;
 mod name_ser;
 mod specifier;
 mod tcp;
@@ -13,6 +14,7 @@ mod text;
 mod text_ack;
 mod udp;
 mod unix_stream;
+mod websocket;
 
 use std::fmt;
 
@@ -35,6 +37,8 @@ pub enum Framing {
     NameService,
     /// One request of a browser.
     Http,
+    /// One request, then pictures ([`mjpeg`](crate::mjpeg)) to whoever connected.
+    Pictures,
 }
 
 impl Framing {
@@ -55,6 +59,8 @@ pub enum Transport {
     /// A socket of the file system, named after the TCP ports of the two ends of the header's
     /// connection, which ends.
     UnixSocket,
+    /// The connection of the header, in the frames of [`websocket`](crate::websocket).
+    WebSocket,
     /// Datagrams to a multicast group that the initiator names behind its header.
     Group,
 }
@@ -78,10 +84,12 @@ pub struct Carrier {
     /// Whether stock lists its connections with `(connectionless 1)` and closes them out of band:
     /// only the datagram carriers (recorded traffic of 3.12.3 and 4.0.0).
     pub connectionless: bool,
+    /// Whether the writer connects to the reader; where not, the reader connects and pulls.
+    pub push: bool,
 }
 
 /// Every carrier, in the order in which an acceptor tries them.
-pub static ALL: [&Carrier; 10] = [
+pub static ALL: [&Carrier; 12] = [
     &http::HTTP,
     &name_ser::NAME_SER,
     &tcp::TCP,
@@ -92,6 +100,8 @@ pub static ALL: [&Carrier; 10] = [
     &text_ack::TEXT_ACK,
     &unix_stream::UNIX_STREAM,
     &unix_stream::UNIX_STREAM_ACK,
+    &mjpeg::MJPEG,
+    &websocket::WEBSOCKET,
 ];
 
 impl Carrier {
@@ -162,7 +172,9 @@ mod tests {
         check(b"GET / HT", Some("http"));
         check(b"GET /dat", Some("http"));
         check(b"POST /fo", Some("http"));
-        check(b"GET /?ws", None);
+        check(b"GET /?ac", Some("mjpeg"));
+        check(b"GET /?ws", Some("websocket"));
+        check(b"GET /?wt", Some("http"));
         check(b"GARBAGE!", None);
         check(b"YA\0\0\0\x80RP", None);
         for carrier in ALL {

@@ -11,4 +11,5 @@ pub(super) static NAME_SER: Carrier = Carrier {
     transport: Transport::Stream,
     acknowledges: false,
     connectionless: false,
+    push: true,
 };

@@ -14,4 +14,5 @@ pub(super) static TCP: Carrier = Carrier {
     transport: Transport::Stream,
     acknowledges: true,
     connectionless: false,
+    push: true,
 };

@@ -11,4 +11,5 @@ pub(super) static TEXT: Carrier = Carrier {
     transport: Transport::Stream,
     acknowledges: false,
     connectionless: false,
+    push: true,
 };

@@ -11,4 +11,5 @@ pub(super) static TEXT_ACK: Carrier = Carrier {
     transport: Transport::Stream,
     acknowledges: true,
     connectionless: false,
+    push: true,
 };

@@ -11,4 +11,5 @@ pub(super) static UDP: Carrier = Carrier {
     transport: Transport::Datagrams,
     acknowledges: false,
     connectionless: true,
+    push: true,
 };

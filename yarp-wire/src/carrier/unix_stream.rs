@@ -11,6 +11,7 @@ pub(super) static UNIX_STREAM: Carrier = Carrier {
     transport: Transport::UnixSocket,
     acknowledges: false,
     connectionless: false,
+    push: true,
 };
 
 /// With acknowledgements: what the modifier `+ack` asks for.
@@ -22,4 +23,5 @@ pub(super) static UNIX_STREAM_ACK: Carrier = Carrier {
     transport: Transport::UnixSocket,
     acknowledges: true,
     connectionless: false,
+    push: true,
 };

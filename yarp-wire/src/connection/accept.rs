@@ -2,22 +2,25 @@
 
 use std::net::{Ipv4Addr, SocketAddrV4};
 
-use bytes::{Buf, BufMut, BytesMut};
+use bytes::{Buf, BufMut, Bytes, BytesMut};
 
 use super::line::LineReader;
-use super::{Message, MessageReader, ProtocolError, put_acknowledgement, put_reply};
+use super::{Initiator, Message, MessageReader, ProtocolError, put_acknowledgement, put_reply};
 use crate::bottle::detect;
 use crate::carrier::{Carrier, Framing, MAGIC, Sender, Transport};
 use crate::dialect::Dialect;
 use crate::http::{Request, RequestReader};
 use crate::limits::Limits;
-use crate::message::{Command, Form, WireObject};
+use crate::message::{Command, Form, Payload, WireObject};
+use crate::mjpeg;
 use crate::number;
+use crate::websocket::{self, FrameReader, put_close, put_frame_head};
 
 /// What an acceptor has learned.
 #[derive(Debug)]
 pub enum Event {
-    /// The header is complete: the peer is this sender on this carrier.
+    /// The header is complete: the peer is this sender on this carrier. On a carrier that does not
+    /// push it is a reader, and the connection goes on as one that the port writes to.
     Opened {
         /// The carrier.
         carrier: &'static Carrier,
@@ -40,6 +43,8 @@ pub struct Acceptor {
     settled: bool,
     limits: Limits,
     state: State,
+    /// Where messages stand in frames.
+    frames: Option<FrameReader>,
 }
 
 #[derive(Debug)]
@@ -49,6 +54,8 @@ enum State {
     Group(&'static Carrier, Sender),
     Open(&'static Carrier, MessageReader),
     Browser(&'static Carrier, RequestReader),
+    /// A request of a browser is being read that turns into a connection.
+    Request(&'static Carrier, RequestReader),
 }
 
 /// Bytes of a group: IPv4 address and port, the latter high byte first.
@@ -67,6 +74,7 @@ impl Acceptor {
             settled: false,
             limits,
             state: State::Magic,
+            frames: None,
         }
     }
 
@@ -77,7 +85,8 @@ impl Acceptor {
             State::Sender(carrier, _)
             | State::Group(carrier, _)
             | State::Open(carrier, _)
-            | State::Browser(carrier, _) => Some(carrier),
+            | State::Browser(carrier, _)
+            | State::Request(carrier, _) => Some(carrier),
         }
     }
 
@@ -111,6 +120,12 @@ impl Acceptor {
                             group: None,
                         }));
                     }
+                    if carrier.framing == Framing::Pictures
+                        || carrier.transport == Transport::WebSocket
+                    {
+                        self.state = State::Request(carrier, RequestReader::default());
+                        continue;
+                    }
                     input.advance(MAGIC);
                     self.state = State::Sender(carrier, LineReader::new(LONGEST_SENDER));
                 }
@@ -139,8 +154,24 @@ impl Acceptor {
                 State::Browser(_, reader) => {
                     return Ok(reader.read(input, self.limits)?.map(Event::Browser));
                 }
+                State::Request(carrier, reader) => {
+                    let carrier = *carrier;
+                    let Some(request) = reader.read(input, self.limits)? else {
+                        return Ok(None);
+                    };
+                    let mut sender = Sender::plain(mjpeg::VIEWER);
+                    if carrier.transport == Transport::WebSocket {
+                        output.put_slice(websocket::response(&request)?.as_bytes());
+                        self.frames = Some(FrameReader::new(self.limits.message));
+                        sender = Sender::plain("web");
+                    }
+                    return Ok(Some(self.open(carrier, sender, None, output)));
+                }
                 State::Open(_, reader) => {
-                    let message = reader.read(input)?;
+                    let message = match &mut self.frames {
+                        None => reader.read(input)?,
+                        Some(frames) => read_frames(frames, reader, input, output)?,
+                    };
                     if let Some(message) = &message {
                         self.learn(message);
                     }
@@ -161,8 +192,22 @@ impl Acceptor {
     /// Appends the reply to the message at hand.
     pub fn reply(&self, object: &dyn WireObject, output: &mut BytesMut) {
         if let State::Open(carrier, _) = &self.state {
-            put_reply(output, carrier, object, self.dialect);
+            if self.frames.is_none() {
+                return put_reply(output, carrier, object, self.dialect);
+            }
+            let mut reply = BytesMut::new();
+            put_reply(&mut reply, carrier, object, self.dialect);
+            put_frame_head(output, reply.len());
+            output.put_slice(&reply);
         }
+    }
+
+    /// The writing side of the same connection, once the peer has become its reader; `None` before
+    /// the header is complete.
+    pub fn reversed(self) -> Option<Initiator> {
+        let carrier = self.carrier()?;
+        let initiator = Initiator::established(carrier, self.dialect, self.limits);
+        Some(initiator.with_frames(self.frames))
     }
 
     /// Appends lines in answer to a command; only text connections have them.
@@ -195,6 +240,7 @@ impl Acceptor {
             Framing::Lines => {
                 output.put_slice(format!("Welcome {}\r\n", sender.name).as_bytes());
             }
+            Framing::Pictures => output.put_slice(mjpeg::RESPONSE.as_bytes()),
             Framing::Bare | Framing::NameService | Framing::Http => {}
         }
         let reader = MessageReader::new(carrier.framing, self.dialect, self.limits);
@@ -225,6 +271,29 @@ impl Acceptor {
     }
 }
 
+/// The next message in frames. A close frame is the command to quit, and answers it.
+fn read_frames(
+    frames: &mut FrameReader,
+    reader: &mut MessageReader,
+    input: &mut BytesMut,
+    output: &mut BytesMut,
+) -> Result<Option<Message>, ProtocolError> {
+    frames.read(input, output)?;
+    let message = reader.read(&mut frames.stream)?;
+    match &message {
+        Some(message) if message.command == Command::Quit && !frames.is_closed() => {
+            put_close(output);
+        }
+        None if frames.is_closed() => {
+            let payload = Payload::new(Bytes::new(), Form::Text);
+            let command = Command::Quit;
+            return Ok(Some(Message { command, payload }));
+        }
+        _ => {}
+    }
+    Ok(message)
+}
+
 /// Appends the header reply of a binary carrier: the port to go on with.
 pub fn header_reply(port: u16, output: &mut BytesMut) {
     number::put(output, i32::from(port));
@@ -237,7 +306,7 @@ fn read_sender(
 ) -> Result<Option<Sender>, ProtocolError> {
     match carrier.framing {
         Framing::NameService => Ok(Some(Sender::plain("anon"))),
-        Framing::Http => Ok(Some(Sender::plain("web"))),
+        Framing::Http | Framing::Pictures => Ok(Some(Sender::plain("web"))),
         Framing::Lines => Ok(line.read(input)?.map(|name| Sender::parse(&name))),
         Framing::Indexed | Framing::Bare => {
             let Some(length) = input.first_chunk::<4>() else {

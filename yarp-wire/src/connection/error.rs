@@ -3,6 +3,7 @@
 use crate::bottle::DecodeError;
 use crate::carrier::MAGIC;
 use crate::message::{CommandError, IndexError};
+use crate::websocket::WebSocketError;
 
 /// Why a connection cannot go on. The peer broke the protocol; nothing of what it sent is used.
 #[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
@@ -49,6 +50,9 @@ pub enum ProtocolError {
     /// A reply is no bottle.
     #[error("the reply cannot be read")]
     Reply(#[from] DecodeError),
+    /// The frames are wrong.
+    #[error(transparent)]
+    WebSocket(#[from] WebSocketError),
     /// Something came that nobody asked for.
     #[error("{count} bytes came that answer nothing")]
     Unexpected {

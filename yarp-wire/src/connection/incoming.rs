@@ -86,7 +86,7 @@ impl MessageReader {
             Framing::Lines => self.read_lines(input),
             Framing::NameService => self.read_name_service(input),
             // Browsers send requests, which an acceptor reads itself.
-            Framing::Http => Ok(None),
+            Framing::Http | Framing::Pictures => Ok(None),
         }
     }
 

@@ -14,6 +14,7 @@ use crate::dialect::Dialect;
 use crate::limits::Limits;
 use crate::message::{Command, Form, Payload};
 use crate::number;
+use crate::websocket::{FrameReader, WebSocketError};
 
 /// What an initiator has learned.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,6 +47,9 @@ pub struct Initiator {
     lines: Vec<String>,
     /// An acknowledgement came where a reply was due: the acceptor had none to give.
     acknowledged_early: bool,
+    /// Where messages stand in frames.
+    frames: Option<FrameReader>,
+    said: BytesMut,
 }
 
 /// Appends the group that a connection goes on with, behind the header of a carrier of groups.
@@ -86,7 +90,7 @@ impl Initiator {
                 output.put_slice(b"\r\n");
             }
             Framing::NameService => output.put_slice(b"VER "),
-            Framing::Http => {}
+            Framing::Http | Framing::Pictures => {}
         }
         Self {
             carrier,
@@ -102,6 +106,8 @@ impl Initiator {
             balance: Balance::default(),
             lines: Vec::new(),
             acknowledged_early: false,
+            frames: None,
+            said: BytesMut::new(),
         }
     }
 
@@ -112,6 +118,17 @@ impl Initiator {
         initiator.ready = true;
         initiator.welcomed = true;
         initiator
+    }
+
+    /// The same on a connection whose messages stand in frames.
+    pub(super) fn with_frames(mut self, frames: Option<FrameReader>) -> Self {
+        self.frames = frames;
+        self
+    }
+
+    /// What the protocol answered by itself while bytes were taken: to be sent like messages.
+    pub fn said(&mut self) -> BytesMut {
+        self.said.split()
     }
 
     /// The carrier.
@@ -158,10 +175,32 @@ impl Initiator {
         if !self.ready {
             return self.poll_header(input);
         }
+        if let Some(frames) = self.frames.take() {
+            return self.poll_frames(frames, input);
+        }
         match self.carrier.framing {
             Framing::Indexed | Framing::Bare => self.poll_binary(input),
             Framing::Lines | Framing::NameService | Framing::Http => self.poll_text(input),
+            // Who watches pictures has nothing more to say.
+            Framing::Pictures => {
+                input.clear();
+                Ok(None)
+            }
         }
+    }
+
+    fn poll_frames(
+        &mut self,
+        mut frames: FrameReader,
+        input: &mut BytesMut,
+    ) -> Result<Option<Progress>, ProtocolError> {
+        frames.read(input, &mut self.said)?;
+        let progress = self.poll_binary(&mut frames.stream)?;
+        if progress.is_none() && frames.is_closed() {
+            return Err(WebSocketError::Closed.into());
+        }
+        self.frames = Some(frames);
+        Ok(progress)
     }
 
     fn poll_header(&mut self, input: &mut BytesMut) -> Result<Option<Progress>, ProtocolError> {
@@ -186,7 +225,7 @@ impl Initiator {
             }
             // A text initiator sends without waiting for the welcome.
             Framing::Lines => {}
-            Framing::NameService | Framing::Http => self.welcomed = true,
+            Framing::NameService | Framing::Http | Framing::Pictures => self.welcomed = true,
         }
         self.ready = true;
         Ok(Some(Progress::Ready))

@@ -2,11 +2,12 @@
 
 use bytes::{BufMut, BytesMut};
 
-use crate::carrier::{Carrier, Framing};
+use crate::carrier::{Carrier, Framing, Transport};
 use crate::dialect::Dialect;
 use crate::http::page;
 use crate::message::{Command, Index, WireObject};
 use crate::number;
+use crate::websocket::{put_close, put_frame_head};
 
 /// The acknowledgement of a text connection.
 pub const ACKNOWLEDGEMENT_LINE: &str = "<ACK>";
@@ -37,16 +38,34 @@ pub fn put_head(out: &mut impl BufMut, carrier: &Carrier, command: &Command, len
             Index::put(out, command.block_len(), length);
             command.put_block(out);
         }
+        Framing::Bare if carrier.transport == Transport::WebSocket => {
+            put_frames(out, command, length);
+        }
         Framing::Bare => command.put_block(out),
         Framing::Lines => command.put_line(out),
-        Framing::NameService | Framing::Http => {}
+        // What goes to browsers is made whole: a part holds its own head.
+        Framing::NameService | Framing::Http | Framing::Pictures => {}
+    }
+}
+
+/// As stock: the block is a frame, the payload another.
+fn put_frames(out: &mut impl BufMut, command: &Command, length: usize) {
+    put_frame_head(out, command.block_len());
+    command.put_block(out);
+    if length > 0 {
+        put_frame_head(out, length);
+    }
+    if *command == Command::Quit {
+        put_close(out);
     }
 }
 
 /// Appends a reply, or the payload of a message: the object alone, in the form of the carrier.
 pub fn put_reply(out: &mut BytesMut, carrier: &Carrier, object: &dyn WireObject, dialect: Dialect) {
     match carrier.framing {
-        Framing::Indexed | Framing::Bare => object.write_binary(out, dialect),
+        Framing::Indexed | Framing::Bare | Framing::Pictures => {
+            object.write_binary(out, dialect);
+        }
         Framing::Lines | Framing::NameService => object.write_text(out),
         Framing::Http => {
             let mut text = BytesMut::new();
@@ -65,7 +84,7 @@ pub fn put_acknowledgement(out: &mut impl BufMut, carrier: &Carrier) {
     match carrier.framing {
         Framing::Indexed => number::put(out, 0),
         Framing::Bare => out.put_slice(ACKNOWLEDGEMENT_WORD),
-        Framing::Lines | Framing::NameService | Framing::Http => {
+        Framing::Lines | Framing::NameService | Framing::Http | Framing::Pictures => {
             out.put_slice(ACKNOWLEDGEMENT_LINE.as_bytes());
             out.put_slice(b"\r\n");
         }

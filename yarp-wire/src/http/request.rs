@@ -12,6 +12,8 @@ pub struct Request {
     pub target: String,
     /// The host that the browser thinks it talks to, with its port.
     pub host: String,
+    /// The key of a page that asks to go on in frames.
+    pub web_socket_key: Option<String>,
     /// The fields of query or form, decoded, in the order in which they came.
     pub fields: Vec<(String, String)>,
 }
@@ -26,6 +28,8 @@ pub struct RequestReader {
 struct Head {
     target: String,
     host: String,
+    upgrade: bool,
+    key: Option<String>,
     form: bool,
     body: usize,
 }
@@ -68,6 +72,7 @@ impl RequestReader {
         Ok(Some(Request {
             target: head.target,
             host: head.host,
+            web_socket_key: head.key.filter(|_| head.upgrade),
             fields,
         }))
     }
@@ -93,6 +98,8 @@ fn parse_head(head: &str) -> Head {
     let mut parsed = Head {
         target: target.strip_prefix('/').unwrap_or(target).to_owned(),
         host: String::new(),
+        upgrade: false,
+        key: None,
         form: false,
         body: 0,
     };
@@ -103,6 +110,8 @@ fn parse_head(head: &str) -> Head {
         let value = value.trim();
         match key.to_ascii_lowercase().as_str() {
             "host" => value.clone_into(&mut parsed.host),
+            "upgrade" => parsed.upgrade = value.eq_ignore_ascii_case("websocket"),
+            "sec-websocket-key" => parsed.key = Some(value.to_owned()),
             "content-length" => parsed.body = value.parse().unwrap_or(0),
             "content-type" => {
                 parsed.form = value.starts_with("application/x-www-form-urlencoded");

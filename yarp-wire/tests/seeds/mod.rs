@@ -3,6 +3,7 @@
 use bytes::BytesMut;
 use yarp_wire::connection::put_message;
 use yarp_wire::message::Command;
+use yarp_wire::mjpeg::{RESPONSE, put_part};
 use yarp_wire::{Bottle, Dialect, Value};
 
 /// For each target the bytes of its seeds.
@@ -24,6 +25,8 @@ pub(crate) fn all() -> Vec<(&'static str, Vec<Vec<u8>>)> {
         ("datagram", datagrams()),
         ("http", strings(&HTTP)),
         ("typed", typed_messages()),
+        ("mjpeg", streams()),
+        ("websocket", frames()),
     ]
 }
 
@@ -248,4 +251,25 @@ fn typed_messages() -> Vec<Vec<u8>> {
         }
     }
     seeds
+}
+
+/// Responses with parts, one of which does not say its length, and the head of a picture.
+fn streams() -> Vec<Vec<u8>> {
+    let picture = b"\xff\xd8\xff\xe0\0\x04xx\xff\xfe\0\x087 1.5\0\xff\xda\0\x02y\xff\xd9";
+    let mut own = BytesMut::from(RESPONSE);
+    put_part(&mut own, picture);
+    put_part(&mut own, b"");
+    let camera =
+        b"HTTP/1.1 200 OK\nContent-Type: multipart/mixed; boundary=\"--b\"\n\n\n--b\n\nab\r\n--b\n\
+        Content-Length: 3\n\nabc\n--b--\n";
+    vec![own.to_vec(), camera.to_vec(), picture.to_vec()]
+}
+
+/// A message in pieces with a ping between them; a close frame; a length that lies.
+fn frames() -> Vec<Vec<u8>> {
+    vec![
+        b"\x01\x83\0\0\0\0abc\x89\x82\x01\x02\x03\x04hi\x80\xfe\0\x01\0\0\0\0d".to_vec(),
+        b"\x82\x88\0\0\0\0\0\0\0\0~d\0\x01\x88\x82\0\0\0\0\x03\xe8".to_vec(),
+        b"\x82\xff\0\0\0\xff\0\0\0\0\0\0\0\0".to_vec(),
+    ]
 }

@@ -1,0 +1,182 @@
+//! Connections that this port makes to read from: the writer is asked for its pictures.
+
+use std::io;
+use std::net::{IpAddr, Ipv4Addr};
+use std::sync::Arc;
+
+use bytes::{Bytes, BytesMut};
+use yarp_wire::carrier::{Carrier, CarrierSpec};
+use yarp_wire::message::{Form, Payload, WireObject};
+use yarp_wire::mjpeg::{self, MjpegError, Part, PartReader};
+use yarp_wire::{Dialect, Limits};
+
+use super::core::{Core, Entry};
+use super::counters::Meter;
+use super::picture;
+use super::qos::SocketHandle;
+use super::received::Received;
+use crate::cancel::Cancel;
+use crate::error::PortError;
+use crate::network::Place;
+use crate::stream::{self, Inflow, Socket};
+
+/// A connection whose head has been read.
+struct Pull {
+    core: Arc<Core>,
+    from: String,
+    address: IpAddr,
+    stream: Arc<Socket>,
+    input: Inflow,
+    parts: PartReader,
+    meter: Arc<Meter>,
+    connection: u64,
+}
+
+impl Core {
+    /// Connects to a writer and reads from it until it ends, or either side is told to end it.
+    pub(super) async fn pull(
+        self: &Arc<Self>,
+        place: &Place,
+        spec: &CarrierSpec,
+        carrier: &'static Carrier,
+    ) -> Result<(), PortError> {
+        let deadline = self.network.deadline();
+        let opening = open(self, place, spec);
+        let mut pull =
+            stream::within(deadline, &place.name, "head of the response", opening).await?;
+        let (cancel, mut cancelled) = Cancel::new();
+        let socket = SocketHandle::of(&pull.stream);
+        let meter = pull.meter.clone();
+        let id = self.add_input(
+            &place.name,
+            carrier,
+            spec.to_string(),
+            socket,
+            meter,
+            cancel,
+        );
+        pull.connection = id;
+        let core = self.clone();
+        let entry = Entry {
+            id,
+            core: core.clone(),
+        };
+        self.own(async move {
+            let _entry = entry;
+            let mut closing = core.cancelled.clone();
+            let from = pull.from.clone();
+            let end = tokio::select! {
+                end = pull.run() => end,
+                () = cancelled.cancelled() => Ok(()),
+                () = closing.cancelled() => Ok(()),
+            };
+            if let Err(error) = end {
+                tracing::warn!(port = %core.name, from, "dropping a connection: {error}");
+            }
+        });
+        Ok(())
+    }
+}
+
+/// Connects, asks, and waits for the head of the response.
+async fn open(core: &Arc<Core>, place: &Place, spec: &CarrierSpec) -> Result<Pull, PortError> {
+    let Place {
+        name, host, port, ..
+    } = place;
+    let lost = |error: io::Error| {
+        let address = format!("{host}:{port}");
+        PortError::connect(name, address, "head of the response", error)
+    };
+    let stream = Arc::new(stream::connect(name, host, *port, core.network.deadline()).await?);
+    let address = stream.tcp().and_then(|tcp| tcp.peer_addr().ok());
+    let request = mjpeg::request(spec.modifier("path"), &format!("{host}:{port}"));
+    let mut output = BytesMut::from(request.as_str());
+    stream::write_all(&stream, &mut output)
+        .await
+        .map_err(lost)?;
+    let mut pull = Pull {
+        core: core.clone(),
+        from: name.clone(),
+        address: address.map_or(Ipv4Addr::UNSPECIFIED.into(), |address| address.ip()),
+        stream,
+        input: Inflow::default(),
+        parts: PartReader::new(Limits::DEFAULT),
+        meter: Arc::default(),
+        connection: 0,
+    };
+    // Lines are only taken off the buffer here: the first part waits for `run`.
+    while !pull
+        .parts
+        .open(&mut pull.input.bytes)
+        .map_err(|source| PortError::Pictures {
+            peer: name.clone(),
+            source,
+        })?
+    {
+        if pull.input.read(&pull.stream, 0).await.map_err(lost)? == 0 {
+            return Err(lost(io::ErrorKind::UnexpectedEof.into()));
+        }
+    }
+    Ok(pull)
+}
+
+impl Pull {
+    /// Reads and delivers until the writer ends the connection.
+    async fn run(mut self) -> Result<(), MjpegError> {
+        loop {
+            match self.parts.read(&mut self.input.bytes) {
+                Ok(Some(part)) => {
+                    self.deliver(part).await;
+                    continue;
+                }
+                Ok(None) => {}
+                Err(MjpegError::Ended) => return Ok(()),
+                Err(error) => return Err(error),
+            }
+            let missing = self.parts.missing(&self.input.bytes);
+            match self.input.read(&self.stream, missing).await {
+                Ok(0) => return Ok(()),
+                Ok(_) => {}
+                Err(error) => {
+                    let from = &self.from;
+                    tracing::debug!(port = %self.core.name, from, "a connection failed: {error}");
+                    return Ok(());
+                }
+            }
+        }
+    }
+
+    /// Hands a picture to the owner as an image; what is none is passed over.
+    async fn deliver(&self, part: Part) {
+        let envelope = mjpeg::comment(&part.body);
+        // Expanding takes milliseconds: others on this thread shall not wait for it.
+        let expanding = tokio::task::spawn_blocking(move || {
+            picture::expand(&part.body).map(|image| {
+                let mut bytes = BytesMut::new();
+                image.write_binary(&mut bytes, Dialect::V3);
+                bytes.freeze()
+            })
+        });
+        let bytes: Bytes = match expanding.await {
+            Ok(Ok(bytes)) => bytes,
+            Ok(Err(error)) => {
+                let from = &self.from;
+                tracing::debug!(port = %self.core.name, from, "a picture is dropped: {error}");
+                return;
+            }
+            Err(_) => return,
+        };
+        self.meter.count(bytes.len(), envelope.as_deref());
+        let received = Received {
+            payload: Payload::new(bytes, Form::Binary(Dialect::V3)),
+            envelope,
+            from: self.from.clone(),
+            address: self.address,
+            connection: self.connection,
+            wants_reply: false,
+            responder: None,
+        };
+        // Nothing can be said back.
+        self.core.deliver(received).await;
+    }
+}

@@ -1,0 +1,219 @@
+//! Pictures: a port that writes images shows them to browsers, and one that reads pulls them.
+
+mod common;
+
+use common::{Raw, at, bottle, open, until, within};
+use yarp_ports::{Answer, Dialogue, Port, PortOptions, Queue};
+use yarp_wire::carrier::Carrier;
+use yarp_wire::mjpeg::{PartReader, comment};
+use yarp_wire::typed::{Image, PixelCode};
+use yarp_wire::{Bottle, Limits, Stamp, admin};
+
+const REQUEST: &str = "GET /?action=stream HTTP/1.1\r\nHost: h\r\n\r\n";
+
+/// An image of one colour.
+fn plain(red: u8, green: u8, blue: u8) -> Image {
+    let pixels = [red, green, blue].repeat(64 * 48);
+    Image::from_packed(PixelCode::RGB, 64, 48, pixels).unwrap()
+}
+
+/// Whether the middle of an image is about this colour.
+fn is_about(image: &Image, colour: [u8; 3]) -> bool {
+    let pixel = image.pixel(32, 24).unwrap();
+    pixel.iter().zip(colour).all(|(a, b)| a.abs_diff(b) < 8)
+}
+
+async fn ask(port: &Port, request: &Bottle) -> String {
+    let carrier = Carrier::by_name("text_ack").unwrap();
+    let address = ("127.0.0.1", port.number());
+    let opening = Dialogue::open(port.name(), address, carrier, "admin", common::DEADLINE);
+    let mut dialogue = opening.await.unwrap();
+    dialogue.admin(request).await.unwrap().to_string()
+}
+
+#[tokio::test]
+async fn a_browser_watches_what_is_an_image() {
+    let port = open("/camera", PortOptions::new()).await;
+    let mut raw = Raw::to(&port).await;
+    raw.send(REQUEST).await;
+    until(|| port.outputs() == ["null"]).await;
+    assert!(port.inputs().is_empty());
+    // No picture can show these.
+    let depth = Image::new(PixelCode::MONO_FLOAT, 4, 4).unwrap();
+    assert_eq!(within(port.write(&bottle("1 2"))).await, 0);
+    assert_eq!(within(port.write(&depth)).await, 0);
+    let stamp = Stamp::new(7, 1.5);
+    let image = plain(200, 30, 40);
+    assert_eq!(within(port.write_with(&image, Some(stamp.into()))).await, 1);
+    within(port.flush()).await;
+    assert_eq!(port.write_if_idle(&image, None), 1);
+    within(port.flush()).await;
+    within(port.close()).await;
+    let mut bytes = bytes::BytesMut::from(&raw.ended().await[..]);
+    let mut reader = PartReader::new(Limits::DEFAULT);
+    let first = reader.read(&mut bytes).unwrap().unwrap();
+    assert_eq!(first.kind, "image/jpeg");
+    assert_eq!(comment(&first.body), Some(stamp.to_string().into()));
+    let second = reader.read(&mut bytes).unwrap().unwrap();
+    assert_eq!(comment(&second.body), None);
+    assert_eq!(reader.read(&mut bytes), Ok(None));
+}
+
+#[tokio::test]
+async fn a_reader_pulls() {
+    let camera = open("/camera", PortOptions::new()).await;
+    let reader = open("/reader", PortOptions::new().reading(Queue::Wait(4))).await;
+    let request = admin::add(&at(&camera, "mjpeg"));
+    let answer = ask(&reader, &request).await;
+    let expected = format!(
+        "0 \"Added connection from /reader to {}\\r\\n\"",
+        at(&camera, "mjpeg")
+    );
+    assert_eq!(answer, expected);
+    until(|| reader.inputs() == ["/camera"]).await;
+    until(|| camera.outputs() == ["null"]).await;
+    assert_eq!(
+        ask(&reader, &bottle("[list] [in] /camera")).await,
+        "(from \"/camera\") (to \"/reader\") (carrier mjpeg) (push 0)"
+    );
+    let stamp = Stamp::new(7, 1.5);
+    for (colour, envelope) in [([200, 30, 40], Some(stamp.into())), ([10, 220, 90], None)] {
+        let [red, green, blue] = colour;
+        let stamped = envelope.is_some();
+        let image = plain(red, green, blue);
+        assert_eq!(within(camera.write_with(&image, envelope)).await, 1);
+        let received = within(reader.read()).await.unwrap();
+        assert_eq!(received.from, "/camera");
+        assert_eq!(received.stamp(), stamped.then_some(stamp));
+        let image: Image = received.read().unwrap();
+        assert_eq!((image.width(), image.height()), (64, 48));
+        assert!(is_about(&image, colour), "{:?}", image.pixel(32, 24));
+    }
+    let answer = ask(&reader, &admin::remove("/camera")).await;
+    assert!(
+        answer.starts_with("0 \"Removing connection from /camera"),
+        "{answer}"
+    );
+    until(|| reader.inputs().is_empty()).await;
+    until(|| camera.outputs().is_empty()).await;
+    within(reader.close()).await;
+    within(camera.close()).await;
+}
+
+#[tokio::test]
+async fn the_end_of_either_port_ends_it() {
+    let camera = open("/camera", PortOptions::new()).await;
+    let reader = open("/reader", PortOptions::new().reading(Queue::Latest)).await;
+    within(reader.connect(&at(&camera, "mjpeg"))).await.unwrap();
+    // The newer connection replaces the older one.
+    within(reader.connect(&at(&camera, "mjpeg"))).await.unwrap();
+    until(|| reader.inputs() == ["/camera"] && camera.outputs() == ["null"]).await;
+    within(reader.close()).await;
+    until(|| camera.outputs().is_empty()).await;
+    let reader = open("/reader", PortOptions::new().reading(Queue::Latest)).await;
+    within(reader.connect(&at(&camera, "mjpeg"))).await.unwrap();
+    within(camera.close()).await;
+    until(|| reader.inputs().is_empty()).await;
+    within(reader.close()).await;
+}
+
+/// Each answers the request in its own way; none may do harm, and the good picture still comes.
+#[tokio::test]
+async fn what_is_no_picture_is_passed_over_or_refused() {
+    use tokio::io::{AsyncReadExt, AsyncWriteExt};
+    let reader = open("/reader", PortOptions::new().reading(Queue::Wait(4))).await;
+    let good = {
+        let camera = open("/camera", PortOptions::new()).await;
+        let mut raw = Raw::to(&camera).await;
+        raw.send(REQUEST).await;
+        until(|| camera.outputs() == ["null"]).await;
+        within(camera.write(&plain(1, 2, 200))).await;
+        within(camera.close()).await;
+        raw.ended().await
+    };
+    let boundary = good.windows(4).position(|w| w == b"\r\n\r\n").unwrap() + 4;
+    let (head, rest) = good.split_at(boundary);
+    let bad =
+        b"--boundarydonotcross\r\nContent-Type: image/jpeg\r\nContent-Length: 4\r\n\r\nabcd\r\n";
+    let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let number = listener.local_addr().unwrap().port();
+    let serving = tokio::spawn(async move {
+        for answer in [
+            b"SSH-2.0\r\n".to_vec(),
+            b"HTTP/1.0 404 Not Found\r\n\r\n".to_vec(),
+            b"HTTP/1.0 200 OK\r\nContent-Type: text/html\r\n\r\n".to_vec(),
+            Vec::new(),
+        ] {
+            let (mut stream, _) = listener.accept().await.unwrap();
+            let _ = stream.write_all(&answer).await;
+        }
+        let (stream, _) = listener.accept().await.unwrap();
+        stream
+    });
+    let contact = format!("mjpeg+path.cam1://127.0.0.1:{number}/camera");
+    for _ in 0..4 {
+        let error = within(reader.connect(&contact)).await.unwrap_err();
+        assert!(error.to_string().contains("/camera"), "{error}");
+    }
+    let connecting = tokio::spawn({
+        let head = head.to_vec();
+        let rest = [&bad[..], rest].concat();
+        async move {
+            let mut stream = serving.await.unwrap();
+            let mut request = vec![0; "GET /cam1 HTTP/1.0\r\n".len()];
+            stream.read_exact(&mut request).await.unwrap();
+            assert_eq!(request, b"GET /cam1 HTTP/1.0\r\n");
+            stream.write_all(&head).await.unwrap();
+            stream.write_all(&rest).await.unwrap();
+            stream
+        }
+    });
+    within(reader.connect(&contact)).await.unwrap();
+    let _stream = within(connecting).await.unwrap();
+    let image: Image = within(reader.read()).await.unwrap().read().unwrap();
+    assert!(is_about(&image, [1, 2, 200]));
+    within(reader.close()).await;
+}
+
+/// A port that serves may read pictures, though it writes to nobody.
+#[tokio::test]
+async fn pulling_is_no_output() {
+    let camera = open("/camera", PortOptions::new()).await;
+    let reader = open("/reader", PortOptions::new().serving()).await;
+    within(reader.connect(&at(&camera, "mjpeg"))).await.unwrap();
+    let refused = within(reader.connect(&at(&camera, "tcp"))).await;
+    refused.unwrap_err();
+    let handled = PortOptions::new().handler(|_| Answer::Nothing);
+    let other = open("/other", handled).await;
+    within(other.connect(&at(&camera, "mjpeg"))).await.unwrap();
+    until(|| camera.outputs() == ["null", "null"]).await;
+    within(other.close()).await;
+    within(reader.close()).await;
+    within(camera.close()).await;
+}
+
+/// Who connects others asks the reader, and asks it again to end the connection.
+#[tokio::test]
+async fn others_connect_two_ports() {
+    use yarp_ports::{Network, remote};
+    let camera = open("/camera", PortOptions::new()).await;
+    let reader = open("/reader", PortOptions::new().reading(Queue::Latest)).await;
+    let network = Network::none().with_deadline(common::DEADLINE);
+    let (from, to) = (at(&camera, "tcp"), at(&reader, "tcp"));
+    let said = within(remote::connect(&network, &from, &to, Some("mjpeg"))).await;
+    assert_eq!(
+        said.unwrap(),
+        format!("Added connection from /reader to {}", at(&camera, "mjpeg"))
+    );
+    until(|| camera.outputs() == ["null"]).await;
+    let said = within(remote::disconnect(&network, &from, &to)).await;
+    assert_eq!(said.unwrap(), "Removing connection from /camera to /reader");
+    until(|| camera.outputs().is_empty() && reader.inputs().is_empty()).await;
+    let again = within(remote::disconnect(&network, &from, &to)).await;
+    assert!(
+        matches!(again, Err(remote::ConnectError::NoConnection)),
+        "{again:?}"
+    );
+    within(reader.close()).await;
+    within(camera.close()).await;
+}

@@ -1,0 +1,60 @@
+//! The frames in which pages talk to ports, RFC 6455.
+//!
+//! ```text
+//!   page                                       port
+//!   GET /?ws HTTP/1.1, Upgrade     ------->
+//!                                  <-------    HTTP/1.1 101 Switching Protocols
+//!   frames, masked                 ------->    data frames one behind the other are a stream of
+//!                                              command blocks and payloads
+//!                                  <-------    frames, unmasked
+//!   ping                           ------->
+//!                                  <-------    pong
+//!   close                          ------->    acts as the command `q`
+//! ```
+//!
+//! Text frames count as data like binary ones, as in stock, so what they hold is not checked to be
+//! text. Extensions are not agreed upon.
+
+mod frame;
+mod handshake;
+
+pub use frame::{FrameReader, put_close, put_frame_head};
+pub use handshake::response;
+
+/// Why a connection of frames cannot go on.
+#[derive(Clone, Copy, Debug, Eq, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum WebSocketError {
+    /// The request does not ask for frames, or its key is none.
+    #[error("expected `Upgrade: websocket` and a key of 16 bytes")]
+    Handshake,
+    /// A frame with a bit set that only an extension gives a meaning.
+    #[error("a frame of an extension that was not agreed upon")]
+    Extension,
+    /// A frame of an unknown kind.
+    #[error("a frame of unknown kind {kind:#x}")]
+    Kind {
+        /// Its number.
+        kind: u8,
+    },
+    /// A frame that is not masked: no browser sends such.
+    #[error("a frame that is not masked")]
+    Unmasked,
+    /// A ping, pong or close that is cut into pieces or longer than 125 bytes.
+    #[error("a control frame in pieces, or of more than 125 bytes")]
+    Control,
+    /// A message begins within another, or goes on before it began.
+    #[error("a frame out of order")]
+    Order,
+    /// A frame larger than we take.
+    #[error("a frame of {length} bytes, allowed are {limit}")]
+    TooLarge {
+        /// The length as it stands.
+        length: u64,
+        /// The limit in force.
+        limit: usize,
+    },
+    /// The page closed the connection.
+    #[error("the page closed it")]
+    Closed,
+}
