@@ -54,7 +54,10 @@ fn read_once_trims() {
     let _server = home.serve();
     let reader = home.start("read /r trim 3 once").see("active at");
     home.run_with("write /w /r", "hello\n").with(0);
-    assert_eq!(reader.finish().with(0).out[2], "hel");
+    let ended = reader.finish().with(0);
+    // The writer may be gone before its line is printed: log lines stand where they like.
+    let mut printed = ended.out.iter().filter(|line| !line.starts_with("[INFO]"));
+    assert_eq!(printed.next().map(String::as_str), Some("hel"));
 }
 
 #[test]

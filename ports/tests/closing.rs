@@ -160,3 +160,23 @@ async fn an_owner_may_look_at_the_connections_when_told_of_a_change() {
     });
     assert_eq!(ended.await.2, Some((0, 0)));
 }
+
+/// A reply that was given just before the port closed never left: the caller saw the connection
+/// end instead.
+#[tokio::test]
+async fn a_reply_given_before_closing_arrives() {
+    for _ in 0..200 {
+        let server = open("/server", PortOptions::new().serving()).await;
+        let caller = open("/caller", PortOptions::new().calling()).await;
+        connect(&caller, &server, "tcp").await;
+        let serving = async {
+            let mut request = within(server.read()).await.unwrap();
+            request.reply_and_close(bottle("answer"));
+            within(server.close()).await;
+        };
+        let request = bottle("question");
+        let calling = within(caller.call::<Bottle>(&request));
+        let (answer, ()) = tokio::join!(calling, serving);
+        assert_eq!(answer.unwrap(), bottle("answer"));
+    }
+}

@@ -14,7 +14,7 @@ use yarp_wire::connection::{
 use yarp_wire::message::Command;
 use yarp_wire::{Bottle, Limits};
 
-use super::core::{Core, Entry};
+use super::core::{Core, Entry, GOODBYE};
 use super::counters::Meter;
 use super::describe::{HELP, NOT_UNDERSTOOD};
 use super::log::Copied;
@@ -23,7 +23,7 @@ use super::output::{Output, Way};
 use super::qos::SocketHandle;
 use super::received::{Answer, Received, Reply, Responder};
 use crate::busy::BusyPoll;
-use crate::cancel::Cancel;
+use crate::cancel::{Cancel, Cancelled};
 use crate::datagram;
 use crate::stream::{self, Inflow, Socket};
 use crate::unix;
@@ -44,11 +44,17 @@ pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, address: IpAddr) {
         address,
         busy: BusyPoll::new(),
         meter: Arc::default(),
+        closing: core.cancelled.clone(),
+    };
+    // A message that is being answered when the port closes gets its answer, if it is not long.
+    let out_of_patience = async {
+        closing.cancelled().await;
+        tokio::time::sleep(GOODBYE).await;
     };
     let end = tokio::select! {
         end = connection.run() => end,
         () = displaced.cancelled() => End::Closed,
-        () = closing.cancelled() => End::Closed,
+        () = out_of_patience => End::Closed,
     };
     connection.entry = None;
     let from = &connection.sender.name;
@@ -93,6 +99,8 @@ pub(super) struct Connection {
     pub(super) address: IpAddr,
     busy: BusyPoll,
     pub(super) meter: Arc<Meter>,
+    /// The port closes: nothing more is read.
+    closing: Cancelled,
 }
 
 /// What is to happen after a message.
@@ -143,7 +151,12 @@ impl Connection {
                     Err(error) => return error.into(),
                 }
             }
-            match self.input.read(&self.stream, missing).await {
+            let read = tokio::select! {
+                biased;
+                () = self.closing.cancelled() => return End::Closed,
+                read = self.input.read(&self.stream, missing) => read,
+            };
+            match read {
                 Ok(0) => return End::Closed,
                 Ok(_) => self.busy.received(),
                 Err(error) => return error.into(),
@@ -195,7 +208,12 @@ impl Connection {
         let mut reader = DatagramReader::new(self.acceptor.dialect(), Limits::DEFAULT);
         let mut buffer = vec![0; datagram::LARGEST];
         loop {
-            let length = match socket.recv(&mut buffer).await {
+            let received = tokio::select! {
+                biased;
+                () = self.closing.cancelled() => return End::Closed,
+                received = socket.recv(&mut buffer) => received,
+            };
+            let length = match received {
                 Ok(length) => length,
                 Err(error) => return error.into(),
             };
