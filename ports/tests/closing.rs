@@ -163,7 +163,7 @@ async fn an_owner_may_look_at_the_connections_when_told_of_a_change() {
 
 /// A reply that was given just before the port closed never left: the caller saw the connection
 /// end instead.
-#[tokio::test]
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_reply_given_before_closing_arrives() {
     for _ in 0..200 {
         let server = open("/server", PortOptions::new().serving()).await;
