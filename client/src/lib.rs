@@ -37,3 +37,8 @@ pub use yarp_wrappers::{OpenError, RemoteControlBoard, RemoteControlBoardOptions
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;
+
+/// Compiles the example of the project's README.
+#[cfg(doctest)]
+#[doc = include_str!("../../README.md")]
+struct ProjectReadme;
