@@ -84,7 +84,7 @@ for server in ours stock; do
     # Whoever has no configuration finds the server by multicast: stock ours, ours stock's.
     if [ "$server" = ours ]; then finder=("$with_stock" yarp detect); else finder=("$ours" detect); fi
     suite "the other side finds the name server, server: $server" \
-        env YARP_CONFIG_HOME="$work/empty" bash -c '"${@:2}" | tee /dev/stderr | grep -q "port $1\$"' - $port "${finder[@]}"
+        env YARP_CONFIG_HOME="$work/empty" conformance/live/says.sh "port $port" "${finder[@]}"
 
     "$ours" up --name /wam >"$work/up.log" 2>&1 &
     arm=$!
