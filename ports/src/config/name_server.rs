@@ -98,7 +98,14 @@ impl NameServer {
             }
             let (key, value) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
             match (key, value.trim()) {
-                ("host", value) if !value.is_empty() => host = Some(value.to_owned()),
+                // One word: anything else could not be written in the plain form.
+                ("host", value)
+                    if !value.is_empty()
+                        && !value.starts_with('[')
+                        && !value.contains(|c: char| c.is_whitespace() || c.is_control()) =>
+                {
+                    host = Some(value.to_owned());
+                }
                 ("host", _) => return Err(wrong(number, "`host HOST`", line)),
                 ("port", value) => {
                     let value = parse_port(value);

@@ -1,0 +1,23 @@
+//! Configuration files, whatever stands in them: what is understood prints, and is understood again.
+//!
+//! The same function is replayed over the committed corpus by `tests/fuzz_corpus.rs`.
+
+use std::path::Path;
+
+use yarp_ports::config::{NameServer, file_name, parse_namespaces, print_namespaces};
+
+/// One file, read as `yarp.conf` and as a list of namespaces.
+pub fn configuration(data: &[u8]) {
+    let text = String::from_utf8_lossy(data);
+    let file = Path::new("yarp.conf");
+    if let Ok(Some(server)) = NameServer::parse(file, &text) {
+        let printed = server.to_string();
+        assert!(NameServer::parse(file, &printed).is_ok(), "{printed:?}");
+    }
+    let names = parse_namespaces(&text);
+    assert!(!names.is_empty());
+    let _ = print_namespaces(&names);
+    for name in &names {
+        assert!(!file_name(name).contains('/'), "{name:?}");
+    }
+}

@@ -1,0 +1,26 @@
+//! Every file of the fuzz corpus goes through its target once, also with single bytes changed.
+
+use std::path::Path;
+
+#[allow(unreachable_pub)]
+#[path = "../fuzz/src/lib.rs"]
+mod fuzz;
+
+#[test]
+fn every_corpus_file_passes_also_with_a_byte_changed() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus/configuration");
+    let mut count = 0;
+    for file in std::fs::read_dir(&folder).expect("a corpus") {
+        let original = std::fs::read(file.unwrap().path()).unwrap();
+        fuzz::configuration(&original);
+        for at in 0..original.len() {
+            for byte in [0, b'\n', b'[', b'"', 0xff, original[at] ^ 1] {
+                let mut changed = original.clone();
+                changed[at] = byte;
+                fuzz::configuration(&changed);
+            }
+        }
+        count += 1;
+    }
+    assert!(count > 0, "no files in {}", folder.display());
+}
