@@ -47,13 +47,6 @@ impl Failure {
 
     /// The whole story on one line.
     pub(crate) fn story(&self) -> String {
-        let mut text = self.to_string();
-        let mut source = std::error::Error::source(self);
-        while let Some(error) = source {
-            text.push_str(": ");
-            text.push_str(&error.to_string());
-            source = error.source();
-        }
-        text
+        yarp_ports::story(self)
     }
 }

@@ -10,7 +10,7 @@
 //!
 //! Everybody in the group hears both. Source: datagrams of stock 3.5.0.
 
-use std::net::{IpAddr, Ipv4Addr};
+use std::net::IpAddr;
 use std::time::Instant;
 
 use yarp_wire::datagram;
@@ -19,7 +19,7 @@ use yarp_wire::name_service::{Command, Form, PREFIX, Request};
 use crate::registry::Registry;
 
 /// The multicast group of name servers; the UDP port is the usual TCP port, 10000.
-pub const GROUP: Ipv4Addr = Ipv4Addr::new(224, 2, 1, 1);
+pub use yarp_ports::discovery::GROUP;
 
 /// Longest request that is answered, in bytes.
 const LONGEST: usize = 4096;
@@ -83,7 +83,7 @@ mod tests {
     #[track_caller]
     fn check(line: &str, expected: Option<&str>) {
         let mut registry = Registry::new(Settings::at("192.0.2.2", 10000));
-        let from = Ipv4Addr::LOCALHOST.into();
+        let from = std::net::Ipv4Addr::LOCALHOST.into();
         let answer = respond_line(&mut registry, Instant::now(), from, line);
         assert_eq!(answer.as_deref(), expected, "{line:?}");
         assert_eq!(registry.registrations().count(), 2);
@@ -112,7 +112,7 @@ mod tests {
             b"NAME_SERVER query /root\n".as_slice(),
         ];
         let mut registry = Registry::new(Settings::at("192.0.2.2", 10000));
-        let from = Ipv4Addr::LOCALHOST.into();
+        let from = std::net::Ipv4Addr::LOCALHOST.into();
         let now = Instant::now();
         let answer = respond(&mut registry, now, from, &query.concat()).unwrap();
         let datagram = datagram::decode(&answer).unwrap();

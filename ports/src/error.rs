@@ -176,15 +176,20 @@ impl PortError {
 
     /// The whole story on one line: this error and its sources.
     pub fn story(&self) -> String {
-        let mut text = self.to_string();
-        let mut source = std::error::Error::source(self);
-        while let Some(error) = source {
-            text.push_str(": ");
-            text.push_str(&error.to_string());
-            source = error.source();
-        }
-        text
+        story(self)
     }
+}
+
+/// The whole story of an error on one line: the error itself and its sources.
+pub fn story(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut source = error.source();
+    while let Some(error) = source {
+        text.push_str(": ");
+        text.push_str(&error.to_string());
+        source = error.source();
+    }
+    text
 }
 
 /// The first address that a host name stands for.

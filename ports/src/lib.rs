@@ -21,7 +21,7 @@ mod stream;
 mod unix;
 
 pub use dialogue::Dialogue;
-pub use error::PortError;
+pub use error::{PortError, story};
 pub use network::{Network, Place};
 pub use port::{
     AdminHandler, Answer, ConnectionChange, ConnectionCounters, Envelope, Handler, LinkState, Port,
