@@ -114,7 +114,10 @@ impl Core {
         let lock = || self.outputs.lock().unwrap_or_else(PoisonError::into_inner);
         let mut outputs = lock();
         let ended: Vec<_> = outputs
-            .extract_if(.., |output| output.outbox.is_closed())
+            .extract_if(.., |output| {
+                // The end is told after the beginning.
+                output.outbox.is_closed() && output.reported.load(Ordering::Acquire)
+            })
             .collect();
         if ended.is_empty() {
             return outputs;
@@ -248,12 +251,16 @@ impl Core {
 
     pub(crate) fn add_output(&self, output: Output) {
         let output = Arc::new(output);
-        self.report_output(&output, true);
-        let mut outputs = self.outputs_mut();
-        if output.logs {
-            self.logged.store(true, Ordering::Relaxed);
+        {
+            let mut outputs = self.outputs_mut();
+            if output.logs {
+                self.logged.store(true, Ordering::Relaxed);
+            }
+            outputs.push(output.clone());
         }
-        outputs.push(output);
+        // Not before: who is told may write at once, and that must not miss the new reader.
+        self.report_output(&output, true);
+        output.reported.store(true, Ordering::Release);
     }
 
     /// Ends the outgoing connections to `name`; tells whether there was one.
@@ -347,7 +354,7 @@ impl Core {
         cancel: Cancel,
     ) -> u64 {
         let id = self.next_input.fetch_add(1, Ordering::Relaxed);
-        self.report(from, &self.name, &carrier_text, true, true);
+        let carrier_name = carrier_text.clone();
         let mut inputs = self.inputs();
         if is_port(from) {
             inputs
@@ -364,6 +371,8 @@ impl Core {
             meter,
             cancel,
         });
+        drop(inputs);
+        self.report(from, &self.name, &carrier_name, true, true);
         id
     }
 

@@ -6,6 +6,7 @@ mod stream;
 use std::io;
 use std::net::IpAddr;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
@@ -46,6 +47,8 @@ pub(crate) struct Output {
     farewell: Option<Farewell>,
     /// What it sends on.
     pub(crate) socket: SocketHandle,
+    /// Whether the owner has been told that it began.
+    pub(crate) reported: AtomicBool,
     task: JoinHandle<()>,
 }
 
@@ -154,6 +157,7 @@ impl Output {
             group: None,
             farewell: None,
             socket,
+            reported: AtomicBool::new(false),
             task,
         }
     }
