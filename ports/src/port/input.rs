@@ -217,7 +217,12 @@ impl Connection {
                 Ok(length) => length,
                 Err(error) => return error.into(),
             };
-            match reader.receive(&buffer[..length]) {
+            let dropped = reader.dropped();
+            let message = reader.receive(&buffer[..length]);
+            for _ in dropped..reader.dropped() {
+                self.meter.drop_one();
+            }
+            match message {
                 Ok(None) => {}
                 Ok(Some(message)) => {
                     if let Next::Stop(end) = self.message(message).await {
@@ -227,7 +232,6 @@ impl Connection {
                     self.output.clear();
                 }
                 Err(error) => {
-                    self.meter.drop_one();
                     let from = &self.sender.name;
                     tracing::debug!(port = %self.core.name, from, "a message is dropped: {error}");
                 }
