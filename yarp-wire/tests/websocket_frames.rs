@@ -239,3 +239,17 @@ fn a_message_before_a_malformed_frame_is_read() {
     let error = acceptor.poll(&mut input, &mut output).unwrap_err();
     assert_eq!(error, ProtocolError::WebSocket(WebSocketError::Extension));
 }
+
+#[test]
+fn a_goodbye_is_told_once() {
+    // It was told for ever, to whoever went on asking.
+    let mut acceptor = Acceptor::new(1, Dialect::V3, Limits::DEFAULT);
+    let (mut input, mut output) = (BytesMut::from(REQUEST), BytesMut::new());
+    input.extend(frame(0x88, b""));
+    let mut events = Vec::new();
+    while let Some(event) = acceptor.poll(&mut input, &mut output).unwrap() {
+        events.push(event);
+        assert!(events.len() <= 2, "{events:?}");
+    }
+    assert_eq!(events.len(), 2, "{events:?}");
+}
