@@ -3,6 +3,7 @@
 #   make run        install what is missing, build, bring up a YARP network with a simulated arm
 #   make test       everything that needs no stock YARP
 #   make test-live  ours against stock YARP 3.5.0, which is built first if it is not there
+#   make soak       100 000 connections that come and go leave nothing behind
 #   make bench      ours beside stock YARP, with ratios
 #   make check      formatting and lints
 
@@ -10,7 +11,7 @@
 STOCK ?= $(HOME)/.cache/stock-yarp-3.5.0
 export STOCK
 
-.PHONY: run build test test-live bench check setup stock
+.PHONY: run build test test-live soak bench check setup stock
 
 run: build
 	target/release/yarp up
@@ -34,6 +35,9 @@ stock: setup
 
 test-live: build stock
 	conformance/live/run.sh
+
+soak: setup
+	cargo run --release -p yarp-conformance --bin soak
 
 bench: stock
 	cargo build --release -p yarp-conformance
