@@ -54,6 +54,7 @@ use self::output::Output;
 use crate::cancel::Cancel;
 use crate::error::PortError;
 use crate::network::Network;
+use crate::stream;
 
 pub use counters::{ConnectionCounters, PortCounters, Traffic};
 pub use inbox::Queue;
@@ -573,7 +574,7 @@ async fn listen(core: Arc<Core>, listener: TcpListener) {
             accepted = listener.accept() => match accepted {
                 Ok((stream, peer)) => {
                     // Without it small messages are late, but they come.
-                    let _ = stream.set_nodelay(true);
+                    let _ = stream::prepare(&stream);
                     connections.spawn(input::serve(core.clone(), stream, peer.ip()));
                 }
                 Err(error) => {
