@@ -131,7 +131,7 @@ async fn a_port_that_reads(phase: &str) -> usize {
             loop {
                 let read = within(reader.read()).await.unwrap();
                 let bottle = read.bottle().unwrap();
-                if read.from == "/good" {
+                if *read.from == *"/good" {
                     assert_eq!(bottle, message, "{conversation:?} {cut} {death:?}");
                     break;
                 }
@@ -373,7 +373,7 @@ async fn a_port_that_pulls(phase: &str) -> usize {
         assert_eq!(within(good.write(&message)).await, 1);
         loop {
             let read = within(reader.read()).await.unwrap();
-            if read.from == "/good" {
+            if *read.from == *"/good" {
                 assert_eq!(read.bottle().unwrap(), message);
                 break;
             }
