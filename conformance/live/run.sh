@@ -76,6 +76,8 @@ suite "two hosts and a link that goes down and up" \
 for server in ours stock; do
     suite "the yarp command, server: $server" "$python" conformance/live/cli.py \
         --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours" --server "$server"
+    suite "connections that last, server: $server" "$python" conformance/live/lasting.py \
+        --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours" --server "$server"
 done
 
 # An arm of ours, driven by the stock client, on a name server of ours and on one of stock's.
