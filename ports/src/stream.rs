@@ -122,6 +122,8 @@ const LARGEST: usize = 64 * 1024;
 pub(crate) struct Inflow {
     /// The bytes.
     pub(crate) bytes: BytesMut,
+    /// Takes turns with `bytes`.
+    spare: BytesMut,
     /// Room offered to the next read.
     chunk: usize,
     /// The most that has been waiting here at once.
@@ -142,13 +144,22 @@ impl Inflow {
         }
     }
 
+    /// Makes room for so many bytes more. Two buffers take turns, so that a small message that is
+    /// still being used does not cost a new one.
+    pub(crate) fn reserve(&mut self, room: usize) {
+        if self.bytes.is_empty() && room <= LARGEST && !self.bytes.try_reclaim(room) {
+            std::mem::swap(&mut self.bytes, &mut self.spare);
+        }
+        self.bytes.reserve(room);
+    }
+
     /// As [`Inflow::read`] without waiting.
     pub(crate) fn try_read(&mut self, stream: &Socket, missing: usize) -> io::Result<usize> {
         let held = self.bytes.len();
         self.proven = self.proven.max(held);
         let trusted = held.max(self.proven).max(LARGEST);
         let room = missing.min(trusted).max(self.chunk).max(FIRST);
-        self.bytes.reserve(room);
+        self.reserve(room);
         let read = stream.try_read_buf(&mut self.bytes)?;
         // A read that fills its room is followed by larger ones, others by smaller ones.
         self.chunk = if read >= room {

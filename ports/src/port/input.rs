@@ -147,7 +147,7 @@ impl Connection {
             }
             let missing = self.acceptor.missing(&self.input.bytes);
             if missing == 0
-                && let Some(read) = self.busy.read(&self.stream, &mut self.input.bytes).await
+                && let Some(read) = self.busy.read(&self.stream, &mut self.input).await
             {
                 match read {
                     Ok(0) => return End::Closed,
@@ -210,19 +210,19 @@ impl Connection {
             return error.into();
         }
         let mut reader = DatagramReader::new(self.acceptor.dialect(), Limits::DEFAULT);
-        let mut buffer = vec![0; datagram::LARGEST];
         loop {
-            let received = tokio::select! {
+            let ready = tokio::select! {
                 biased;
                 () = self.closing.cancelled() => return End::Closed,
-                received = socket.recv(&mut buffer) => received,
-            };
-            let length = match received {
-                Ok(length) => length,
-                Err(error) => return error.into(),
+                ready = socket.readable() => ready,
             };
             let dropped = reader.dropped();
-            let message = reader.receive(&buffer[..length]);
+            let received = ready
+                .and_then(|()| datagram::receive(&socket, |datagram| reader.receive(datagram)));
+            let message = match received {
+                Ok(message) => message.unwrap_or(Ok(None)),
+                Err(error) => return error.into(),
+            };
             for _ in dropped..reader.dropped() {
                 self.meter.drop_one();
             }
