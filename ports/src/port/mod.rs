@@ -51,7 +51,7 @@ use yarp_wire::{Contact, PortName, Stamp};
 use self::core::Core;
 use self::encoded::{Encoded, Form};
 use self::output::Output;
-use crate::cancel::Cancel;
+use crate::cancel::{Cancel, join};
 use crate::error::PortError;
 use crate::network::Network;
 use crate::stream;
@@ -459,7 +459,7 @@ impl Port {
                 .cloned()
                 .map(|output| async move { output.close(core::GOODBYE).await })
                 .collect();
-            goodbyes.join_all().await;
+            join(goodbyes).await;
             core.dismiss_sources().await;
             core.release_group().await;
             cancel.cancel();
@@ -588,5 +588,5 @@ async fn listen(core: Arc<Core>, listener: TcpListener) {
         }
     }
     drop(listener);
-    connections.join_all().await;
+    join(connections).await;
 }
