@@ -118,17 +118,19 @@ pub(super) enum Next {
 }
 
 impl Connection {
+    /// What comes seldom and takes much room while it runs stands in boxes here, so that a
+    /// connection at rest is small.
     async fn run(&mut self) -> End {
         loop {
             loop {
                 match self.acceptor.poll(&mut self.input.bytes, &mut self.output) {
                     Ok(Some(event)) => match self.take(event).await {
                         Next::Go => {}
-                        Next::UnixSocket => match self.go_unix().await {
+                        Next::UnixSocket => match Box::pin(self.go_unix()).await {
                             Ok(()) => {}
                             Err(error) => return error.into(),
                         },
-                        Next::Datagrams(group) => return self.run_datagrams(group).await,
+                        Next::Datagrams(group) => return Box::pin(self.run_datagrams(group)).await,
                         Next::Stop(end) => {
                             // The last words; the peer may be gone.
                             let _ = stream::write_all(&self.stream, &mut self.output).await;
@@ -270,7 +272,7 @@ impl Connection {
                 }
             }
             Event::Message(message) => self.message(message).await,
-            Event::Browser(request) => self.browse(request).await,
+            Event::Browser(request) => Box::pin(self.browse(request)).await,
         }
     }
 
@@ -314,7 +316,7 @@ impl Connection {
             Command::Admin => {
                 let request = message.payload.to_bottle().unwrap_or_default();
                 let core = self.core.clone();
-                let answer = self.wait_for(core.administer(&request)).await;
+                let answer = self.wait_for(Box::pin(core.administer(&request))).await;
                 self.acceptor.reply(&answer, &mut self.output);
                 Next::Go
             }
@@ -398,12 +400,14 @@ impl Connection {
             Command::Reverse => {
                 return Next::Stop(End::Reversed);
             }
-            Command::AddOutput(destination) => {
-                either(self.wait_for(core.add_output_in_words(&destination)).await)
-            }
-            Command::RemoveOutput(name) => {
-                either(self.wait_for(core.remove_output_in_words(&name)).await)
-            }
+            Command::AddOutput(destination) => either(
+                self.wait_for(Box::pin(core.add_output_in_words(&destination)))
+                    .await,
+            ),
+            Command::RemoveOutput(name) => either(
+                self.wait_for(Box::pin(core.remove_output_in_words(&name)))
+                    .await,
+            ),
             Command::RemoveInput(name) => either(self.core.remove_input_in_words(&name)),
             Command::Describe => self.core.describe(),
             Command::Help => HELP.to_owned(),
