@@ -83,6 +83,32 @@ fn in_the_acknowledgement_or_before_it() {
     check("acknowledgement");
 }
 
+/// Far more than the buffers of the system hold.
+#[test]
+fn in_a_large_message_that_is_being_written() {
+    leaving_nothing(async {
+        let (writer, keeps) = writer_and_reader().await;
+        let rest = Rest::now();
+        let large = Bottle::of("x".repeat(8 << 20));
+        let mut count = 0;
+        for conversation in conversation::readers("/writer", &large) {
+            let cuts = conversation.cuts("payload");
+            let cuts = [cuts.first(), cuts.get(100_000), cuts.last()];
+            for cut in cuts.into_iter().flatten() {
+                for death in [Death::Closes, Death::Resets] {
+                    write_to_dying(&writer, &large, &conversation, *cut, death).await;
+                    count += 1;
+                    still_reaches(&writer, &keeps, count).await;
+                }
+            }
+        }
+        assert!(count > 0);
+        rest.comes_back().await;
+        within(writer.close()).await;
+        within(keeps.close()).await;
+    });
+}
+
 #[test]
 fn between_messages() {
     check("rest");
@@ -276,6 +302,28 @@ async fn dying_listener(
     (contact, dying)
 }
 
+/// Connects to a reader that dies at `cut`, and writes to it.
+async fn write_to_dying(
+    writer: &Port,
+    content: &Bottle,
+    conversation: &Conversation,
+    cut: usize,
+    death: Death,
+) {
+    let (contact, dying) = dying_listener(conversation, cut, death).await;
+    let writing = async {
+        match within(writer.connect(&contact)).await {
+            Ok(()) => drop(within(writer.write(content)).await),
+            Err(error) => lost(&error, conversation, cut),
+        }
+    };
+    tokio::join!(dying, writing);
+    if conversation.carrier.connectionless {
+        within(writer.disconnect(NAME)).await;
+    }
+    until(|| writer.outputs() == ["/keeps"]).await;
+}
+
 /// The port connects to the peer.
 async fn a_port_that_writes(phase: &str) -> usize {
     let (writer, keeps) = writer_and_reader().await;
@@ -284,19 +332,8 @@ async fn a_port_that_writes(phase: &str) -> usize {
     let mut count = 0;
     for conversation in conversation::readers("/writer", &content) {
         for (cut, death) in deaths(&conversation, phase) {
-            let (contact, dying) = dying_listener(&conversation, cut, death).await;
-            let writing = async {
-                match within(writer.connect(&contact)).await {
-                    Ok(()) => drop(within(writer.write(&content)).await),
-                    Err(error) => lost(&error, &conversation, cut),
-                }
-            };
-            tokio::join!(dying, writing);
+            write_to_dying(&writer, &content, &conversation, cut, death).await;
             count += 1;
-            if conversation.carrier.connectionless {
-                within(writer.disconnect(NAME)).await;
-            }
-            until(|| writer.outputs() == ["/keeps"]).await;
             still_reaches(&writer, &keeps, count).await;
         }
     }
@@ -381,7 +418,6 @@ async fn a_port_that_pulls(phase: &str) -> usize {
         }
     }
     drop(listener);
-    // One descriptor less: that of the listener was not open at the beginning either.
     rest.comes_back().await;
     within(good.close()).await;
     within(reader.close()).await;
