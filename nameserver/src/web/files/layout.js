@@ -1,0 +1,309 @@
+// Where the boxes of the graph stand: writers to the left of their readers, in columns.
+//
+// layout(boxes, links, room) takes boxes { id, width, height, anchors: Map(port -> y) } and links
+// { from, to, fromPort, toPort } between ids; it gives every box x and y and every link its points,
+// and returns { width, height }. Parts of the network that are not connected with each other are
+// laid out alone and packed side by side, to be seen as large as possible in a room of that
+// { width, height }. The same input always gives the same picture.
+
+const GAP_X = 90;
+const GAP_Y = 16;
+const BETWEEN = 60; // parts of the network
+const SWEEPS = 10;
+const MOST_BENDS = 4000; // beyond, long links go straight
+
+export function layout(boxes, links, room) {
+  const byId = new Map(boxes.map((box) => [box.id, box]));
+  const parts = components(boxes, links).map((part) => {
+    const size = layoutPart(part.boxes.map((id) => byId.get(id)), part.links, byId);
+    return { ...part, ...size };
+  });
+  return pack(parts, byId, room);
+}
+
+function components(boxes, links) {
+  const parent = new Map(boxes.map((box) => [box.id, box.id]));
+  const root = (id) => {
+    while (parent.get(id) !== id) {
+      parent.set(id, parent.get(parent.get(id)));
+      id = parent.get(id);
+    }
+    return id;
+  };
+  for (const link of links) parent.set(root(link.from), root(link.to));
+  const parts = new Map();
+  for (const box of boxes) {
+    const id = root(box.id);
+    if (!parts.has(id)) parts.set(id, { boxes: [], links: [] });
+    parts.get(id).boxes.push(box.id);
+  }
+  for (const link of links) parts.get(root(link.from)).links.push(link);
+  return [...parts.values()];
+}
+
+function layoutPart(boxes, links, byId) {
+  const edges = oneWay(boxes, links);
+  const layer = layers(boxes, edges);
+  const columns = fill(boxes, edges, layer, byId);
+  order(columns);
+  return place(columns, links);
+}
+
+// The links without circles: those that close one are turned round.
+function oneWay(boxes, links) {
+  const out = new Map(boxes.map((box) => [box.id, []]));
+  const balance = new Map(boxes.map((box) => [box.id, 0]));
+  for (const link of links) {
+    if (link.from === link.to) continue;
+    out.get(link.from).push(link);
+    balance.set(link.from, balance.get(link.from) + 1);
+    balance.set(link.to, balance.get(link.to) - 1);
+  }
+  const edges = [];
+  const state = new Map(); // 1: on the way, 2: done
+  const starts = boxes.map((box) => box.id).sort((a, b) => balance.get(b) - balance.get(a));
+  for (const start of starts) {
+    if (state.has(start)) continue;
+    const stack = [{ id: start, next: 0 }];
+    state.set(start, 1);
+    while (stack.length) {
+      const top = stack[stack.length - 1];
+      const link = out.get(top.id)[top.next];
+      top.next += 1;
+      if (!link) {
+        state.set(top.id, 2);
+        stack.pop();
+      } else if (state.get(link.to) === 1) {
+        edges.push({ link, from: link.to, to: link.from, turned: true });
+      } else {
+        edges.push({ link, from: link.from, to: link.to, turned: false });
+        if (!state.has(link.to)) {
+          state.set(link.to, 1);
+          stack.push({ id: link.to, next: 0 });
+        }
+      }
+    }
+  }
+  return edges;
+}
+
+// The column of every box: one right of the last that it reads from, and close to its readers.
+function layers(boxes, edges) {
+  const waits = new Map(boxes.map((box) => [box.id, 0]));
+  const out = new Map(boxes.map((box) => [box.id, []]));
+  for (const edge of edges) {
+    waits.set(edge.to, waits.get(edge.to) + 1);
+    out.get(edge.from).push(edge.to);
+  }
+  const layer = new Map(boxes.map((box) => [box.id, 0]));
+  const ready = boxes.map((box) => box.id).filter((id) => waits.get(id) === 0);
+  for (let at = 0; at < ready.length; at += 1) {
+    for (const to of out.get(ready[at])) {
+      layer.set(to, Math.max(layer.get(to), layer.get(ready[at]) + 1));
+      waits.set(to, waits.get(to) - 1);
+      if (waits.get(to) === 0) ready.push(to);
+    }
+  }
+  for (const id of ready.reverse()) {
+    const readers = out.get(id);
+    if (!readers.length || edges.some((edge) => edge.to === id)) continue;
+    layer.set(id, Math.min(...readers.map((to) => layer.get(to))) - 1);
+  }
+  return layer;
+}
+
+// Columns of boxes, with a bend in every column that a link passes.
+function fill(boxes, edges, layer, byId) {
+  const columns = [];
+  const column = (index) => (columns[index] ??= []);
+  const cells = new Map();
+  for (const box of boxes) {
+    const cell = { box, width: box.width, height: box.height, left: [], right: [] };
+    cells.set(box.id, cell);
+    column(layer.get(box.id)).push(cell);
+  }
+  let bends = 0;
+  for (const { link, from, to, turned } of edges) {
+    link.bends = [];
+    let last = cells.get(from);
+    let anchor = middleOr(byId.get(from).anchors.get(turned ? link.toPort : link.fromPort), last);
+    for (let at = layer.get(from) + 1; at < layer.get(to) && bends < MOST_BENDS; at += 1) {
+      const bend = { box: null, width: 0, height: 6, left: [], right: [] };
+      bends += 1;
+      column(at).push(bend);
+      join(last, anchor, bend, 3);
+      link.bends.push(bend);
+      last = bend;
+      anchor = 3;
+    }
+    const end = cells.get(to);
+    join(last, anchor, end, middleOr(byId.get(to).anchors.get(turned ? link.fromPort : link.toPort), end));
+    if (turned) link.bends.reverse();
+  }
+  return columns.filter(Boolean);
+}
+
+const middleOr = (anchor, cell) => anchor ?? cell.height / 2;
+
+// `by` is how much lower the one end of the link is in its cell than the other in its own.
+function join(left, leftAnchor, right, rightAnchor) {
+  left.right.push({ cell: right, by: rightAnchor - leftAnchor });
+  right.left.push({ cell: left, by: leftAnchor - rightAnchor });
+}
+
+// Sorts every column so that links cross little: each cell goes to the middle of its neighbours.
+function order(columns) {
+  for (const cells of columns) number(cells);
+  for (let sweep = 0; sweep < SWEEPS; sweep += 1) {
+    const down = sweep % 2 === 0;
+    for (const cells of down ? columns : [...columns].reverse()) {
+      for (const cell of cells) {
+        const near = down ? cell.left : cell.right;
+        cell.wish = near.length
+          ? near.reduce((total, { cell: other }) => total + other.rank, 0) / near.length
+          : cell.rank;
+      }
+      cells.sort((a, b) => a.wish - b.wish);
+      number(cells);
+    }
+  }
+}
+
+function number(cells) {
+  cells.forEach((cell, index) => {
+    cell.rank = (index + 0.5) / cells.length;
+  });
+}
+
+// Turns ranks into places.
+function place(columns, links) {
+  for (const cells of columns) stack(cells);
+  for (let sweep = 0; sweep < SWEEPS; sweep += 1) {
+    const down = sweep % 2 === 0;
+    for (const cells of down ? columns : [...columns].reverse()) settle(cells, down ? "left" : "right");
+  }
+  let x = 0;
+  let height = 0;
+  const top = Math.min(...columns.flat().map((cell) => cell.y));
+  for (const cells of columns) {
+    const width = spread(cells, x, top);
+    for (const cell of cells) height = Math.max(height, cell.y + cell.height);
+    x += width + GAP_X;
+  }
+  for (const link of links) {
+    link.points = (link.bends ?? []).map((bend) => ({ x: bend.x, y: bend.y + 3, width: bend.span }));
+    delete link.bends;
+  }
+  return { width: x - GAP_X, height };
+}
+
+function stack(cells) {
+  let y = 0;
+  for (const cell of cells) {
+    cell.y = y;
+    y += cell.height + GAP_Y;
+  }
+}
+
+// Moves the cells of a column towards their neighbours; they keep their order and their distance.
+function settle(cells, side) {
+  const blocks = [];
+  let offset = 0;
+  for (const cell of cells) {
+    const near = cell[side];
+    const wish = near.length
+      ? near.reduce((total, { cell: other, by }) => total + other.y + by, 0) / near.length
+      : cell.y;
+    const block = { cells: [cell], total: wish - offset, offsets: [offset], count: 1 };
+    offset += cell.height + GAP_Y;
+    blocks.push(block);
+    while (blocks.length > 1 && mean(blocks.at(-2)) > mean(blocks.at(-1))) {
+      const last = blocks.pop();
+      const before = blocks.at(-1);
+      before.cells.push(...last.cells);
+      before.offsets.push(...last.offsets);
+      before.total += last.total;
+      before.count += last.count;
+    }
+  }
+  for (const block of blocks) {
+    block.cells.forEach((cell, index) => {
+      cell.y = mean(block) + block.offsets[index];
+    });
+  }
+}
+
+const mean = (block) => block.total / block.count;
+
+// Gives a column its x. A very long one becomes several beside each other.
+function spread(cells, x, top) {
+  const boxes = cells.filter((cell) => cell.box);
+  const widest = Math.max(0, ...boxes.map((cell) => cell.width));
+  const tallest = boxes.reduce((total, cell) => total + cell.height + GAP_Y, 0);
+  const goal = Math.max(1000, Math.sqrt(tallest * (widest + 24) * 0.8));
+  const rows = Math.ceil(tallest / goal);
+  if (rows < 2) {
+    for (const cell of cells) {
+      Object.assign(cell, { x, y: cell.y - top, span: widest });
+      if (cell.box) Object.assign(cell.box, { x, y: cell.y });
+    }
+    return widest;
+  }
+  let at = 0;
+  let y = 0;
+  for (const cell of cells) {
+    if (!cell.box) {
+      Object.assign(cell, { x, y: y, span: rows * (widest + 24) });
+      continue;
+    }
+    if (y > tallest / rows) {
+      y = 0;
+      at += 1;
+    }
+    Object.assign(cell, { x: x + at * (widest + 24), y });
+    Object.assign(cell.box, { x: cell.x, y });
+    y += cell.height + GAP_Y;
+  }
+  return (at + 1) * (widest + 24) - 24;
+}
+
+// Puts the parts side by side in rows, the large ones first.
+function pack(parts, byId, room) {
+  parts.sort((a, b) => b.height - a.height || b.width - a.width);
+  const scale = ({ width, height }) => Math.max(width / room.width, height / room.height);
+  let best = null;
+  const widest = Math.max(0, ...parts.map((part) => part.width));
+  for (let goal = widest, tries = 0; tries < 24; goal = goal * 1.15 + 50, tries += 1) {
+    const packed = rows(parts, goal);
+    if (!best || scale(packed) < scale(best)) best = packed;
+  }
+  parts.forEach((part, index) => {
+    const [x, y] = best.places[index];
+    for (const id of part.boxes) {
+      const box = byId.get(id);
+      box.x += x;
+      box.y += y;
+    }
+    for (const link of part.links) {
+      for (const point of link.points) {
+        point.x += x;
+        point.y += y;
+      }
+    }
+  });
+  return best;
+}
+
+// Where the parts stand if no row is longer than `goal`.
+function rows(parts, goal) {
+  let [x, y, row, width] = [0, 0, 0, 0];
+  const places = parts.map((part) => {
+    if (x > 0 && x + part.width > goal) [x, y, row] = [0, y + row + BETWEEN, 0];
+    const at = [x, y];
+    row = Math.max(row, part.height);
+    width = Math.max(width, x + part.width);
+    x += part.width + BETWEEN;
+    return at;
+  });
+  return { places, width, height: y + row };
+}
