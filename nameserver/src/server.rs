@@ -232,7 +232,8 @@ fn answer(
 
 /// The server says about its own port what any port says.
 fn introduce(registry: &Mutex<Registry>, name: &str) {
-    let carriers: Vec<String> = ALL.map(|carrier| carrier.name.to_owned()).to_vec();
+    let mut carriers: Vec<String> = ALL.map(|carrier| carrier.name.to_owned()).to_vec();
+    carriers.dedup();
     for (key, values) in [
         ("offers", carriers.clone()),
         ("accepts", carriers),

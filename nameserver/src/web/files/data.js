@@ -19,10 +19,8 @@ export function watch(show) {
     busy = true;
     clearTimeout(timer);
     try {
-      const [names, links] = await Promise.all([
-        read(`/api/names?wait=0&revision=${revision}`),
-        read("/api/connections?wait=0"),
-      ]);
+      const links = await read("/api/connections?wait=0");
+      const names = await read(`/api/names?wait=0&revision=${revision}`);
       model.server = names.server;
       if (!names.unchanged) {
         revision = names.revision;

@@ -53,8 +53,7 @@ export class Graph {
     box.checked = true;
     box.addEventListener("change", () => {
       this.grouped = box.checked;
-      this.view = null;
-      this.show(this.model, this.matches);
+      this.all();
     });
     label.append(box, "ports of a program together");
     tools.append(label);
@@ -78,7 +77,7 @@ export class Graph {
   show(model, matches) {
     this.model = model;
     this.matches = matches;
-    if (!this.canvas.clientWidth) return;
+    if (!model || !this.canvas.clientWidth) return;
     const { ports, links, left } = this.choose();
     const drawn = JSON.stringify([
       this.grouped, links.map((link) => [link.from, link.to]),
@@ -206,11 +205,7 @@ export class Graph {
     const group = make("g", { class: "link", "data-from": line.fromPort, "data-to": line.toPort });
     group.append(make("path", { class: "wide", d: path }));
     group.append(make("path", { class: "line", d: path }));
-    const middle = line.points.length
-      ? line.points[Math.floor(line.points.length / 2)]
-      : { x: (start.x + end.x) / 2 + (from === to ? 40 : 0), y: (start.y + end.y) / 2 };
-    const label = text("", { class: "label", x: middle.x, y: middle.y - 5 });
-    group.append(title(""), label);
+    group.append(title(""), text("", { class: "label" }));
     this.lines.set(key(line.fromPort, line.toPort), group);
     return group;
   }
@@ -252,6 +247,16 @@ export class Graph {
     for (const group of this.lines?.values() ?? []) {
       const { from, to } = group.dataset;
       group.classList.toggle("near", from === shown || to === shown);
+      // Lines of one port part at their other ends.
+      const at = from === shown ? 0.7 : to === shown ? 0.3 : 0.5;
+      if (group.dataset.at !== String(at)) {
+        group.dataset.at = at;
+        const path = group.querySelector(".line");
+        const { x, y } = path.getPointAtLength(path.getTotalLength() * at);
+        const label = group.querySelector(".label");
+        label.setAttribute("x", x);
+        label.setAttribute("y", y - 5);
+      }
     }
   }
 
@@ -315,9 +320,11 @@ export class Graph {
     this.frame();
   }
 
+  // Shows all, laid out for the room that there is now.
   all() {
     this.touched = false;
-    this.frame();
+    this.drawn = "";
+    this.show(this.model, this.matches);
   }
 
   // Brings a port to the middle, large enough to be read.

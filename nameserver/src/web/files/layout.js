@@ -6,7 +6,7 @@
 // laid out alone and packed side by side, to be seen as large as possible in a room of that
 // { width, height }. The same input always gives the same picture.
 
-const GAP_X = 90;
+const GAP_X = 120;
 const GAP_Y = 16;
 const BETWEEN = 60; // parts of the network
 const SWEEPS = 10;
