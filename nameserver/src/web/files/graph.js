@@ -31,7 +31,7 @@ export class Graph {
     this.note = element("p", "empty");
     place.append(this.tools(), this.canvas, this.note, legend());
     this.listen();
-    new ResizeObserver(() => this.frame()).observe(this.canvas);
+    new ResizeObserver(() => this.resize()).observe(this.canvas);
   }
 
   tools() {
@@ -248,7 +248,7 @@ export class Graph {
       const { from, to } = group.dataset;
       group.classList.toggle("near", from === shown || to === shown);
       // Lines of one port part at their other ends.
-      const at = from === shown ? 0.7 : to === shown ? 0.3 : 0.5;
+      const at = from === shown ? 0.7 : to === shown ? 0.3 : 0.6;
       if (group.dataset.at !== String(at)) {
         group.dataset.at = at;
         const path = group.querySelector(".line");
@@ -280,7 +280,10 @@ export class Graph {
       this.frame();
     });
     this.canvas.addEventListener("pointerup", () => {
-      if (drag && !drag.moved) this.actions.select(drag.name);
+      if (drag && !drag.moved) {
+        this.touched ||= drag.name !== null; // what was clicked stays where it is
+        this.actions.select(drag.name);
+      }
       drag = null;
     });
     this.canvas.addEventListener("pointercancel", () => {
@@ -325,6 +328,29 @@ export class Graph {
     this.touched = false;
     this.drawn = "";
     this.show(this.model, this.matches);
+  }
+
+  // The room has changed; things keep their size if the person chose it.
+  resize() {
+    const { clientWidth } = this.canvas;
+    if (!clientWidth) return;
+    if (this.touched && this.view && this.width) this.view.width *= clientWidth / this.width;
+    this.width = clientWidth;
+    this.frame();
+    if (this.touched) this.sight(this.selected);
+  }
+
+  // Moves the picture as little as it takes to see a port.
+  sight(name) {
+    const row = this.rows?.get(name);
+    if (!row || !this.view) return;
+    const box = row.getBoundingClientRect();
+    const canvas = this.canvas.getBoundingClientRect();
+    const scale = this.view.width / canvas.width;
+    const beyond = (low, high, start, end) => Math.max(0, high - end + 24) || Math.min(0, low - start - 24);
+    this.view.x += beyond(box.left, box.right, canvas.left, canvas.right) * scale;
+    this.view.y += beyond(box.top, box.bottom, canvas.top, canvas.bottom) * scale;
+    this.frame();
   }
 
   // Brings a port to the middle, large enough to be read.

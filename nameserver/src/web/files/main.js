@@ -18,13 +18,13 @@ const ports = new Table(at("ports"), {
   empty: () => (model.ports.length ? "No port fits the search." : "No ports yet."),
   columns: [
     { title: "Name", width: "34%", value: (port) => port.name, fill: (cell, port) => cell.append(nameButton(port.name)) },
-    { title: "State", width: "8.5rem", value: (port) => Object.keys(STATES).indexOf(port.state), fill: fillState },
-    { title: "Place", width: "12.5rem", value: (port) => port.place, fill: (cell, port) => cell.append(placeLink(port)) },
+    { title: "State", width: "8rem", value: (port) => Object.keys(STATES).indexOf(port.state), fill: fillState },
+    { title: "Place", width: "11.5rem", value: (port) => port.place, fill: (cell, port) => cell.append(placeLink(port)) },
     { title: "Program", width: "22%", value: (port) => port.owner, fill: (cell, port) => put(cell, port.owner) },
     { title: "Carrier", width: "7rem", spare: true, value: (port) => port.carrier, fill: fillCarriers },
     { title: "Type", width: "14%", spare: true, value: (port) => port.type ?? "", fill: (cell, port) => put(cell, port.type ?? "") },
-    { title: "Reads", width: "7.5rem", numeric: true, value: (port) => port.inputs.length, fill: (cell, port) => put(cell, flow(port.inputs, port.rateIn)) },
-    { title: "Writes", width: "7.5rem", numeric: true, value: (port) => port.outputs.length, fill: (cell, port) => put(cell, flow(port.outputs, port.rateOut)) },
+    { title: "Reads", width: "6.8rem", numeric: true, value: (port) => port.inputs.length, fill: (cell, port) => put(cell, flow(port.inputs, port.rateIn)) },
+    { title: "Writes", width: "6.8rem", numeric: true, value: (port) => port.outputs.length, fill: (cell, port) => put(cell, flow(port.outputs, port.rateOut)) },
   ],
 });
 
