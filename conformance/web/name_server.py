@@ -3,8 +3,8 @@
     name_server.py --yarp PATH [--with-stock PATH] [--out DIRECTORY]
 
 Starts `yarp server` with ports and connections of ours (and of stock, if there is what runs it), names
-that would like to be markup, a laboratory of 1000 ports and a network of 10 000 names; looks at each
-with headless Chromium, searches, clicks, and checks what is seen and that the console is quiet.
+that would like to be markup, a laboratory of 1000 ports, 300 writers of one reader, and a network of
+10 000 names; looks at each with headless Chromium, searches, clicks, and checks what is seen and that the console is quiet.
 Pictures of what was seen are kept in DIRECTORY (target/web). Prints `ok WHAT` per step and ends with
 1 at the first that fails. Every wait has a deadline, and no process is left behind.
 
@@ -336,6 +336,25 @@ def large_laboratory(world, browser, out):
         check_quiet(browser, "a thousand names")
 
 
+def many_writers(world, browser, out):
+    """Three hundred programs that write to one."""
+    lab = Lab(world.address)
+    lab.port("/logger", "logger", 1)
+    for index in range(300):
+        lab.port(f"/sensor/{index:03}:o", "sensor", 100 + index)
+        lab.connect(f"/sensor/{index:03}:o", "/logger", "udp", 10.0)
+    with lab:
+        browser.open(world.page + "#view=graph")
+        browser.until("all are drawn", "return document.querySelectorAll('#graph .link').length === 300")
+        seen = browser.script(OVERLAPS)
+        check("three hundred writers lie beside each other", seen == {"boxes": 301, "overlaps": 0}, seen)
+        browser.click("#graph .port[data-name='/sensor/150:o']")
+        marked = browser.script("return [...document.querySelectorAll('#graph .link.near')].map((link) => link.dataset.from)")
+        check("one of them is marked by a click", marked == ["/sensor/150:o"], marked)
+        browser.screenshot(os.path.join(out, "name-server-star.png"))
+        check_quiet(browser, "many writers")
+
+
 def ten_thousand_names(world, browser):
     """More names than anybody has ports."""
     with socket.socket() as taken:
@@ -373,6 +392,7 @@ def main():
             large_laboratory(World(args.yarp, stack), browser, args.out)
         with contextlib.ExitStack() as stack:
             browser = stack.enter_context(Browser())
+            many_writers(World(args.yarp, stack), browser, args.out)
             ten_thousand_names(World(args.yarp, stack), browser)
     except AssertionError as failure:
         print(f"FAIL {failure}", flush=True)

@@ -8,7 +8,9 @@
 
 const GAP_X = 120;
 const GAP_Y = 16;
+const BESIDE = 24; // boxes of one column that had to be divided
 const BETWEEN = 60; // parts of the network
+const LONG = 1000; // a column that is not divided
 const SWEEPS = 10;
 const MOST_BENDS = 4000; // beyond, long links go straight
 
@@ -126,7 +128,7 @@ function fill(boxes, edges, layer, byId) {
   for (const { link, from, to, turned } of edges) {
     link.bends = [];
     let last = cells.get(from);
-    let anchor = middleOr(byId.get(from).anchors.get(turned ? link.toPort : link.fromPort), last);
+    let anchor = byId.get(from).anchors.get(turned ? link.toPort : link.fromPort);
     for (let at = layer.get(from) + 1; at < layer.get(to) && bends < MOST_BENDS; at += 1) {
       const bend = { box: null, width: 0, height: 6, left: [], right: [] };
       bends += 1;
@@ -137,13 +139,11 @@ function fill(boxes, edges, layer, byId) {
       anchor = 3;
     }
     const end = cells.get(to);
-    join(last, anchor, end, middleOr(byId.get(to).anchors.get(turned ? link.fromPort : link.toPort), end));
+    join(last, anchor, end, byId.get(to).anchors.get(turned ? link.fromPort : link.toPort));
     if (turned) link.bends.reverse();
   }
   return columns.filter(Boolean);
 }
-
-const middleOr = (anchor, cell) => anchor ?? cell.height / 2;
 
 // `by` is how much lower the one end of the link is in its cell than the other in its own.
 function join(left, leftAnchor, right, rightAnchor) {
@@ -177,18 +177,27 @@ function number(cells) {
 
 // Turns ranks into places.
 function place(columns, links) {
-  for (const cells of columns) stack(cells);
+  const split = columns.map(divide);
+  const stacks = split.flat();
+  for (const cells of stacks) stack(cells);
   for (let sweep = 0; sweep < SWEEPS; sweep += 1) {
     const down = sweep % 2 === 0;
-    for (const cells of down ? columns : [...columns].reverse()) settle(cells, down ? "left" : "right");
+    for (const cells of down ? stacks : [...stacks].reverse()) settle(cells, down ? "left" : "right");
   }
-  let x = 0;
-  let height = 0;
-  const top = Math.min(...columns.flat().map((cell) => cell.y));
-  for (const cells of columns) {
-    const width = spread(cells, x, top);
-    for (const cell of cells) height = Math.max(height, cell.y + cell.height);
-    x += width + GAP_X;
+  const top = Math.min(...stacks.flat().map((cell) => cell.y));
+  let [x, height] = [0, 0];
+  for (const parts of split) {
+    const widest = Math.max(0, ...parts.flat().map((cell) => cell.width));
+    const span = parts.length * (widest + BESIDE) - BESIDE;
+    parts.forEach((cells, index) => {
+      for (const cell of cells) {
+        cell.y -= top;
+        height = Math.max(height, cell.y + cell.height);
+        if (cell.box) Object.assign(cell.box, { x: x + index * (widest + BESIDE), y: cell.y });
+        else Object.assign(cell, { x, span });
+      }
+    });
+    x += span + GAP_X;
   }
   for (const link of links) {
     link.points = (link.bends ?? []).map((bend) => ({ x: bend.x, y: bend.y + 3, width: bend.span }));
@@ -197,25 +206,43 @@ function place(columns, links) {
   return { width: x - GAP_X, height };
 }
 
+// A very long column becomes several beside each other; neighbours stay at about the same height.
+function divide(cells) {
+  const boxes = cells.filter((cell) => cell.box);
+  const widest = Math.max(0, ...boxes.map((cell) => cell.width));
+  const total = boxes.reduce((sum, cell) => sum + cell.height + GAP_Y, 0);
+  const tallest = Math.max(LONG, Math.sqrt(total * (widest + BESIDE) * 0.7));
+  const count = Math.max(1, Math.ceil(total / tallest));
+  const parts = Array.from({ length: count }, () => []);
+  cells.forEach((cell, index) => parts[index % count].push(cell));
+  return parts;
+}
+
 function stack(cells) {
   let y = 0;
-  for (const cell of cells) {
+  cells.forEach((cell, index) => {
     cell.y = y;
-    y += cell.height + GAP_Y;
-  }
+    y += step(cell, cells[index + 1]);
+  });
+  for (const cell of cells) cell.y -= y / 2;
+}
+
+// How far below a cell the next one begins, at least.
+function step(cell, next) {
+  return cell.height + (cell.box || next?.box ? GAP_Y : 5);
 }
 
 // Moves the cells of a column towards their neighbours; they keep their order and their distance.
 function settle(cells, side) {
   const blocks = [];
   let offset = 0;
-  for (const cell of cells) {
+  for (const [index, cell] of cells.entries()) {
     const near = cell[side];
     const wish = near.length
       ? near.reduce((total, { cell: other, by }) => total + other.y + by, 0) / near.length
       : cell.y;
     const block = { cells: [cell], total: wish - offset, offsets: [offset], count: 1 };
-    offset += cell.height + GAP_Y;
+    offset += step(cell, cells[index + 1]);
     blocks.push(block);
     while (blocks.length > 1 && mean(blocks.at(-2)) > mean(blocks.at(-1))) {
       const last = blocks.pop();
@@ -234,38 +261,6 @@ function settle(cells, side) {
 }
 
 const mean = (block) => block.total / block.count;
-
-// Gives a column its x. A very long one becomes several beside each other.
-function spread(cells, x, top) {
-  const boxes = cells.filter((cell) => cell.box);
-  const widest = Math.max(0, ...boxes.map((cell) => cell.width));
-  const tallest = boxes.reduce((total, cell) => total + cell.height + GAP_Y, 0);
-  const goal = Math.max(1000, Math.sqrt(tallest * (widest + 24) * 0.8));
-  const rows = Math.ceil(tallest / goal);
-  if (rows < 2) {
-    for (const cell of cells) {
-      Object.assign(cell, { x, y: cell.y - top, span: widest });
-      if (cell.box) Object.assign(cell.box, { x, y: cell.y });
-    }
-    return widest;
-  }
-  let at = 0;
-  let y = 0;
-  for (const cell of cells) {
-    if (!cell.box) {
-      Object.assign(cell, { x, y: y, span: rows * (widest + 24) });
-      continue;
-    }
-    if (y > tallest / rows) {
-      y = 0;
-      at += 1;
-    }
-    Object.assign(cell, { x: x + at * (widest + 24), y });
-    Object.assign(cell.box, { x: cell.x, y });
-    y += cell.height + GAP_Y;
-  }
-  return (at + 1) * (widest + 24) - 24;
-}
 
 // Puts the parts side by side in rows, the large ones first.
 function pack(parts, byId, room) {

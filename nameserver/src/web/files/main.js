@@ -182,16 +182,21 @@ function counted(shown, all) {
   return shown.length === all.length ? total : `${shown.length.toLocaleString("en")} of ${total}`;
 }
 
+// What stays the same is not read out again.
+function say(place, words) {
+  if (place.textContent !== words) place.textContent = words;
+}
+
 function renderNews() {
   const place = at("news");
   place.classList.toggle("bad", !!model.error);
   if (model.error) {
     const since = model.heard ? `; this is of ${model.heard.toLocaleTimeString()}` : "";
-    place.textContent = `The name server does not answer${since}`;
+    say(place, `The name server does not answer${since}`);
   } else if (model.interval === null) {
-    place.textContent = "ports are not asked";
+    say(place, "ports are not asked");
   } else {
-    place.textContent = model.rounds ? "live" : "asking the ports …";
+    say(place, model.rounds ? "live" : "asking the ports …");
   }
   if (!model.server) return;
   at("namespace").textContent = model.server.name;
