@@ -17,7 +17,7 @@ use yarp_wire::{Bottle, Limits};
 use super::core::{Core, Entry, GOODBYE};
 use super::counters::Meter;
 use super::describe::{HELP, NOT_UNDERSTOOD};
-use super::log::Copied;
+use super::log::{self, Copied};
 use super::options::{Input, Serving};
 use super::output::{Output, Way};
 use super::qos::SocketHandle;
@@ -41,6 +41,7 @@ pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, address: IpAddr) {
         entry: None,
         cancel: Some(cancel),
         sender: Sender::plain(""),
+        from: "".into(),
         address,
         busy: BusyPoll::new(),
         meter: Arc::default(),
@@ -96,6 +97,8 @@ pub(super) struct Connection {
     /// Ends this connection; goes to the port's list with the entry.
     cancel: Option<Cancel>,
     pub(super) sender: Sender,
+    /// The sender's name, as its messages carry it.
+    pub(super) from: Arc<str>,
     pub(super) address: IpAddr,
     busy: BusyPoll,
     pub(super) meter: Arc<Meter>,
@@ -283,18 +286,18 @@ impl Connection {
         let id = core.add_input(&sender.name, carrier, text, socket, meter, cancel);
         let core = self.core.clone();
         self.entry = Some(Entry { id, core });
+        self.from = sender.name.as_str().into();
         self.sender = sender;
     }
 
     async fn message(&mut self, message: Message) -> Next {
         let next = match message.command {
             Command::Data { reply, envelope } => {
-                self.meter
-                    .count(message.payload.bytes().len(), envelope.as_deref());
+                self.meter.count(message.payload.len(), envelope.as_deref());
                 let received = Received {
                     payload: message.payload,
                     envelope,
-                    from: self.sender.name.clone(),
+                    from: self.from.clone(),
                     address: self.address,
                     wants_reply: reply,
                     responder: None,
@@ -325,17 +328,8 @@ impl Connection {
     /// the connection shall end with it.
     pub(super) async fn deliver(&mut self, received: Received) -> (Option<Reply>, bool) {
         let core = self.core.clone();
-        let copy = (core.is_logged() && !self.brings_copies()).then(|| Copied::of(&received));
-        let (reply, last) = self.wait_for(core.deliver(received)).await;
-        if let Some(copy) = copy {
-            core.forward(&copy, reply.as_ref());
-        }
-        (reply, last)
-    }
-
-    /// Whether what arrives are copies of what another port receives.
-    fn brings_copies(&self) -> bool {
-        self.sender.modifiers.iter().any(|(key, _)| key == "log")
+        let copies = log::are_brought_by(&self.sender);
+        self.wait_for(core.take(received, copies)).await
     }
 
     /// Waits for what may take long. What was said so far goes out first: a peer that sends ahead
@@ -421,6 +415,17 @@ impl Connection {
 }
 
 impl Core {
+    /// Hands a message to the owner, and what came of it to those who look on, unless the message
+    /// is a copy already.
+    pub(super) async fn take(&self, received: Received, copies: bool) -> (Option<Reply>, bool) {
+        let copy = (self.is_logged() && !copies).then(|| Copied::of(&received));
+        let (reply, last) = self.deliver(received).await;
+        if let Some(copy) = copy {
+            self.forward(&copy, reply.as_ref());
+        }
+        (reply, last)
+    }
+
     /// Hands a message to the owner and waits for the reply, if there is to be one; tells whether
     /// the connection shall end with it.
     ///

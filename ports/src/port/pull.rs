@@ -170,7 +170,7 @@ impl Pull {
         let received = Received {
             payload: Payload::new(bytes, Form::Binary(Dialect::V3)),
             envelope,
-            from: self.from.clone(),
+            from: self.from.as_str().into(),
             address: self.address,
             connection: self.connection,
             wants_reply: false,
