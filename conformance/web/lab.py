@@ -115,8 +115,8 @@ class Lab:
                 answer = port.answer((await reader.readline()).decode().strip())
                 writer.write(f"{answer}\r\n<ACK>\r\n".encode())
                 await writer.drain()
-        except ConnectionError:
-            pass
+        except (ConnectionError, asyncio.CancelledError):
+            pass  # The other side or the lab has ended it.
         finally:
             writer.close()
 

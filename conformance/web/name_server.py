@@ -3,10 +3,10 @@
     name_server.py --yarp PATH [--with-stock PATH] [--out DIRECTORY]
 
 Starts `yarp server` with ports and connections of ours (and of stock, if there is what runs it), names
-that would like to be markup, a laboratory of 1000 ports, 300 writers of one reader, and a network of
-10 000 names; looks at each with headless Chromium, searches, clicks, and checks what is seen and that the console is quiet.
-Pictures of what was seen are kept in DIRECTORY (target/web). Prints `ok WHAT` per step and ends with
-1 at the first that fails. Every wait has a deadline, and no process is left behind.
+that would like to be markup, a laboratory of 1000 ports, 300 writers of one reader, and 10 000 names;
+looks at each with headless Chromium, searches, clicks, and checks what is seen and that the console is
+quiet. Pictures of what was seen are kept in DIRECTORY (target/web). Prints `ok WHAT` per step and ends
+with 1 at the first that fails. Every wait has a deadline, and no process is left behind.
 
 Needs Debian's chromium and chromium-driver, and only Python's standard library.
 """

@@ -282,6 +282,7 @@ export class Graph {
     this.canvas.addEventListener("pointerup", () => {
       if (drag && !drag.moved) {
         this.touched ||= drag.name !== null; // what was clicked stays where it is
+        this.hovered = null;
         this.actions.select(drag.name);
       }
       drag = null;

@@ -93,6 +93,7 @@ function select(name) {
   connections.mark(null);
   graph.mark(name);
   renderDetails();
+  graph.resize(); // at once: what is under the pointer must not move away
   remember();
 }
 
