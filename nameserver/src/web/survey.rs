@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use tokio::sync::{Notify, watch};
-use tokio::task::JoinSet;
+use tokio::task::{JoinError, JoinSet};
 use tokio::time::Instant;
 use yarp_ports::{Place, PortError};
 use yarp_wire::name_service::Registration;
@@ -41,6 +41,9 @@ pub(crate) struct Survey {
     rounds: watch::Sender<u64>,
     heard: Mutex<HashMap<String, Heard>>,
 }
+
+/// A port that was asked, and what it said.
+type Done = (Place, Result<Told, PortError>);
 
 /// What is known of one port.
 #[derive(Debug)]
@@ -177,11 +180,7 @@ impl Survey {
         due
     }
 
-    fn keep(
-        &self,
-        done: Option<Result<(Place, Result<Told, PortError>), tokio::task::JoinError>>,
-        interval: Duration,
-    ) {
+    fn keep(&self, done: Option<Result<Done, JoinError>>, interval: Duration) {
         // A conversation that panicked has told nothing.
         let Some(Ok((place, told))) = done else {
             return;
