@@ -30,6 +30,10 @@ impl Batch {
 
     /// Appends a payload.
     pub(crate) fn push(&mut self, pieces: &Pieces) {
+        if let Some(bytes) = pieces.as_written() {
+            self.buffer.extend_from_slice(bytes);
+            return;
+        }
         for piece in pieces.iter() {
             match piece {
                 Piece::Written(bytes) => self.buffer.extend_from_slice(bytes),

@@ -2,6 +2,7 @@
 
 use std::cell::RefCell;
 
+use smallvec::SmallVec;
 use yarp_wire::Dialect;
 use yarp_wire::carrier::Framing;
 use yarp_wire::connection::put_reply;
@@ -18,98 +19,87 @@ pub(crate) struct Form {
     pub(crate) dialect: Dialect,
 }
 
+/// Which form.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+enum Kind {
+    Binary(Dialect),
+    Text,
+    /// A page that is read on has text of its own.
+    Page,
+    Picture,
+}
+
 /// A message in the forms that readers want, each written once.
 pub(crate) struct Encoded<'a> {
     command: &'a Command,
-    text: Option<Form>,
-    page: Option<Form>,
-    v3: Option<Form>,
-    v4: Option<Form>,
-    /// Tried, and perhaps found to be no image.
-    picture: Option<Option<Form>>,
+    /// The forms that were tried; what is no image has no form as a picture.
+    forms: SmallVec<[(Kind, Option<Form>); 1]>,
 }
 
 impl<'a> Encoded<'a> {
     pub(crate) fn of(command: &'a Command) -> Self {
-        Self {
-            command,
-            text: None,
-            page: None,
-            v3: None,
-            v4: None,
-            picture: None,
-        }
+        let forms = SmallVec::new();
+        Self { command, forms }
     }
 
     /// The form for this reader; `None` if there is none: only images go to who watches pictures.
     pub(crate) fn form(&mut self, message: &impl WireObject, output: &Output) -> Option<&Form> {
-        let dialect = output.dialect;
-        match output.carrier.framing {
-            Framing::Pictures => self.picture(message),
-            framing if framing.is_binary() => Some(self.binary(message, dialect)),
-            framing => {
-                // A page that is read on has text of its own.
-                let form = match framing {
-                    Framing::Http => &mut self.page,
-                    _ => &mut self.text,
-                };
-                Some(form.get_or_insert_with(|| {
-                    let mut pieces = spare();
-                    put_reply(pieces.written(), output.carrier, message, dialect);
-                    pieces.seal();
-                    Form { pieces, dialect }
-                }))
-            }
-        }
-    }
-
-    fn binary(&mut self, message: &impl WireObject, dialect: Dialect) -> &Form {
-        let form = match dialect {
-            Dialect::V3 => &mut self.v3,
-            Dialect::V4 => &mut self.v4,
+        let kind = match output.carrier.framing {
+            Framing::Pictures => Kind::Picture,
+            Framing::Http => Kind::Page,
+            framing if framing.is_binary() => Kind::Binary(output.dialect),
+            _ => Kind::Text,
         };
-        form.get_or_insert_with(|| {
-            let mut pieces = spare();
-            message.write_pieces(&mut pieces, dialect);
-            pieces.seal();
-            Form { pieces, dialect }
-        })
+        let index = match self.forms.iter().position(|(tried, _)| *tried == kind) {
+            Some(index) => index,
+            None => {
+                let form = match kind {
+                    Kind::Picture => self.picture(message),
+                    _ => Some(write(message, output, kind)),
+                };
+                self.forms.push((kind, form));
+                self.forms.len() - 1
+            }
+        };
+        self.forms[index].1.as_ref()
     }
 
-    fn picture(&mut self, message: &impl WireObject) -> Option<&Form> {
-        if self.picture.is_none() {
-            let form = self.binary(message, Dialect::V3);
-            let payload = Payload::of_pieces(&form.pieces, form.dialect);
-            let envelope = match self.command {
-                Command::Data { envelope, .. } => envelope.as_ref(),
-                _ => None,
-            };
-            let form = picture::part(&payload, envelope).map(|part| {
-                let mut pieces = spare();
-                pieces.share(&part);
-                Form {
-                    pieces,
-                    dialect: Dialect::V3,
-                }
-            });
-            self.picture = Some(form);
-        }
-        self.picture.as_ref()?.as_ref()
+    fn picture(&self, message: &impl WireObject) -> Option<Form> {
+        let dialect = Dialect::V3;
+        let mut pieces = spare();
+        message.write_pieces(&mut pieces, dialect);
+        let payload = Payload::of_pieces(&pieces, dialect);
+        keep(pieces);
+        let envelope = match self.command {
+            Command::Data { envelope, .. } => envelope.as_ref(),
+            _ => None,
+        };
+        let part = picture::part(&payload, envelope)?;
+        let mut pieces = spare();
+        pieces.share(&part);
+        Some(Form { pieces, dialect })
     }
 }
 
 impl Drop for Encoded<'_> {
     fn drop(&mut self) {
-        let forms = [
-            self.text.take(),
-            self.page.take(),
-            self.v3.take(),
-            self.v4.take(),
-        ];
-        for form in forms.into_iter().flatten() {
-            keep(form.pieces);
+        for (_, form) in self.forms.drain(..) {
+            if let Some(form) = form {
+                keep(form.pieces);
+            }
         }
     }
+}
+
+fn write(message: &impl WireObject, output: &Output, kind: Kind) -> Form {
+    let dialect = output.dialect;
+    let mut pieces = spare();
+    match kind {
+        Kind::Binary(dialect) => message.write_pieces(&mut pieces, dialect),
+        _ => put_reply(pieces.written(), output.carrier, message, dialect),
+    }
+    pieces.seal();
+    Form { pieces, dialect }
 }
 
 /// Buffers that a thread keeps for its next messages.

@@ -109,10 +109,6 @@ impl Core {
         let answered = answered.map(|reply| message.with(reply));
         let mut encoded = Encoded::of(&command);
         for output in self.loggers() {
-            if !output.outbox.has_room() {
-                output.outbox.count_dropped();
-                continue;
-            }
             let form = match &answered {
                 Some(transaction) => encoded.form(transaction, &output),
                 None => encoded.form(message, &output),
@@ -121,7 +117,9 @@ impl Core {
                 continue;
             };
             // A connection that has ended is taken off the list by itself.
-            let _ = output.outbox.push(&command, form);
+            if output.outbox.try_push(&command, form).is_none() {
+                output.outbox.count_dropped();
+            }
         }
     }
 

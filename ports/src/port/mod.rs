@@ -309,10 +309,11 @@ impl Port {
             let Some(form) = encoded.form(message, output) else {
                 return;
             };
-            if !output.outbox.has_room() {
-                late.push((output.clone(), form.clone()));
-            } else if let Ok(ticket) = output.outbox.push(&command, form) {
-                sent.push((output.clone(), ticket));
+            match output.outbox.try_push(&command, form) {
+                Some(Ok(ticket)) => sent.push((output.clone(), ticket)),
+                // It has ended.
+                Some(Err(_)) => {}
+                None => late.push((output.clone(), form.clone())),
             }
         });
         taken += push_late(late, &command, true).await;
@@ -359,10 +360,9 @@ impl Port {
             let Some(form) = encoded.form(message, output) else {
                 return;
             };
-            if output.outbox.has_room() {
-                taken += usize::from(output.outbox.push(&command, form).is_ok());
-            } else {
-                late.push((output.clone(), form.clone()));
+            match output.outbox.try_push(&command, form) {
+                Some(pushed) => taken += usize::from(pushed.is_ok()),
+                None => late.push((output.clone(), form.clone())),
             }
         });
         taken += push_late(late, &command, false).await;

@@ -1,6 +1,7 @@
 //! What is to be sent over one connection, and who waits for it.
 
 use std::collections::VecDeque;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use bytes::{Bytes, BytesMut};
@@ -34,6 +35,8 @@ pub(crate) struct Outbox {
     pub(crate) filled: Notify,
     /// Room was made, a message was finished, or the connection ended.
     changed: Notify,
+    /// Whether the connection has ended, for those who need no lock to ask.
+    over: AtomicBool,
 }
 
 #[derive(Debug)]
@@ -113,6 +116,7 @@ impl Outbox {
             }),
             filled: Notify::new(),
             changed: Notify::new(),
+            over: AtomicBool::new(false),
         }
     }
 
@@ -121,8 +125,19 @@ impl Outbox {
     }
 
     /// Puts a message in; the answer serves to wait until the reader is done with it.
-    pub(crate) fn push(&self, command: &Command, payload: &Form) -> Result<Ticket, Arc<str>> {
-        self.put(command, payload, None)
+    pub(crate) fn push(&self, command: &Command, form: &Form) -> Result<Ticket, Arc<str>> {
+        self.put(self.state(), command, form, None)
+    }
+
+    /// As [`Outbox::push`] if earlier messages leave room, else `None`.
+    pub(crate) fn try_push(
+        &self,
+        command: &Command,
+        form: &Form,
+    ) -> Option<Result<Ticket, Arc<str>>> {
+        let state = self.state();
+        let has_room = state.queued < HIGH_WATER || state.closed.is_some();
+        has_room.then(|| self.put(state, command, form, None))
     }
 
     /// Puts a request in; gives what to wait for the reply with.
@@ -132,17 +147,17 @@ impl Outbox {
         payload: &Form,
     ) -> Result<oneshot::Receiver<Outcome>, Arc<str>> {
         let (outcome, waiting) = oneshot::channel();
-        self.put(command, payload, Some(outcome))?;
+        self.put(self.state(), command, payload, Some(outcome))?;
         Ok(waiting)
     }
 
     fn put(
         &self,
+        mut state: MutexGuard<'_, State>,
         command: &Command,
         form: &Form,
         outcome: Option<oneshot::Sender<Outcome>>,
     ) -> Result<Ticket, Arc<str>> {
-        let mut state = self.state();
         if let Some(reason) = &state.closed {
             return Err(reason.clone());
         }
@@ -189,12 +204,6 @@ impl Outbox {
     pub(crate) fn is_busy(&self) -> bool {
         let state = self.state();
         state.queued > 0 || !state.unfinished.is_empty()
-    }
-
-    /// Whether earlier messages leave room for another, or nothing is to be waited for any more.
-    pub(crate) fn has_room(&self) -> bool {
-        let state = self.state();
-        state.queued < HIGH_WATER || state.closed.is_some()
     }
 
     /// Waits until earlier messages leave room for another.
@@ -345,6 +354,7 @@ impl Outbox {
         }
         state.line.clear();
         drop(state);
+        self.over.store(true, Ordering::Release);
         self.changed.notify_waiters();
         self.filled.notify_one();
     }
@@ -356,7 +366,7 @@ impl Outbox {
     }
 
     pub(crate) fn is_closed(&self) -> bool {
-        self.state().closed.is_some()
+        self.over.load(Ordering::Acquire)
     }
 }
 

@@ -177,6 +177,6 @@ impl Pull {
             responder: None,
         };
         // Nothing can be said back.
-        self.core.deliver(received).await;
+        self.core.take(received, false).await;
     }
 }

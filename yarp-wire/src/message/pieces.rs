@@ -88,6 +88,11 @@ impl Pieces {
         }
     }
 
+    /// All of it, if nothing of it is shared.
+    pub fn as_written(&self) -> Option<&[u8]> {
+        self.shared.is_empty().then_some(&self.written[..])
+    }
+
     /// The parts in their order.
     pub fn iter(&self) -> impl Iterator<Item = Piece<'_>> {
         let mut from = 0;
