@@ -80,6 +80,10 @@ for server in ours stock; do
         --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours" --server "$server"
 done
 
+conformance/web/setup.sh
+suite "the page of the name server in a browser" "$python" conformance/web/name_server.py \
+    --yarp "$ours" --with-stock "$with_stock" --out target/web
+
 # An arm of ours, driven by the stock client, on a name server of ours and on one of stock's.
 port=15510
 for server in ours stock; do

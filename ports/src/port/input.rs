@@ -351,7 +351,7 @@ impl Connection {
 
     /// Waits for what may take long. What was said so far goes out first: a peer that sends ahead
     /// must not wait for one answer because the next is not there yet.
-    async fn wait_for<T>(&mut self, waiting: impl Future<Output = T>) -> T {
+    pub(super) async fn wait_for<T>(&mut self, waiting: impl Future<Output = T>) -> T {
         tokio::pin!(waiting);
         tokio::select! {
             biased;

@@ -58,7 +58,7 @@ use crate::stream;
 
 pub use counters::{ConnectionCounters, PortCounters, Traffic};
 pub use inbox::Queue;
-pub use options::{AdminHandler, ConnectionChange, Handler, PortOptions, Watcher};
+pub use options::{AdminHandler, ConnectionChange, Handler, Page, Pages, PortOptions, Watcher};
 pub use received::{Answer, Received, Reply};
 pub use supervised::{LinkState, Supervised, Supervision};
 
