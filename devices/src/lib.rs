@@ -26,9 +26,14 @@
 mod axes;
 pub mod checks;
 mod device;
+pub mod dynamics;
 mod error;
 pub mod fake;
 pub mod iface;
+pub mod kinematics;
+mod random;
+pub mod simulation;
+pub mod trajectory;
 pub mod wam;
 
 pub use axes::{Axes, AxisIndex};
