@@ -245,8 +245,7 @@ impl<const N: usize> Solver<N> {
     /// Moves the joints of a solution towards what is preferred while the tool stays; never makes it worse.
     fn resolve_redundancy(&self, target: &Pose, solution: Solution<N>) -> Solution<N> {
         const STEPS: usize = 8;
-        const RATE: f64 = 0.5;
-        let (preferred, scale) = match self.options.redundancy {
+        let (preferred, scale): (Joints<N>, Joints<N>) = match self.options.redundancy {
             Redundancy::Free => return solution,
             Redundancy::Near(joints) => (joints, Joints::repeat(1.0)),
             Redundancy::AwayFromLimits => {
@@ -257,31 +256,46 @@ impl<const N: usize> Solver<N> {
                 )
             }
         };
+        let scale = scale / scale.max();
         let distance = |joints: &Joints<N>| (joints - preferred).component_mul(&scale).norm();
         let mut best = solution;
-        let mut now = self.at(target, solution.joints);
-        for step in 1..=STEPS {
-            let system = now.jacobian * now.jacobian.transpose()
-                + Matrix6::from_diagonal_element(PROJECTOR_DAMPING);
-            let Some(cholesky) = system.cholesky() else {
-                break;
-            };
-            // J⁺ (e - J wish) + wish: towards the wish, and back to the target what that costs.
-            let wish = if step < STEPS {
-                (preferred - now.joints).component_mul(&scale.component_mul(&scale))
-                    * (RATE / scale.max().powi(2))
-            } else {
-                Joints::zeros()
-            };
-            let correction = cholesky.solve(&(now.error - now.jacobian * wish));
-            let moved = wish + now.jacobian.transpose() * correction;
-            now = self.at(target, self.chain.clamp(&(now.joints + moved)));
-            if self.is_solved(&now.error) && distance(&now.joints) < distance(&best.joints) {
-                (best.position_error, best.angle_error) = distances(&now.error);
-                best.joints = now.joints;
+        let mut rate = 0.5;
+        for _ in 0..STEPS {
+            let downhill =
+                (preferred - best.joints).component_mul(&scale.component_mul(&scale)) * rate;
+            match self.move_in_place(target, &best.joints, downhill) {
+                Some(now) if distance(&now.joints) < distance(&best.joints) => {
+                    (best.position_error, best.angle_error) = distances(&now.error);
+                    best.joints = now.joints;
+                }
+                _ => rate /= 2.0,
             }
         }
         best
+    }
+
+    /// Moves the joints by what of `wish` leaves the tool alone, `(1 - J⁺ J) wish`, and makes good what a
+    /// straight step on a curved way costs; `None` if that fails.
+    fn move_in_place(
+        &self,
+        target: &Pose,
+        joints: &Joints<N>,
+        mut wish: Joints<N>,
+    ) -> Option<Iterate<N>> {
+        const CORRECTIONS: usize = 4;
+        let mut now = self.at(target, *joints);
+        for _ in 0..=CORRECTIONS {
+            let system = now.jacobian * now.jacobian.transpose()
+                + Matrix6::from_diagonal_element(PROJECTOR_DAMPING);
+            let correction = system.cholesky()?.solve(&(now.error - now.jacobian * wish));
+            let step = wish + now.jacobian.transpose() * correction;
+            wish = Joints::zeros();
+            now = self.at(target, self.chain.clamp(&(now.joints + step)));
+            if self.is_solved(&now.error) {
+                return Some(now);
+            }
+        }
+        None
     }
 }
 
