@@ -1,6 +1,6 @@
 //! The equations of motion of a chain.
 
-use nalgebra::{SMatrix, Vector3};
+use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use super::Body;
 use crate::kinematics::{Chain, Joints};
@@ -58,7 +58,8 @@ impl<const N: usize> Dynamics<N> {
         velocities: &Joints<N>,
         accelerations: &Joints<N>,
     ) -> Joints<N> {
-        self.newton_euler(joints, velocities, accelerations, self.gravity)
+        let turns = self.turns(joints);
+        self.newton_euler(&turns, velocities, accelerations, self.gravity)
     }
 
     /// The torques that hold the arm still, Nm.
@@ -73,12 +74,13 @@ impl<const N: usize> Dynamics<N> {
 
     /// The mass matrix, column by column.
     pub fn mass_matrix(&self, joints: &Joints<N>) -> MassMatrix<N> {
+        let turns = self.turns(joints);
         let still = Joints::zeros();
         let mut mass = MassMatrix::<N>::zeros();
         for joint in 0..N {
             let mut unit = Joints::<N>::zeros();
             unit[joint] = 1.0;
-            mass.set_column(joint, &self.newton_euler(joints, &still, &unit, 0.0));
+            mass.set_column(joint, &self.newton_euler(&turns, &still, &unit, 0.0));
         }
         mass
     }
@@ -110,15 +112,22 @@ impl<const N: usize> Dynamics<N> {
         self.gravity * moments.sum::<f64>()
     }
 
+    /// The rotation of each link's frame in the frame before it.
+    fn turns(&self, joints: &Joints<N>) -> [Matrix3<f64>; N] {
+        std::array::from_fn(|joint| {
+            let pose = self.chain.link_pose(joint, joints[joint]);
+            pose.rotation.into_inner()
+        })
+    }
+
     fn newton_euler(
         &self,
-        joints: &Joints<N>,
+        turns: &[Matrix3<f64>; N],
         velocities: &Joints<N>,
         accelerations: &Joints<N>,
         gravity: f64,
     ) -> Joints<N> {
         let z = Vector3::z();
-        let mut turns = [nalgebra::Matrix3::zeros(); N];
         let mut forces = [Vector3::zeros(); N];
         let mut moments = [Vector3::zeros(); N];
         // Outward: velocities and accelerations of each link in its own frame. That the base accelerates upward
@@ -127,12 +136,7 @@ impl<const N: usize> Dynamics<N> {
         let mut spin_change = Vector3::zeros();
         let mut acceleration = Vector3::new(0.0, 0.0, gravity);
         for joint in 0..N {
-            let turn = self
-                .chain
-                .link_pose(joint, joints[joint])
-                .rotation
-                .into_inner();
-            let back = turn.transpose();
+            let back = turns[joint].transpose();
             let axis_spin = z * velocities[joint];
             spin_change = back * (spin_change + z * accelerations[joint] + spin.cross(&axis_spin));
             spin = back * (spin + axis_spin);
@@ -145,7 +149,6 @@ impl<const N: usize> Dynamics<N> {
                 + spin.cross(&spin.cross(&body.centre));
             forces[joint] = at_centre * body.mass;
             moments[joint] = body.inertia * spin_change + spin.cross(&(body.inertia * spin));
-            turns[joint] = turn;
         }
         // Inward: force and moment that the link before passes on, about the origin of the frame before.
         let mut force = Vector3::zeros();

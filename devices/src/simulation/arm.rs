@@ -88,13 +88,12 @@ impl<const N: usize> Arm<N> {
         let controller = Controller::new(model.clone(), options.period);
         let mut simulator = Simulator::new(model, options);
         simulator.safety_mut().press_activate();
-        let counts = simulator.counts();
         Self {
-            set_point: controller.measure(&counts),
+            counts: simulator.counts(),
+            set_point: simulator.angles(),
             simulator,
             controller,
             solver,
-            counts,
             path: None,
             floating: false,
         }
@@ -143,8 +142,20 @@ impl<const N: usize> Arm<N> {
     /// Lets go of the joints, or holds them where they are: gravity stays compensated, a hand can lead the arm.
     pub fn set_floating(&mut self, floating: bool) {
         self.floating = floating;
+        self.hold_here();
+    }
+
+    /// Puts the arm into another pose, at rest, as by hand; it holds there.
+    pub fn place(&mut self, joints: &Joints<N>) {
+        self.simulator.place(joints);
+        self.counts = self.simulator.counts();
+        self.hold_here();
+    }
+
+    fn hold_here(&mut self) {
         self.path = None;
-        self.set_point = self.measured();
+        // Rounding can put a joint that stands at its limit a count outside.
+        self.set_point = self.solver.chain().clamp(&self.measured());
         self.controller.reset();
     }
 
@@ -153,9 +164,7 @@ impl<const N: usize> Arm<N> {
         if self.simulator.safety().mode() == SafetyMode::Active {
             self.follow_path();
         } else {
-            self.path = None;
-            self.set_point = self.measured();
-            self.controller.reset();
+            self.hold_here();
         }
         let orders = std::array::from_fn(|joint| {
             if self.floating {
