@@ -108,17 +108,7 @@ impl<const N: usize> Arm<N> {
         limits: &JointLimits<N>,
     ) -> Result<(), MoveRefused<N>> {
         self.check_active()?;
-        for (joint, allowed) in self.solver.chain().limits().iter().enumerate() {
-            let asked = target[joint];
-            if !allowed.contains(asked) {
-                return Err(MoveRefused::OutOfRange {
-                    joint,
-                    asked,
-                    min: allowed.min,
-                    max: allowed.max,
-                });
-            }
-        }
+        self.check_range(target)?;
         let path = Synchronised::new(self.set_point, *target, limits);
         self.path = Some(Path::Joints(path));
         Ok(())
@@ -136,6 +126,17 @@ impl<const N: usize> Arm<N> {
         let period = self.simulator.options().period;
         let line = Line::plan(&self.solver, &self.set_point, target, options, period)?;
         self.path = Some(Path::Line(line));
+        Ok(())
+    }
+
+    /// Makes these joint angles the set point at once, as a stream of positions does; drops a running move.
+    ///
+    /// Errors: [`MoveRefused::OutOfRange`], [`MoveRefused::NotActive`].
+    pub fn follow(&mut self, joints: &Joints<N>) -> Result<(), MoveRefused<N>> {
+        self.check_active()?;
+        self.check_range(joints)?;
+        self.path = None;
+        self.set_point = *joints;
         Ok(())
     }
 
@@ -245,6 +246,21 @@ impl<const N: usize> Arm<N> {
     /// The controller, to change its gains.
     pub fn controller_mut(&mut self) -> &mut Controller<N> {
         &mut self.controller
+    }
+
+    fn check_range(&self, target: &Joints<N>) -> Result<(), MoveRefused<N>> {
+        for (joint, allowed) in self.solver.chain().limits().iter().enumerate() {
+            let asked = target[joint];
+            if !allowed.contains(asked) {
+                return Err(MoveRefused::OutOfRange {
+                    joint,
+                    asked,
+                    min: allowed.min,
+                    max: allowed.max,
+                });
+            }
+        }
+        Ok(())
     }
 
     fn check_active(&self) -> Result<(), MoveRefused<N>> {
