@@ -61,6 +61,9 @@ const SPEED: f64 = 0.2;
 /// How long the arm may come to rest before it is measured.
 const SETTLE: Duration = Duration::from_millis(500);
 
+/// In millimetres.
+type Places = Vec<Vector3<f64>>;
+
 /// Sends the simulated arm to the four poses `repeat` times and writes the thesis's table beside its own.
 ///
 /// Errors: what `out` says, or a pose the arm refuses.
@@ -88,7 +91,7 @@ pub fn run(repeat: usize, out: &mut dyn Write) -> Result<(), DemoError> {
 }
 
 /// Where the tool ended, pose by pose, in millimetres; and how long the arm took.
-fn measure(repeat: usize) -> Result<(Vec<Vec<Vector3<f64>>>, Duration), DemoError> {
+fn measure(repeat: usize) -> Result<(Vec<Places>, Duration), DemoError> {
     let targets = THESIS.map(|row| pose(row.place, row.angles));
     let model = WamModel::<7>::new();
     let mut arm = Arm::new(model.clone(), SimulatorOptions::default());
@@ -126,7 +129,7 @@ fn comfortable(model: &WamModel<7>, target: &Pose) -> Result<Joints<7>, DemoErro
     Ok(solver.solve(target, &start)?.joints)
 }
 
-fn table(ends: &[Vec<Vector3<f64>>], out: &mut dyn Write) -> io::Result<()> {
+fn table(ends: &[Places], out: &mut dyn Write) -> io::Result<()> {
     writeln!(
         out,
         "{:<7}  {:<17} | {:<25} {:>6} {:>7} | {:<25} {:>6} {:>7}",
