@@ -289,9 +289,12 @@ fn silence_takes_the_arm_out_of_active() {
 }
 
 #[test]
-fn torques_that_are_no_numbers_do_no_harm() {
+fn what_is_no_number_does_no_harm() {
     let mut arm = simulator(WamModel::<7>::new(), reckless());
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, f64::MAX] {
+        arm.push(Vector3::repeat(bad));
+        arm.twist(Seven::repeat(bad));
+        arm.place(&Seven::repeat(bad));
         arm.step(Some(&Seven::repeat(bad)));
         assert!(arm.angles().iter().all(|angle| angle.is_finite()), "{bad}");
     }

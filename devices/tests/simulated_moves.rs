@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use nalgebra::Rotation3;
+use yarp_devices::dynamics::Body;
 use yarp_devices::kinematics::{Joints, Pose};
 use yarp_devices::simulation::{Arm, MoveRefused, SimulatorOptions};
 use yarp_devices::trajectory::{JointLimits, LineOptions};
@@ -96,4 +97,27 @@ fn a_refused_move_leaves_the_running_one_alone() {
     assert!(matches!(refused, MoveRefused::Line(_)));
     arm.finish(Duration::ZERO);
     assert_eq!(arm.set_point(), target);
+}
+
+#[test]
+fn an_arm_with_four_joints_moves_and_holds() {
+    let mut arm = Arm::new(WamModel::<4>::new(), SimulatorOptions::default());
+    let target = Joints::<4>::from([0.4, -0.8, 0.2, 1.5]);
+    arm.move_joints(&target, &JointLimits::uniform(0.75, 0.5))
+        .unwrap();
+    arm.finish(Duration::from_secs(1));
+    let off = (arm.measured() - target).abs();
+    assert!(off.amax() < 0.02, "{off}");
+    assert_eq!(arm.simulator().safety().fault(), None);
+}
+
+#[test]
+fn an_arm_carries_a_load_it_was_calibrated_with() {
+    let load = Body::point(2.0, nalgebra::Vector3::new(0.0, 0.0, 0.08));
+    let model = WamModel::<7>::new().with_load(load);
+    let mut arm = Arm::new(model, SimulatorOptions::default());
+    arm.place(&[0.0, 1.0, 0.0, 0.8, 0.0, 0.2, 0.0].into());
+    let held = arm.measured();
+    arm.run(Duration::from_secs(2));
+    assert!((arm.measured() - held).amax() < 0.01);
 }

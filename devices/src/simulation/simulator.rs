@@ -20,6 +20,18 @@ const FOREARM: f64 = 0.35;
 /// The largest torque command there is room for on the bus: 13 bits and a sign.
 const LARGEST_COMMAND: f64 = 8191.0;
 
+/// What an arm is pushed with at most, N or Nm: a car, so that numbers stay numbers.
+const LARGEST_PUSH: f64 = 1e4;
+
+/// The value cut to a magnitude; 0 for what is no number.
+fn within(value: f64, most: f64) -> f64 {
+    if value.is_nan() {
+        0.0
+    } else {
+        value.clamp(-most, most)
+    }
+}
+
 /// How a [`Simulator`] runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SimulatorOptions {
@@ -175,9 +187,17 @@ impl<const N: usize> Simulator<N> {
         self.model.chain.forward(&self.plant.angles)
     }
 
-    /// Puts the arm into another pose, at rest, as by hand.
+    /// Puts the arm into another pose, at rest, as by hand; what is no number leaves its joint where it is.
     pub fn place(&mut self, angles: &Joints<N>) {
-        self.plant.angles = self.model.chain.clamp(angles);
+        let here = self.plant.angles;
+        let asked = Joints::from_fn(|joint, _| {
+            if angles[joint].is_nan() {
+                here[joint]
+            } else {
+                angles[joint]
+            }
+        });
+        self.plant.angles = self.model.chain.clamp(&asked);
         self.plant.velocities = Joints::zeros();
     }
 
@@ -200,14 +220,14 @@ impl<const N: usize> Simulator<N> {
         }
     }
 
-    /// Pushes the tool with a force in the base frame, N, until told otherwise.
+    /// Pushes the tool with a force in the base frame, N, until told otherwise; what is no number does not push.
     pub fn push(&mut self, force: Vector3<f64>) {
-        self.push = force;
+        self.push = force.map(|value| within(value, LARGEST_PUSH));
     }
 
-    /// Twists the joints from outside, Nm, until told otherwise.
+    /// Twists the joints from outside, Nm, until told otherwise; what is no number does not twist.
     pub fn twist(&mut self, torques: Joints<N>) {
-        self.twist = torques;
+        self.twist = torques.map(|value| within(value, LARGEST_PUSH));
     }
 
     /// The speed the safety module judges: of the elbow or of the end of the forearm, m/s.
@@ -232,9 +252,7 @@ impl<const N: usize> Simulator<N> {
         let motors = self.model.transmission.motor_torques(torques);
         for (motor, command) in self.commands.iter_mut().enumerate() {
             let units = self.model.motors[motor].units_per_newton_metre * motors[motor];
-            // What is no number is no command.
-            *command = if units.is_nan() { 0.0 } else { units.floor() };
-            *command = command.clamp(-LARGEST_COMMAND, LARGEST_COMMAND);
+            *command = within(units.floor(), LARGEST_COMMAND);
         }
     }
 
