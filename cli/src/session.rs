@@ -131,7 +131,7 @@ pub(crate) async fn ask_server(
         server,
         carrier,
         ADMIN,
-        network.deadline(),
+        network,
     );
     let payload = opening
         .await?

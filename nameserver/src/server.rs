@@ -10,6 +10,7 @@ use tokio::net::UdpSocket;
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
 use yarp_ports::{Answer, Network, Port, PortError, PortOptions, Received, addresses, remote};
+use yarp_wire::auth::Key;
 use yarp_wire::carrier::ALL;
 use yarp_wire::message::RawText;
 use yarp_wire::name_service::{Command, Registration, Request};
@@ -30,6 +31,8 @@ pub struct ServerOptions {
     pub namespace: String,
     /// The UDP port on which it answers multicast detection, if it shall.
     pub multicast_port: Option<u16>,
+    /// The key that clients must hold, if there is one.
+    pub key: Option<Key>,
 }
 
 impl Default for ServerOptions {
@@ -41,6 +44,7 @@ impl Default for ServerOptions {
             port: settings.port,
             namespace: settings.name,
             multicast_port: Some(settings.multicast_port),
+            key: None,
         }
     }
 }
@@ -69,6 +73,12 @@ impl ServerOptions {
         self
     }
 
+    /// The same options for clients that hold this key.
+    pub fn key(mut self, key: Option<Key>) -> Self {
+        self.key = key;
+        self
+    }
+
     /// The same options, found by multicast on UDP port `port`.
     pub fn multicast(mut self, port: u16) -> Self {
         self.multicast_port = Some(port);
@@ -91,6 +101,7 @@ impl ServerOptions {
 pub struct Server {
     port: Arc<Port>,
     host: String,
+    key: Option<Key>,
     registry: Arc<Mutex<Registry>>,
     /// The tasks that see to effects and to multicast detection.
     tasks: Vec<JoinHandle<()>>,
@@ -110,12 +121,12 @@ impl Server {
             .unregistered()
             .number(options.port)
             .handler(handler);
-        let network = Network::at(&options.host, options.port);
+        let network = Network::at(&options.host, options.port).with_key(options.key.clone());
         let port = Port::open(&network, &options.namespace, port_options).await?;
         let port = Arc::new(port);
         *lock(&registry) = Registry::new(options.settings(port.number()));
         introduce(&registry, &options.namespace);
-        let network = Network::at(&options.host, port.number());
+        let network = Network::at(&options.host, port.number()).with_key(options.key.clone());
         let mut tasks = vec![tokio::spawn(see_to(waiting, port.clone(), network))];
         if let Some(number) = options.multicast_port {
             tasks.extend(answer_detection(number, &registry));
@@ -123,6 +134,7 @@ impl Server {
         Ok(Self {
             port,
             host: options.host,
+            key: options.key,
             registry,
             tasks,
         })
@@ -140,7 +152,7 @@ impl Server {
 
     /// The network of this name server.
     pub fn network(&self) -> Network {
-        Network::at(&self.host, self.port())
+        Network::at(&self.host, self.port()).with_key(self.key.clone())
     }
 
     /// Every registered port, sorted by name.

@@ -8,6 +8,7 @@ use yarp_wire::connection::ProtocolError;
 use yarp_wire::mjpeg::MjpegError;
 use yarp_wire::name::NameError;
 
+use crate::auth::AuthFailure;
 use crate::config::ConfigError;
 
 /// Why something that a port was asked for did not happen.
@@ -73,6 +74,17 @@ pub enum PortError {
         /// What went wrong.
         #[source]
         source: io::Error,
+    },
+    /// The other side does not hold our key.
+    #[error("{peer} at {address} does not show that it has our key")]
+    Authentication {
+        /// Whom.
+        peer: String,
+        /// Where.
+        address: String,
+        /// What went wrong.
+        #[source]
+        source: AuthFailure,
     },
     /// There is no such carrier here.
     #[error("there is no carrier {carrier:?}; known are {known}")]

@@ -5,6 +5,7 @@
 //! [`blocking`] is the same for programs that do not write async.
 
 pub mod addresses;
+mod auth;
 pub mod blocking;
 mod busy;
 mod cancel;
@@ -20,6 +21,7 @@ pub mod remote;
 mod stream;
 mod unix;
 
+pub use auth::AuthFailure;
 pub use dialogue::Dialogue;
 pub use error::{PortError, story};
 pub use network::{Network, Place};

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use bytes::BytesMut;
 use yarp_wire::Contact;
+use yarp_wire::auth::Key;
 use yarp_wire::carrier::ALL;
 use yarp_wire::name_service::{
     Answer, AnswerReader, Command, PREFIX, Registering, Registration, Request, Until,
@@ -30,6 +31,8 @@ struct Inner {
     /// What the environment says, for a network that came from it.
     configuration: Option<Configuration>,
     deadline: Duration,
+    /// What both ends of each connection must know.
+    key: Option<Key>,
 }
 
 /// How long connecting and asking may take, unless told otherwise; stock waits as long.
@@ -48,6 +51,7 @@ impl Network {
             namespace: DEFAULT_NAMESPACE.to_owned(),
             configuration: None,
             deadline: DEADLINE,
+            key: None,
         })
     }
 
@@ -58,6 +62,7 @@ impl Network {
             namespace: DEFAULT_NAMESPACE.to_owned(),
             configuration: None,
             deadline: DEADLINE,
+            key: None,
         })
     }
 
@@ -75,6 +80,7 @@ impl Network {
         Self::from(Inner {
             server,
             namespace: namespace.to_owned(),
+            key: configuration.key().cloned(),
             configuration: Some(configuration),
             deadline: DEADLINE,
         })
@@ -90,6 +96,20 @@ impl Network {
             deadline,
             ..Inner::clone(&self.0)
         })
+    }
+
+    /// The same network with another key, or none: ports opened on it take connections only from
+    /// programs that hold it, and connect only to those.
+    pub fn with_key(&self, key: Option<Key>) -> Self {
+        Self::from(Inner {
+            key,
+            ..Inner::clone(&self.0)
+        })
+    }
+
+    /// The key that both ends of a connection must hold; `auth.conf` gives it.
+    pub fn key(&self) -> Option<&Key> {
+        self.0.key.as_ref()
     }
 
     /// How long connecting and asking may take.
@@ -158,11 +178,14 @@ impl Network {
             }
         };
         let conversation = async {
-            let connecting = stream::connect("the name server", host, port, self.0.deadline);
+            let connecting = stream::connect("the name server", host, port, self);
             let stream = match connecting.await {
                 Ok(stream) => stream,
                 Err(PortError::Connect { source, .. }) => {
                     return Err(failed("connecting")(source));
+                }
+                Err(PortError::Authentication { source, .. }) => {
+                    return Err(failed("authentication")(io::Error::other(source)));
                 }
                 Err(_) => {
                     return Err(failed("connecting")(io::ErrorKind::TimedOut.into()));

@@ -26,7 +26,8 @@ fn is_about(image: &Image, colour: [u8; 3]) -> bool {
 async fn ask(port: &Port, request: &Bottle) -> String {
     let carrier = Carrier::by_name("text_ack").unwrap();
     let address = ("127.0.0.1", port.number());
-    let opening = Dialogue::open(port.name(), address, carrier, "admin", common::DEADLINE);
+    let network = Network::none().with_deadline(common::DEADLINE);
+    let opening = Dialogue::open(port.name(), address, carrier, "admin", &network);
     let mut dialogue = opening.await.unwrap();
     dialogue.admin(request).await.unwrap().to_string()
 }

@@ -107,7 +107,8 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let options = ServerOptions::default()
         .at(&place.host, place.port)
         .namespace(&held.name)
-        .multicast(configuration.default_port());
+        .multicast(configuration.default_port())
+        .key(configuration.key().cloned());
     let server = match Server::start(options).await {
         Ok(server) => server,
         Err(error) => {

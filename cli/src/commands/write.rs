@@ -151,7 +151,7 @@ async fn administer(network: &Network, port: &Port, targets: &[String]) -> Resul
             address,
             carrier,
             port.name(),
-            network.deadline(),
+            network,
         );
         dialogues.push(opening.await?);
     }

@@ -219,7 +219,7 @@ impl Core {
         let address = (found.host.as_str(), found.port);
         let dialect = match carrier.framing {
             framing if framing.is_binary() => {
-                probe::generation(&found.name, address, self.network.deadline()).await
+                probe::generation(&found.name, address, &self.network).await
             }
             _ => Some(Dialect::default()),
         };
@@ -234,7 +234,7 @@ impl Core {
             carrier,
             dialect: dialect.unwrap_or(self.options.dialect),
             group: group.as_ref(),
-            deadline: self.network.deadline(),
+            network: &self.network,
         };
         match Output::connect(&target, self.cancelled.clone()).await {
             Ok(mut output) => {

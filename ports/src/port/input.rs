@@ -22,20 +22,34 @@ use super::options::{Input, Serving};
 use super::output::{Output, Way};
 use super::qos::SocketHandle;
 use super::received::{Answer, Received, Reply, Responder};
+use crate::auth;
 use crate::busy::BusyPoll;
 use crate::cancel::{Cancel, Cancelled};
 use crate::datagram;
+use crate::error::story;
 use crate::stream::{self, Inflow, Socket};
 use crate::unix;
 
 /// Serves a connection until it ends, is displaced, or the port closes.
 pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, address: IpAddr) {
-    let (cancel, mut displaced) = Cancel::new();
     let mut closing = core.cancelled.clone();
+    let stream = Socket::Tcp(stream);
+    if let Some(key) = core.network.key() {
+        let known = tokio::select! {
+            known = auth::accept(&stream, key) => known,
+            () = closing.cancelled() => return,
+        };
+        if let Err(error) = known {
+            let text = story(&error);
+            tracing::warn!(port = %core.name, %address, "Authentication of {address} failed: {text}");
+            return;
+        }
+    }
+    let (cancel, mut displaced) = Cancel::new();
     let mut connection = Connection {
         acceptor: Acceptor::new(core.number, core.options.dialect, Limits::DEFAULT),
         core: core.clone(),
-        stream: Arc::new(Socket::Tcp(stream)),
+        stream: Arc::new(stream),
         input: Inflow::default(),
         output: BytesMut::new(),
         entry: None,

@@ -1,6 +1,7 @@
 //! What the fuzzer starts from: good input of every kind, and bad input of every kind we know.
 
 use bytes::BytesMut;
+use yarp_wire::auth::{Handshake, Key};
 use yarp_wire::connection::put_message;
 use yarp_wire::message::Command;
 use yarp_wire::mjpeg::{RESPONSE, put_part};
@@ -27,6 +28,7 @@ pub(crate) fn all() -> Vec<(&'static str, Vec<Vec<u8>>)> {
         ("typed", typed_messages()),
         ("mjpeg", streams()),
         ("websocket", frames()),
+        ("auth", handshakes()),
     ]
 }
 
@@ -271,5 +273,24 @@ fn frames() -> Vec<Vec<u8>> {
         b"\x01\x83\0\0\0\0abc\x89\x82\x01\x02\x03\x04hi\x80\xfe\0\x01\0\0\0\0d".to_vec(),
         b"\x82\x88\0\0\0\0\0\0\0\0~d\0\x01\x88\x82\0\0\0\0\x03\xe8".to_vec(),
         b"\x82\xff\0\0\0\xff\0\0\0\0\0\0\0\0".to_vec(),
+    ]
+}
+
+/// The side and the size of its steps in front; the key and the nonces are those of the target.
+fn handshakes() -> Vec<Vec<u8>> {
+    let key = Key::new(b"fuzz").unwrap();
+    let (mut first, mut second, mut third) = (BytesMut::new(), BytesMut::new(), BytesMut::new());
+    let mut acceptor = Handshake::accept(key.clone(), [[1; 8], [3; 8]], &mut first);
+    let mut initiator = Handshake::initiate(key, [2; 8]);
+    let challenge = first.to_vec();
+    initiator.poll(&mut first, &mut second).unwrap();
+    let answer = second.to_vec();
+    acceptor.poll(&mut second, &mut third).unwrap();
+    vec![
+        [&[0, 7][..], &answer].concat(),
+        [&[0, 40][..], &answer, b"CONNECT /x\r\n"].concat(),
+        [&[1, 9][..], &challenge, &third].concat(),
+        [&[1, 1][..], &challenge].concat(),
+        [&[0, 3][..], b"CONNECT /a/port/without/a/key/and/a/long/name\r\n"].concat(),
     ]
 }
