@@ -69,6 +69,11 @@ for server in ours stock; do
         --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours" --server "$server"
 done
 
+for server in ours stock; do
+    suite "keys of auth.conf, server: $server" "$python" conformance/live/auth.py \
+        --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours" --server "$server"
+done
+
 # An arm of ours, driven by the stock client, on a name server of ours and on one of stock's.
 port=15510
 for server in ours stock; do

@@ -2,6 +2,7 @@
 //!
 //! [`registry`] is a plain state machine that answers requests; [`Server`] puts it behind a port.
 
+mod access;
 pub mod discovery;
 pub mod registry;
 mod server;

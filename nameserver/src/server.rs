@@ -1,7 +1,7 @@
 //! The registry behind a port.
 
 use std::io;
-use std::net::{Ipv4Addr, SocketAddrV4};
+use std::net::{IpAddr, Ipv4Addr, SocketAddrV4};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -10,12 +10,14 @@ use tokio::net::UdpSocket;
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
 use yarp_ports::{Answer, Network, Port, PortError, PortOptions, Received, addresses, remote};
+use yarp_ports::roles::{Peer, Roles};
 use yarp_wire::auth::Key;
 use yarp_wire::carrier::ALL;
 use yarp_wire::message::RawText;
 use yarp_wire::name_service::{Command, Registration, Request};
 use yarp_wire::{Bottle, Vocab32};
 
+use crate::access;
 use crate::discovery;
 use crate::registry::{Body, Effect, Link, Registry, Reply, Settings};
 
@@ -33,6 +35,8 @@ pub struct ServerOptions {
     pub multicast_port: Option<u16>,
     /// The key that clients must hold, if there is one.
     pub key: Option<Key>,
+    /// Who may look up, register and connect; see [`yarp_ports::roles`].
+    pub roles: Roles,
 }
 
 impl Default for ServerOptions {
@@ -45,6 +49,7 @@ impl Default for ServerOptions {
             namespace: settings.name,
             multicast_port: Some(settings.multicast_port),
             key: None,
+            roles: Roles::default(),
         }
     }
 }
@@ -76,6 +81,12 @@ impl ServerOptions {
     /// The same options for clients that hold this key.
     pub fn key(mut self, key: Option<Key>) -> Self {
         self.key = key;
+        self
+    }
+
+    /// The same options with these roles.
+    pub fn roles(mut self, roles: Roles) -> Self {
+        self.roles = roles;
         self
     }
 
@@ -114,14 +125,35 @@ impl Server {
         // The number is known only once the port listens; until then nobody can ask.
         let registry = Arc::new(Mutex::new(Registry::new(options.settings(0))));
         let handler = {
-            let registry = registry.clone();
-            move |message: &mut Received| answer(&registry, &effects, message)
+            let (registry, roles) = (registry.clone(), options.roles.clone());
+            let own = options.namespace.clone();
+            move |message: &mut Received| {
+                let Ok(bottle) = message.bottle() else {
+                    return Answer::Nothing;
+                };
+                let request = Request::from_bottle(&bottle);
+                let peer = Peer {
+                    name: &message.from,
+                    address: message.address,
+                };
+                match access::refusal(&roles, &own, peer, &request.command) {
+                    None => answer(&registry, &effects, message.address, &request),
+                    Some(refusal) => {
+                        tracing::warn!("refused a request: {refusal}");
+                        let body = Body::lines([format!("refused: {refusal}")]);
+                        Answer::reply(RawText(body.to_text()))
+                    }
+                }
+            }
         };
         let port_options = PortOptions::new()
             .unregistered()
             .number(options.port)
+            // Each request is looked at by itself.
+            .open_to_messages()
             .handler(handler);
         let network = Network::at(&options.host, options.port).with_key(options.key.clone());
+        let network = network.with_roles(options.roles.clone());
         let port = Port::open(&network, &options.namespace, port_options).await?;
         let port = Arc::new(port);
         *lock(&registry) = Registry::new(options.settings(port.number()));
@@ -129,7 +161,9 @@ impl Server {
         let network = Network::at(&options.host, port.number()).with_key(options.key.clone());
         let mut tasks = vec![tokio::spawn(see_to(waiting, port.clone(), network))];
         if let Some(number) = options.multicast_port {
-            tasks.extend(answer_detection(number, &registry));
+            // Nobody shows a key in a datagram: where this server is, is all that is told then.
+            let only = options.is_guarded().then(|| options.namespace.clone());
+            tasks.extend(answer_detection(number, &registry, only));
         }
         Ok(Self {
             port,
@@ -174,6 +208,11 @@ impl Server {
 }
 
 impl ServerOptions {
+    /// Whether some are served and some are not.
+    fn is_guarded(&self) -> bool {
+        self.key.is_some() || self.roles.are_any()
+    }
+
     fn settings(&self, port: u16) -> Settings {
         let mut settings = Settings::at(&self.host, port);
         settings.name.clone_from(&self.namespace);
@@ -192,13 +231,10 @@ fn lock(registry: &Mutex<Registry>) -> MutexGuard<'_, Registry> {
 fn answer(
     registry: &Mutex<Registry>,
     effects: &mpsc::Sender<Effect>,
-    message: &mut Received,
+    address: IpAddr,
+    request: &Request,
 ) -> Answer {
-    let Ok(bottle) = message.bottle() else {
-        return Answer::Nothing;
-    };
-    let request = Request::from_bottle(&bottle);
-    let reply = lock(registry).handle(Instant::now(), Some(message.address), &request);
+    let reply = lock(registry).handle(Instant::now(), Some(address), request);
     let Reply {
         body,
         effects: caused,
@@ -276,8 +312,13 @@ async fn disconnect(network: Network, link: Link) {
     let _ = remote::administer(&network, &link.source, &request).await;
 }
 
-/// Answers multicast detection on UDP port `number`, if the system lets us.
-fn answer_detection(number: u16, registry: &Arc<Mutex<Registry>>) -> Option<JoinHandle<()>> {
+/// Answers multicast detection on UDP port `number`, if the system lets us; `only` questions for the
+/// server of this name, if there is one.
+fn answer_detection(
+    number: u16,
+    registry: &Arc<Mutex<Registry>>,
+    only: Option<String>,
+) -> Option<JoinHandle<()>> {
     let socket = match group_socket(number) {
         Ok(socket) => socket,
         Err(error) => {
@@ -301,6 +342,11 @@ fn answer_detection(number: u16, registry: &Arc<Mutex<Registry>>) -> Option<Join
                 }
             };
             let packet = &packet[..length];
+            if let Some(name) = &only
+                && !discovery::asks_for(name, packet)
+            {
+                continue;
+            }
             let answer =
                 discovery::respond(&mut lock(&registry), Instant::now(), from.ip(), packet);
             if let Some(answer) = answer {

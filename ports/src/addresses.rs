@@ -19,6 +19,14 @@ pub fn own() -> Vec<String> {
         .collect()
 }
 
+/// Whether this is an address of one of this machine's interfaces.
+pub(crate) fn is_own(address: IpAddr) -> bool {
+    let interfaces = if_addrs::get_if_addrs().unwrap_or_default();
+    interfaces
+        .iter()
+        .any(|interface| interface.ip() == address)
+}
+
 /// The address under which others reach this machine: the first that is not loopback.
 pub fn best() -> String {
     let interfaces = if_addrs::get_if_addrs().unwrap_or_default();

@@ -86,6 +86,12 @@ pub enum PortError {
         #[source]
         source: AuthFailure,
     },
+    /// The roles in force do not allow it.
+    #[error("{text}")]
+    NotAllowed {
+        /// Who may not do what.
+        text: String,
+    },
     /// There is no such carrier here.
     #[error("there is no carrier {carrier:?}; known are {known}")]
     NoCarrier {

@@ -18,6 +18,7 @@ mod network;
 mod port;
 mod probe;
 pub mod remote;
+pub mod roles;
 mod stream;
 mod unix;
 

@@ -15,6 +15,7 @@ use yarp_wire::name_service::{
 use crate::addresses;
 use crate::config::{Configuration, DEFAULT_NAMESPACE};
 use crate::error::PortError;
+use crate::roles::Roles;
 use crate::stream::{self, Inflow};
 
 /// A YARP network: a name server and a namespace.
@@ -33,6 +34,8 @@ struct Inner {
     deadline: Duration,
     /// What both ends of each connection must know.
     key: Option<Key>,
+    /// Who may do what with the ports that are opened here.
+    roles: Roles,
 }
 
 /// How long connecting and asking may take, unless told otherwise; stock waits as long.
@@ -52,6 +55,7 @@ impl Network {
             configuration: None,
             deadline: DEADLINE,
             key: None,
+            roles: Roles::default(),
         })
     }
 
@@ -63,6 +67,7 @@ impl Network {
             configuration: None,
             deadline: DEADLINE,
             key: None,
+            roles: Roles::default(),
         })
     }
 
@@ -81,6 +86,7 @@ impl Network {
             server,
             namespace: namespace.to_owned(),
             key: configuration.key().cloned(),
+            roles: configuration.roles().clone(),
             configuration: Some(configuration),
             deadline: DEADLINE,
         })
@@ -110,6 +116,19 @@ impl Network {
     /// The key that both ends of a connection must hold; `auth.conf` gives it.
     pub fn key(&self) -> Option<&Key> {
         self.0.key.as_ref()
+    }
+
+    /// The same network with other roles for the ports that are opened on it.
+    pub fn with_roles(&self, roles: Roles) -> Self {
+        Self::from(Inner {
+            roles,
+            ..Inner::clone(&self.0)
+        })
+    }
+
+    /// Who may do what with the ports that are opened on it; `roles.conf` says.
+    pub fn roles(&self) -> &Roles {
+        &self.0.roles
     }
 
     /// How long connecting and asking may take.

@@ -108,7 +108,8 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         .at(&place.host, place.port)
         .namespace(&held.name)
         .multicast(configuration.default_port())
-        .key(configuration.key().cloned());
+        .key(configuration.key().cloned())
+        .roles(configuration.roles().clone());
     let server = match Server::start(options).await {
         Ok(server) => server,
         Err(error) => {
@@ -121,6 +122,14 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         config::write(&held.file, &place.to_string())?;
     }
     if !args.silent {
+        if configuration.key().is_none() {
+            // It listens at all addresses of this machine.
+            tracing::warn!(
+                target: "yarp.serversql.Server",
+                "No auth.conf with a key: whoever reaches TCP port {} can use this name server",
+                place.port
+            );
+        }
         let NameServer { host, port, .. } = &place;
         writeln!(out, "Name server can be browsed at http://{host}:{port}/")?;
         writeln!(out, "Ok. Ready!")?;

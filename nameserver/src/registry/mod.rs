@@ -39,6 +39,11 @@ use properties::Properties;
 pub use limits::Refusal;
 pub use reply::{Body, Effect, Link, Reply};
 
+/// The name in a contact such as `tcp://name`, as persistent connections have them.
+pub(crate) fn bare_name(contact: &str) -> &str {
+    persistent::split_carrier(contact).1
+}
+
 /// What the server knows of itself.
 #[derive(Clone, Debug)]
 pub struct Settings {

@@ -8,6 +8,7 @@
 //! | `yarp_namespace.conf` | the names of the name servers to use, `/root` unless told otherwise |
 //! | `_NAME.conf` | where the name server called `/NAME` is |
 //! | `auth.conf` | the key that all programs of the network share; also looked for elsewhere, see [`Directories::resources`] |
+//! | `roles.conf` | who may do what with which ports, see [`crate::roles`]; looked for like `auth.conf` |
 //!
 //! | variable | says |
 //! | --- | --- |
@@ -39,6 +40,8 @@ pub use name_server::{Mode, NameServer};
 pub use namespaces::{DEFAULT_NAMESPACE, file_name, parse_namespaces, print_namespaces};
 use yarp_wire::auth::Key;
 
+use crate::roles::{self, Roles};
+
 /// TCP port of the name server, and UDP port of multicast detection, unless told otherwise.
 pub const DEFAULT_PORT: u16 = 10000;
 
@@ -50,6 +53,7 @@ pub struct Configuration {
     namespaces: Vec<Namespace>,
     default_port: u16,
     key: Option<Key>,
+    roles: Roles,
 }
 
 /// One name server that may be used.
@@ -157,12 +161,14 @@ impl Configuration {
                 break;
             }
         }
+        let roles = Roles::load(directories.resources(&environment, roles::FILE), find)?;
         Ok(Self {
             environment,
             directories,
             namespaces,
             default_port: default_port.unwrap_or(DEFAULT_PORT),
             key,
+            roles,
         })
     }
 
@@ -197,6 +203,11 @@ impl Configuration {
     /// The key of `auth.conf`, if there is such a file.
     pub fn key(&self) -> Option<&Key> {
         self.key.as_ref()
+    }
+
+    /// The roles of `roles.conf`.
+    pub fn roles(&self) -> &Roles {
+        &self.roles
     }
 
     /// The address to register ports with, given those of this machine as text.

@@ -32,7 +32,7 @@ mod received;
 mod supervised;
 
 use std::io;
-use std::sync::Arc;
+use std::sync::{Arc, Once};
 use std::task::Poll;
 use std::time::Duration;
 
@@ -168,6 +168,9 @@ impl Port {
             network.introduce(port.name()).await?;
         }
         tracing::info!(port = %port.core.name, "Port {} active at {}", port.name(), port.address());
+        if network.key().is_none() {
+            tell_of_openness();
+        }
         Ok(port)
     }
 
@@ -626,6 +629,14 @@ fn bind(name: &str, number: u16) -> Result<TcpListener, PortError> {
         number,
         source,
     })
+}
+
+/// Says, once, that anybody can come: ports listen at all addresses of the machine.
+fn tell_of_openness() {
+    static TOLD: Once = Once::new();
+    TOLD.call_once(|| {
+        tracing::debug!("no auth.conf with a key: whoever reaches a port of this process can use it");
+    });
 }
 
 /// Accepts connections until the port closes, then waits for them to end.
