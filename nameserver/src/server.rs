@@ -2,6 +2,7 @@
 
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, SocketAddrV4};
+use std::ops::RangeInclusive;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -19,7 +20,7 @@ use yarp_wire::{Bottle, Vocab32};
 
 use crate::access;
 use crate::discovery;
-use crate::registry::{Body, Effect, Link, Registry, Reply, Settings};
+use crate::registry::{Body, Effect, Link, Registry, Reply, Settings, Subnet};
 
 /// How a name server is to be started.
 #[derive(Clone, Debug)]
@@ -33,6 +34,8 @@ pub struct ServerOptions {
     pub namespace: String,
     /// The UDP port on which it answers multicast detection, if it shall.
     pub multicast_port: Option<u16>,
+    /// The TCP ports that it hands out, if not those above its own.
+    pub numbers: Option<RangeInclusive<u16>>,
     /// The key that clients must hold, if there is one.
     pub key: Option<Key>,
     /// Who may look up, register and connect; see [`yarp_ports::roles`].
@@ -48,6 +51,7 @@ impl Default for ServerOptions {
             port: settings.port,
             namespace: settings.name,
             multicast_port: Some(settings.multicast_port),
+            numbers: None,
             key: None,
             roles: Roles::default(),
         }
@@ -75,6 +79,12 @@ impl ServerOptions {
     /// The same options in another namespace.
     pub fn namespace(mut self, namespace: &str) -> Self {
         namespace.clone_into(&mut self.namespace);
+        self
+    }
+
+    /// The same options, handing out these TCP ports and no others.
+    pub fn numbers(mut self, numbers: RangeInclusive<u16>) -> Self {
+        self.numbers = Some(numbers);
         self
     }
 
@@ -219,6 +229,9 @@ impl ServerOptions {
         if let Some(number) = self.multicast_port {
             settings.multicast_port = number;
         }
+        settings.numbers.clone_from(&self.numbers);
+        let subnet = |(own, bits)| Subnet { own, bits };
+        settings.subnets = addresses::subnets().into_iter().map(subnet).collect();
         settings
     }
 }

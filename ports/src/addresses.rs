@@ -19,6 +19,16 @@ pub fn own() -> Vec<String> {
         .collect()
 }
 
+/// The addresses of this machine's interfaces, and how many bits each shares with its network.
+pub fn subnets() -> Vec<(IpAddr, u8)> {
+    let interfaces = if_addrs::get_if_addrs().unwrap_or_default();
+    let subnet = |interface: if_addrs::Interface| match interface.addr {
+        if_addrs::IfAddr::V4(v4) => (IpAddr::V4(v4.ip), v4.prefixlen),
+        if_addrs::IfAddr::V6(v6) => (IpAddr::V6(v6.ip), v6.prefixlen),
+    };
+    interfaces.into_iter().map(subnet).collect()
+}
+
 /// Whether this is an address of one of this machine's interfaces.
 pub(crate) fn is_own(address: IpAddr) -> bool {
     let interfaces = if_addrs::get_if_addrs().unwrap_or_default();
