@@ -33,8 +33,9 @@ impl Subnet {
 
 /// Tells an asker at `from` the one of the port's addresses that suits it.
 ///
-/// Changes nothing for askers on the server's own machine, for hosts that are names, and where the
-/// address is one of the asker's network already. Askers from networks that the server is not in
+/// Changes nothing for askers on the server's own machine, for hosts that are names, where the
+/// address is one of the asker's network already, and where it is none of the port's own: then
+/// somebody chose it (`YARP_IP`), for a port behind a translation of addresses. Askers from networks that the server is not in
 /// get what was registered, unless that is a loopback address.
 pub(super) fn suit(
     registration: &mut Registration,
@@ -57,6 +58,9 @@ pub(super) fn suit(
         return;
     }
     let known = || ips.iter().filter_map(|ip| ip.parse::<IpAddr>().ok());
+    if !host.is_loopback() && !known().any(|ip| ip == host) {
+        return;
+    }
     let near = known().find(|ip| network.is_some_and(|network| network.contains(*ip)));
     let other = || known().find(|ip| !ip.is_loopback() && ip.is_ipv4() == from.is_ipv4());
     if let Some(ip) = near.or_else(|| host.is_loopback().then(other).flatten()) {
@@ -114,6 +118,7 @@ mod tests {
             check("127.0.0.1", from, "127.0.0.1");
         }
         check("robot", "10.2.1.1", "robot");
+        check("203.0.113.5", "10.2.1.1", "203.0.113.5");
         check("224.2.1.1", "10.2.1.1", "224.2.1.1");
         // From elsewhere: only who was given no address at all is helped.
         check("10.1.0.7", "198.51.100.3", "10.1.0.7");

@@ -120,18 +120,11 @@ impl Port {
             (name, network.own_host(), options.number.unwrap_or(0))
         };
         let listener = match bind(&name, number) {
-            Err(PortError::Listen { source, .. })
+            Err(PortError::Listen { name, number, source })
                 if source.kind() == io::ErrorKind::AddrInUse && options.number.is_none() =>
             {
-                // Somebody the name server does not know has the number it gave: take a free one.
-                let listener = bind(&name, 0)?;
-                let number = listener.local_addr().map_or(0, |address| address.port());
-                let asking = Registering {
-                    number: Some(i64::from(number)),
-                    type_name: options.type_name.clone(),
-                    ..Registering::named(&name)
-                };
-                network.register(asking).await.map(|_| listener)
+                let taken = PortError::Listen { name: name.clone(), number, source };
+                elsewhere(network, &name, &options, taken).await
             }
             listening => listening,
         };
@@ -615,6 +608,43 @@ impl<'a> Encoded<'a> {
         });
         payload.clone()
     }
+}
+
+/// Other numbers that are asked for when the one that was given is taken by somebody whom the name
+/// server does not know.
+const OTHER_NUMBERS: usize = 32;
+
+/// Listens on another number of the name server's, and registers it.
+///
+/// A server gives a name the number that it had before, so the numbers are asked for under invented
+/// names. Numbers that the server would not give are left alone: they may not be reachable.
+async fn elsewhere(
+    network: &Network,
+    name: &str,
+    options: &PortOptions,
+    taken: PortError,
+) -> Result<TcpListener, PortError> {
+    let mut result = Err(taken);
+    let mut invented = Vec::new();
+    while result.is_err() && invented.len() < OTHER_NUMBERS {
+        let Ok(given) = network.register_one(Registering::named("...")).await else {
+            break;
+        };
+        invented.push(given.name);
+        if let Ok(listener) = bind(name, given.port) {
+            let asking = Registering {
+                number: Some(given.port.into()),
+                type_name: options.type_name.clone(),
+                ..Registering::named(name)
+            };
+            result = network.register(asking).await.map(|_| listener);
+        }
+    }
+    for name in &invented {
+        // What is left behind is one name too many, no more.
+        let _ = network.unregister(name).await;
+    }
+    result
 }
 
 fn bind(name: &str, number: u16) -> Result<TcpListener, PortError> {
