@@ -24,7 +24,7 @@ failed=0
 says() {
     local what=$1 words=$2 said
     shift 2
-    said=$(timeout 20 "$@" 2>&1 || true)
+    said=$("$@" 2>&1 || true)
     if grep -qF -- "$words" <<<"$said"; then
         echo "ok   $what"
     else
@@ -60,10 +60,15 @@ cable toright 10.71.2.1 "$right" 10.71.2.2
 run() {
     local space=$1
     shift
-    ip netns exec "$space" env YARP_CONFIG_HOME="$work/$space" YARP_DATA_HOME="$work/$space" "$@"
+    timeout 20 ip netns exec "$space" env YARP_CONFIG_HOME="$work/$space" \
+        YARP_DATA_HOME="$work/$space" "$@"
 }
+# The same in the background, until the end.
 start() {
-    run "$@" >>"$work/log" 2>&1 &
+    local space=$1
+    shift
+    ip netns exec "$space" env YARP_CONFIG_HOME="$work/$space" YARP_DATA_HOME="$work/$space" \
+        "$@" >>"$work/log" 2>&1 &
     running+=($!)
 }
 for place in "$server 127.0.0.1" "$left 10.71.1.1" "$right 10.71.2.1"; do
@@ -93,7 +98,7 @@ for tool in "${tools[@]}"; do
     says "$tool on the right, asking for the left" "ip 10.71.1.1 " run "$right" "${yarp[@]}" name query "/net=10.71.1/here"
     says "$tool on the left: its own port" "ip 10.71.1.2 " run "$left" "${yarp[@]}" name query /left
     for space in "$left" "$right" "$server"; do
-        if run "$space" timeout 20 "${yarp[@]}" exists /here >/dev/null 2>&1; then
+        if run "$space" "${yarp[@]}" exists /here >/dev/null 2>&1; then
             echo "ok   $tool finds the port, in ${space%-*}"
         else
             echo "FAIL $tool does not find the port, in ${space%-*}"
@@ -102,8 +107,7 @@ for tool in "${tools[@]}"; do
     done
     for space in "$left" "$right"; do
         word="from-$tool-${space%-*}"
-        echo "$word" | timeout 20 ip netns exec "$space" env YARP_CONFIG_HOME="$work/$space" \
-            YARP_DATA_HOME="$work/$space" "${yarp[@]}" write ... /here >/dev/null 2>&1 || true
+        run "$space" "${yarp[@]}" write ... /here >/dev/null 2>&1 <<<"$word" || true
         if until_ok grep -qF "$word" "$work/log"; then
             echo "ok   $tool writes to the port, in ${space%-*}"
         else
