@@ -74,6 +74,13 @@ for server in ours stock; do
         --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours" --server "$server"
 done
 
+suite "several name servers at once" "$python" conformance/live/namespaces.py \
+    --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours"
+# Two networks, one server: what needs to make networks needs root.
+if [ "$(id -u)" = 0 ]; then as_root=""; else as_root="sudo"; fi
+suite "a name server with legs in two networks" $as_root env STOCK="$STOCK" \
+    conformance/live/networks.sh "$ours" "$with_stock"
+
 # An arm of ours, driven by the stock client, on a name server of ours and on one of stock's.
 port=15510
 for server in ours stock; do
