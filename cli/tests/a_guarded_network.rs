@@ -30,7 +30,10 @@ fn who_has_the_key_is_served_and_nobody_else() {
     }
     reader.signal("INT").finish();
     let ended = server.signal("INT").finish();
-    assert!(!ended.err.iter().any(|line| line.contains("No auth.conf")), "{ended:?}");
+    assert!(
+        !ended.err.iter().any(|line| line.contains("No auth.conf")),
+        "{ended:?}"
+    );
 }
 
 #[test]
@@ -49,7 +52,10 @@ fn a_key_that_cannot_be_read_stops_every_command_and_stays_secret() {
 fn an_open_server_says_so() {
     let home = Home::new();
     let ended = home.serve().signal("INT").finish();
-    let told = ended.err.iter().filter(|line| line.contains("No auth.conf"));
+    let told = ended
+        .err
+        .iter()
+        .filter(|line| line.contains("No auth.conf"));
     assert_eq!(told.count(), 1, "{ended:?}");
 }
 
@@ -60,9 +66,16 @@ fn roles_can_be_changed_while_all_runs() {
     write(&home, "roles.conf", roles);
     let _server = home.serve();
     let refused = home.run("read /closed").with(1);
-    let told = refused.err.iter().any(|line| line.contains("no right to administer on /closed"));
+    let told = refused
+        .err
+        .iter()
+        .any(|line| line.contains("no right to administer on /closed"));
     assert!(told, "{refused:?}");
-    write(&home, "roles.conf", "[all]\nports /closed\nat local\nrights all\n");
+    write(
+        &home,
+        "roles.conf",
+        "[all]\nports /closed\nat local\nrights all\n",
+    );
     let _reader = home.start("read /closed").see("active at");
     home.run("exists /closed").with(0);
 }
@@ -78,8 +91,14 @@ fn a_server_in_a_container_tells_the_address_it_is_given_and_keeps_to_its_ports(
     assert!(list.says(&format!("port {range} type tcp")), "{list:?}");
     let reader = home.start("read /r").see("active at");
     let place = home.run("name query /r").with(0);
-    let number = place.out[0].split(' ').nth(6).and_then(|word| word.parse().ok());
-    assert!(number.is_some_and(|number: u16| (31000..32000).contains(&number)), "{place:?}");
+    let number = place.out[0]
+        .split(' ')
+        .nth(6)
+        .and_then(|word| word.parse().ok());
+    assert!(
+        number.is_some_and(|number: u16| (31000..32000).contains(&number)),
+        "{place:?}"
+    );
     drop(reader);
     for range in ["1", "5-4", "0-10", "x"] {
         home.run(&format!("server --local --ports {range}")).with(1);

@@ -16,9 +16,10 @@ pub(crate) fn refusal(
     command: &Command,
 ) -> Option<String> {
     let mut needs = needed(own, command).into_iter();
-    let (right, port) =
-        needs.find(|(right, port)| !roles.rights(port, peer).has(*right))?;
-    Some(format!("roles.conf gives {peer} no right to {right} on {port}"))
+    let (right, port) = needs.find(|(right, port)| !roles.rights(port, peer).has(*right))?;
+    Some(format!(
+        "roles.conf gives {peer} no right to {right} on {port}"
+    ))
 }
 
 /// The rights that a command needs, and on which ports.

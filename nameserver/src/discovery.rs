@@ -49,7 +49,9 @@ pub fn asks_for(name: &str, packet: &[u8]) -> bool {
     let text = datagram::decode(packet).ok().map(|datagram| datagram.data);
     let line = text.and_then(|text| std::str::from_utf8(text).ok());
     let request = line.and_then(|line| Request::parse(line.trim_end()).ok());
-    request.is_some_and(|request| matches!(request.command, Command::Query { name: asked } if asked == name))
+    request.is_some_and(
+        |request| matches!(request.command, Command::Query { name: asked } if asked == name),
+    )
 }
 
 /// The same on the text inside: the first line of the answer, ended by LF.

@@ -27,7 +27,9 @@ async fn a_number_that_is_taken_is_stepped_over_within_the_range() {
     let options = ServerOptions::default().at("127.0.0.1", 0);
     let server = Server::start(options.numbers(range.clone())).await.unwrap();
     let network = server.network();
-    let port = Port::open(&network, "/p", PortOptions::new()).await.unwrap();
+    let port = Port::open(&network, "/p", PortOptions::new())
+        .await
+        .unwrap();
     assert!(range.contains(&port.number()) && port.number() != first);
     assert_eq!(network.query("/p").await.unwrap().port, port.number());
     // Names that were used on the way are gone.
@@ -37,8 +39,13 @@ async fn a_number_that_is_taken_is_stepped_over_within_the_range() {
     // The same name again: the number that it had last is free again.
     let number = port.number();
     port.close().await;
-    let again = Port::open(&network, "/p", PortOptions::new()).await.unwrap();
-    assert!(range.contains(&again.number()) && again.number() != first, "{number}");
+    let again = Port::open(&network, "/p", PortOptions::new())
+        .await
+        .unwrap();
+    assert!(
+        range.contains(&again.number()) && again.number() != first,
+        "{number}"
+    );
 }
 
 #[tokio::test]
@@ -47,7 +54,15 @@ async fn nothing_outside_the_range_is_used() {
     let options = ServerOptions::default().at("127.0.0.1", 0);
     let server = Server::start(options.numbers(only..=only)).await.unwrap();
     let network = server.network();
-    let error = Port::open(&network, "/p", PortOptions::new()).await.unwrap_err();
-    assert!(matches!(error, PortError::Listen { number, .. } if number == only), "{error:?}");
-    assert!(network.query("/p").await.is_err(), "the name is left behind");
+    let error = Port::open(&network, "/p", PortOptions::new())
+        .await
+        .unwrap_err();
+    assert!(
+        matches!(error, PortError::Listen { number, .. } if number == only),
+        "{error:?}"
+    );
+    assert!(
+        network.query("/p").await.is_err(),
+        "the name is left behind"
+    );
 }

@@ -74,7 +74,14 @@ async fn names_are_given_to_who_may_administer_them() {
 async fn looking_up_needs_the_right_to_read() {
     let (server, _folder) = server("[a]\nports /root\nfrom /friend\nrights read\n").await;
     let network = server.network();
-    for request in ["list", "query /root", "get /root ips", "help", "subscribe", "topic"] {
+    for request in [
+        "list",
+        "query /root",
+        "get /root ips",
+        "help",
+        "subscribe",
+        "topic",
+    ] {
         let answer = ask(&network, "/other", request).await;
         assert!(answer.contains("refused: "), "{request}: {answer}");
         let answer = ask(&network, "/friend", request).await;
@@ -90,8 +97,13 @@ async fn a_port_that_may_not_have_its_name_does_not_open() {
     let network = server.network();
     let refused = Port::open(&network, "/wam/rpc:i", PortOptions::new()).await;
     let error = refused.unwrap_err().to_string();
-    assert!(error.contains("no right to administer on /wam/rpc:i"), "{error}");
-    let port = Port::open(&network, "/mine", PortOptions::new()).await.unwrap();
+    assert!(
+        error.contains("no right to administer on /wam/rpc:i"),
+        "{error}"
+    );
+    let port = Port::open(&network, "/mine", PortOptions::new())
+        .await
+        .unwrap();
     assert_eq!(network.query("/mine").await.unwrap().port, port.number());
     port.close().await;
     server.close().await;
@@ -103,7 +115,9 @@ async fn a_server_with_a_key_serves_those_who_hold_it() {
     let options = ServerOptions::default().at("127.0.0.1", 0).key(key);
     let server = Server::start(options).await.unwrap();
     let network = server.network();
-    let port = Port::open(&network, "/mine", PortOptions::new()).await.unwrap();
+    let port = Port::open(&network, "/mine", PortOptions::new())
+        .await
+        .unwrap();
     assert_eq!(network.query("/mine").await.unwrap().port, port.number());
     for other in [None, Key::new(b"another")] {
         let refused = network.with_key(other).query("/mine").await;

@@ -35,9 +35,14 @@ fn nobody() -> u16 {
 async fn a_port_is_known_to_every_server_until_it_closes() {
     let (a, b) = (server("/a").await, server("/b").await);
     let network = network(a.port(), b.port());
-    assert_eq!((network.namespace(), network.server().unwrap().1), ("/a", a.port()));
+    assert_eq!(
+        (network.namespace(), network.server().unwrap().1),
+        ("/a", a.port())
+    );
     for name in ["/p", "..."] {
-        let port = Port::open(&network, name, PortOptions::new()).await.unwrap();
+        let port = Port::open(&network, name, PortOptions::new())
+            .await
+            .unwrap();
         for server in [&a, &b] {
             let place = server.network().query(port.name()).await.unwrap();
             assert_eq!(place.port, port.number());
@@ -73,21 +78,31 @@ async fn a_port_is_found_through_the_first_server_that_knows_it() {
     assert_eq!(network.query("/only").await.unwrap().port, 3333);
     assert_eq!(network.query("/b").await.unwrap().port, b.port());
     let unknown = network.query("/none").await;
-    assert!(matches!(unknown, Err(PortError::Unknown { .. })), "{unknown:?}");
+    assert!(
+        matches!(unknown, Err(PortError::Unknown { .. })),
+        "{unknown:?}"
+    );
 }
 
 #[tokio::test]
 async fn one_server_that_is_away_does_not_take_the_others_along() {
     let b = server("/b").await;
     for network in [network(nobody(), b.port()), network(b.port(), nobody())] {
-        let port = Port::open(&network, "/p", PortOptions::new()).await.unwrap();
+        let port = Port::open(&network, "/p", PortOptions::new())
+            .await
+            .unwrap();
         assert_eq!(network.query("/p").await.unwrap().port, port.number());
         let unknown = network.query("/none").await;
-        assert!(matches!(unknown, Err(PortError::Unknown { .. })), "{unknown:?}");
+        assert!(
+            matches!(unknown, Err(PortError::Unknown { .. })),
+            "{unknown:?}"
+        );
         port.close().await;
         assert!(network.query("/p").await.is_err());
     }
     let network = network(nobody(), nobody());
-    let error = Port::open(&network, "/p", PortOptions::new()).await.unwrap_err();
+    let error = Port::open(&network, "/p", PortOptions::new())
+        .await
+        .unwrap_err();
     assert!(matches!(error, PortError::NameServer { .. }), "{error:?}");
 }

@@ -32,9 +32,7 @@ pub fn subnets() -> Vec<(IpAddr, u8)> {
 /// Whether this is an address of one of this machine's interfaces.
 pub(crate) fn is_own(address: IpAddr) -> bool {
     let interfaces = if_addrs::get_if_addrs().unwrap_or_default();
-    interfaces
-        .iter()
-        .any(|interface| interface.ip() == address)
+    interfaces.iter().any(|interface| interface.ip() == address)
 }
 
 /// The address under which others reach this machine, as stock chooses it: the IPv4 address that is
@@ -60,7 +58,10 @@ mod tests {
     fn the_best_address_is_the_one_that_stock_takes() {
         for (all, expected) in [
             (&["127.0.0.1", "::1"][..], "127.0.0.1"),
-            (&["127.0.0.1", "192.0.2.22", "10.1.2.3", "10.1.2.4", "fd00::2"], "10.1.2.3"),
+            (
+                &["127.0.0.1", "192.0.2.22", "10.1.2.3", "10.1.2.4", "fd00::2"],
+                "10.1.2.3",
+            ),
             (&["fd00::2", "192.0.2.2", "127.0.0.1"], "192.0.2.2"),
         ] {
             let all = all.iter().map(|ip| ip.parse().unwrap());

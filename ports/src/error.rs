@@ -100,6 +100,12 @@ pub enum PortError {
         /// What there is.
         known: String,
     },
+    /// `local` is for ports of one process.
+    #[error("{peer} is not in this process, which `local` is for: try `tcp` or another carrier")]
+    NotInProcess {
+        /// Who.
+        peer: String,
+    },
     /// The other side broke the protocol.
     #[error("{peer} broke the protocol")]
     Protocol {
@@ -190,6 +196,11 @@ impl PortError {
             step,
             source,
         }
+    }
+
+    /// Whether somebody else listens where a port should.
+    pub(crate) fn is_taken(&self) -> bool {
+        matches!(self, Self::Listen { source, .. } if source.kind() == io::ErrorKind::AddrInUse)
     }
 
     /// The whole story on one line: this error and its sources.

@@ -57,8 +57,15 @@ async fn short_conversations_show_the_key_too() {
 async fn a_port_that_reads_from_another_shows_the_key_too() {
     let network = network("my_secret_key");
     let camera = open(&network, "/camera", PortOptions::new()).await;
-    let viewer = open(&network, "/viewer", PortOptions::new().reading(Queue::Latest)).await;
-    within(viewer.connect(&common::at(&camera, "mjpeg"))).await.unwrap();
+    let viewer = open(
+        &network,
+        "/viewer",
+        PortOptions::new().reading(Queue::Latest),
+    )
+    .await;
+    within(viewer.connect(&common::at(&camera, "mjpeg")))
+        .await
+        .unwrap();
     until(|| viewer.inputs() == ["/camera"]).await;
 }
 
@@ -114,7 +121,10 @@ async fn nothing_is_read_from_who_does_not_show_the_key() {
         let mut raw = Raw::to(&port).await;
         raw.try_send(early).await;
         let said = raw.ended().await;
-        assert!(said.len() <= STEP, "it says more than its challenge: {said:?}");
+        assert!(
+            said.len() <= STEP,
+            "it says more than its challenge: {said:?}"
+        );
     }
     assert!(port.try_read().is_none());
     assert!(port.inputs().is_empty());

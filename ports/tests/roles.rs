@@ -137,7 +137,9 @@ rights connect
     ask(&writer, "boss", "[del] /good").await;
     assert!(writer.outputs().is_empty());
     // What the owner connects is its own decision.
-    within(writer.connect(&common::at(&bad, "tcp"))).await.unwrap();
+    within(writer.connect(&common::at(&bad, "tcp")))
+        .await
+        .unwrap();
 }
 
 #[tokio::test]
@@ -149,7 +151,8 @@ async fn turning_a_connection_round_needs_the_right_to_read() {
     assert_eq!(raw.receive(12).await, b"not allowed:");
     for page in ["/?action=stream", "/?req=x", "/?data=x"] {
         let mut raw = Raw::to(&writer).await;
-        raw.send(format!("GET {page} HTTP/1.1\r\nHost: h\r\n\r\n")).await;
+        raw.send(format!("GET {page} HTTP/1.1\r\nHost: h\r\n\r\n"))
+            .await;
         let said = String::from_utf8_lossy(&raw.ended().await).into_owned();
         let refused = said.is_empty() || said.contains("not allowed");
         assert!(refused, "{page}: {said}");
@@ -167,7 +170,10 @@ async fn changing_a_port_needs_the_right_to_administer() {
     let port = world.open("/p", PortOptions::new().admin(own)).await;
     for request in ["[prop] [set] key 1", "[set] [in] /x", "[atch] [in]", "own"] {
         let answer = ask(&port, "other", request).await;
-        assert!(answer.starts_with("[fail] \"not allowed"), "{request}: {answer}");
+        assert!(
+            answer.starts_with("[fail] \"not allowed"),
+            "{request}: {answer}"
+        );
     }
     assert_eq!(ask(&port, "other", "[prop] [get] key").await, "");
     assert_eq!(ask(&port, "other", "[list] [out]").await, "");
@@ -205,7 +211,9 @@ async fn ports_that_no_role_names_stay_open() {
     let answering = PortOptions::new().handler(|_| Answer::reply(Bottle::of("answer")));
     let port = world.open("/p", answering).await;
     let caller = common::open("/c", PortOptions::new().calling()).await;
-    within(caller.connect(&common::at(&port, "tcp"))).await.unwrap();
+    within(caller.connect(&common::at(&port, "tcp")))
+        .await
+        .unwrap();
     let answer: Bottle = within(caller.call(&bottle("x"))).await.unwrap();
     assert_eq!(answer.to_string(), "answer");
     assert_eq!(ask(&port, "other", "[prop] [set] key 1").await, "[ok]");

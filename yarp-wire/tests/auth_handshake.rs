@@ -28,7 +28,12 @@ fn hear(
 }
 
 /// What each of the three steps sends, and how far it goes.
-fn run(keys: [&Key; 2], nonces: [Nonce; 3], size: usize, spoil: Option<usize>) -> Result<(), usize> {
+fn run(
+    keys: [&Key; 2],
+    nonces: [Nonce; 3],
+    size: usize,
+    spoil: Option<usize>,
+) -> Result<(), usize> {
     let (mut first, mut second, mut third) = (BytesMut::new(), BytesMut::new(), BytesMut::new());
     let spoilt = |step: usize, said: &mut BytesMut| {
         if let Some(bit) = spoil

@@ -40,8 +40,8 @@ use persistent::Persistent;
 use properties::Properties;
 
 pub use limits::Refusal;
-pub use subnets::Subnet;
 pub use reply::{Body, Effect, Link, Reply};
+pub use subnets::Subnet;
 
 /// The name in a contact such as `tcp://name`, as persistent connections have them.
 pub(crate) fn bare_name(contact: &str) -> &str {

@@ -100,7 +100,10 @@ mod tests {
             "[AUTH]\nkey \"secret",
         ] {
             let error = parse_key(Path::new("f"), text).unwrap_err().to_string();
-            assert!(error.starts_with("f:") && !error.contains("secret"), "{error}");
+            assert!(
+                error.starts_with("f:") && !error.contains("secret"),
+                "{error}"
+            );
         }
     }
 }

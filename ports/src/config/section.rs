@@ -69,7 +69,8 @@ pub(crate) fn parse(file: &Path, text: &str) -> Result<Vec<Section>, ConfigError
         if text.contains('$') {
             return Err(wrong("no `$`, which other programs take for a variable"));
         }
-        if text.matches('"').count() - text.matches("\\\"").count() & 1 == 1 {
+        let quotes = text.matches('"').count() - text.matches("\\\"").count();
+        if quotes % 2 == 1 {
             return Err(wrong("as many quotes that close as open"));
         }
         let bottle = Bottle::parse(text).map_err(|_| wrong("a key and its values"))?;
@@ -118,7 +119,11 @@ mod tests {
             format!("{}:[{}] {}", section.line, section.name, entries.join(" "))
         };
         match parse(Path::new("f"), text) {
-            Ok(sections) => sections.into_iter().map(show).collect::<Vec<_>>().join("; "),
+            Ok(sections) => sections
+                .into_iter()
+                .map(show)
+                .collect::<Vec<_>>()
+                .join("; "),
             Err(error) => error.to_string(),
         }
     }

@@ -209,14 +209,38 @@ rights all
     #[test]
     fn errors_say_what_was_expected() {
         for (text, expected) in [
-            ("[a]\nports /x", "f:1: expected `rights RIGHT…` in the section"),
-            ("[a]\nrights all", "f:1: expected `ports NAME…` in the section"),
-            ("[a]\nports\nrights all", "f:2: expected `ports NAME…`, once"),
-            ("[a]\nports /x\nports /y\nrights all", "f:3: expected `ports NAME…`, once"),
-            ("[a]\nports (/x)\nrights all", "f:2: expected `ports NAME…`, once"),
-            ("[a]\nports /x\nrights", "f:3: expected `rights` and some of"),
-            ("[a]\nports /x\nrights reed", "f:3: expected `rights` and some of"),
-            ("[a]\nports /x\nrights all\nrights none", "f:4: expected `ports`, `from`"),
+            (
+                "[a]\nports /x",
+                "f:1: expected `rights RIGHT…` in the section",
+            ),
+            (
+                "[a]\nrights all",
+                "f:1: expected `ports NAME…` in the section",
+            ),
+            (
+                "[a]\nports\nrights all",
+                "f:2: expected `ports NAME…`, once",
+            ),
+            (
+                "[a]\nports /x\nports /y\nrights all",
+                "f:3: expected `ports NAME…`, once",
+            ),
+            (
+                "[a]\nports (/x)\nrights all",
+                "f:2: expected `ports NAME…`, once",
+            ),
+            (
+                "[a]\nports /x\nrights",
+                "f:3: expected `rights` and some of",
+            ),
+            (
+                "[a]\nports /x\nrights reed",
+                "f:3: expected `rights` and some of",
+            ),
+            (
+                "[a]\nports /x\nrights all\nrights none",
+                "f:4: expected `ports`, `from`",
+            ),
             ("[a]\nports /x\nright all", "f:3: expected `ports`, `from`"),
         ] {
             let error = RoleTable::parse(Path::new("f"), text).unwrap_err();

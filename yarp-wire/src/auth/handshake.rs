@@ -72,11 +72,7 @@ impl Handshake {
     /// shown that it holds the key. After an error the connection is to be ended.
     ///
     /// Never takes more than the handshake itself.
-    pub fn poll(
-        &mut self,
-        input: &mut BytesMut,
-        output: &mut BytesMut,
-    ) -> Result<bool, AuthError> {
+    pub fn poll(&mut self, input: &mut BytesMut, output: &mut BytesMut) -> Result<bool, AuthError> {
         while self.to_hear > 0 {
             let Some(step) = input.first_chunk::<STEP>() else {
                 return Ok(false);
@@ -126,9 +122,8 @@ mod tests {
     #[test]
     fn the_bytes_are_those_of_the_standard() {
         let key = Key::new(b"my_secret_key").unwrap();
-        let nonces: [Nonce; 3] = std::array::from_fn(|number| {
-            std::array::from_fn(|index| (8 * number + index) as u8)
-        });
+        let nonces: [Nonce; 3] =
+            std::array::from_fn(|number| std::array::from_fn(|index| (8 * number + index) as u8));
         let mut wire = BytesMut::new();
         let mut acceptor = Handshake::accept(key.clone(), [nonces[0], nonces[2]], &mut wire);
         let mut initiator = Handshake::initiate(key, nonces[1]);

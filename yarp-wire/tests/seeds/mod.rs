@@ -291,6 +291,10 @@ fn handshakes() -> Vec<Vec<u8>> {
         [&[0, 40][..], &answer, b"CONNECT /x\r\n"].concat(),
         [&[1, 9][..], &challenge, &third].concat(),
         [&[1, 1][..], &challenge].concat(),
-        [&[0, 3][..], b"CONNECT /a/port/without/a/key/and/a/long/name\r\n"].concat(),
+        [
+            &[0, 3][..],
+            b"CONNECT /a/port/without/a/key/and/a/long/name\r\n",
+        ]
+        .concat(),
     ]
 }
