@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Raw, at, bottle, open, until, within};
-use yarp_ports::{Answer, Dialogue, Port, PortOptions, Queue};
+use yarp_ports::{Answer, Dialogue, Network, Port, PortOptions, Queue};
 use yarp_wire::carrier::Carrier;
 use yarp_wire::mjpeg::{PartReader, comment};
 use yarp_wire::typed::{Image, PixelCode};
