@@ -66,6 +66,7 @@ impl Inbox {
     }
 
     /// As [`Inbox::push`], but gives the message back where that would wait.
+    #[allow(clippy::result_large_err, reason = "the message is given back")]
     pub(crate) fn try_push(&self, message: Received) -> Result<Option<u64>, Received> {
         let mut state = self.state();
         if state.closed {
