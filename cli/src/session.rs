@@ -126,13 +126,7 @@ pub(crate) async fn ask_server(
 ) -> std::result::Result<Bottle, PortError> {
     let server = network.server().ok_or(PortError::NoNameServer)?;
     let carrier = Carrier::by_name("text_ack").expect("text_ack is in the table");
-    let opening = Dialogue::open(
-        "the name server",
-        server,
-        carrier,
-        ADMIN,
-        network.deadline(),
-    );
+    let opening = Dialogue::open("the name server", server, carrier, ADMIN, network);
     let payload = opening
         .await?
         .request(&Command::data(true), request)

@@ -83,6 +83,17 @@ done
 conformance/web/setup.sh
 suite "the page of the name server in a browser" "$python" conformance/web/name_server.py \
     --yarp "$ours" --with-stock "$with_stock" --out target/web
+for server in ours stock; do
+    suite "keys of auth.conf, server: $server" "$python" conformance/live/auth.py \
+        --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours" --server "$server"
+done
+
+suite "several name servers at once" "$python" conformance/live/namespaces.py \
+    --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours"
+# Two networks, one server: what needs to make networks needs root.
+if [ "$(id -u)" = 0 ]; then as_root=""; else as_root="sudo"; fi
+suite "a name server with legs in two networks" $as_root env STOCK="$STOCK" \
+    conformance/live/networks.sh "$ours" "$with_stock"
 
 # An arm of ours, driven by the stock client, on a name server of ours and on one of stock's.
 port=15510

@@ -214,7 +214,8 @@ async fn cycle(number: usize, writer: &Port, reader: &Port) -> Result<(), Failur
         13 => {
             let address = ("127.0.0.1", reader.number());
             let carrier = Carrier::by_name("text_ack").expect("it is in the table");
-            let opening = Dialogue::open(reader.name(), address, carrier, "admin", PATIENCE);
+            let opening =
+                Dialogue::open(reader.name(), address, carrier, "admin", reader.network());
             opening.await?.admin(&Bottle::of("[ver]")).await?;
         }
         14 => {

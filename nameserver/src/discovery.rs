@@ -44,6 +44,16 @@ pub fn respond(
     Some(datagram::encode(0, answer.as_bytes()))
 }
 
+/// Whether `packet` asks where the server called `name` is, and nothing else.
+pub fn asks_for(name: &str, packet: &[u8]) -> bool {
+    let text = datagram::decode(packet).ok().map(|datagram| datagram.data);
+    let line = text.and_then(|text| std::str::from_utf8(text).ok());
+    let request = line.and_then(|line| Request::parse(line.trim_end()).ok());
+    request.is_some_and(
+        |request| matches!(request.command, Command::Query { name: asked } if asked == name),
+    )
+}
+
 /// The same on the text inside: the first line of the answer, ended by LF.
 pub fn respond_line(
     registry: &mut Registry,
@@ -103,6 +113,21 @@ mod tests {
         check("NAME_SERVER query /root", None);
         check("NAME_SERVER bot list\n", None);
         check("", None);
+    }
+
+    #[test]
+    fn a_question_for_the_server_is_told_from_others() {
+        let asks = |line: &str| asks_for("/root", &datagram::encode(0, line.as_bytes()));
+        assert!(asks("NAME_SERVER query /root\n"));
+        for line in [
+            "NAME_SERVER query /wam/rpc:i\n",
+            "NAME_SERVER list\n",
+            "NAME_SERVER get /root ips\n",
+            "",
+        ] {
+            assert!(!asks(line), "{line:?}");
+        }
+        assert!(!asks_for("/root", b"noise"));
     }
 
     #[test]

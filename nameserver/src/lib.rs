@@ -3,6 +3,7 @@
 //! [`registry`] is a plain state machine that answers requests; [`Server`] puts it behind a port;
 //! `web` shows it to browsers.
 
+mod access;
 pub mod discovery;
 pub mod registry;
 mod server;

@@ -1,7 +1,8 @@
 //! The registry behind a port.
 
 use std::io;
-use std::net::{Ipv4Addr, SocketAddrV4};
+use std::net::{IpAddr, Ipv4Addr, SocketAddrV4};
+use std::ops::RangeInclusive;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -9,14 +10,17 @@ use socket2::{Domain, Protocol, Socket, Type};
 use tokio::net::UdpSocket;
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
+use yarp_ports::roles::{Peer, Roles};
 use yarp_ports::{Answer, Network, Port, PortError, PortOptions, Received, addresses, remote};
+use yarp_wire::auth::Key;
 use yarp_wire::carrier::ALL;
 use yarp_wire::message::RawText;
 use yarp_wire::name_service::{Command, Registration, Request};
 use yarp_wire::{Bottle, Vocab32};
 
+use crate::access;
 use crate::discovery;
-use crate::registry::{Body, Effect, Link, Registry, Reply, Settings};
+use crate::registry::{Body, Effect, Link, Registry, Reply, Settings, Subnet};
 use crate::web::{self, Survey, Web};
 
 /// How a name server is to be started.
@@ -34,6 +38,12 @@ pub struct ServerOptions {
     /// The rest between two rounds in which all ports are asked for their connections, while
     /// somebody looks at the page; none asks nobody.
     pub survey: Option<Duration>,
+    /// The TCP ports that it hands out, if not those above its own.
+    pub numbers: Option<RangeInclusive<u16>>,
+    /// The key that clients must hold, if there is one.
+    pub key: Option<Key>,
+    /// Who may look up, register and connect; see [`yarp_ports::roles`].
+    pub roles: Roles,
 }
 
 impl Default for ServerOptions {
@@ -46,6 +56,9 @@ impl Default for ServerOptions {
             namespace: settings.name,
             multicast_port: Some(settings.multicast_port),
             survey: Some(SURVEY),
+            numbers: None,
+            key: None,
+            roles: Roles::default(),
         }
     }
 }
@@ -64,6 +77,11 @@ const PATIENCE: Duration = Duration::from_secs(2);
 const PAUSE: Duration = Duration::from_millis(100);
 
 impl ServerOptions {
+    /// The network of a server that listens on this port.
+    fn network(&self, port: u16) -> Network {
+        Network::at(&self.host, port).with_key(self.key.clone())
+    }
+
     /// The same options at another place, not found by multicast.
     pub fn at(mut self, host: &str, port: u16) -> Self {
         host.clone_into(&mut self.host);
@@ -75,6 +93,24 @@ impl ServerOptions {
     /// The same options in another namespace.
     pub fn namespace(mut self, namespace: &str) -> Self {
         namespace.clone_into(&mut self.namespace);
+        self
+    }
+
+    /// The same options, handing out these TCP ports and no others.
+    pub fn numbers(mut self, numbers: RangeInclusive<u16>) -> Self {
+        self.numbers = Some(numbers);
+        self
+    }
+
+    /// The same options for clients that hold this key.
+    pub fn key(mut self, key: Option<Key>) -> Self {
+        self.key = key;
+        self
+    }
+
+    /// The same options with these roles.
+    pub fn roles(mut self, roles: Roles) -> Self {
+        self.roles = roles;
         self
     }
 
@@ -107,6 +143,7 @@ impl ServerOptions {
 pub struct Server {
     port: Arc<Port>,
     host: String,
+    key: Option<Key>,
     registry: Arc<Mutex<Registry>>,
     /// The tasks that see to effects and to multicast detection.
     tasks: Vec<JoinHandle<()>>,
@@ -119,12 +156,30 @@ impl Server {
         // The number is known only once the port listens; until then nobody can ask.
         let registry = Arc::new(Mutex::new(Registry::new(options.settings(0))));
         let handler = {
-            let registry = registry.clone();
-            move |message: &mut Received| answer(&registry, &effects, message)
+            let (registry, roles) = (registry.clone(), options.roles.clone());
+            let own = options.namespace.clone();
+            move |message: &mut Received| {
+                let Ok(bottle) = message.bottle() else {
+                    return Answer::Nothing;
+                };
+                let request = Request::from_bottle(&bottle);
+                let peer = Peer {
+                    name: &message.from,
+                    address: message.address,
+                };
+                match access::refusal(&roles, &own, peer, &request.command) {
+                    None => answer(&registry, &effects, message.address, &request),
+                    Some(refusal) => {
+                        tracing::warn!("refused a request: {refusal}");
+                        let body = Body::lines([format!("refused: {refusal}")]);
+                        Answer::reply(RawText(body.to_text()))
+                    }
+                }
+            }
         };
         let survey = Arc::new(Survey::new(web::Settings {
             interval: options.survey,
-            step: PATIENCE,
+            network: options.network(options.port).with_deadline(PATIENCE),
         }));
         let pages = Web {
             registry: registry.clone(),
@@ -134,23 +189,30 @@ impl Server {
             .unregistered()
             .number(options.port)
             .pages(move |request| pages.page(request))
+            // Each request is looked at by itself.
+            .open_to_messages()
             .handler(handler);
-        let network = Network::at(&options.host, options.port);
+        let network = options
+            .network(options.port)
+            .with_roles(options.roles.clone());
         let port = Port::open(&network, &options.namespace, port_options).await?;
         let port = Arc::new(port);
         *lock(&registry) = Registry::new(options.settings(port.number()));
         introduce(&registry, &options.namespace);
-        let network = Network::at(&options.host, port.number());
+        let network = options.network(port.number());
         let mut tasks = vec![
             tokio::spawn(see_to(waiting, port.clone(), network)),
             tokio::spawn(survey.run(registry.clone())),
         ];
         if let Some(number) = options.multicast_port {
-            tasks.extend(answer_detection(number, &registry));
+            // Nobody shows a key in a datagram: where this server is, is all that is told then.
+            let only = options.is_guarded().then(|| options.namespace.clone());
+            tasks.extend(answer_detection(number, &registry, only));
         }
         Ok(Self {
             port,
             host: options.host,
+            key: options.key,
             registry,
             tasks,
         })
@@ -168,7 +230,7 @@ impl Server {
 
     /// The network of this name server.
     pub fn network(&self) -> Network {
-        Network::at(&self.host, self.port())
+        Network::at(&self.host, self.port()).with_key(self.key.clone())
     }
 
     /// Every registered port, sorted by name.
@@ -190,12 +252,20 @@ impl Server {
 }
 
 impl ServerOptions {
+    /// Whether some are served and some are not.
+    fn is_guarded(&self) -> bool {
+        self.key.is_some() || self.roles.are_any()
+    }
+
     fn settings(&self, port: u16) -> Settings {
         let mut settings = Settings::at(&self.host, port);
         settings.name.clone_from(&self.namespace);
         if let Some(number) = self.multicast_port {
             settings.multicast_port = number;
         }
+        settings.numbers.clone_from(&self.numbers);
+        let subnet = |(own, bits)| Subnet { own, bits };
+        settings.subnets = addresses::subnets().into_iter().map(subnet).collect();
         settings
     }
 }
@@ -208,13 +278,10 @@ pub(crate) fn lock(registry: &Mutex<Registry>) -> MutexGuard<'_, Registry> {
 fn answer(
     registry: &Mutex<Registry>,
     effects: &mpsc::Sender<Effect>,
-    message: &mut Received,
+    address: IpAddr,
+    request: &Request,
 ) -> Answer {
-    let Ok(bottle) = message.bottle() else {
-        return Answer::Nothing;
-    };
-    let request = Request::from_bottle(&bottle);
-    let reply = lock(registry).handle(Instant::now(), Some(message.address), &request);
+    let reply = lock(registry).handle(Instant::now(), Some(address), request);
     let Reply {
         body,
         effects: caused,
@@ -293,8 +360,13 @@ async fn disconnect(network: Network, link: Link) {
     let _ = remote::administer(&network, &link.source, &request).await;
 }
 
-/// Answers multicast detection on UDP port `number`, if the system lets us.
-fn answer_detection(number: u16, registry: &Arc<Mutex<Registry>>) -> Option<JoinHandle<()>> {
+/// Answers multicast detection on UDP port `number`, if the system lets us; `only` questions for the
+/// server of this name, if there is one.
+fn answer_detection(
+    number: u16,
+    registry: &Arc<Mutex<Registry>>,
+    only: Option<String>,
+) -> Option<JoinHandle<()>> {
     let socket = match group_socket(number) {
         Ok(socket) => socket,
         Err(error) => {
@@ -318,6 +390,11 @@ fn answer_detection(number: u16, registry: &Arc<Mutex<Registry>>) -> Option<Join
                 }
             };
             let packet = &packet[..length];
+            if let Some(name) = &only
+                && !discovery::asks_for(name, packet)
+            {
+                continue;
+            }
             let answer =
                 discovery::respond(&mut lock(&registry), Instant::now(), from.ip(), packet);
             if let Some(answer) = answer {

@@ -19,12 +19,53 @@ pub fn own() -> Vec<String> {
         .collect()
 }
 
-/// The address under which others reach this machine: the first that is not loopback.
+/// The addresses of this machine's interfaces, and how many bits each shares with its network.
+pub fn subnets() -> Vec<(IpAddr, u8)> {
+    let interfaces = if_addrs::get_if_addrs().unwrap_or_default();
+    let subnet = |interface: if_addrs::Interface| match interface.addr {
+        if_addrs::IfAddr::V4(v4) => (IpAddr::V4(v4.ip), v4.prefixlen),
+        if_addrs::IfAddr::V6(v6) => (IpAddr::V6(v6.ip), v6.prefixlen),
+    };
+    interfaces.into_iter().map(subnet).collect()
+}
+
+/// Whether this is an address of one of this machine's interfaces.
+pub(crate) fn is_own(address: IpAddr) -> bool {
+    let interfaces = if_addrs::get_if_addrs().unwrap_or_default();
+    interfaces.iter().any(|interface| interface.ip() == address)
+}
+
+/// The address under which others reach this machine, as stock chooses it: the IPv4 address that is
+/// not loopback, of several the one with the shortest text, of those the first.
 pub fn best() -> String {
     let interfaces = if_addrs::get_if_addrs().unwrap_or_default();
-    interfaces
-        .iter()
-        .map(if_addrs::Interface::ip)
-        .find(|ip| ip.is_ipv4() && !ip.is_loopback())
-        .map_or("127.0.0.1".to_owned(), |ip| ip.to_string())
+    shortest(interfaces.iter().map(if_addrs::Interface::ip))
+}
+
+fn shortest(addresses: impl Iterator<Item = IpAddr>) -> String {
+    addresses
+        .filter(|ip| ip.is_ipv4() && !ip.is_loopback())
+        .map(|ip| ip.to_string())
+        .min_by_key(String::len)
+        .unwrap_or_else(|| "127.0.0.1".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_best_address_is_the_one_that_stock_takes() {
+        for (all, expected) in [
+            (&["127.0.0.1", "::1"][..], "127.0.0.1"),
+            (
+                &["127.0.0.1", "192.0.2.22", "10.1.2.3", "10.1.2.4", "fd00::2"],
+                "10.1.2.3",
+            ),
+            (&["fd00::2", "192.0.2.2", "127.0.0.1"], "192.0.2.2"),
+        ] {
+            let all = all.iter().map(|ip| ip.parse().unwrap());
+            assert_eq!(shortest(all), expected);
+        }
+    }
 }

@@ -9,6 +9,7 @@ use yarp_wire::message::{Command, Payload, WireObject};
 use yarp_wire::{Bottle, Limits};
 
 use crate::error::PortError;
+use crate::network::Network;
 use crate::probe;
 use crate::stream::{self, Inflow, Socket};
 
@@ -26,20 +27,20 @@ pub struct Dialogue {
 impl Dialogue {
     /// Connects to `host:port` as `sender` and waits for the header reply.
     ///
-    /// Each later wait also ends at `deadline`.
+    /// Each wait ends at the deadline of `network`, whose key is shown if it has one.
     pub async fn open(
         peer: &str,
         (host, port): (&str, u16),
         carrier: &'static Carrier,
         sender: &str,
-        deadline: Duration,
+        network: &Network,
     ) -> Result<Self, PortError> {
         // The question itself is asked in text, so that it does not lead back here.
         let dialect = match carrier.framing.is_binary() {
-            true => Box::pin(probe::generation(peer, (host, port), deadline)).await,
+            true => Box::pin(probe::generation(peer, (host, port), network)).await,
             false => None,
         };
-        let stream = stream::connect(peer, host, port, deadline).await?;
+        let stream = stream::connect(peer, host, port, network).await?;
         let mut output = BytesMut::new();
         let initiator = Initiator::new(
             carrier,
@@ -54,7 +55,7 @@ impl Dialogue {
             initiator,
             input: Inflow::default(),
             output,
-            deadline,
+            deadline: network.deadline(),
         };
         dialogue.flush().await?;
         dialogue.progress("connection header").await?;

@@ -8,6 +8,7 @@ use yarp_wire::connection::ProtocolError;
 use yarp_wire::mjpeg::MjpegError;
 use yarp_wire::name::NameError;
 
+use crate::auth::AuthFailure;
 use crate::config::ConfigError;
 
 /// Why something that a port was asked for did not happen.
@@ -73,6 +74,23 @@ pub enum PortError {
         /// What went wrong.
         #[source]
         source: io::Error,
+    },
+    /// The other side does not hold our key.
+    #[error("{peer} at {address} does not show that it has our key")]
+    Authentication {
+        /// Whom.
+        peer: String,
+        /// Where.
+        address: String,
+        /// What went wrong.
+        #[source]
+        source: AuthFailure,
+    },
+    /// The roles in force do not allow it.
+    #[error("{text}")]
+    NotAllowed {
+        /// Who may not do what.
+        text: String,
     },
     /// There is no such carrier here.
     #[error("there is no carrier {carrier:?}; known are {known}")]
@@ -178,6 +196,11 @@ impl PortError {
             step,
             source,
         }
+    }
+
+    /// Whether somebody else listens where a port should.
+    pub(crate) fn is_taken(&self) -> bool {
+        matches!(self, Self::Listen { source, .. } if source.kind() == io::ErrorKind::AddrInUse)
     }
 
     /// The whole story on one line: this error and its sources.

@@ -5,6 +5,7 @@
 //! [`blocking`] is the same for programs that do not write async.
 
 pub mod addresses;
+mod auth;
 pub mod blocking;
 mod busy;
 mod cancel;
@@ -17,9 +18,11 @@ mod network;
 mod port;
 mod probe;
 pub mod remote;
+pub mod roles;
 mod stream;
 mod unix;
 
+pub use auth::AuthFailure;
 pub use dialogue::Dialogue;
 pub use error::{PortError, story};
 pub use network::{Network, Place};

@@ -6,30 +6,49 @@ use std::time::Duration;
 
 use bytes::BytesMut;
 use yarp_wire::Contact;
+use yarp_wire::auth::Key;
 use yarp_wire::carrier::ALL;
 use yarp_wire::name_service::{
     Answer, AnswerReader, Command, PREFIX, Registering, Registration, Request, Until,
 };
 
 use crate::addresses;
-use crate::config::{Configuration, DEFAULT_NAMESPACE};
+use crate::config::{Configuration, DEFAULT_NAMESPACE, Namespace};
 use crate::error::PortError;
+use crate::roles::Roles;
 use crate::stream::{self, Inflow};
 
-/// A YARP network: a name server and a namespace.
+/// A YARP network: name servers, usually one, each with its namespace.
 ///
-/// Cheap to clone. Holds no connection: each question to the name server is a connection of its
+/// With several, ports register with all of them, and are found through the first that knows them;
+/// everything else goes to the first, as in stock.
+///
+/// Cheap to clone. Holds no connection: each question to a name server is a connection of its
 /// own, as in stock.
 #[derive(Clone, Debug)]
 pub struct Network(Arc<Inner>);
 
 #[derive(Clone, Debug)]
 struct Inner {
-    server: Option<(String, u16)>,
+    /// Those whose place is known, in the order in which they are asked.
+    servers: Vec<Server>,
+    /// The first namespace, for networks that know no server.
     namespace: String,
     /// What the environment says, for a network that came from it.
     configuration: Option<Configuration>,
     deadline: Duration,
+    /// What both ends of each connection must know.
+    key: Option<Key>,
+    /// Who may do what with the ports that are opened here.
+    roles: Roles,
+}
+
+/// A name server.
+#[derive(Clone, Debug)]
+struct Server {
+    namespace: String,
+    host: String,
+    port: u16,
 }
 
 /// How long connecting and asking may take, unless told otherwise; stock waits as long.
@@ -44,20 +63,28 @@ impl Network {
     /// Environment and configuration files play no part.
     pub fn at(host: &str, port: u16) -> Self {
         Self::from(Inner {
-            server: Some((host.to_owned(), port)),
+            servers: vec![Server {
+                namespace: DEFAULT_NAMESPACE.to_owned(),
+                host: host.to_owned(),
+                port,
+            }],
             namespace: DEFAULT_NAMESPACE.to_owned(),
             configuration: None,
             deadline: DEADLINE,
+            key: None,
+            roles: Roles::default(),
         })
     }
 
     /// No name server: ports can be opened unregistered, and reached by address.
     pub fn none() -> Self {
         Self::from(Inner {
-            server: None,
+            servers: Vec::new(),
             namespace: DEFAULT_NAMESPACE.to_owned(),
             configuration: None,
             deadline: DEADLINE,
+            key: None,
+            roles: Roles::default(),
         })
     }
 
@@ -66,15 +93,22 @@ impl Network {
         Ok(Self::from_configuration(Configuration::from_process()?))
     }
 
-    /// The network that a configuration names: the first of its name servers whose place is known.
+    /// The network that a configuration names: those of its name servers whose place is known.
     pub fn from_configuration(configuration: Configuration) -> Self {
-        let (namespace, server) = match configuration.name_server() {
-            Some((name, server)) => (name, Some((server.host.clone(), server.port))),
-            None => (configuration.namespaces()[0].name.as_str(), None),
+        let server = |held: &Namespace| {
+            let server = held.server.as_ref()?;
+            Some(Server {
+                namespace: held.name.clone(),
+                host: server.host.clone(),
+                port: server.port,
+            })
         };
+        let namespaces = configuration.namespaces();
         Self::from(Inner {
-            server,
-            namespace: namespace.to_owned(),
+            servers: namespaces.iter().filter_map(server).collect(),
+            namespace: namespaces[0].name.clone(),
+            key: configuration.key().cloned(),
+            roles: configuration.roles().clone(),
             configuration: Some(configuration),
             deadline: DEADLINE,
         })
@@ -92,15 +126,42 @@ impl Network {
         })
     }
 
+    /// The same network with another key, or none: ports opened on it take connections only from
+    /// programs that hold it, and connect only to those.
+    pub fn with_key(&self, key: Option<Key>) -> Self {
+        Self::from(Inner {
+            key,
+            ..Inner::clone(&self.0)
+        })
+    }
+
+    /// The key that both ends of a connection must hold; `auth.conf` gives it.
+    pub fn key(&self) -> Option<&Key> {
+        self.0.key.as_ref()
+    }
+
+    /// The same network with other roles for the ports that are opened on it.
+    pub fn with_roles(&self, roles: Roles) -> Self {
+        Self::from(Inner {
+            roles,
+            ..Inner::clone(&self.0)
+        })
+    }
+
+    /// Who may do what with the ports that are opened on it; `roles.conf` says.
+    pub fn roles(&self) -> &Roles {
+        &self.0.roles
+    }
+
     /// How long connecting and asking may take.
     pub fn deadline(&self) -> Duration {
         self.0.deadline
     }
 
-    /// Host and port of the name server, if one is configured.
+    /// Host and port of the name server, if one is configured; of several, the first.
     pub fn server(&self) -> Option<(&str, u16)> {
-        let (host, port) = self.0.server.as_ref()?;
-        Some((host, *port))
+        let server = self.0.servers.first()?;
+        Some((&server.host, server.port))
     }
 
     /// Host and port of the name server as text.
@@ -113,7 +174,39 @@ impl Network {
 
     /// The namespace: the name server's own port name.
     pub fn namespace(&self) -> &str {
-        &self.0.namespace
+        match self.0.servers.first() {
+            Some(server) => &server.namespace,
+            None => &self.0.namespace,
+        }
+    }
+
+    /// One network for each name server.
+    fn each(&self) -> impl Iterator<Item = Self> {
+        self.0.servers.iter().map(|server| {
+            Self::from(Inner {
+                servers: vec![server.clone()],
+                ..Inner::clone(&self.0)
+            })
+        })
+    }
+
+    /// Does something with each name server, and gives what the first said with which it worked;
+    /// what went wrong with others is told to the log.
+    async fn with_each<T, F: Future<Output = Result<T, PortError>>>(
+        &self,
+        work: impl Fn(Self) -> F,
+    ) -> Result<T, PortError> {
+        let mut result = Err(PortError::NoNameServer);
+        for network in self.each() {
+            let namespace = network.namespace().to_owned();
+            match (work(network).await, &result) {
+                (Ok(_), Ok(_)) => {}
+                (Ok(done), Err(_)) => result = Ok(done),
+                (Err(error), Err(PortError::NoNameServer)) => result = Err(error),
+                (Err(error), _) => tracing::warn!(namespace, "{}", error.story()),
+            }
+        }
+        result
     }
 
     /// The name under which a port called `name` is opened.
@@ -158,11 +251,14 @@ impl Network {
             }
         };
         let conversation = async {
-            let connecting = stream::connect("the name server", host, port, self.0.deadline);
+            let connecting = stream::connect("the name server", host, port, self);
             let stream = match connecting.await {
                 Ok(stream) => stream,
                 Err(PortError::Connect { source, .. }) => {
                     return Err(failed("connecting")(source));
+                }
+                Err(PortError::Authentication { source, .. }) => {
+                    return Err(failed("authentication")(io::Error::other(source)));
                 }
                 Err(_) => {
                     return Err(failed("connecting")(io::ErrorKind::TimedOut.into()));
@@ -203,8 +299,22 @@ impl Network {
         self.ask(&Request::plain(command).to_string()).await
     }
 
-    /// Where a port is.
+    /// Where a port is, as the first name server says that knows it.
     pub async fn query(&self, name: &str) -> Result<Place, PortError> {
+        let mut result = Err(PortError::NoNameServer);
+        for network in self.each() {
+            match (network.query_one(name).await, &result) {
+                (Ok(place), _) => return Ok(place),
+                // One that answers is worth more than one that is away.
+                (unknown @ Err(PortError::Unknown { .. }), _) => result = unknown,
+                (error, Err(PortError::NoNameServer)) => result = error,
+                (Err(error), _) => tracing::debug!("{}", error.story()),
+            }
+        }
+        result
+    }
+
+    async fn query_one(&self, name: &str) -> Result<Place, PortError> {
         let name = name.to_owned();
         let answer = self.command(Command::Query { name: name.clone() }).await?;
         answer.registration().ok_or(PortError::Unknown { name })
@@ -227,8 +337,30 @@ impl Network {
         self.query(&contact.name).await
     }
 
-    /// Registers a port; what it leaves open the server chooses.
-    pub async fn register(&self, mut port: Registering) -> Result<Place, PortError> {
+    /// Registers a port with every name server; what it leaves open the first one chooses, for all
+    /// of them.
+    pub async fn register(&self, port: Registering) -> Result<Place, PortError> {
+        let mut asking = port;
+        let mut result = Err(PortError::NoNameServer);
+        for network in self.each() {
+            match (network.register_one(asking.clone()).await, &result) {
+                (Ok(_), Ok(_)) => {}
+                (Ok(given), Err(_)) => {
+                    asking.name.clone_from(&given.name);
+                    asking.carrier = Some(given.carrier.clone());
+                    asking.host = Some(given.host.clone());
+                    asking.number = Some(given.port.into());
+                    result = Ok(given);
+                }
+                (Err(error), Err(PortError::NoNameServer)) => result = Err(error),
+                (Err(error), _) => tracing::warn!("{}", error.story()),
+            }
+        }
+        result
+    }
+
+    /// Registers with the first name server alone: names for its own use, such as groups.
+    pub(crate) async fn register_one(&self, mut port: Registering) -> Result<Place, PortError> {
         if port.host.is_none() {
             port.host = self.own_address();
         }
@@ -241,8 +373,13 @@ impl Network {
         })
     }
 
-    /// Tells the name server what a port that listens by now can do.
+    /// Tells every name server what a port that listens by now can do.
     pub(crate) async fn introduce(&self, name: &str) -> Result<(), PortError> {
+        self.with_each(|network| async move { network.introduce_one(name).await })
+            .await
+    }
+
+    async fn introduce_one(&self, name: &str) -> Result<(), PortError> {
         let mut carriers = ALL.map(|carrier| carrier.name).to_vec();
         carriers.dedup();
         let carriers = carriers.join(" ");
@@ -260,8 +397,10 @@ impl Network {
         Ok(())
     }
 
-    /// Takes a name back; unknown names are fine.
+    /// Takes a name back from every name server; unknown names are fine.
     pub async fn unregister(&self, name: &str) -> Result<(), PortError> {
-        self.ask(&format!("unregister {name}")).await.map(drop)
+        let request = &format!("unregister {name}");
+        self.with_each(|network| async move { network.ask(request).await.map(drop) })
+            .await
     }
 }

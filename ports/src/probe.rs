@@ -6,6 +6,7 @@ use yarp_wire::carrier::Carrier;
 use yarp_wire::{Bottle, Dialect};
 
 use crate::dialogue::Dialogue;
+use crate::network::Network;
 
 /// A word that generation 3.x cuts to four characters.
 const WORD: &str = "generation";
@@ -20,13 +21,14 @@ const PATIENCE: Duration = Duration::from_secs(5);
 pub(crate) async fn generation(
     name: &str,
     address: (&str, u16),
-    deadline: Duration,
+    network: &Network,
 ) -> Option<Dialect> {
-    let deadline = deadline.min(PATIENCE);
+    let deadline = network.deadline().min(PATIENCE);
+    let network = network.with_deadline(deadline);
     let carrier = Carrier::by_name("text_ack")?;
     let request = Bottle::parse(&format!("[del] [{WORD}]")).ok()?;
     let asking = async {
-        let mut dialogue = Dialogue::open(name, address, carrier, "admin", deadline).await?;
+        let mut dialogue = Dialogue::open(name, address, carrier, "admin", &network).await?;
         dialogue.admin(&request).await
     };
     let answer = tokio::time::timeout(deadline, asking).await.ok()?.ok()?;

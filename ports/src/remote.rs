@@ -77,7 +77,7 @@ pub async fn describe(network: &Network, place: &Place) -> Result<Vec<String>, P
 async fn converse(network: &Network, place: &Place, sender: &str) -> Result<Dialogue, PortError> {
     let carrier = Carrier::by_name("text_ack").expect("text_ack is in the table");
     let address = (place.host.as_str(), place.port);
-    Dialogue::open(&place.name, address, carrier, sender, network.deadline()).await
+    Dialogue::open(&place.name, address, carrier, sender, network).await
 }
 
 /// The connection from one port to another, as the writer sees it.
@@ -274,7 +274,7 @@ pub async fn exists(network: &Network, name: &str) -> Result<bool, PortError> {
 /// Whether the TCP port where a port should be takes connections.
 pub async fn listens(network: &Network, place: &Place) -> bool {
     let deadline = network.deadline();
-    crate::stream::connect(&place.name, &place.host, place.port, deadline)
+    crate::stream::connect_only(&place.name, &place.host, place.port, deadline)
         .await
         .is_ok()
 }

@@ -9,7 +9,9 @@ use bytes::{BufMut, BytesMut};
 use socket2::{SockRef, TcpKeepalive};
 use tokio::net::{TcpStream, UnixStream};
 
+use crate::auth;
 use crate::error::{PortError, resolve};
+use crate::network::Network;
 
 /// What bytes of a connection travel on.
 #[derive(Debug)]
@@ -85,8 +87,27 @@ pub(crate) fn prepare(stream: &TcpStream) -> io::Result<()> {
     SockRef::from(stream).set_tcp_keepalive(&asking)
 }
 
-/// Connects to a port with a deadline; small messages go out at once.
+/// Connects to a port, and shows it the key of the network if there is one.
 pub(crate) async fn connect(
+    peer: &str,
+    host: &str,
+    port: u16,
+    network: &Network,
+) -> Result<Socket, PortError> {
+    let stream = connect_only(peer, host, port, network.deadline()).await?;
+    if let Some(key) = network.key() {
+        let handshake = auth::initiate(&stream, key).await;
+        handshake.map_err(|source| PortError::Authentication {
+            peer: peer.to_owned(),
+            address: format!("{host}:{port}"),
+            source,
+        })?;
+    }
+    Ok(stream)
+}
+
+/// Connects to a TCP port with a deadline; small messages go out at once.
+pub(crate) async fn connect_only(
     peer: &str,
     host: &str,
     port: u16,
@@ -175,6 +196,26 @@ impl Inflow {
         };
         Ok(read)
     }
+}
+
+/// Reads `count` bytes and not one more.
+pub(crate) async fn read_exactly(
+    stream: &Socket,
+    bytes: &mut BytesMut,
+    count: usize,
+) -> io::Result<()> {
+    let end = bytes.len() + count;
+    while bytes.len() < end {
+        stream.readable().await?;
+        let mut room = bytes.limit(end - bytes.len());
+        match either!(stream, stream => stream.try_read_buf(&mut room)) {
+            Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
+            Ok(_) => {}
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(())
 }
 
 /// Writes all of `output` and empties it.

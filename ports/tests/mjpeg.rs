@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Raw, at, bottle, open, until, within};
-use yarp_ports::{Answer, Dialogue, Port, PortOptions, Queue};
+use yarp_ports::{Answer, Dialogue, Network, Port, PortOptions, Queue};
 use yarp_wire::carrier::Carrier;
 use yarp_wire::mjpeg::{PartReader, comment};
 use yarp_wire::typed::{Image, PixelCode};
@@ -26,7 +26,8 @@ fn is_about(image: &Image, colour: [u8; 3]) -> bool {
 async fn ask(port: &Port, request: &Bottle) -> String {
     let carrier = Carrier::by_name("text_ack").unwrap();
     let address = ("127.0.0.1", port.number());
-    let opening = Dialogue::open(port.name(), address, carrier, "admin", common::DEADLINE);
+    let network = Network::none().with_deadline(common::DEADLINE);
+    let opening = Dialogue::open(port.name(), address, carrier, "admin", &network);
     let mut dialogue = opening.await.unwrap();
     dialogue.admin(request).await.unwrap().to_string()
 }

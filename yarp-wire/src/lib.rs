@@ -7,6 +7,7 @@
 //! * [`bottle`]: the values that ports exchange, in binary and in text.
 //! * [`vocab`], [`name`], [`stamp`], [`number`]: the small words of the protocol.
 //! * [`carrier`]: one file per carrier, and the one table that lists them.
+//! * [`auth`]: the handshake before a connection, where there is a key.
 //! * [`connection`]: the state machines of both sides of a connection.
 //! * [`mjpeg`]: pictures for browsers, and from them that send some.
 //! * [`websocket`]: the frames in which pages talk to ports.
@@ -14,6 +15,7 @@
 //! * [`qos`]: how urgent packets are, in the words of those messages.
 
 pub mod admin;
+pub mod auth;
 pub mod bottle;
 pub mod carrier;
 pub mod connection;

@@ -44,7 +44,7 @@ pub(super) async fn run(_args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         network
     } else {
         writeln!(out, "=== NO NAME SERVER!  Switching to local, fake mode")?;
-        Network::none()
+        Network::none().with_key(network.key().cloned())
     };
     let mut interrupt = Interrupt::listen();
     let options = PortOptions::new().reading(Queue::Wait(1));

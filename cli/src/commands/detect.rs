@@ -36,7 +36,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     }
     let configuration = Configuration::from_process()?;
     if let Some((namespace, server)) = configuration.name_server() {
-        let network = Network::at(&server.host, server.port);
+        let network = Network::at(&server.host, server.port).with_key(configuration.key().cloned());
         if session::serves(&network, namespace).await {
             found(namespace, server, &[], out)?;
             return Ok(ExitCode::SUCCESS);

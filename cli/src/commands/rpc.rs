@@ -123,7 +123,8 @@ impl Connection {
             return Ok(None);
         };
         let address = (place.host.as_str(), place.port);
-        let opening = Dialogue::open(&place.name, address, carrier, own, session::FOREVER);
+        let patient = network.with_deadline(session::FOREVER);
+        let opening = Dialogue::open(&place.name, address, carrier, own, &patient);
         let Ok(Ok(dialogue)) = tokio::time::timeout(CONNECTING, opening).await else {
             return Ok(None);
         };

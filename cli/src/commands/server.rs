@@ -1,6 +1,7 @@
 //! `yarp server`: the name server.
 
 use std::io::Write;
+use std::ops::RangeInclusive;
 use std::process::ExitCode;
 
 use yarp_nameserver::{Server, ServerOptions};
@@ -41,6 +42,13 @@ pub(crate) struct Args {
     /// Address to be reached under
     #[arg(long, value_name = "ADDRESS")]
     ip: Option<String>,
+    /// Address that clients are told, also if this machine does not have it: behind a translation
+    /// of addresses, in a container
+    #[arg(long, value_name = "ADDRESS")]
+    advertise: Option<String>,
+    /// TCP ports to hand out, instead of those above its own
+    #[arg(long, value_name = "FIRST-LAST")]
+    ports: Option<String>,
     /// TCP port; 0 takes the configured one
     #[arg(long, value_name = "NUMBER")]
     socket: Option<String>,
@@ -76,6 +84,8 @@ impl Args {
         self.local |= take_flag(rest, "--local");
         for (option, held) in [
             ("--ip", &mut self.ip),
+            ("--advertise", &mut self.advertise),
+            ("--ports", &mut self.ports),
             ("--socket", &mut self.socket),
             ("--portdb", &mut self.portdb),
             ("--subdb", &mut self.subdb),
@@ -104,10 +114,20 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             return Ok(ExitCode::FAILURE);
         }
     };
-    let options = ServerOptions::default()
+    let numbers = match args.ports.as_deref().map(parse_range) {
+        Some(None) => {
+            complain(out, "--ports: expected FIRST-LAST, such as 10002-10100")?;
+            return Ok(ExitCode::FAILURE);
+        }
+        numbers => numbers.flatten(),
+    };
+    let mut options = ServerOptions::default()
         .at(&place.host, place.port)
         .namespace(&held.name)
-        .multicast(configuration.default_port());
+        .multicast(configuration.default_port())
+        .key(configuration.key().cloned())
+        .roles(configuration.roles().clone());
+    options.numbers = numbers;
     let server = match Server::start(options).await {
         Ok(server) => server,
         Err(error) => {
@@ -120,6 +140,14 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         config::write(&held.file, &place.to_string())?;
     }
     if !args.silent {
+        if configuration.key().is_none() {
+            // It listens at all addresses of this machine.
+            tracing::warn!(
+                target: "yarp.serversql.Server",
+                "No auth.conf with a key: whoever reaches TCP port {} can use this name server",
+                place.port
+            );
+        }
         let NameServer { host, port, .. } = &place;
         writeln!(out, "Name server can be browsed at http://{host}:{port}/")?;
         writeln!(out, "Ok. Ready!")?;
@@ -163,6 +191,7 @@ fn choose(
         return Err(format!("Could not read configuration file {file}"));
     }
     let host = match (&args.ip, stored) {
+        _ if args.advertise.is_some() => args.advertise.clone().unwrap_or_default(),
         (Some(ip), _) if args.read => ip.clone(),
         (None, Some(stored)) if args.read => stored.host.clone(),
         (Some(ip), _) => reachable(ip),
@@ -202,6 +231,13 @@ delete {file}",
     }
 }
 
+/// `FIRST-LAST`.
+fn parse_range(text: &str) -> Option<RangeInclusive<u16>> {
+    let (first, last) = text.split_once('-')?;
+    let (first, last) = (first.trim().parse().ok()?, last.trim().parse().ok()?);
+    (0 < first && first <= last).then_some(first..=last)
+}
+
 /// An address that others can use: as asked if it is one of ours and no loopback, else our best.
 fn reachable(ip: &str) -> String {
     let best = addresses::best();
@@ -228,4 +264,18 @@ pub(super) fn failed(namespace: &str, place: &NameServer, error: &PortError) {
         target: "yarp.os.Port",
         "Port {namespace} failed to activate at tcp://{host}:{port}/ ({reason})"
     );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_of_ports_have_two_ends() {
+        assert_eq!(parse_range("10002-10100"), Some(10002..=10100));
+        assert_eq!(parse_range("7 - 7"), Some(7..=7));
+        for text in ["", "5", "5-", "-5", "0-5", "6-5", "5-65536", "a-b"] {
+            assert_eq!(parse_range(text), None, "{text:?}");
+        }
+    }
 }

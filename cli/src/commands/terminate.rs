@@ -55,8 +55,8 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
 async fn ask(network: &Network, place: &Place) -> std::result::Result<(), PortError> {
     let carrier = Carrier::by_name("text_ack").expect("text_ack is in the table");
     let address = (place.host.as_str(), place.port);
-    let deadline = network.deadline().min(DEADLINE);
-    let mut dialogue = Dialogue::open(&place.name, address, carrier, SENDER, deadline).await?;
+    let network = network.with_deadline(network.deadline().min(DEADLINE));
+    let mut dialogue = Dialogue::open(&place.name, address, carrier, SENDER, &network).await?;
     if place.name.contains("/quit") {
         let request = Bottle::of("quit");
         dialogue.request(&Command::data(true), &request).await?;

@@ -117,7 +117,9 @@ impl Base {
         let options = ServerOptions::default()
             .at(&place.host, place.port)
             .namespace(&held.name)
-            .multicast(configuration.default_port());
+            .multicast(configuration.default_port())
+            .key(configuration.key().cloned())
+            .roles(configuration.roles().clone());
         let server = Server::start(options).await?;
         if held.server.is_none() {
             if let Err(error) = config::write(&held.file, &place.to_string()) {

@@ -146,13 +146,7 @@ async fn administer(network: &Network, port: &Port, targets: &[String]) -> Resul
         };
         let carrier = Carrier::by_name("text_ack").expect("text_ack is in the table");
         let address = (place.host.as_str(), place.port);
-        let opening = Dialogue::open(
-            &place.name,
-            address,
-            carrier,
-            port.name(),
-            network.deadline(),
-        );
+        let opening = Dialogue::open(&place.name, address, carrier, port.name(), network);
         dialogues.push(opening.await?);
     }
     let mut lines = Lines::open();

@@ -58,6 +58,24 @@ impl Home {
         self.directory.path()
     }
 
+    /// The TCP port of servers that are not told another.
+    pub(crate) fn range(&self) -> u16 {
+        self.range
+    }
+
+    /// Runs `yarp` with these words again and again until it says `text`.
+    #[track_caller]
+    pub(crate) fn run_until(&self, line: &str, text: &str) -> Ended {
+        let start = Instant::now();
+        loop {
+            let ended = self.run(line);
+            if ended.says(text) {
+                return ended;
+            }
+            assert!(start.elapsed() < PATIENCE, "no {text:?}: {ended:?}");
+        }
+    }
+
     /// What stands in a file of the configuration, if it is there.
     pub(crate) fn file(&self, name: &str) -> Option<String> {
         std::fs::read_to_string(self.path().join(name)).ok()
@@ -68,6 +86,8 @@ impl Home {
         let mut child = Command::new(env!("CARGO_BIN_EXE_yarp"))
             .args(line.split_whitespace())
             .env("YARP_CONFIG_HOME", self.path())
+            // No files of the user's shall play a part.
+            .env("YARP_DATA_HOME", self.path())
             .env("YARP_PORT_RANGE", self.range.to_string())
             .env_remove("YARP_NAMESPACE")
             .env_remove("YARP_PORT_PREFIX")
@@ -102,6 +122,7 @@ impl Home {
 
     /// Starts a name server that the other commands of this home use.
     pub(crate) fn serve(&self) -> Running {
+        let mut last = None;
         for _ in 0..5 {
             let port = free_port();
             let mut server = self.start(&format!("server --ip 127.0.0.1 --socket {port} --write"));
@@ -109,8 +130,9 @@ impl Home {
                 return server;
             }
             // Somebody else was faster with that port.
+            last = Some(server.finish());
         }
-        panic!("no name server starts");
+        panic!("no name server starts: {last:?}");
     }
 
     /// The names that the name server knows, but its own.

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeSet, HashMap, VecDeque};
 use std::net::Ipv4Addr;
+use std::ops::RangeInclusive;
 
 use super::limits::Refusal;
 
@@ -26,11 +27,20 @@ pub(super) struct Numbers {
 impl Numbers {
     /// Stock's range above its own number: from the second to the 9999th.
     pub(super) fn above(server: u16) -> Self {
-        let first = u32::from(server) + 2;
+        let server = u32::from(server);
+        Self::between(server + 2, (server + 9999).min(u16::MAX.into()))
+    }
+
+    /// Any other range.
+    pub(super) fn within(range: RangeInclusive<u16>) -> Self {
+        Self::between((*range.start()).into(), (*range.end()).into())
+    }
+
+    fn between(first: u32, last: u32) -> Self {
         Self {
             first,
             next: first,
-            last: (u32::from(server) + 9999).min(u16::MAX.into()),
+            last,
             previous: HashMap::new(),
             names: HashMap::new(),
             freed: VecDeque::new(),

@@ -1,15 +1,23 @@
 //! Questions about ports.
 
+use std::net::IpAddr;
+
 use yarp_wire::name_service::{Form, Registration, plain_text};
 use yarp_wire::{Bottle, Value};
 
 use super::limits;
 use super::persistent::split_carrier;
-use super::{Body, Entry, Registry};
+use super::{Body, Entry, Registry, subnets};
 
 impl Registry {
-    pub(super) fn query(&self, form: Form, name: &str) -> Body {
-        let found = self.find(name);
+    pub(super) fn query(&self, form: Form, from: Option<IpAddr>, name: &str) -> Body {
+        let mut found = self.find(name);
+        // Who names a network gets an address there.
+        if let Some(found) = &mut found
+            && !name.contains("/net=")
+        {
+            self.suit(found, from);
+        }
         match form {
             Form::Plain => Body::lines(found.iter().map(Registration::to_string)),
             Form::Bot => Body::Bottle(match found {
@@ -40,17 +48,45 @@ impl Registry {
         Some(registration)
     }
 
-    /// Ports that are called `prefix` or lie below it, sorted by the bytes of their names.
-    pub(super) fn list(&self, form: Form, prefix: &str) -> Body {
-        listing(
-            form,
-            self.entries().filter(|(name, _)| is_below(name, prefix)),
-        )
+    /// Tells an asker at `from` an address that it can reach.
+    fn suit(&self, registration: &mut Registration, from: Option<IpAddr>) {
+        if let Some(entry) = self.ports.get(&registration.name) {
+            let ips = entry.properties.get("ips");
+            subnets::suit(registration, ips, &self.settings.subnets, from);
+        }
     }
 
-    pub(super) fn runners(&self, form: Form) -> Body {
+    /// Ports that are called `prefix` or lie below it, sorted by the bytes of their names.
+    pub(super) fn list(&self, form: Form, from: Option<IpAddr>, prefix: &str) -> Body {
+        let below = self.entries().filter(|(name, _)| is_below(name, prefix));
+        self.listing(form, from, below)
+    }
+
+    pub(super) fn runners(&self, form: Form, from: Option<IpAddr>) -> Body {
         let runs = |entry: &Entry| entry.properties.has("yarprun", "true");
-        listing(form, self.entries().filter(|(_, entry)| runs(entry)))
+        let running = self.entries().filter(|(_, entry)| runs(entry));
+        self.listing(form, from, running)
+    }
+
+    fn listing<'a>(
+        &self,
+        form: Form,
+        from: Option<IpAddr>,
+        entries: impl Iterator<Item = (&'a str, &'a Entry)>,
+    ) -> Body {
+        let registrations = entries.map(|(_, entry)| {
+            let mut registration = entry.registration.clone();
+            self.suit(&mut registration, from);
+            registration
+        });
+        match form {
+            Form::Plain => Body::lines(registrations.map(|port| port.to_string())),
+            Form::Bot => {
+                let mut bottle = Bottle::of("ports");
+                bottle.extend(registrations.map(|port| Value::from(port.to_bottle())));
+                Body::Bottle(bottle)
+            }
+        }
     }
 
     fn entries(&self) -> impl Iterator<Item = (&str, &Entry)> {
@@ -112,17 +148,5 @@ fn is_below(name: &str, prefix: &str) -> bool {
             rest.is_empty() || rest.starts_with('/') || prefix.is_empty() || prefix.ends_with('/')
         }
         None => false,
-    }
-}
-
-fn listing<'a>(form: Form, entries: impl Iterator<Item = (&'a str, &'a Entry)>) -> Body {
-    let registrations = entries.map(|(_, entry)| &entry.registration);
-    match form {
-        Form::Plain => Body::lines(registrations.map(Registration::to_string)),
-        Form::Bot => {
-            let mut bottle = Bottle::of("ports");
-            bottle.extend(registrations.map(|port| Value::from(port.to_bottle())));
-            Body::Bottle(bottle)
-        }
     }
 }

@@ -10,6 +10,7 @@
 //!   stores anything and exits when its numbers run out;
 //! * a number that is in use is never handed out to another port (stock minds only the numbers
 //!   that it chose itself);
+//! * of several addresses of a port each asker is told one that it can reach (`subnets.rs`);
 //! * `(format json)` is not taken for an argument (stock stores it as a value with `set`).
 
 mod allocator;
@@ -19,6 +20,7 @@ mod persistent;
 mod properties;
 mod register;
 mod reply;
+mod subnets;
 mod subscribe;
 #[cfg(test)]
 mod tests;
@@ -26,6 +28,7 @@ mod text;
 
 use std::collections::BTreeMap;
 use std::net::IpAddr;
+use std::ops::RangeInclusive;
 use std::time::Instant;
 
 use yarp_wire::name_service::{
@@ -38,6 +41,12 @@ use properties::Properties;
 
 pub use limits::Refusal;
 pub use reply::{Body, Effect, Link, Reply};
+pub use subnets::Subnet;
+
+/// The name in a contact such as `tcp://name`, as persistent connections have them.
+pub(crate) fn bare_name(contact: &str) -> &str {
+    persistent::split_carrier(contact).1
+}
 
 /// What the server knows of itself.
 #[derive(Clone, Debug)]
@@ -50,6 +59,10 @@ pub struct Settings {
     pub port: u16,
     /// The UDP port of multicast detection, listed as `fallback`.
     pub multicast_port: u16,
+    /// The networks that it has addresses in.
+    pub subnets: Vec<Subnet>,
+    /// The numbers that it hands out, if not those above its own.
+    pub numbers: Option<RangeInclusive<u16>>,
 }
 
 /// All ports, their properties, and the connections that outlive them.
@@ -81,6 +94,8 @@ impl Settings {
             host: host.to_owned(),
             port,
             multicast_port: DEFAULT_PORT,
+            subnets: Vec::new(),
+            numbers: None,
         }
     }
 }
@@ -96,7 +111,10 @@ impl Registry {
     pub fn new(settings: Settings) -> Self {
         let mut registry = Self {
             ports: BTreeMap::new(),
-            numbers: Numbers::above(settings.port),
+            numbers: match settings.numbers.clone() {
+                Some(numbers) => Numbers::within(numbers),
+                None => Numbers::above(settings.port),
+            },
             names: Names::new(),
             groups: Groups::new(),
             persistent: Persistent::default(),
@@ -114,6 +132,7 @@ impl Registry {
             host,
             port,
             multicast_port,
+            ..
         } = registry.settings.clone();
         registry.register(Form::Plain, None, &own(&name, "tcp", &host, port));
         let group = own(FALLBACK, "mcast", GROUP, multicast_port);
@@ -126,15 +145,16 @@ impl Registry {
     ///
     /// * `now`: when it came; only `announce NAME 0` minds.
     /// * `from`: the address of the asker, which becomes that of a port it registers without
-    ///   one. `localhost` if unknown, as in stock.
+    ///   one (`localhost` if unknown, as in stock), and decides which of several addresses of a
+    ///   port it is told.
     pub fn handle(&mut self, now: Instant, from: Option<IpAddr>, request: &Request) -> Reply {
         let form = request.form;
         match &request.command {
             Command::Register(registering) => self.register(form, from, registering),
             Command::Unregister { name } => self.unregister(form, name),
-            Command::Query { name } => self.query(form, name).into(),
-            Command::List { prefix } => self.list(form, prefix).into(),
-            Command::Runners => self.runners(form).into(),
+            Command::Query { name } => self.query(form, from, name).into(),
+            Command::List { prefix } => self.list(form, from, prefix).into(),
+            Command::Runners => self.runners(form, from).into(),
             Command::Set { name, key, values } => self.set(form, name, key, values).into(),
             Command::Get { name, key } => self.property(form, name, key).into(),
             Command::Check { name, key, value } => self.check(name, key, value).into(),

@@ -76,7 +76,7 @@ impl Body {
     }
 
     /// Lines and the closing one.
-    pub(super) fn lines(lines: impl IntoIterator<Item = String>) -> Self {
+    pub(crate) fn lines(lines: impl IntoIterator<Item = String>) -> Self {
         Self::Lines(lines.into_iter().chain([END.to_owned()]).collect())
     }
 

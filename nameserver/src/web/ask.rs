@@ -1,9 +1,7 @@
 //! One port, asked for its connections and for what it is part of.
 
-use std::time::Duration;
-
 use serde::Serialize;
-use yarp_ports::{Dialogue, Place, PortCounters, PortError, Traffic};
+use yarp_ports::{Dialogue, Network, Place, PortCounters, PortError, Traffic};
 use yarp_wire::admin::{self, Direction};
 use yarp_wire::carrier::Carrier;
 use yarp_wire::{Bottle, Value};
@@ -58,15 +56,15 @@ pub(super) struct Process {
     pub(super) host: Option<String>,
 }
 
-/// Asks a port; each step has `deadline`. `process` says whether to ask for that, too.
+/// Asks a port of this network. `process` says whether to ask for that, too.
 pub(super) async fn ask(
     place: &Place,
-    deadline: Duration,
+    network: &Network,
     process: bool,
 ) -> Result<Told, PortError> {
     let carrier = Carrier::by_name("text_ack").expect("text_ack is in the table");
     let address = (place.host.as_str(), place.port);
-    let mut dialogue = Dialogue::open(&place.name, address, carrier, ADMIN, deadline).await?;
+    let mut dialogue = Dialogue::open(&place.name, address, carrier, ADMIN, network).await?;
     let answer = dialogue.admin(&admin::property("counters")).await?;
     let links = match PortCounters::from_bottle(&answer) {
         Some(counters) => counted(counters),

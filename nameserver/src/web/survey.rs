@@ -7,7 +7,7 @@ use std::time::Duration;
 use tokio::sync::{Notify, watch};
 use tokio::task::{JoinError, JoinSet};
 use tokio::time::Instant;
-use yarp_ports::{Place, PortError};
+use yarp_ports::{Network, Place, PortError};
 use yarp_wire::name_service::Registration;
 
 use super::ask::{self, Counted, Process, Told};
@@ -16,12 +16,13 @@ use crate::registry::Registry;
 use crate::server::lock;
 
 /// How the ports are asked.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Settings {
     /// Rest between two rounds; none asks nobody ever.
     pub(crate) interval: Option<Duration>,
-    /// What each step of a conversation with a port may take.
-    pub(crate) step: Duration,
+    /// The ports are asked as programs of this network ask, in whose deadline each step of a
+    /// conversation is done.
+    pub(crate) network: Network,
 }
 
 /// Ports that are asked at the same time.
@@ -141,9 +142,10 @@ impl Survey {
             while asking.len() >= AT_ONCE {
                 self.keep(asking.join_next().await, interval);
             }
-            let step = self.settings.step;
+            let network = self.settings.network.clone();
+            let step = network.deadline();
             asking.spawn(async move {
-                let asking = ask::ask(&place, step, process);
+                let asking = ask::ask(&place, &network, process);
                 let told = match tokio::time::timeout(step * STEPS, asking).await {
                     Ok(told) => told,
                     Err(_) => Err(PortError::Deadline {

@@ -6,7 +6,8 @@
 use std::path::Path;
 
 use yarp_ports::PortCounters;
-use yarp_ports::config::{NameServer, file_name, parse_namespaces, print_namespaces};
+use yarp_ports::config::{NameServer, file_name, parse_key, parse_namespaces, print_namespaces};
+use yarp_ports::roles::{Peer, Right, RoleTable};
 use yarp_wire::Bottle;
 
 /// An answer to `[prop] [get] counters`, as text.
@@ -21,7 +22,7 @@ pub fn counters(data: &[u8]) {
     }
 }
 
-/// One file, read as `yarp.conf` and as a list of namespaces.
+/// One file, read as each kind of configuration file that there is.
 pub fn configuration(data: &[u8]) {
     let text = String::from_utf8_lossy(data);
     let file = Path::new("yarp.conf");
@@ -34,5 +35,15 @@ pub fn configuration(data: &[u8]) {
     let _ = print_namespaces(&names);
     for name in &names {
         assert!(!file_name(name).contains('/'), "{name:?}");
+    }
+    let _ = parse_key(Path::new("auth.conf"), &text);
+    if let Ok(roles) = RoleTable::parse(Path::new("roles.conf"), &text) {
+        let peer = Peer {
+            name: "/fuzz",
+            address: [192, 0, 2, 1].into(),
+        };
+        let rights = roles.rights("/fuzz", peer);
+        // No roles, no restrictions.
+        assert!(!roles.is_empty() || rights.has(Right::Administer));
     }
 }

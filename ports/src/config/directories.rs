@@ -71,6 +71,27 @@ impl Directories {
         })
     }
 
+    /// Where a file such as `auth.conf` may be, in the order of the search: the current directory,
+    /// the robot's (`robots/$YARP_ROBOT_NAME` in each of what follows; `default` unless told
+    /// otherwise), the user's configuration and data, those of everybody.
+    ///
+    /// Source: stock 3.5.0, watched. It also reads `config/path.d` in the data directories, where
+    /// packages name directories of their own; we do not.
+    pub fn resources(&self, environment: &Environment, file: &str) -> Vec<PathBuf> {
+        let robot = environment.get("YARP_ROBOT_NAME").unwrap_or("default");
+        let places: Vec<_> = std::iter::once(&self.config_home)
+            .chain(&self.data_home)
+            .chain(&self.config_dirs)
+            .chain(&self.data_dirs)
+            .collect();
+        let robots = places.iter().map(|place| place.join("robots").join(robot));
+        std::iter::once(PathBuf::new())
+            .chain(robots)
+            .chain(places.iter().map(|place| place.to_path_buf()))
+            .map(|place| place.join(file))
+            .collect()
+    }
+
     /// The file that names the name servers.
     pub fn namespace_file(&self) -> PathBuf {
         self.config_home.join("yarp_namespace.conf")
@@ -186,6 +207,32 @@ mod tests {
             held.config_dirs,
             [Path::new("/c/yarp"), Path::new("/d/yarp")]
         );
+    }
+
+    /// The same order was watched with stock 3.5.0.
+    #[test]
+    fn resources_are_looked_for_as_in_stock() {
+        let variables = [
+            ("YARP_CONFIG_HOME", "/c"),
+            ("YARP_DATA_HOME", "/d"),
+            ("YARP_DATA_DIRS", "/s"),
+        ];
+        let environment = Environment::from_iter(variables).on(Platform::Linux);
+        let held = Directories::of(&environment).unwrap();
+        let places = held.resources(&environment, "auth.conf");
+        let places: Vec<_> = places.iter().map(|place| place.to_str().unwrap()).collect();
+        let expected = [
+            "auth.conf",
+            "/c/robots/default/auth.conf",
+            "/d/robots/default/auth.conf",
+            "/etc/xdg/yarp/robots/default/auth.conf",
+            "/s/robots/default/auth.conf",
+            "/c/auth.conf",
+            "/d/auth.conf",
+            "/etc/xdg/yarp/auth.conf",
+            "/s/auth.conf",
+        ];
+        assert_eq!(places, expected);
     }
 
     #[test]

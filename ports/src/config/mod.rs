@@ -7,6 +7,8 @@
 //! | `yarp.conf` | where the name server is: `HOST PORT [MODE]` |
 //! | `yarp_namespace.conf` | the names of the name servers to use, `/root` unless told otherwise |
 //! | `_NAME.conf` | where the name server called `/NAME` is |
+//! | `auth.conf` | the key that all programs of the network share; also looked for elsewhere, see [`Directories::resources`] |
+//! | `roles.conf` | who may do what with which ports, see [`crate::roles`]; looked for like `auth.conf` |
 //!
 //! | variable | says |
 //! | --- | --- |
@@ -22,17 +24,23 @@
 
 mod directories;
 mod environment;
+mod key;
 mod name_server;
 mod namespaces;
 mod naming;
+pub(crate) mod section;
 
 use std::io;
 use std::path::{Path, PathBuf};
 
 pub use directories::Directories;
 pub use environment::{Environment, Platform};
+pub use key::parse_key;
 pub use name_server::{Mode, NameServer};
 pub use namespaces::{DEFAULT_NAMESPACE, file_name, parse_namespaces, print_namespaces};
+use yarp_wire::auth::Key;
+
+use crate::roles::{self, Roles};
 
 /// TCP port of the name server, and UDP port of multicast detection, unless told otherwise.
 pub const DEFAULT_PORT: u16 = 10000;
@@ -44,6 +52,8 @@ pub struct Configuration {
     directories: Directories,
     namespaces: Vec<Namespace>,
     default_port: u16,
+    key: Option<Key>,
+    roles: Roles,
 }
 
 /// One name server that may be used.
@@ -124,14 +134,15 @@ impl Configuration {
         read: impl Fn(&Path) -> io::Result<String>,
     ) -> Result<Self, ConfigError> {
         let directories = Directories::of(&environment)?;
-        let read = |file: &Path| match read(file) {
-            Ok(text) => Ok(text),
-            Err(source) if source.kind() == io::ErrorKind::NotFound => Ok(String::new()),
+        let find = |file: &Path| match read(file) {
+            Ok(text) => Ok(Some(text)),
+            Err(source) if source.kind() == io::ErrorKind::NotFound => Ok(None),
             Err(source) => Err(ConfigError::Read {
                 file: file.to_owned(),
                 source,
             }),
         };
+        let read = |file: &Path| find(file).map(Option::unwrap_or_default);
         let names = match environment.get("YARP_NAMESPACE") {
             Some(text) => parse_namespaces(text),
             None => parse_namespaces(&read(&directories.namespace_file())?),
@@ -143,11 +154,21 @@ impl Configuration {
         };
         let namespaces = names.into_iter().map(namespace).collect::<Result<_, _>>()?;
         let default_port = environment.port("YARP_PORT_RANGE")?;
+        let mut key = None;
+        for file in directories.resources(&environment, key::FILE) {
+            if let Some(text) = find(&file)? {
+                key = Some(parse_key(&file, &text)?);
+                break;
+            }
+        }
+        let roles = Roles::load(directories.resources(&environment, roles::FILE), find)?;
         Ok(Self {
             environment,
             directories,
             namespaces,
             default_port: default_port.unwrap_or(DEFAULT_PORT),
+            key,
+            roles,
         })
     }
 
@@ -177,6 +198,16 @@ impl Configuration {
     /// `YARP_PORT_RANGE`, or 10000.
     pub fn default_port(&self) -> u16 {
         self.default_port
+    }
+
+    /// The key of `auth.conf`, if there is such a file.
+    pub fn key(&self) -> Option<&Key> {
+        self.key.as_ref()
+    }
+
+    /// The roles of `roles.conf`.
+    pub fn roles(&self) -> &Roles {
+        &self.roles
     }
 
     /// The address to register ports with, given those of this machine as text.
@@ -286,6 +317,30 @@ mod tests {
             load(&[], &[]),
             Err(ConfigError::NoDirectory { .. })
         ));
+    }
+
+    #[test]
+    fn the_key_is_in_the_first_file_there_is() {
+        let files = [
+            ("/x/yarp/auth.conf", "[AUTH]\nkey c"),
+            ("/d/auth.conf", "nothing"),
+            ("/c/auth.conf", "[AUTH]\nkey b"),
+            ("/c/robots/wam/auth.conf", "[AUTH]\nkey a"),
+        ];
+        let home = [("YARP_CONFIG_HOME", "/c"), ("YARP_DATA_HOME", "/d")];
+        let robot = [home[0], home[1], ("YARP_ROBOT_NAME", "wam")];
+        let has_key = |variables: &[_], files: &[_]| {
+            let held = load(variables, files);
+            held.map(|held| held.key().is_some()).map_err(|_| ())
+        };
+        assert_eq!(has_key(&home, &[]), Ok(false));
+        assert_eq!(has_key(&home, &files), Ok(true));
+        // The one in the way gives no key.
+        assert_eq!(has_key(&home, &files[..2]), Err(()));
+        assert_eq!(has_key(&robot, &files[..2]), Err(()));
+        assert_eq!(has_key(&robot, &[files[1], files[3]]), Ok(true));
+        let shared = [home[0], ("XDG_CONFIG_DIRS", "/w:/x")];
+        assert_eq!(has_key(&shared, &files[..1]), Ok(true));
     }
 
     #[test]

@@ -9,6 +9,7 @@ use yarp_wire::{Bottle, Value, Vocab32};
 use super::core::Core;
 use super::options::{Input, Outputs, Serving};
 use super::qos::scheduling;
+use crate::roles::Right;
 
 /// Stock's answer to `[help]`. Source: recorded traffic of 3.12.3 and 4.0.0.
 const HELP: [&str; 20] = [
@@ -36,6 +37,19 @@ const HELP: [&str; 20] = [
 
 /// Most properties a port keeps for others, so that they cannot fill its memory.
 const MOST_PROPERTIES: usize = 1024;
+
+/// What a peer must be allowed to do before it is answered; none for what anybody may ask.
+pub(super) fn needed(request: &Bottle) -> Option<Right> {
+    match AdminRequest::parse(request) {
+        AdminRequest::Add(_) | AdminRequest::Remove(_) => Some(Right::Connect),
+        AdminRequest::Set(..)
+        | AdminRequest::SetProperty(..)
+        | AdminRequest::Attach(_)
+        | AdminRequest::Detach(_)
+        | AdminRequest::Other(_) => Some(Right::Administer),
+        _ => None,
+    }
+}
 
 impl Core {
     /// The answer to an admin request.

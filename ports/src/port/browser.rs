@@ -8,17 +8,37 @@ use yarp_wire::{Bottle, Value};
 use super::input::{Connection, End, Next};
 use super::options::Page;
 use super::received::Received;
+use crate::roles::Right;
 
 impl Connection {
     /// Answers what a browser asks for; the connection ends with the answer, or goes on as one
     /// that the port writes to.
     pub(super) async fn browse(&mut self, request: Request) -> Next {
         if let Some(page) = self.own_page(&request) {
+            if !self.may(Right::Read) {
+                let refusal = self.refusal(Right::Read);
+                let page = self.page(&request, "", &refusal);
+                self.output.extend_from_slice(page.as_bytes());
+                return Next::Stop(End::Closed);
+            }
             let response = self.wait_for(page).await;
             self.output.extend_from_slice(response.to_text().as_bytes());
             return Next::Stop(End::Closed);
         }
-        let response = match Action::of(&request) {
+        let action = Action::of(&request);
+        let needed = match &action {
+            Action::Send(_) | Action::Json { admin: false, .. } => Some(Right::Write),
+            Action::Web(_) | Action::Read => Some(Right::Read),
+            // What a description and the administration need, they check.
+            _ => None,
+        };
+        if let Some(right) = needed.filter(|right| !self.may(*right)) {
+            let refusal = self.refusal(right);
+            let page = self.page(&request, "", &refusal);
+            self.output.extend_from_slice(page.as_bytes());
+            return Next::Stop(End::Closed);
+        }
+        let response = match action {
             Action::Describe => self.page(&request, "", &self.core.describe()),
             Action::Send(text) => {
                 let reply = self.ask_owner(text.as_bytes()).await;
@@ -28,7 +48,7 @@ impl Connection {
                 request: message,
                 admin: true,
             } => {
-                let answer = self.core.administer(&message).await;
+                let answer = self.administer(&message).await;
                 page::json_response(&json::of(&answer))
             }
             Action::Json { request, .. } => {

@@ -17,10 +17,11 @@ use super::options::{ConnectionChange, Input, Outputs, PortOptions};
 use super::output::{Output, Target};
 use super::qos::SocketHandle;
 use crate::cancel::{Cancel, Cancelled, join};
-use crate::error::PortError;
-use crate::network::Network;
+use crate::error::{PortError, resolve};
+use crate::network::{Network, Place};
 use crate::probe;
 use crate::remote;
+use crate::roles::{self, Peer, Right};
 
 /// How long a goodbye to a reader may take.
 pub(crate) const GOODBYE: Duration = Duration::from_secs(1);
@@ -181,6 +182,15 @@ impl Core {
     /// Connects to a reader, whose name is the answer; connections to it end first. Over a carrier
     /// that does not push, connects to a writer and reads from it.
     pub(crate) async fn connect(self: &Arc<Self>, to: &Contact) -> Result<String, PortError> {
+        self.connect_for(to, false).await
+    }
+
+    /// As [`Core::connect`]; what a peer asks for needs the right of whom it is connected to.
+    pub(super) async fn connect_for(
+        self: &Arc<Self>,
+        to: &Contact,
+        peer_asks: bool,
+    ) -> Result<String, PortError> {
         // As in stock, who cannot be found is told first.
         let found = self.network.resolve(to).await?;
         let text = to.carrier.as_deref().unwrap_or(&found.carrier);
@@ -188,8 +198,14 @@ impl Core {
         if let Some(spec) = &spec
             && let Some(carrier) = Carrier::of(spec).filter(|carrier| !carrier.push)
         {
+            if peer_asks {
+                self.check_right(&found, Right::Write).await?;
+            }
             self.pull(&found, spec, carrier).await?;
             return Ok(found.name);
+        }
+        if peer_asks {
+            self.check_right(&found, Right::Read).await?;
         }
         let logs = spec.as_ref().map_or(Ok(false), log::is_wanted)?;
         if self.options.outputs == Outputs::None && !logs {
@@ -227,7 +243,7 @@ impl Core {
         let address = (found.host.as_str(), found.port);
         let dialect = match carrier.framing {
             framing if framing.is_binary() => {
-                probe::generation(&found.name, address, self.network.deadline()).await
+                probe::generation(&found.name, address, &self.network).await
             }
             _ => Some(Dialect::default()),
         };
@@ -242,7 +258,7 @@ impl Core {
             carrier,
             dialect: dialect.unwrap_or(self.options.dialect),
             group: group.as_ref(),
-            deadline: self.network.deadline(),
+            network: &self.network,
         };
         match Output::connect(&target, self.cancelled.clone()).await {
             Ok(mut output) => {
@@ -254,6 +270,29 @@ impl Core {
                 self.release_group().await;
                 Err(error)
             }
+        }
+    }
+
+    /// Whether the roles give the port at `place` this right on ours.
+    async fn check_right(&self, place: &Place, right: Right) -> Result<(), PortError> {
+        let roles = self.network.roles();
+        roles.refresh();
+        let address = match roles.are_any() {
+            true => resolve(&place.host, place.port).await,
+            false => return Ok(()),
+        };
+        let address = address.map_err(|source| {
+            PortError::connect(&place.name, &place.host, "address of the host", source)
+        })?;
+        let peer = Peer {
+            name: &place.name,
+            address: address.ip(),
+        };
+        match roles.rights(&self.name, peer).has(right) {
+            true => Ok(()),
+            false => Err(PortError::NotAllowed {
+                text: roles::refusal(&self.name, peer, right),
+            }),
         }
     }
 

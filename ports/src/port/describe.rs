@@ -60,7 +60,7 @@ impl Core {
         out
     }
 
-    /// Adds an output, answering in stock's words.
+    /// Adds an output that a peer asks for, answering in stock's words.
     pub(super) async fn add_output_in_words(
         self: &Arc<Self>,
         destination: &str,
@@ -72,7 +72,7 @@ impl Core {
             _ => destination,
         };
         let contact = yarp_wire::Contact::parse(contact);
-        match self.connect(&contact).await {
+        match self.connect_for(&contact, true).await {
             Ok(reader) => {
                 let own = &self.name;
                 let copies = match contact.carrier.as_deref().is_some_and(log::is_named) {
@@ -95,6 +95,7 @@ impl Core {
                     PortError::LogNotSupported { what } => {
                         format!("Logger configured as log.{what}, but only log.in is supported\r\n")
                     }
+                    PortError::NotAllowed { text } => format!("{text}\r\n"),
                     PortError::Unknown { .. } => {
                         format!("Do not know how to connect to {destination}\r\n")
                     }

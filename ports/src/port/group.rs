@@ -23,7 +23,7 @@ impl Group {
             carrier: Some("mcast".to_owned()),
             ..Registering::named("...")
         };
-        let given = network.register(asking).await?;
+        let given = network.register_one(asking).await?;
         let ip: Ipv4Addr = given.host.parse().map_err(|_| PortError::Refused {
             server: network.server_text(),
             request: "register ... mcast".to_owned(),

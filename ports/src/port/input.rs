@@ -14,7 +14,8 @@ use yarp_wire::connection::{
 use yarp_wire::message::Command;
 use yarp_wire::{Bottle, Limits};
 
-use super::core::{Core, Entry, GOODBYE};
+use super::admin;
+use super::core::{Core, Entry, GOODBYE, is_port};
 use super::counters::Meter;
 use super::describe::{HELP, NOT_UNDERSTOOD};
 use super::inbox::Inbox;
@@ -23,20 +24,36 @@ use super::options::{Input, Serving};
 use super::output::{Output, Way};
 use super::qos::SocketHandle;
 use super::received::{Answer, Received, Reply, Responder};
+use crate::auth;
 use crate::busy::BusyPoll;
 use crate::cancel::{Cancel, Cancelled};
 use crate::datagram;
+use crate::error::story;
+use crate::roles::{self, Peer, Right, Rights};
 use crate::stream::{self, Inflow, Socket};
 use crate::unix;
 
 /// Serves a connection until it ends, is displaced, or the port closes.
 pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, address: IpAddr) {
-    let (cancel, mut displaced) = Cancel::new();
     let mut closing = core.cancelled.clone();
+    let stream = Socket::Tcp(stream);
+    core.network.roles().refresh();
+    if let Some(key) = core.network.key() {
+        let known = tokio::select! {
+            known = auth::accept(&stream, key) => known,
+            () = closing.cancelled() => return,
+        };
+        if let Err(error) = known {
+            let text = story(&error);
+            tracing::warn!(port = %core.name, %address, "Authentication of {address} failed: {text}");
+            return;
+        }
+    }
+    let (cancel, mut displaced) = Cancel::new();
     let mut connection = Connection {
         acceptor: Acceptor::new(core.number, core.options.dialect, Limits::DEFAULT),
         core: core.clone(),
-        stream: Arc::new(Socket::Tcp(stream)),
+        stream: Arc::new(stream),
         input: Inflow::default(),
         output: BytesMut::new(),
         entry: None,
@@ -47,6 +64,7 @@ pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, address: IpAddr) {
         busy: BusyPoll::new(),
         meter: Arc::default(),
         closing: core.cancelled.clone(),
+        rights: (0, Rights::ALL),
     };
     // A message that is being answered when the port closes gets its answer, if it is not long.
     let out_of_patience = async {
@@ -68,6 +86,10 @@ pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, address: IpAddr) {
         End::Failed(error) => {
             tracing::debug!(port = %core.name, from, "a connection failed: {error}");
         }
+        End::Refused(right) => {
+            let text = connection.refusal(right);
+            tracing::warn!(port = %core.name, from, "dropping a connection: {text}");
+        }
         End::Reversed => connection.into_output(),
     }
 }
@@ -79,6 +101,8 @@ pub(super) enum End {
     Failed(io::Error),
     /// It goes on in the other direction.
     Reversed,
+    /// The peer may not do what it wants.
+    Refused(Right),
 }
 
 impl From<io::Error> for End {
@@ -105,6 +129,8 @@ pub(super) struct Connection {
     pub(super) meter: Arc<Meter>,
     /// The port closes: nothing more is read.
     closing: Cancelled,
+    /// What the peer may do, by the roles of this generation.
+    rights: (u64, Rights),
 }
 
 /// What is to happen after a message.
@@ -260,11 +286,21 @@ impl Connection {
                 sender,
                 group,
             } => {
+                self.sender = sender;
+                // A port that comes over a carrier that pushes comes to write.
+                let wants = match carrier.push {
+                    true => is_port(&self.sender.name).then_some(Right::Write),
+                    false => Some(Right::Read),
+                };
+                if let Some(right) = wants.filter(|right| !self.may(*right)) {
+                    // Without an answer to its header the peer knows that it is not connected.
+                    self.output.clear();
+                    return Next::Stop(End::Refused(right));
+                }
                 if !carrier.push {
-                    self.sender = sender;
                     return Next::Stop(End::Reversed);
                 }
-                self.opened(carrier, sender);
+                self.opened(carrier);
                 match carrier.transport {
                     Transport::Stream | Transport::WebSocket => Next::Go,
                     Transport::UnixSocket => Next::UnixSocket,
@@ -276,9 +312,9 @@ impl Connection {
         }
     }
 
-    fn opened(&mut self, carrier: &'static Carrier, sender: Sender) {
+    fn opened(&mut self, carrier: &'static Carrier) {
         let mut text = carrier.name.to_owned();
-        for (key, value) in &sender.modifiers {
+        for (key, value) in &self.sender.modifiers {
             text.push('+');
             text.push_str(key);
             if let Some(value) = value {
@@ -290,15 +326,48 @@ impl Connection {
         let socket = SocketHandle::of(&self.stream);
         let core = &self.core;
         let meter = self.meter.clone();
-        let id = core.add_input(&sender.name, carrier, text, socket, meter, cancel);
+        let id = core.add_input(&self.sender.name, carrier, text, socket, meter, cancel);
         let core = self.core.clone();
         self.entry = Some(Entry { id, core });
-        self.from = sender.name.as_str().into();
-        self.sender = sender;
+        self.from = self.sender.name.as_str().into();
+    }
+
+    /// Whether the roles in force now give the peer this right.
+    pub(super) fn may(&mut self, right: Right) -> bool {
+        let roles = self.core.network.roles();
+        let generation = roles.generation();
+        if self.rights.0 != generation {
+            let mut rights = roles.rights(&self.core.name, self.peer());
+            if self.core.options.judges_itself {
+                rights = rights.and(Right::Write.into());
+            }
+            self.rights = (generation, rights);
+        }
+        self.rights.1.has(right)
+    }
+
+    fn peer(&self) -> Peer<'_> {
+        Peer {
+            name: &self.sender.name,
+            address: self.address,
+        }
+    }
+
+    /// What a peer is told that may not.
+    pub(super) fn refusal(&self, right: Right) -> String {
+        roles::refusal(&self.core.name, self.peer(), right)
     }
 
     async fn message(&mut self, message: Message) -> Next {
         let next = match message.command {
+            Command::Data { reply, .. } if !self.may(Right::Write) => {
+                if !reply {
+                    return Next::Stop(End::Refused(Right::Write));
+                }
+                let answer = admin::fail(&self.refusal(Right::Write));
+                self.acceptor.reply(&answer, &mut self.output);
+                Next::Go
+            }
             Command::Data { reply, envelope } => {
                 self.meter.count(message.payload.len(), envelope.as_deref());
                 let received = Received {
@@ -315,8 +384,7 @@ impl Connection {
             }
             Command::Admin => {
                 let request = message.payload.to_bottle().unwrap_or_default();
-                let core = self.core.clone();
-                let answer = self.wait_for(Box::pin(core.administer(&request))).await;
+                let answer = self.administer(&request).await;
                 self.acceptor.reply(&answer, &mut self.output);
                 Next::Go
             }
@@ -324,6 +392,15 @@ impl Connection {
         };
         self.acceptor.acknowledge(&mut self.output);
         next
+    }
+
+    /// The answer to an admin request, or to who may not make it.
+    pub(super) async fn administer(&mut self, request: &Bottle) -> Bottle {
+        if let Some(right) = admin::needed(request).filter(|right| !self.may(*right)) {
+            return admin::fail(&self.refusal(right));
+        }
+        let core = self.core.clone();
+        self.wait_for(Box::pin(core.administer(request))).await
     }
 
     /// Its number in the port's list.
@@ -395,6 +472,18 @@ impl Connection {
 
     async fn command(&mut self, command: Command) -> Next {
         let core = self.core.clone();
+        let needed = match command {
+            Command::AddOutput(_) | Command::RemoveOutput(_) | Command::RemoveInput(_) => {
+                Some(Right::Connect)
+            }
+            Command::Reverse => Some(Right::Read),
+            _ => None,
+        };
+        if let Some(right) = needed.filter(|right| !self.may(*right)) {
+            let lines = self.refusal(right) + "\r\n";
+            self.acceptor.answer_lines(&lines, &mut self.output);
+            return Next::Go;
+        }
         let lines = match command {
             Command::Quit => return Next::Stop(End::Closed),
             Command::Reverse => {

@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | `options` | how a port is to be opened |
 //! | `core` | what the tasks of a port share |
+//! | `listener` | the number that it listens on |
 //! | `input`, `inbox`, `received` | incoming connections, what arrived, one message of it |
 //! | `output`, `outbox`, `group` | outgoing connections, what is to be sent, multicast |
 //! | `encoded`, `batch` | a message in the forms that readers want, bytes on their way |
@@ -24,6 +25,7 @@ mod encoded;
 mod group;
 mod inbox;
 mod input;
+mod listener;
 mod local;
 mod log;
 mod options;
@@ -35,14 +37,12 @@ mod qos;
 mod received;
 mod supervised;
 
-use std::io;
 use std::sync::Arc;
 use std::task::Poll;
 use std::time::Duration;
 
 use bytes::Bytes;
 use smallvec::SmallVec;
-use tokio::net::TcpListener;
 use tokio::task::{JoinHandle, JoinSet};
 use yarp_wire::message::{Command, Payload, ReadObject, WireObject};
 use yarp_wire::name_service::Registering;
@@ -54,7 +54,6 @@ use self::output::Output;
 use crate::cancel::{Cancel, join};
 use crate::error::PortError;
 use crate::network::Network;
-use crate::stream;
 
 pub use counters::{ConnectionCounters, PortCounters, Traffic};
 pub use inbox::Queue;
@@ -124,19 +123,9 @@ impl Port {
         } else {
             (name, network.own_host(), options.number.unwrap_or(0))
         };
-        let listener = match bind(&name, number) {
-            Err(PortError::Listen { source, .. })
-                if source.kind() == io::ErrorKind::AddrInUse && options.number.is_none() =>
-            {
-                // Somebody the name server does not know has the number it gave: take a free one.
-                let listener = bind(&name, 0)?;
-                let number = listener.local_addr().map_or(0, |address| address.port());
-                let asking = Registering {
-                    number: Some(i64::from(number)),
-                    type_name: options.type_name.clone(),
-                    ..Registering::named(&name)
-                };
-                network.register(asking).await.map(|_| listener)
+        let listener = match listener::bind(&name, number) {
+            Err(taken) if taken.is_taken() && options.number.is_none() => {
+                listener::elsewhere(network, &name, &options, taken).await
             }
             listening => listening,
         };
@@ -163,7 +152,7 @@ impl Port {
             cancelled,
         ));
         local::announce(&core);
-        let listener = tokio::spawn(listen(core.clone(), listener));
+        let listener = tokio::spawn(listener::listen(core.clone(), listener));
         let port = Self {
             core,
             cancel,
@@ -174,6 +163,9 @@ impl Port {
             network.introduce(port.name()).await?;
         }
         tracing::info!(port = %port.core.name, "Port {} active at {}", port.name(), port.address());
+        if network.key().is_none() {
+            listener::tell_of_openness();
+        }
         Ok(port)
     }
 
@@ -549,44 +541,4 @@ impl From<&str> for Envelope {
         let end = text.find(|c: char| c.is_control()).unwrap_or(text.len());
         Self(Bytes::copy_from_slice(&text.as_bytes()[..end]))
     }
-}
-
-fn bind(name: &str, number: u16) -> Result<TcpListener, PortError> {
-    let listen = || {
-        let socket = tokio::net::TcpSocket::new_v4()?;
-        socket.set_reuseaddr(true)?;
-        socket.bind((std::net::Ipv4Addr::UNSPECIFIED, number).into())?;
-        socket.listen(1024)
-    };
-    listen().map_err(|source| PortError::Listen {
-        name: name.to_owned(),
-        number,
-        source,
-    })
-}
-
-/// Accepts connections until the port closes, then waits for them to end.
-async fn listen(core: Arc<Core>, listener: TcpListener) {
-    let mut connections = JoinSet::new();
-    let mut cancelled = core.cancelled.clone();
-    loop {
-        tokio::select! {
-            accepted = listener.accept() => match accepted {
-                Ok((stream, peer)) => {
-                    // Without it small messages are late, but they come.
-                    let _ = stream::prepare(&stream);
-                    connections.spawn(input::serve(core.clone(), stream, peer.ip()));
-                }
-                Err(error) => {
-                    tracing::warn!(port = %core.name, "cannot accept: {error}");
-                    // Most likely out of descriptors: give others time to free some.
-                    tokio::time::sleep(Duration::from_millis(50)).await;
-                }
-            },
-            Some(_) = connections.join_next(), if !connections.is_empty() => {}
-            () = cancelled.cancelled() => break,
-        }
-    }
-    drop(listener);
-    join(connections).await;
 }

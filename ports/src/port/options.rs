@@ -66,6 +66,7 @@ pub struct PortOptions {
     pub(crate) pages: Option<Pages>,
     pub(crate) watcher: Option<Watcher>,
     pub(crate) type_name: Option<String>,
+    pub(crate) judges_itself: bool,
 }
 
 /// Which outgoing connections a port takes.
@@ -88,6 +89,7 @@ impl Default for PortOptions {
             pages: None,
             watcher: None,
             type_name: None,
+            judges_itself: false,
         }
     }
 }
@@ -156,6 +158,12 @@ impl PortOptions {
     /// Wire type name to register, such as `yarp/vector`.
     pub fn type_name(mut self, name: impl Into<String>) -> Self {
         self.type_name = Some(name.into());
+        self
+    }
+
+    /// Lets everybody send messages, whatever `roles.conf` says: the owner looks at each by itself.
+    pub fn open_to_messages(mut self) -> Self {
+        self.judges_itself = true;
         self
     }
 

@@ -25,7 +25,7 @@ use crate::cancel::Cancelled;
 use crate::datagram;
 use crate::dialogue::Dialogue;
 use crate::error::PortError;
-use crate::network::Place;
+use crate::network::{Network, Place};
 use crate::stream::{Inflow, Socket, connect, within, write_all};
 use crate::unix;
 
@@ -67,7 +67,8 @@ pub(crate) struct Target<'a> {
     pub(crate) dialect: Dialect,
     /// The group, on a carrier of groups.
     pub(crate) group: Option<&'a Group>,
-    pub(crate) deadline: Duration,
+    /// Whose key is shown, and whose deadline holds.
+    pub(crate) network: &'a Network,
 }
 
 /// What messages go out on.
@@ -81,6 +82,7 @@ pub(crate) enum Way {
 struct Farewell {
     from: String,
     to: Place,
+    network: Network,
 }
 
 impl Output {
@@ -113,12 +115,14 @@ impl Output {
             };
             Ok((way, initiator))
         };
-        let (way, initiator) = within(target.deadline, name, "connection header", opening).await?;
+        let deadline = target.network.deadline();
+        let (way, initiator) = within(deadline, name, "connection header", opening).await?;
         let mut output = Self::start(name, target.spec.to_string(), way, initiator, cancelled);
         output.group = target.group.cloned();
         output.farewell = target.carrier.connectionless.then(|| Farewell {
             from: target.from.to_owned(),
             to: target.to.clone(),
+            network: target.network.clone(),
         });
         Ok(output)
     }
@@ -219,7 +223,7 @@ async fn open(target: &Target<'_>) -> Result<(Socket, Initiator, Inflow), PortEr
     let Place {
         name, host, port, ..
     } = target.to;
-    let stream = connect(name, host, *port, target.deadline).await?;
+    let stream = connect(name, host, *port, target.network).await?;
     let mut output = BytesMut::new();
     let sender = Sender {
         name: target.from.to_owned(),
@@ -266,7 +270,8 @@ impl Farewell {
     async fn say(&self, deadline: Duration) {
         let carrier = Carrier::by_name("text_ack").expect("text_ack is in the table");
         let address = (self.to.host.as_str(), self.to.port);
-        let dialogue = Dialogue::open(&self.to.name, address, carrier, "admin", deadline).await;
+        let network = self.network.with_deadline(deadline);
+        let dialogue = Dialogue::open(&self.to.name, address, carrier, "admin", &network).await;
         // A reader that is gone has forgotten already.
         if let Ok(mut dialogue) = dialogue {
             let _ = dialogue

@@ -87,7 +87,7 @@ async fn open(core: &Arc<Core>, place: &Place, spec: &CarrierSpec) -> Result<Pul
         let address = format!("{host}:{port}");
         PortError::connect(name, address, "head of the response", error)
     };
-    let stream = Arc::new(stream::connect(name, host, *port, core.network.deadline()).await?);
+    let stream = Arc::new(stream::connect(name, host, *port, &core.network).await?);
     let address = stream.tcp().and_then(|tcp| tcp.peer_addr().ok());
     let request = mjpeg::request(spec.modifier("path"), &format!("{host}:{port}"));
     let mut output = BytesMut::from(request.as_str());

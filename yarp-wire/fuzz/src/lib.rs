@@ -5,6 +5,7 @@
 
 use bytes::{Bytes, BytesMut};
 use yarp_wire::admin::AdminRequest;
+use yarp_wire::auth::{Handshake, Key};
 use yarp_wire::bottle::{Balance, Scan, Scanner, detect};
 use yarp_wire::carrier::{ALL, Carrier, CarrierSpec, Framing, Sender, Transport};
 use yarp_wire::connection::{
@@ -23,7 +24,7 @@ use yarp_wire::{Bottle, Contact, Dialect, Limits, PortName, Stamp, datagram, typ
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All targets.
-pub const TARGETS: [Target; 17] = [
+pub const TARGETS: [Target; 18] = [
     ("bottle_binary", bottle_binary),
     ("bottle_text", bottle_text),
     ("acceptor", acceptor),
@@ -41,6 +42,7 @@ pub const TARGETS: [Target; 17] = [
     ("websocket", websocket),
     ("framing", framing),
     ("reversed", reversed),
+    ("auth", auth),
 ];
 
 const DIALECTS: [Dialect; 2] = [Dialect::V3, Dialect::V4];
@@ -538,4 +540,37 @@ fn reverse(
     let mut initiator = acceptor.reversed().expect("its header is complete");
     let progress = take_progress(&mut initiator, sends, data, step);
     (progress, initiator.said())
+}
+
+/// The handshake of keys, either side: the same in one piece and in steps, and never more is taken
+/// than belongs to it.
+pub fn auth(data: &[u8]) {
+    let [side, step, data @ ..] = data else {
+        return;
+    };
+    let run = |size: usize| {
+        let key = Key::new(b"fuzz").expect("it is not empty");
+        let mut output = BytesMut::new();
+        let mut handshake = match side & 1 {
+            0 => Handshake::accept(key, [[1; 8], [3; 8]], &mut output),
+            _ => Handshake::initiate(key, [2; 8]),
+        };
+        let mut input = BytesMut::new();
+        let mut taken = 0;
+        let mut through = Ok(false);
+        for piece in data.chunks(size) {
+            input.extend_from_slice(piece);
+            let held = input.len();
+            through = handshake.poll(&mut input, &mut output);
+            taken += held - input.len();
+            if through != Ok(false) {
+                break;
+            }
+            assert!((1..=40).contains(&handshake.missing(&input)));
+        }
+        (through, taken, output)
+    };
+    let whole = run(data.len().max(1));
+    assert_eq!(run(usize::from(*step).max(1)), whole);
+    assert!(whole.1 <= 80);
 }

@@ -1,7 +1,9 @@
 //! What the fuzzer starts from: good input of every kind, and bad input of every kind we know.
 
 use bytes::BytesMut;
+use yarp_wire::auth::{Handshake, Key};
 use yarp_wire::carrier::{ALL, Carrier, Framing, Transport};
+use yarp_wire::connection::put_message;
 use yarp_wire::connection::{put_acknowledgement, put_message, put_reply};
 use yarp_wire::message::Command;
 use yarp_wire::mjpeg::{RESPONSE, put_part};
@@ -30,6 +32,7 @@ pub(crate) fn all() -> Vec<(&'static str, Vec<Vec<u8>>)> {
         ("websocket", frames()),
         ("framing", behind_headers()),
         ("reversed", from_readers()),
+        ("auth", handshakes()),
     ]
 }
 
@@ -333,4 +336,27 @@ fn from_readers() -> Vec<Vec<u8>> {
         bytes
     };
     (0..).zip(on_the_wire()).map(seed).collect()
+}
+
+/// The side and the size of its steps in front; the key and the nonces are those of the target.
+fn handshakes() -> Vec<Vec<u8>> {
+    let key = Key::new(b"fuzz").unwrap();
+    let (mut first, mut second, mut third) = (BytesMut::new(), BytesMut::new(), BytesMut::new());
+    let mut acceptor = Handshake::accept(key.clone(), [[1; 8], [3; 8]], &mut first);
+    let mut initiator = Handshake::initiate(key, [2; 8]);
+    let challenge = first.to_vec();
+    initiator.poll(&mut first, &mut second).unwrap();
+    let answer = second.to_vec();
+    acceptor.poll(&mut second, &mut third).unwrap();
+    vec![
+        [&[0, 7][..], &answer].concat(),
+        [&[0, 40][..], &answer, b"CONNECT /x\r\n"].concat(),
+        [&[1, 9][..], &challenge, &third].concat(),
+        [&[1, 1][..], &challenge].concat(),
+        [
+            &[0, 3][..],
+            b"CONNECT /a/port/without/a/key/and/a/long/name\r\n",
+        ]
+        .concat(),
+    ]
 }

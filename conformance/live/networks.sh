@@ -1,0 +1,122 @@
+#!/usr/bin/env bash
+# A name server with legs in two networks that do not know of each other: each client is told an
+# address that it can reach. Needs root (network namespaces), and leaves nothing behind.
+#
+#   networks.sh OUR_YARP [WITH_STOCK]     WITH_STOCK runs stock's tools
+set -euo pipefail
+
+ours=$(realpath "$1")
+with_stock=${2:+$(realpath "$2")}
+work=$(mktemp -d)
+running=()
+# Names of their own: other tests may run beside this one.
+server=yarp-s-$$ left=yarp-l-$$ right=yarp-r-$$
+clean() {
+    kill "${running[@]}" 2>/dev/null || true
+    wait "${running[@]}" 2>/dev/null || true
+    for space in "$server" "$left" "$right"; do ip netns del "$space" 2>/dev/null || true; done
+    rm -rf "$work"
+}
+trap clean EXIT
+
+failed=0
+# Whether a command prints a line that holds the words given.
+says() {
+    local what=$1 words=$2 said
+    shift 2
+    said=$("$@" 2>&1 || true)
+    if grep -qF -- "$words" <<<"$said"; then
+        echo "ok   $what"
+    else
+        echo "FAIL $what: no \"$words\" in: $said"
+        failed=$((failed + 1))
+    fi
+}
+until_ok() {
+    for _ in $(seq 100); do
+        if "$@" >/dev/null 2>&1; then return 0; fi
+        sleep 0.2
+    done
+    echo "FAIL gave up waiting for: $*"
+    return 1
+}
+
+for space in "$server" "$left" "$right"; do
+    ip netns add "$space"
+    ip -n "$space" link set lo up
+done
+# A cable: name of the end at the server and its address; where the other end is, and its address.
+cable() {
+    ip link add "$1" netns "$server" type veth peer name eth0 netns "$3"
+    ip -n "$server" addr add "$2/24" dev "$1"
+    ip -n "$3" addr add "$4/24" dev eth0
+    ip -n "$server" link set "$1" up
+    ip -n "$3" link set eth0 up
+}
+cable toleft 10.71.1.1 "$left" 10.71.1.2
+cable toright 10.71.2.1 "$right" 10.71.2.2
+
+# A command in one of the networks, configured for the server's leg there.
+run() {
+    local space=$1
+    shift
+    timeout 20 ip netns exec "$space" env YARP_CONFIG_HOME="$work/$space" \
+        YARP_DATA_HOME="$work/$space" "$@"
+}
+# The same in the background, until the end.
+start() {
+    local space=$1
+    shift
+    ip netns exec "$space" env YARP_CONFIG_HOME="$work/$space" YARP_DATA_HOME="$work/$space" \
+        "$@" >>"$work/log" 2>&1 &
+    running+=($!)
+}
+for place in "$server 127.0.0.1" "$left 10.71.1.1" "$right 10.71.2.1"; do
+    read -r space host <<<"$place"
+    mkdir -p "$work/$space"
+    echo "$host 10000 yarp" >"$work/$space/yarp.conf"
+done
+
+start "$server" "$ours" server --local
+until_ok run "$left" "$ours" where
+# A port on the server's machine, where it is known by its loopback address.
+start "$server" "$ours" read /here
+until_ok run "$server" "$ours" exists /here
+# And one in each network.
+start "$left" "$ours" read /left
+until_ok run "$left" "$ours" exists /left
+
+tools=("ours")
+if [ -n "$with_stock" ]; then tools+=("stock"); fi
+for tool in "${tools[@]}"; do
+    yarp=("$ours")
+    if [ "$tool" = stock ]; then yarp=("$with_stock" yarp); fi
+    says "$tool on the left: the server's port" "ip 10.71.1.1 " run "$left" "${yarp[@]}" name query /here
+    says "$tool on the right: the server's port" "ip 10.71.2.1 " run "$right" "${yarp[@]}" name query /here
+    says "$tool at the server: the server's port" "ip 127.0.0.1 " run "$server" "${yarp[@]}" name query /here
+    says "$tool on the right, in a list" "name /here ip 10.71.2.1 " run "$right" "${yarp[@]}" name list
+    says "$tool on the right, asking for the left" "ip 10.71.1.1 " run "$right" "${yarp[@]}" name query "/net=10.71.1/here"
+    says "$tool on the left: its own port" "ip 10.71.1.2 " run "$left" "${yarp[@]}" name query /left
+    for space in "$left" "$right" "$server"; do
+        if run "$space" "${yarp[@]}" exists /here >/dev/null 2>&1; then
+            echo "ok   $tool finds the port, in ${space%-*}"
+        else
+            echo "FAIL $tool does not find the port, in ${space%-*}"
+            failed=$((failed + 1))
+        fi
+    done
+    for space in "$left" "$right"; do
+        word="from-$tool-${space%-*}"
+        run "$space" "${yarp[@]}" write ... /here >/dev/null 2>&1 <<<"$word" || true
+        if until_ok grep -qF "$word" "$work/log"; then
+            echo "ok   $tool writes to the port, in ${space%-*}"
+        else
+            failed=$((failed + 1))
+        fi
+    done
+done
+
+if [ $failed != 0 ]; then
+    echo "$failed checks failed"
+    exit 1
+fi

@@ -1,0 +1,104 @@
+//! Where a port listens, and who comes.
+
+use std::sync::{Arc, Once};
+use std::time::Duration;
+
+use tokio::net::TcpListener;
+use tokio::task::JoinSet;
+use yarp_wire::name_service::Registering;
+
+use super::core::Core;
+use super::input;
+use super::options::PortOptions;
+use crate::cancel::join;
+use crate::error::PortError;
+use crate::network::Network;
+use crate::stream;
+
+/// Other numbers that are asked for when the one that was given is taken by somebody whom the name
+/// server does not know.
+const OTHER_NUMBERS: usize = 32;
+
+/// Listens at all addresses of this machine.
+pub(super) fn bind(name: &str, number: u16) -> Result<TcpListener, PortError> {
+    let listen = || {
+        let socket = tokio::net::TcpSocket::new_v4()?;
+        socket.set_reuseaddr(true)?;
+        socket.bind((std::net::Ipv4Addr::UNSPECIFIED, number).into())?;
+        socket.listen(1024)
+    };
+    listen().map_err(|source| PortError::Listen {
+        name: name.to_owned(),
+        number,
+        source,
+    })
+}
+
+/// Listens on another number of the name server's, and registers it.
+///
+/// A server gives a name the number that it had before, so the numbers are asked for under invented
+/// names. Numbers that the server would not give are left alone: they may not be reachable.
+pub(super) async fn elsewhere(
+    network: &Network,
+    name: &str,
+    options: &PortOptions,
+    taken: PortError,
+) -> Result<TcpListener, PortError> {
+    let mut result = Err(taken);
+    let mut invented = Vec::new();
+    while result.is_err() && invented.len() < OTHER_NUMBERS {
+        let Ok(given) = network.register_one(Registering::named("...")).await else {
+            break;
+        };
+        invented.push(given.name);
+        if let Ok(listener) = bind(name, given.port) {
+            let asking = Registering {
+                number: Some(given.port.into()),
+                type_name: options.type_name.clone(),
+                ..Registering::named(name)
+            };
+            result = network.register(asking).await.map(|_| listener);
+        }
+    }
+    for name in &invented {
+        // What is left behind is one name too many, no more.
+        let _ = network.unregister(name).await;
+    }
+    result
+}
+
+/// Says, once, that anybody can come: ports listen at all addresses of the machine.
+pub(super) fn tell_of_openness() {
+    static TOLD: Once = Once::new();
+    TOLD.call_once(|| {
+        tracing::debug!(
+            "no auth.conf with a key: whoever reaches a port of this process can use it"
+        );
+    });
+}
+
+/// Accepts connections until the port closes, then waits for them to end.
+pub(super) async fn listen(core: Arc<Core>, listener: TcpListener) {
+    let mut connections = JoinSet::new();
+    let mut cancelled = core.cancelled.clone();
+    loop {
+        tokio::select! {
+            accepted = listener.accept() => match accepted {
+                Ok((stream, peer)) => {
+                    // Without it small messages are late, but they come.
+                    let _ = stream::prepare(&stream);
+                    connections.spawn(input::serve(core.clone(), stream, peer.ip()));
+                }
+                Err(error) => {
+                    tracing::warn!(port = %core.name, "cannot accept: {error}");
+                    // Most likely out of descriptors: give others time to free some.
+                    tokio::time::sleep(Duration::from_millis(50)).await;
+                }
+            },
+            Some(_) = connections.join_next(), if !connections.is_empty() => {}
+            () = cancelled.cancelled() => break,
+        }
+    }
+    drop(listener);
+    join(connections).await;
+}
