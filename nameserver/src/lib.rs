@@ -1,12 +1,16 @@
 //! The YARP name server: who is where.
 //!
-//! [`registry`] is a plain state machine that answers requests; [`Server`] puts it behind a port.
+//! [`registry`] is a plain state machine that answers requests; [`store`] keeps what changes;
+//! [`Server`] puts them behind a port and looks after who lives.
 
+mod desk;
 pub mod discovery;
 pub mod registry;
 mod server;
+pub mod store;
+mod watch;
 
-pub use server::{Server, ServerOptions};
+pub use server::{Server, ServerOptions, StartError};
 
 /// Compiles the example of the README.
 #[cfg(doctest)]

@@ -3,20 +3,22 @@
 use std::io;
 use std::net::{Ipv4Addr, SocketAddrV4};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use socket2::{Domain, Protocol, Socket, Type};
 use tokio::net::UdpSocket;
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
-use yarp_ports::{Answer, Network, Port, PortError, PortOptions, Received, addresses, remote};
+use yarp_ports::{Network, Port, PortError, PortOptions, Received, addresses, remote};
 use yarp_wire::carrier::ALL;
-use yarp_wire::message::RawText;
 use yarp_wire::name_service::{Command, Registration, Request};
 use yarp_wire::{Bottle, Vocab32};
 
+use crate::desk::Desk;
 use crate::discovery;
-use crate::registry::{Body, Effect, Link, Registry, Reply, Settings};
+use crate::registry::{Change, Effect, Known, Link, Registry, Settings, Terms};
+use crate::store::{Journal, Store, StoreError};
+use crate::watch;
 
 /// How a name server is to be started.
 #[derive(Clone, Debug)]
@@ -30,6 +32,28 @@ pub struct ServerOptions {
     pub namespace: String,
     /// The UDP port on which it answers multicast detection, if it shall.
     pub multicast_port: Option<u16>,
+    /// Whether a name goes to whoever asks for it, as in stock; else its owner keeps it while it
+    /// lives.
+    pub replace: bool,
+    /// Time between two looks at the same port that holds no lease; none to look at none.
+    pub look_every: Option<Duration>,
+    /// How long a port must have been gone to be dropped; none if that never happens.
+    pub drop_after: Option<Duration>,
+}
+
+/// Why a name server does not start.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum StartError {
+    /// It cannot listen.
+    #[error(transparent)]
+    Port(#[from] PortError),
+    /// It cannot get at what it has kept.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The system gives no thread.
+    #[error("no thread to keep names with: {0}")]
+    Thread(#[source] io::Error),
 }
 
 impl Default for ServerOptions {
@@ -41,9 +65,17 @@ impl Default for ServerOptions {
             port: settings.port,
             namespace: settings.name,
             multicast_port: Some(settings.multicast_port),
+            replace: false,
+            look_every: Some(LOOK_EVERY),
+            drop_after: Some(DROP_AFTER),
         }
     }
 }
+
+/// Often enough to tell who is gone, too seldom to be felt.
+const LOOK_EVERY: Duration = Duration::from_secs(30);
+/// Longer than anybody takes to start a program again.
+const DROP_AFTER: Duration = Duration::from_secs(3600);
 
 /// Where stock's name server listens.
 const DEFAULT_PORT: u16 = 10000;
@@ -74,6 +106,12 @@ impl ServerOptions {
         self.multicast_port = Some(port);
         self
     }
+
+    /// The same options; a name goes to whoever asks for it, as in stock.
+    pub fn replace(mut self) -> Self {
+        self.replace = true;
+        self
+    }
 }
 
 /// A name server that runs.
@@ -91,20 +129,45 @@ impl ServerOptions {
 pub struct Server {
     port: Arc<Port>,
     host: String,
-    registry: Arc<Mutex<Registry>>,
+    desk: Arc<Desk>,
     /// The tasks that see to effects and to multicast detection.
     tasks: Vec<JoinHandle<()>>,
 }
 
 impl Server {
-    /// Starts a name server: listens, and answers from then on.
+    /// Starts a name server: listens, and answers from then on. What is registered is forgotten at
+    /// the end.
     pub async fn start(options: ServerOptions) -> Result<Self, PortError> {
+        Self::open(options, &[], |_| Ok(None)).await
+    }
+
+    /// As [`Server::start`], with the names that `store` has kept, and keeps them there: nobody is
+    /// told of a change before it is kept.
+    pub async fn start_with(
+        options: ServerOptions,
+        mut store: impl Store,
+    ) -> Result<Self, StartError> {
+        let kept = store.load()?;
+        let start = |registry: &Arc<Mutex<Registry>>| {
+            let journal = Journal::start(store, registry.clone());
+            journal.map(Some).map_err(StartError::Thread)
+        };
+        Self::open(options, &kept, start).await
+    }
+
+    /// `journal` gets the registry as it is when the first request comes.
+    async fn open<E: From<PortError>>(
+        options: ServerOptions,
+        kept: &[Change],
+        journal: impl FnOnce(&Arc<Mutex<Registry>>) -> Result<Option<Journal>, E>,
+    ) -> Result<Self, E> {
         let (effects, waiting) = mpsc::channel(EFFECTS);
-        // The number is known only once the port listens; until then nobody can ask.
-        let registry = Arc::new(Mutex::new(Registry::new(options.settings(0))));
+        let registry = Arc::new(Mutex::new(options.registry(options.port, kept)));
+        let journal = journal(&registry)?;
+        let desk = Arc::new(Desk::new(registry, journal, effects, options.replace));
         let handler = {
-            let registry = registry.clone();
-            move |message: &mut Received| answer(&registry, &effects, message)
+            let desk = desk.clone();
+            move |message: &mut Received| Desk::answer(&desk, message)
         };
         let port_options = PortOptions::new()
             .unregistered()
@@ -113,17 +176,24 @@ impl Server {
         let network = Network::at(&options.host, options.port);
         let port = Port::open(&network, &options.namespace, port_options).await?;
         let port = Arc::new(port);
-        *lock(&registry) = Registry::new(options.settings(port.number()));
-        introduce(&registry, &options.namespace);
+        if port.number() != options.port {
+            // The system has chosen, and nobody knows what yet.
+            *desk.registry() = options.registry(port.number(), kept);
+        }
         let network = Network::at(&options.host, port.number());
         let mut tasks = vec![tokio::spawn(see_to(waiting, port.clone(), network))];
+        if let Some(every) = options.look_every {
+            let drop_after = options.drop_after;
+            let terms = Terms { every, drop_after };
+            tasks.push(tokio::spawn(watch::over(desk.clone(), terms)));
+        }
         if let Some(number) = options.multicast_port {
-            tasks.extend(answer_detection(number, &registry));
+            tasks.extend(answer_detection(number, &desk));
         }
         Ok(Self {
             port,
             host: options.host,
-            registry,
+            desk,
             tasks,
         })
     }
@@ -145,10 +215,15 @@ impl Server {
 
     /// Every registered port, sorted by name.
     pub fn registrations(&self) -> Vec<Registration> {
-        lock(&self.registry).registrations().cloned().collect()
+        self.desk.registry().registrations().cloned().collect()
     }
 
-    /// Stops listening; what was registered is forgotten.
+    /// Every registered port with what is known of its life, sorted by name.
+    pub fn known(&self) -> Vec<Known> {
+        self.desk.registry().known(Instant::now()).collect()
+    }
+
+    /// Stops listening; what a store keeps stays there.
     pub async fn close(mut self) {
         for task in self.tasks.drain(..) {
             task.abort();
@@ -158,6 +233,7 @@ impl Server {
         if let Some(port) = Arc::into_inner(self.port) {
             port.close().await;
         }
+        self.desk.close();
     }
 }
 
@@ -168,42 +244,26 @@ impl ServerOptions {
         if let Some(number) = self.multicast_port {
             settings.multicast_port = number;
         }
+        let now = SystemTime::now().duration_since(UNIX_EPOCH);
+        settings.incarnation = now.map_or(0, |now| now.as_micros() as u64);
         settings
+    }
+
+    /// The registry as it is when the server starts.
+    fn registry(&self, port: u16, kept: &[Change]) -> Registry {
+        let mut registry = Registry::new(self.settings(port));
+        introduce(&mut registry, &self.namespace);
+        registry.restore(Instant::now(), kept.iter().cloned());
+        registry
     }
 }
 
-fn lock(registry: &Mutex<Registry>) -> MutexGuard<'_, Registry> {
+pub(crate) fn lock(registry: &Mutex<Registry>) -> MutexGuard<'_, Registry> {
     registry.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Answers one request; what else it causes is seen to by a task.
-fn answer(
-    registry: &Mutex<Registry>,
-    effects: &mpsc::Sender<Effect>,
-    message: &mut Received,
-) -> Answer {
-    let Ok(bottle) = message.bottle() else {
-        return Answer::Nothing;
-    };
-    let request = Request::from_bottle(&bottle);
-    let reply = lock(registry).handle(Instant::now(), Some(message.address), &request);
-    let Reply {
-        body,
-        effects: caused,
-    } = reply;
-    for effect in caused {
-        if let Err(error) = effects.try_send(effect) {
-            tracing::warn!("too much happens at once, one thing is not done: {error}");
-        }
-    }
-    match body {
-        Body::Bottle(bottle) => Answer::reply(bottle),
-        lines @ Body::Lines(_) => Answer::reply(RawText(lines.to_text())),
-    }
-}
-
 /// The server says about its own port what any port says.
-fn introduce(registry: &Mutex<Registry>, name: &str) {
+fn introduce(registry: &mut Registry, name: &str) {
     let carriers: Vec<String> = ALL.map(|carrier| carrier.name.to_owned()).to_vec();
     for (key, values) in [
         ("offers", carriers.clone()),
@@ -216,7 +276,7 @@ fn introduce(registry: &Mutex<Registry>, name: &str) {
             key: key.to_owned(),
             values,
         });
-        lock(registry).handle(Instant::now(), None, &request);
+        registry.handle(Instant::now(), None, &request);
     }
 }
 
@@ -265,7 +325,7 @@ async fn disconnect(network: Network, link: Link) {
 }
 
 /// Answers multicast detection on UDP port `number`, if the system lets us.
-fn answer_detection(number: u16, registry: &Arc<Mutex<Registry>>) -> Option<JoinHandle<()>> {
+fn answer_detection(number: u16, desk: &Arc<Desk>) -> Option<JoinHandle<()>> {
     let socket = match group_socket(number) {
         Ok(socket) => socket,
         Err(error) => {
@@ -276,7 +336,7 @@ fn answer_detection(number: u16, registry: &Arc<Mutex<Registry>>) -> Option<Join
             return None;
         }
     };
-    let registry = registry.clone();
+    let desk = desk.clone();
     Some(tokio::spawn(async move {
         let mut packet = vec![0; LONGEST_PACKET];
         loop {
@@ -290,7 +350,7 @@ fn answer_detection(number: u16, registry: &Arc<Mutex<Registry>>) -> Option<Join
             };
             let packet = &packet[..length];
             let answer =
-                discovery::respond(&mut lock(&registry), Instant::now(), from.ip(), packet);
+                discovery::respond(&mut desk.registry(), Instant::now(), from.ip(), packet);
             if let Some(answer) = answer {
                 // What is lost is asked for again.
                 let _ = socket.send_to(&answer, (discovery::GROUP, number)).await;

@@ -14,6 +14,7 @@ use yarp_wire::name_service::{
 use crate::addresses;
 use crate::config::{Configuration, DEFAULT_NAMESPACE};
 use crate::error::PortError;
+use crate::keeper::Keeper;
 use crate::stream::{self, Inflow};
 
 /// A YARP network: a name server and a namespace.
@@ -30,6 +31,8 @@ struct Inner {
     /// What the environment says, for a network that came from it.
     configuration: Option<Configuration>,
     deadline: Duration,
+    /// Keeps the names of this network's ports; shared by all copies.
+    keeper: Arc<Keeper>,
 }
 
 /// How long connecting and asking may take, unless told otherwise; stock waits as long.
@@ -48,6 +51,7 @@ impl Network {
             namespace: DEFAULT_NAMESPACE.to_owned(),
             configuration: None,
             deadline: DEADLINE,
+            keeper: Arc::default(),
         })
     }
 
@@ -58,6 +62,7 @@ impl Network {
             namespace: DEFAULT_NAMESPACE.to_owned(),
             configuration: None,
             deadline: DEADLINE,
+            keeper: Arc::default(),
         })
     }
 
@@ -77,6 +82,7 @@ impl Network {
             namespace: namespace.to_owned(),
             configuration: Some(configuration),
             deadline: DEADLINE,
+            keeper: Arc::default(),
         })
     }
 
@@ -101,6 +107,10 @@ impl Network {
     pub fn server(&self) -> Option<(&str, u16)> {
         let (host, port) = self.0.server.as_ref()?;
         Some((host, *port))
+    }
+
+    pub(crate) fn keeper(&self) -> &Keeper {
+        &self.0.keeper
     }
 
     /// Host and port of the name server as text.
@@ -234,11 +244,26 @@ impl Network {
         }
         let request = Command::Register(port);
         let answer = self.command(request.clone()).await?;
-        answer.registration().ok_or_else(|| PortError::Refused {
+        answer
+            .registration()
+            .ok_or_else(|| self.refused(&Request::plain(request).to_string(), &answer))
+    }
+
+    fn refused(&self, request: &str, answer: &Answer) -> PortError {
+        PortError::Refused {
             server: self.server_text(),
-            request: Request::plain(request).to_string(),
+            request: request.to_owned(),
             answer: answer.lines().collect::<Vec<_>>().join(" "),
-        })
+        }
+    }
+
+    /// Asks for something that a name server of ours may refuse.
+    async fn tell(&self, request: &str) -> Result<(), PortError> {
+        let answer = self.ask(request).await?;
+        match answer.lines().next() {
+            Some(line) if line.starts_with("refused: ") => Err(self.refused(request, &answer)),
+            _ => Ok(()),
+        }
     }
 
     /// Tells the name server what a port that listens by now can do.
@@ -255,13 +280,13 @@ impl Network {
             format!("set {name} process {process}"),
             format!("announce {name}"),
         ] {
-            self.ask(&request).await?;
+            self.tell(&request).await?;
         }
         Ok(())
     }
 
     /// Takes a name back; unknown names are fine.
     pub async fn unregister(&self, name: &str) -> Result<(), PortError> {
-        self.ask(&format!("unregister {name}")).await.map(drop)
+        self.tell(&format!("unregister {name}")).await
     }
 }

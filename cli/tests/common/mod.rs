@@ -68,6 +68,7 @@ impl Home {
         let mut child = Command::new(env!("CARGO_BIN_EXE_yarp"))
             .args(line.split_whitespace())
             .env("YARP_CONFIG_HOME", self.path())
+            .env("YARP_DATA_HOME", self.path().join("data"))
             .env("YARP_PORT_RANGE", self.range.to_string())
             .env_remove("YARP_NAMESPACE")
             .env_remove("YARP_PORT_PREFIX")

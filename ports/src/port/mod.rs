@@ -49,6 +49,7 @@ use self::core::Core;
 use self::output::Output;
 use crate::cancel::Cancel;
 use crate::error::PortError;
+use crate::keeper::Keeper;
 use crate::network::Network;
 
 pub use counters::{ConnectionCounters, PortCounters, Traffic};
@@ -106,7 +107,7 @@ impl Port {
         if name != "..." {
             name.parse::<PortName>()?;
         }
-        let mut registered = false;
+        let mut registered = None;
         let (name, host, number) = if options.registered {
             let asking = Registering {
                 number: options.number.map(i64::from),
@@ -114,7 +115,7 @@ impl Port {
                 ..Registering::named(&name)
             };
             let given = network.register(asking).await?;
-            registered = true;
+            registered = Some(given.clone());
             (given.name, given.host, given.port)
         } else {
             (name, network.own_host(), options.number.unwrap_or(0))
@@ -131,14 +132,20 @@ impl Port {
                     type_name: options.type_name.clone(),
                     ..Registering::named(&name)
                 };
-                network.register(asking).await.map(|_| listener)
+                // Else the server would look for us at the old place first.
+                network.unregister(&name).await?;
+                let placed = network.register(asking).await;
+                placed.map(|place| {
+                    registered = Some(place);
+                    listener
+                })
             }
             listening => listening,
         };
         let listener = match listener {
             Ok(listener) => listener,
             Err(error) => {
-                if registered {
+                if registered.is_some() {
                     // The first error is the one to report.
                     let _ = network.unregister(&name).await;
                 }
@@ -162,10 +169,11 @@ impl Port {
             core,
             cancel,
             listener: Some(listener),
-            registered,
+            registered: registered.is_some(),
         };
-        if registered {
+        if let Some(place) = registered {
             network.introduce(port.name()).await?;
+            Keeper::keep(network, &place, port.core.options.type_name.clone());
         }
         tracing::info!(port = %port.core.name, "Port {} active at {}", port.name(), port.address());
         Ok(port)
@@ -446,6 +454,9 @@ impl Port {
         self.interrupt();
         // What is taken down now shall not come back.
         self.core.close();
+        if registered {
+            self.core.network.keeper().let_go(&self.core.name);
+        }
         let (keep, _) = Cancel::new();
         let cancel = std::mem::replace(&mut self.cancel, keep);
         Some(async move {
