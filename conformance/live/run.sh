@@ -72,7 +72,7 @@ done
 # An arm of ours, driven by the stock client, on a name server of ours and on one of stock's.
 port=15510
 for server in ours stock; do
-    export YARP_CONFIG_HOME=$work/$server
+    export YARP_CONFIG_HOME=$work/$server YARP_DATA_HOME=$work/$server/data
     mkdir -p "$YARP_CONFIG_HOME"
     if [ "$server" = ours ]; then
         "$ours" server --ip 127.0.0.1 --socket $port --write >"$work/server.log" 2>&1 &
