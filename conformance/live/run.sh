@@ -64,6 +64,9 @@ g++ -O1 -std=c++17 -include cstdint conformance/live/typed_peer.cpp -I"$stock_pa
     -L"$stock_package/lib" -lYARP_os -lYARP_sig -lYARP_init -o "$work/typed_peer"
 suite "typed messages" "$with_stock" "$python" conformance/live/typed.py target/debug/examples/typed "$work/typed_peer"
 
+suite "requests to the name server" "$python" conformance/live/name_server.py \
+    --our-yarp "$ours" --stock-server "$with_stock" yarpserver
+
 for server in ours stock; do
     suite "the yarp command, server: $server" "$python" conformance/live/cli.py \
         --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours" --server "$server"

@@ -22,7 +22,7 @@ const VERSION: i32 = 1;
 const PATIENCE: Duration = Duration::from_secs(5);
 /// Length of the log, in pages of 4 KiB, from which it is moved into the file although there is
 /// other work; usually that happens when there is none.
-const LOG_PAGES: i32 = 16_384;
+const LOG_PAGES: i32 = 8192;
 
 /// Names that go with their port, lists as JSON.
 const TABLES: &str = "
