@@ -45,7 +45,7 @@ fn work(port: u16, client: usize, round: usize, stop: &AtomicBool, known: &mut K
         // Few names, so that most of them are changed again and again.
         let name = format!("/client{client}/{}", (step * 7) % 23);
         let mut old = known.get(&name).cloned().unwrap_or(vec![None]);
-        let value = format!("{round}.{step}");
+        let value = format!("round{round}.step{step}");
         let there = Some(String::new());
         let steps = [
             (format!("register {name} tcp 127.0.0.1 {}", 20_000 + client), there),

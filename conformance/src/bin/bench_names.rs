@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! bench_names                    runs everything, prints a table with ratios
+//! bench_names load PORT          the load alone, on a server that runs, for a profiler to look at
 //! bench_names bare PORT          the loop: accepts, reads a line, answers, closes
 //! bench_names visit PORT NAME    registers, asks and unregisters once; what a short program does
 //! ```
@@ -40,12 +41,15 @@ fn main() -> ExitCode {
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
     let result = match words[..] {
         [] => compare(),
+        ["load", port] => port.parse().map_err(Failure::from).map(|port| {
+            report("server", "NAME_SERVER", &load(port, Style::Plain));
+        }),
         ["bare", port] => bare(port),
         ["visit", port, name] => port
             .parse()
             .map_err(Failure::from)
             .and_then(|port| visit(port, name)),
-        _ => Err("usage: bench_names [bare PORT | visit PORT NAME]".into()),
+        _ => Err("usage: bench_names [load PORT | bare PORT | visit PORT NAME]".into()),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
