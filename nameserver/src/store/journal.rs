@@ -28,6 +28,10 @@ pub(crate) type Kept = oneshot::Receiver<Result<(), Arc<StoreError>>>;
 
 /// Requests that are kept together at the most.
 const TOGETHER: usize = 1024;
+/// Requests in one batch from which on the next batch is given time to gather.
+const CROWD: usize = 3;
+/// How long it gathers.
+const GATHER: Duration = Duration::from_micros(200);
 /// The store may tidy up after this long without a request.
 const QUIET: Duration = Duration::from_millis(500);
 
@@ -85,9 +89,15 @@ impl Drop for Journal {
 fn write(mut store: impl Store, registry: &Mutex<Registry>, waiting: &mpsc::Receiver<Entry>) {
     // Why the registry has what the store has not; nothing new can be kept as long as it does.
     let mut ahead: Option<Arc<StoreError>> = None;
+    let mut crowd = false;
     while let Some(first) = next(&mut store, waiting) {
         let mut batch = vec![first];
+        if crowd {
+            // Many write: waiting for some more of them costs each less than a batch of its own.
+            std::thread::sleep(GATHER);
+        }
         batch.extend(waiting.try_iter().take(TOGETHER - 1));
+        crowd = batch.len() >= CROWD;
         let kept = match &ahead {
             Some(error) => Err(error.clone()),
             None => {
