@@ -19,8 +19,12 @@ const END: &str = "*** end of message\r\n";
 /// One request on a connection of its own; none if there is no whole answer.
 fn ask(port: u16, request: &str) -> Option<String> {
     let mut stream = TcpStream::connect(("127.0.0.1", port)).ok()?;
-    stream.set_read_timeout(Some(Duration::from_secs(30))).ok()?;
-    stream.write_all(format!("NAME_SERVER {request}\n").as_bytes()).ok()?;
+    stream
+        .set_read_timeout(Some(Duration::from_secs(30)))
+        .ok()?;
+    stream
+        .write_all(format!("NAME_SERVER {request}\n").as_bytes())
+        .ok()?;
     let mut answer = String::new();
     let mut chunk = [0; 4096];
     while !answer.ends_with(END) && !answer.ends_with("[ok]\r\n") {
@@ -48,7 +52,10 @@ fn work(port: u16, client: usize, round: usize, stop: &AtomicBool, known: &mut K
         let value = format!("round{round}.step{step}");
         let there = Some(String::new());
         let steps = [
-            (format!("register {name} tcp 127.0.0.1 {}", 20_000 + client), there),
+            (
+                format!("register {name} tcp 127.0.0.1 {}", 20_000 + client),
+                there,
+            ),
             (format!("set {name} value {value}"), Some(value)),
         ];
         let gone = (step % 3 == 0).then(|| (format!("unregister {name}"), None));
@@ -84,7 +91,11 @@ fn found(port: u16, name: &str, links: &str) -> Option<String> {
         return links.contains(&text).then(String::new);
     }
     let answer = ask(port, &format!("get {name} value")).expect("a server that runs answers");
-    let value = answer.lines().next()?.split_once(" = ").map(|(_, value)| value.to_owned());
+    let value = answer
+        .lines()
+        .next()?
+        .split_once(" = ")
+        .map(|(_, value)| value.to_owned());
     match (value, answer.contains(" property value =")) {
         (Some(value), _) => Some(value),
         (None, true) => Some(String::new()),
@@ -118,7 +129,10 @@ fn killed_again_and_again_under_load() {
         for known in &mut known {
             for (name, may_be) in known.iter_mut() {
                 let found = found(port, name, &links);
-                assert!(may_be.contains(&found), "{name}: {found:?}, expected one of {may_be:?}");
+                assert!(
+                    may_be.contains(&found),
+                    "{name}: {found:?}, expected one of {may_be:?}"
+                );
                 *may_be = vec![found];
                 checked += 1;
             }
@@ -130,7 +144,9 @@ fn killed_again_and_again_under_load() {
 /// All persistent connections.
 fn ask_links(port: u16) -> String {
     let mut stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
-    stream.write_all(b"CONNACK admin\r\nd\r\nsubscribe\r\n").unwrap();
+    stream
+        .write_all(b"CONNACK admin\r\nd\r\nsubscribe\r\n")
+        .unwrap();
     let mut answer = Vec::new();
     let mut chunk = [0; 65536];
     while !answer.ends_with(b"<ACK>\r\n") {

@@ -15,7 +15,9 @@ use common::Home;
 /// The answer to one request, as it comes.
 fn ask(port: u16, request: &[u8]) -> Vec<u8> {
     let mut stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
-    stream.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
+    stream
+        .set_read_timeout(Some(Duration::from_secs(30)))
+        .unwrap();
     // A request that is too long is not read to its end.
     let _ = stream.write_all(&[b"NAME_SERVER ", request, b"\n"].concat());
     let mut answer = Vec::new();
@@ -43,9 +45,16 @@ fn a_database_that_cannot_be_used_is_named_and_left_alone() {
         let ended = home.run(&line).with(1);
         let said = |line: &String| line.contains(reason) && line.contains("--portdb");
         assert!(ended.err.iter().any(said), "{reason}: {ended:?}");
-        assert!(!ended.err.iter().any(|line| line.contains("panicked")), "{ended:?}");
+        assert!(
+            !ended.err.iter().any(|line| line.contains("panicked")),
+            "{ended:?}"
+        );
     }
-    assert!(std::fs::read_to_string(&text).unwrap().starts_with("no database\nno"));
+    assert!(
+        std::fs::read_to_string(&text)
+            .unwrap()
+            .starts_with("no database\nno")
+    );
 }
 
 /// Root may read everything: the server runs as somebody else then.
@@ -59,7 +68,9 @@ fn the_database_of_another_user_is_refused() {
     let program = home.path().join("yarp");
     std::fs::copy(env!("CARGO_BIN_EXE_yarp"), &program).unwrap();
     let mut command = Command::new(&program);
-    command.args(["server", "--socket", "1", "--local", "--portdb"]).arg(&file);
+    command
+        .args(["server", "--socket", "1", "--local", "--portdb"])
+        .arg(&file);
     command.current_dir(home.path());
     if std::fs::read(&file).is_ok() {
         command.uid(65_534);
@@ -97,7 +108,10 @@ fn on_a_full_disk_requests_are_refused_and_nothing_is_lost() {
         (!answer.starts_with("registration ")).then_some(answer)
     });
     let refusal = refusal.expect("the file has a largest size");
-    assert!(refusal.starts_with("refused: the name server cannot keep it: "), "{refusal}");
+    assert!(
+        refusal.starts_with("refused: the name server cannot keep it: "),
+        "{refusal}"
+    );
     assert!(refusal.contains("cannot be written"), "{refusal}");
     // It goes on answering, and says the truth.
     assert!(ask(port, b"query /before/7").starts_with(b"registration "));
@@ -133,9 +147,15 @@ fn senseless_requests_are_answered_and_the_next_one_too() {
         let answer = ask(port, request);
         let said = String::from_utf8_lossy(&answer);
         let beginning = String::from_utf8_lossy(&request[..request.len().min(40)]);
-        assert!(!refused || said.starts_with("refused: "), "{beginning}: {said}");
+        assert!(
+            !refused || said.starts_with("refused: "),
+            "{beginning}: {said}"
+        );
         let next = ask(port, b"query /root");
-        assert!(next.starts_with(b"registration name /root "), "after {beginning}");
+        assert!(
+            next.starts_with(b"registration name /root "),
+            "after {beginning}"
+        );
     }
     assert!(!home.names().iter().any(|name| name.len() > 1000));
     drop(server);
@@ -155,7 +175,10 @@ fn clean_takes_back_a_thousand_dead_names_and_leaves_the_living() {
     }
     let reader = home.start("read /alive").see("Port /alive active");
     let ended = home.run("clean --timeout 5").with(0);
-    let removed = ended.out.iter().filter(|line| line.starts_with("* No response, removing"));
+    let removed = ended
+        .out
+        .iter()
+        .filter(|line| line.starts_with("* No response, removing"));
     assert_eq!(removed.count(), 1000);
     assert_eq!(home.names(), ["/alive"]);
     drop((reader, server));
@@ -170,7 +193,10 @@ fn states_are_listed() {
     let number = dead.local_addr().unwrap().port();
     drop(dead);
     // What happened before the server was started must be looked at first.
-    ask(port, format!("register /dead tcp 127.0.0.1 {number}").as_bytes());
+    ask(
+        port,
+        format!("register /dead tcp 127.0.0.1 {number}").as_bytes(),
+    );
     drop(server);
     let words = format!("server --ip 127.0.0.1 --socket {port} --write --look-every 0.2");
     let server = home.start(&words).see("Ok. Ready!");

@@ -95,9 +95,11 @@ impl Desk {
         }
         match desk.perform(&mut registry, Some(from), &request) {
             Done::Now(body) => put(body),
-            Done::Kept(body, kept) => Answer::Later(Box::pin(async move {
-                put(settled(body, kept, &request).await)
-            })),
+            Done::Kept(body, kept) => {
+                Answer::Later(Box::pin(
+                    async move { put(settled(body, kept, &request).await) },
+                ))
+            }
         }
     }
 

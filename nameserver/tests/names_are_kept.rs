@@ -22,7 +22,10 @@ async fn start(file: &std::path::Path) -> Server {
 /// The lines of an answer, as `yarp name` has them; one line if it is a bottle.
 async fn ask(network: &Network, request: &str) -> Vec<String> {
     let structured = ["subscribe", "unsubscribe", "topic", "untopic", "type"];
-    if !structured.iter().any(|word| request.split(' ').next() == Some(word)) {
+    if !structured
+        .iter()
+        .any(|word| request.split(' ').next() == Some(word))
+    {
         let answer = network.ask(request).await.unwrap();
         return answer.lines().map(str::to_owned).collect();
     }

@@ -23,7 +23,9 @@ async fn first_line(network: &Network, request: &str) -> String {
 async fn a_port_that_lives_keeps_its_name() {
     let server = serve().await;
     let network = server.network();
-    let owner = Port::open(&network, "/a", PortOptions::new()).await.unwrap();
+    let owner = Port::open(&network, "/a", PortOptions::new())
+        .await
+        .unwrap();
     let place = network.query("/a").await.unwrap();
 
     let Err(error) = Port::open(&network, "/a", PortOptions::new()).await else {
@@ -44,7 +46,9 @@ async fn a_port_that_lives_keeps_its_name() {
     let again = format!("register /a tcp {} {}", place.host, place.port);
     assert_eq!(first_line(&network, &again).await, place.to_string());
     owner.close().await;
-    let next = Port::open(&network, "/a", PortOptions::new()).await.unwrap();
+    let next = Port::open(&network, "/a", PortOptions::new())
+        .await
+        .unwrap();
     next.close().await;
     server.close().await;
 }
@@ -65,7 +69,9 @@ async fn the_name_of_a_port_that_is_gone_is_free() {
     ask(format!("register /a tcp 127.0.0.1 {number}")).await;
     ask("set /a process 1".to_owned()).await;
     ask(format!("lease /a 127.0.0.1 {number}")).await;
-    let next = Port::open(&network, "/a", PortOptions::new()).await.unwrap();
+    let next = Port::open(&network, "/a", PortOptions::new())
+        .await
+        .unwrap();
     assert_ne!(next.number(), number);
     next.close().await;
     server.close().await;
@@ -122,7 +128,9 @@ async fn a_port_that_has_just_registered_has_time_to_listen() {
 async fn stocks_own_behaviour_can_be_had() {
     let server = Server::start(options().replace()).await.unwrap();
     let network = server.network();
-    let owner = Port::open(&network, "/a", PortOptions::new()).await.unwrap();
+    let owner = Port::open(&network, "/a", PortOptions::new())
+        .await
+        .unwrap();
     let line = first_line(&network, "register /a tcp 127.0.0.1 9").await;
     assert_eq!(line, "registration name /a ip 127.0.0.1 port 9 type tcp");
     owner.close().await;

@@ -23,13 +23,20 @@ async fn is_back(network: &Network, port: &Port, type_name: &str) {
     loop {
         if let Ok(place) = network.query(port.name()).await {
             assert_eq!(place.port, port.number());
-            let property = network.ask(&format!("get {} type", port.name())).await.unwrap();
+            let property = network
+                .ask(&format!("get {} type", port.name()))
+                .await
+                .unwrap();
             let line = property.lines().next().unwrap_or_default().to_owned();
             if line.ends_with(&format!("= {type_name}")) {
                 return;
             }
         }
-        assert!(began.elapsed() < PATIENCE, "{} does not come back", port.name());
+        assert!(
+            began.elapsed() < PATIENCE,
+            "{} does not come back",
+            port.name()
+        );
         tokio::time::sleep(Duration::from_millis(100)).await;
     }
 }
@@ -73,12 +80,18 @@ async fn stock(number: u16, process: u32) -> Port {
             return Answer::reply(RawText(format!("{line}\r\n*** end of message\r\n")));
         }
         let mut registry = registry.lock().unwrap();
-        match registry.handle(Instant::now(), Some(message.address), &request).body {
+        match registry
+            .handle(Instant::now(), Some(message.address), &request)
+            .body
+        {
             Body::Bottle(bottle) => Answer::reply(bottle),
             lines => Answer::reply(RawText(lines.to_text())),
         }
     };
-    let options = PortOptions::new().unregistered().number(number).handler(handler);
+    let options = PortOptions::new()
+        .unregistered()
+        .number(number)
+        .handler(handler);
     let network = Network::at("127.0.0.1", number);
     Port::open(&network, "/root", options).await.unwrap()
 }

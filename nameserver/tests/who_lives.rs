@@ -52,12 +52,18 @@ async fn ports_are_looked_at_and_their_states_are_told() {
     register(&network, "/stuck", number(&stuck)).await;
     register(&network, "/gone", gone_number).await;
     until("gone", || state(&server, "/gone") == Some(State::Gone)).await;
-    until("stuck", || state(&server, "/stuck") == Some(State::Unreachable)).await;
+    until("stuck", || {
+        state(&server, "/stuck") == Some(State::Unreachable)
+    })
+    .await;
     assert_eq!(state(&server, "/alive"), Some(State::Alive));
     assert_eq!(state(&server, "/root"), Some(State::Alive));
 
     let told = network.ask("state /").await.unwrap();
-    let told: Vec<_> = told.lines().filter_map(|line| line.split_once(" state ")).collect();
+    let told: Vec<_> = told
+        .lines()
+        .filter_map(|line| line.split_once(" state "))
+        .collect();
     let listed = network.ask("list /").await.unwrap();
     assert!(told.iter().map(|(line, _)| *line).eq(listed.lines()));
     let states: Vec<_> = told.iter().map(|(_, state)| *state).collect();
@@ -88,7 +94,10 @@ async fn names_are_dropped_when_their_ports_are_gone_and_not_before() {
     register(&network, "/gone", gone.local_addr().unwrap().port()).await;
     drop(gone);
     until("dropped", || state(&server, "/gone").is_none()).await;
-    until("stuck", || state(&server, "/stuck") == Some(State::Unreachable)).await;
+    until("stuck", || {
+        state(&server, "/stuck") == Some(State::Unreachable)
+    })
+    .await;
     assert_eq!(state(&server, "/alive"), Some(State::Alive));
     alive.close().await;
     server.close().await;
@@ -99,7 +108,9 @@ async fn names_are_dropped_when_their_ports_are_gone_and_not_before() {
 async fn ports_of_ours_hold_a_lease() {
     let server = Server::start(options()).await.unwrap();
     let network = server.network();
-    let port = Port::open(&network, "/a", PortOptions::new()).await.unwrap();
+    let port = Port::open(&network, "/a", PortOptions::new())
+        .await
+        .unwrap();
     until("a lease", || {
         let known = server.known();
         let known = known.iter().find(|known| known.registration.name == "/a");

@@ -180,7 +180,10 @@ impl Visitor {
     /// Asks a server of stock whether it is still the same.
     async fn compare(&mut self, ports: &[Registering]) -> Result<(), PortError> {
         let namespace = self.network.namespace();
-        let answer = self.network.ask(&format!("get {namespace} process")).await?;
+        let answer = self
+            .network
+            .ask(&format!("get {namespace} process"))
+            .await?;
         let process = answer.lines().next().map(str::to_owned);
         if process == self.start {
             return Ok(());
@@ -210,7 +213,10 @@ impl Visitor {
             Err(error) => return Err(error),
         }
         if keeper.has(&port.name) {
-            tracing::info!("registered {} again, the name server had forgotten it", port.name);
+            tracing::info!(
+                "registered {} again, the name server had forgotten it",
+                port.name
+            );
         } else {
             // It closed meanwhile.
             self.network.unregister(&port.name).await?;

@@ -81,7 +81,8 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         .into_iter()
         .map(|place| {
             let ours = place.name == network.namespace() || !place.name.starts_with('/');
-            let test = (!ours).then(|| tokio::spawn(test(room.clone(), patient.clone(), place.clone())));
+            let test =
+                (!ours).then(|| tokio::spawn(test(room.clone(), patient.clone(), place.clone())));
             (place, test)
         })
         .collect();

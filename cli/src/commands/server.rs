@@ -212,9 +212,14 @@ impl Database {
                      set; please specify '--portdb FILE', or '--memory' to keep none",
                 )?;
                 let sort = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
-                let namespace: String = namespace.trim_start_matches('/').chars().map(sort).collect();
+                let namespace: String = namespace
+                    .trim_start_matches('/')
+                    .chars()
+                    .map(sort)
+                    .collect();
                 Ok(Self::File(
-                    data.join("nameserver").join(format!("{namespace}_{port}.db")),
+                    data.join("nameserver")
+                        .join(format!("{namespace}_{port}.db")),
                 ))
             }
         }

@@ -176,7 +176,8 @@ impl Kind {
     fn start(self, home: &Path) -> Result<Server, Failure> {
         // Below the numbers that the system gives to clients: those are all in use for a while.
         let first = 20_000 + (std::process::id() % 5000) as u16;
-        let mut ports = (first..30_000).filter(|port| TcpListener::bind(("0.0.0.0", *port)).is_ok());
+        let mut ports =
+            (first..30_000).filter(|port| TcpListener::bind(("0.0.0.0", *port)).is_ok());
         self.start_at(home, ports.next().ok_or("no free port")?)
     }
 
@@ -186,7 +187,14 @@ impl Kind {
             Self::Ours | Self::OursInMemory => {
                 let yarp = std::env::var("YARP").unwrap_or_else(|_| "target/release/yarp".into());
                 let mut command = Command::new(yarp);
-                command.args(["server", "--ip", "127.0.0.1", "--socket", &number, "--local"]);
+                command.args([
+                    "server",
+                    "--ip",
+                    "127.0.0.1",
+                    "--socket",
+                    &number,
+                    "--local",
+                ]);
                 match self {
                     Self::Ours => command.arg("--portdb").arg(home.join("names.db")),
                     _ => command.arg("--memory"),
@@ -197,7 +205,14 @@ impl Kind {
                 let stock = PathBuf::from(std::env::var("STOCK")?);
                 let mut command = Command::new("conformance/stock/with_stock");
                 command.env("STOCK", stock);
-                command.args(["yarpserver", "--ip", "127.0.0.1", "--socket", &number, "--write"]);
+                command.args([
+                    "yarpserver",
+                    "--ip",
+                    "127.0.0.1",
+                    "--socket",
+                    &number,
+                    "--write",
+                ]);
                 command
             }
             Self::Bare => {
@@ -365,9 +380,18 @@ fn laboratory(home: &Home) -> Result<(), Failure> {
     let _ = load(port, Style::Plain);
     let before = memory(&server)?;
     for index in 0..NAMES {
-        let name = format!("/laboratory/robot{}/part{}/state:o", index / 100, index % 100);
+        let name = format!(
+            "/laboratory/robot{}/part{}/state:o",
+            index / 100,
+            index % 100
+        );
         let number = 20_000 + index;
-        ask(port, 1, Style::Plain, &format!("register {name} tcp 127.0.0.1 {number}"))?;
+        ask(
+            port,
+            1,
+            Style::Plain,
+            &format!("register {name} tcp 127.0.0.1 {number}"),
+        )?;
         let carriers = "fast_tcp http mcast mjpeg name_ser tcp text text_ack udp unix_stream";
         for property in [
             format!("offers {carriers}"),

@@ -57,7 +57,6 @@ impl Outcome {
             Self::Refused | Self::Stranger => State::Gone,
         }
     }
-
 }
 
 /// When ports are looked at and dropped.
@@ -245,7 +244,9 @@ impl Registry {
 
     /// Every registered port with its state, sorted by name.
     pub fn known(&self, now: Instant) -> impl Iterator<Item = Known> {
-        self.ports.values().map(move |entry| self.known_one(now, entry))
+        self.ports
+            .values()
+            .map(move |entry| self.known_one(now, entry))
     }
 
     fn known_one(&self, now: Instant, entry: &Entry) -> Known {
@@ -253,7 +254,11 @@ impl Registry {
         let registration = entry.registration.clone();
         let certain = self.is_ours(&registration.name) || !has_owner(&registration);
         Known {
-            state: if certain { State::Alive } else { life.state(now) },
+            state: if certain {
+                State::Alive
+            } else {
+                life.state(now)
+            },
             since: life.since.unwrap_or(now),
             leased: life.is_leased(now),
             registration,
@@ -431,7 +436,10 @@ mod tests {
         asked.look(Outcome::Refused);
         let told = asked.ask("lease /a h 1 /b h 2");
         assert_eq!(told, "lease 20 server 0|lost /b|*** end of message|");
-        assert_eq!(asked.ask("lease /a elsewhere 1").split('|').nth(1), Some("taken /a"));
+        assert_eq!(
+            asked.ask("lease /a elsewhere 1").split('|').nth(1),
+            Some("taken /a")
+        );
         assert_eq!(asked.state("/a"), State::Alive);
         asked.pass(19);
         assert_eq!(asked.look(Outcome::Refused), []);

@@ -130,13 +130,16 @@ impl Persistent {
     /// Removes the subscriptions that end with `name`: mode `from` if it writes, `to` if it reads.
     /// Gives the bare names of their ends.
     pub(super) fn gone(&mut self, name: &str) -> Vec<(String, String)> {
-        let ends = |(source, destination): &(String, String), held: &mut Subscription| {
+        let mut gone = Vec::new();
+        self.subscriptions.retain(|(source, destination), held| {
             let from = held.mode == "from" && source == name;
             let to = held.mode == "to" && destination == name;
-            from || to
-        };
-        let gone = self.subscriptions.extract_if(.., ends);
-        gone.map(|(ends, _)| ends).collect()
+            if from || to {
+                gone.push((source.clone(), destination.clone()));
+            }
+            !(from || to)
+        });
+        gone
     }
 
     /// The pairs of ports that are to be connected and that `name`, a port or a topic, has part

@@ -195,14 +195,16 @@ mod tests {
             let mut port = Properties::default();
             let carriers = ["tcp".to_owned(), "udp".to_owned()];
             port.set(&mut pool, "offers", &carriers).unwrap();
-            port.set(&mut pool, "process", &[index.to_string()]).unwrap();
+            port.set(&mut pool, "process", &[index.to_string()])
+                .unwrap();
             ports.push(port);
         }
         assert_eq!((pool.keys.len(), pool.values.len()), (2, 1001));
         ports.clear();
         for index in 0..10_000 {
             let mut port = Properties::default();
-            port.set(&mut pool, "process", &[index.to_string()]).unwrap();
+            port.set(&mut pool, "process", &[index.to_string()])
+                .unwrap();
         }
         assert!(pool.values.len() < 2500, "{} lists", pool.values.len());
     }

@@ -101,7 +101,9 @@ fn write(mut store: impl Store, registry: &Mutex<Registry>, waiting: &mpsc::Rece
         let kept = match &ahead {
             Some(error) => Err(error.clone()),
             None => {
-                let changes = batch.iter_mut().map(|entry| std::mem::take(&mut entry.changes));
+                let changes = batch
+                    .iter_mut()
+                    .map(|entry| std::mem::take(&mut entry.changes));
                 let changes: Vec<Change> = changes.flatten().collect();
                 store.keep(&changes).map_err(Arc::new)
             }

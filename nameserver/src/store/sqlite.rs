@@ -63,7 +63,10 @@ impl SqliteStore {
     /// Waits some seconds for another process to let go of it. A file that is damaged or something
     /// else is refused and left as it is.
     pub fn open(path: &Path, durability: Durability) -> Result<Self, StoreError> {
-        if let Some(directory) = path.parent().filter(|parent| !parent.as_os_str().is_empty()) {
+        if let Some(directory) = path
+            .parent()
+            .filter(|parent| !parent.as_os_str().is_empty())
+        {
             std::fs::create_dir_all(directory).map_err(|source| StoreError::Directory {
                 path: directory.to_owned(),
                 source,
@@ -185,7 +188,8 @@ impl Store for SqliteStore {
 fn load(connection: &Connection) -> rusqlite::Result<Vec<Change>> {
     let mut changes = Vec::new();
     let mut announced = Vec::new();
-    let mut ports = connection.prepare("SELECT name, carrier, host, number, announced FROM port")?;
+    let mut ports =
+        connection.prepare("SELECT name, carrier, host, number, announced FROM port")?;
     let mut rows = ports.query([])?;
     while let Some(row) = rows.next()? {
         let registration = Registration {

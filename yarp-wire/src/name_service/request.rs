@@ -459,6 +459,27 @@ mod tests {
     }
 
     #[test]
+    fn leases_name_ports_where_they_are() {
+        let holder = |name: &str, number| Holder {
+            name: name.to_owned(),
+            host: "192.0.2.2".to_owned(),
+            number,
+        };
+        let holders = vec![holder("/a", 10002), holder("/b", 10003)];
+        let lease = Command::Lease { holders };
+        let line = "lease /a 192.0.2.2 10002 /b 192.0.2.2 10003";
+        check(line, Form::Plain, lease.clone());
+        assert_eq!(
+            Request::plain(lease.clone()).to_string().replace('"', ""),
+            line
+        );
+        // What is no port is left out.
+        check(&format!("{line} /c h 99999 /d h"), Form::Plain, lease);
+        let prefix = "/a".to_owned();
+        check("state /a", Form::Plain, Command::States { prefix });
+    }
+
+    #[test]
     fn registrations_leave_choices_open() {
         let open = Registering::named("/a");
         for line in [
