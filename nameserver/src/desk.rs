@@ -4,12 +4,12 @@ use std::net::IpAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use tokio::sync::mpsc;
+use tokio::sync::{Semaphore, mpsc};
 use yarp_ports::{Answer, Received};
 use yarp_wire::message::RawText;
 use yarp_wire::name_service::{Command, Registration, Request};
 
-use crate::registry::{Body, Claim, Effect, Registry, Reply};
+use crate::registry::{Body, Claim, Effect, Outcome, Registry, Reply};
 use crate::server::lock;
 use crate::store::{Journal, Kept, StoreError};
 use crate::watch;
@@ -18,6 +18,8 @@ use crate::watch;
 const OWNER: Duration = Duration::from_secs(2);
 /// Time between two looks at an owner that may not listen yet.
 const AGAIN: Duration = Duration::from_millis(50);
+/// Owners that are looked at at once, whoever wants their names.
+const LOOKS: usize = 64;
 /// Owners of one name that are looked at before the request is refused: each time somebody else was
 /// faster.
 const OWNERS: usize = 5;
@@ -30,6 +32,8 @@ pub(crate) struct Desk {
     effects: mpsc::Sender<Effect>,
     /// Whether a name goes to whoever asks for it.
     replace: bool,
+    /// Owners that may be looked at at once.
+    looks: Semaphore,
 }
 
 impl std::fmt::Debug for Desk {
@@ -57,6 +61,7 @@ impl Desk {
             journal: Mutex::new(journal),
             effects,
             replace,
+            looks: Semaphore::new(LOOKS),
         }
     }
 
@@ -121,10 +126,10 @@ impl Desk {
     ) -> Answer {
         let mut refusal = None;
         for _ in 0..OWNERS {
-            let mut how = watch::look(&holder, OWNER).await;
+            let mut how = self.look(&holder).await;
             while watch::is_gone(how) && patience.is_some_and(|until| Instant::now() < until) {
                 tokio::time::sleep(AGAIN).await;
-                how = watch::look(&holder, OWNER).await;
+                how = self.look(&holder).await;
             }
             let now = Instant::now();
             let done = {
@@ -155,6 +160,12 @@ impl Desk {
             Some(refusal) => Body::refused(&refusal),
             None => Body::refusal("many ask for this name at once, try again"),
         })
+    }
+
+    /// Looks at an owner, once there is room for it.
+    async fn look(&self, holder: &Registration) -> Outcome {
+        let _room = self.looks.acquire().await;
+        watch::look(holder, OWNER).await
     }
 
     /// Forgets a port that is gone, unless it has moved.
