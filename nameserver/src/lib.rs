@@ -1,7 +1,7 @@
 //! The YARP name server: who is where.
 //!
 //! [`registry`] is a plain state machine that answers requests; [`store`] keeps what changes;
-//! [`Server`] puts them behind a port and looks after who lives.
+//! [`Server`] puts them behind a port and looks after who lives; `web` shows it to browsers.
 
 mod desk;
 pub mod discovery;
@@ -9,6 +9,7 @@ pub mod registry;
 mod server;
 pub mod store;
 mod watch;
+mod web;
 
 pub use server::{Server, ServerOptions, StartError};
 

@@ -19,6 +19,7 @@ use crate::discovery;
 use crate::registry::{Change, Effect, Known, Link, Registry, Settings, Terms};
 use crate::store::{Journal, Store, StoreError};
 use crate::watch;
+use crate::web::{self, Survey, Web};
 
 /// How a name server is to be started.
 #[derive(Clone, Debug)]
@@ -39,6 +40,9 @@ pub struct ServerOptions {
     pub look_every: Option<Duration>,
     /// How long a port must have been gone to be dropped; none if that never happens.
     pub drop_after: Option<Duration>,
+    /// The rest between two rounds in which all ports are asked for their connections, while
+    /// somebody looks at the page; none asks nobody.
+    pub survey: Option<Duration>,
 }
 
 /// Why a name server does not start.
@@ -68,6 +72,7 @@ impl Default for ServerOptions {
             replace: false,
             look_every: Some(LOOK_EVERY),
             drop_after: Some(DROP_AFTER),
+            survey: Some(SURVEY),
         }
     }
 }
@@ -83,6 +88,10 @@ const DEFAULT_PORT: u16 = 10000;
 const EFFECTS: usize = 4096;
 /// Longest datagram of a client that looks for us.
 const LONGEST_PACKET: usize = 8192;
+/// Rest between two rounds of questions to all ports.
+const SURVEY: Duration = Duration::from_secs(2);
+/// What a port may take for each answer, when all are asked.
+const PATIENCE: Duration = Duration::from_secs(2);
 /// Rest after a failure of the socket.
 const PAUSE: Duration = Duration::from_millis(100);
 
@@ -110,6 +119,13 @@ impl ServerOptions {
     /// The same options; a name goes to whoever asks for it, as in stock.
     pub fn replace(mut self) -> Self {
         self.replace = true;
+        self
+    }
+
+    /// The same options with another rest between two rounds of questions to all ports, while
+    /// somebody looks at the page; none asks nobody.
+    pub fn survey(mut self, interval: Option<Duration>) -> Self {
+        self.survey = interval;
         self
     }
 }
@@ -164,14 +180,28 @@ impl Server {
         let (effects, waiting) = mpsc::channel(EFFECTS);
         let registry = Arc::new(Mutex::new(options.registry(options.port, kept)));
         let journal = journal(&registry)?;
-        let desk = Arc::new(Desk::new(registry, journal, effects, options.replace));
+        let desk = Arc::new(Desk::new(
+            registry.clone(),
+            journal,
+            effects,
+            options.replace,
+        ));
         let handler = {
             let desk = desk.clone();
             move |message: &mut Received| Desk::answer(&desk, message)
         };
+        let survey = Arc::new(Survey::new(web::Settings {
+            interval: options.survey,
+            step: PATIENCE,
+        }));
+        let pages = Web {
+            registry: registry.clone(),
+            survey: survey.clone(),
+        };
         let port_options = PortOptions::new()
             .unregistered()
             .number(options.port)
+            .pages(move |request| pages.page(request))
             .handler(handler);
         let network = Network::at(&options.host, options.port);
         let port = Port::open(&network, &options.namespace, port_options).await?;
@@ -181,7 +211,10 @@ impl Server {
             *desk.registry() = options.registry(port.number(), kept);
         }
         let network = Network::at(&options.host, port.number());
-        let mut tasks = vec![tokio::spawn(see_to(waiting, port.clone(), network))];
+        let mut tasks = vec![
+            tokio::spawn(see_to(waiting, port.clone(), network)),
+            tokio::spawn(survey.run(registry)),
+        ];
         if let Some(every) = options.look_every {
             let drop_after = options.drop_after;
             let terms = Terms { every, drop_after };
@@ -264,7 +297,8 @@ pub(crate) fn lock(registry: &Mutex<Registry>) -> MutexGuard<'_, Registry> {
 
 /// The server says about its own port what any port says.
 fn introduce(registry: &mut Registry, name: &str) {
-    let carriers: Vec<String> = ALL.map(|carrier| carrier.name.to_owned()).to_vec();
+    let mut carriers: Vec<String> = ALL.map(|carrier| carrier.name.to_owned()).to_vec();
+    carriers.dedup();
     for (key, values) in [
         ("offers", carriers.clone()),
         ("accepts", carriers),
