@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Makes sure that what the plain build needs is there: a Rust toolchain and a C linker.
+# Makes sure that what the plain build needs is there: a Rust toolchain and a C compiler.
 set -euo pipefail
 
 if ! command -v cargo >/dev/null; then
@@ -7,7 +7,7 @@ if ! command -v cargo >/dev/null; then
     exit 1
 fi
 if ! command -v cc >/dev/null; then
-    echo "setup: installing a C linker"
+    echo "setup: installing a C compiler"
     if [ "$(id -u)" = 0 ]; then as_root=""; else as_root="sudo"; fi
     $as_root apt-get update -q
     $as_root apt-get install -y -q build-essential </dev/null

@@ -25,8 +25,15 @@ use tokio::runtime::Builder;
 
 fn main() -> ExitCode {
     log::start();
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    // Requests to the name server are so short that handing them to another thread costs more than
+    // it brings.
+    let workers = match words.first().map(String::as_str) {
+        Some("server") => 1,
+        _ => 2,
+    };
     let runtime = Builder::new_multi_thread()
-        .worker_threads(2)
+        .worker_threads(workers)
         .thread_name("yarp")
         .enable_all()
         .build();
@@ -37,7 +44,6 @@ fn main() -> ExitCode {
             return ExitCode::FAILURE;
         }
     };
-    let words = std::env::args().skip(1);
     let result = runtime.block_on(cli::run(words, &mut std::io::stdout()));
     // A thread may still wait for a line on standard input; it ends with the process.
     runtime.shutdown_background();

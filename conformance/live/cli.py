@@ -147,7 +147,8 @@ class World:
         self.tools = {"stock": real_program(stock), "ours": real_program(ours)}
         self.directory = directory
         self.children = []
-        self.environment = dict(os.environ, YARP_CONFIG_HOME=directory, YARP_FORWARD_LOG_ENABLE="0")
+        self.environment = dict(os.environ, YARP_CONFIG_HOME=directory, YARP_DATA_HOME=directory,
+                                YARP_FORWARD_LOG_ENABLE="0")
         for name in ("YARP_NAMESPACE", "YARP_IP", "YARP_PORT_PREFIX", "YARP_CLOCK", "YARP_QUIET"):
             self.environment.pop(name, None)
 

@@ -64,6 +64,8 @@ g++ -O1 -std=c++17 -include cstdint conformance/live/typed_peer.cpp -I"$stock_pa
     -L"$stock_package/lib" -lYARP_os -lYARP_sig -lYARP_init -o "$work/typed_peer"
 suite "typed messages" "$with_stock" "$python" conformance/live/typed.py target/debug/examples/typed "$work/typed_peer"
 
+suite "requests to the name server" "$python" conformance/live/name_server.py \
+    --our-yarp "$ours" --stock-server "$with_stock" yarpserver
 if ! command -v ip >/dev/null; then
     echo "live: installing iproute2 for network namespaces"
     if [ "$(id -u)" = 0 ]; then as_root=""; else as_root="sudo"; fi
@@ -98,7 +100,7 @@ suite "a name server with legs in two networks" $as_root env STOCK="$STOCK" \
 # An arm of ours, driven by the stock client, on a name server of ours and on one of stock's.
 port=15510
 for server in ours stock; do
-    export YARP_CONFIG_HOME=$work/$server
+    export YARP_CONFIG_HOME=$work/$server YARP_DATA_HOME=$work/$server/data
     mkdir -p "$YARP_CONFIG_HOME"
     if [ "$server" = ours ]; then
         "$ours" server --ip 127.0.0.1 --socket $port --write >"$work/server.log" 2>&1 &

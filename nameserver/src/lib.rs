@@ -1,15 +1,18 @@
 //! The YARP name server: who is where.
 //!
-//! [`registry`] is a plain state machine that answers requests; [`Server`] puts it behind a port;
-//! `web` shows it to browsers.
+//! [`registry`] is a plain state machine that answers requests; [`store`] keeps what changes;
+//! [`Server`] puts them behind a port and looks after who lives; `web` shows it to browsers.
 
 mod access;
+mod desk;
 pub mod discovery;
 pub mod registry;
 mod server;
+pub mod store;
+mod watch;
 mod web;
 
-pub use server::{Server, ServerOptions};
+pub use server::{Server, ServerOptions, StartError};
 
 /// Compiles the example of the README.
 #[cfg(doctest)]

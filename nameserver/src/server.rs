@@ -1,10 +1,10 @@
 //! The registry behind a port.
 
 use std::io;
-use std::net::{IpAddr, Ipv4Addr, SocketAddrV4};
+use std::net::{Ipv4Addr, SocketAddrV4};
 use std::ops::RangeInclusive;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use socket2::{Domain, Protocol, Socket, Type};
 use tokio::net::UdpSocket;
@@ -19,8 +19,11 @@ use yarp_wire::name_service::{Command, Registration, Request};
 use yarp_wire::{Bottle, Vocab32};
 
 use crate::access;
+use crate::desk::Desk;
 use crate::discovery;
-use crate::registry::{Body, Effect, Link, Registry, Reply, Settings, Subnet};
+use crate::registry::{Body, Change, Effect, Known, Link, Registry, Settings, Subnet, Terms};
+use crate::store::{Journal, Store, StoreError};
+use crate::watch;
 use crate::web::{self, Survey, Web};
 
 /// How a name server is to be started.
@@ -35,6 +38,13 @@ pub struct ServerOptions {
     pub namespace: String,
     /// The UDP port on which it answers multicast detection, if it shall.
     pub multicast_port: Option<u16>,
+    /// Whether a name goes to whoever asks for it, as in stock; else its owner keeps it while it
+    /// lives.
+    pub replace: bool,
+    /// Time between two looks at the same port that holds no lease; none to look at none.
+    pub look_every: Option<Duration>,
+    /// How long a port must have been gone to be dropped; none if that never happens.
+    pub drop_after: Option<Duration>,
     /// The rest between two rounds in which all ports are asked for their connections, while
     /// somebody looks at the page; none asks nobody.
     pub survey: Option<Duration>,
@@ -46,6 +56,21 @@ pub struct ServerOptions {
     pub roles: Roles,
 }
 
+/// Why a name server does not start.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum StartError {
+    /// It cannot listen.
+    #[error(transparent)]
+    Port(#[from] PortError),
+    /// It cannot get at what it has kept.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The system gives no thread.
+    #[error("no thread to keep names with: {0}")]
+    Thread(#[source] io::Error),
+}
+
 impl Default for ServerOptions {
     /// `/root` on port 10000 of this machine, found by multicast.
     fn default() -> Self {
@@ -55,6 +80,9 @@ impl Default for ServerOptions {
             port: settings.port,
             namespace: settings.name,
             multicast_port: Some(settings.multicast_port),
+            replace: false,
+            look_every: Some(LOOK_EVERY),
+            drop_after: Some(DROP_AFTER),
             survey: Some(SURVEY),
             numbers: None,
             key: None,
@@ -62,6 +90,11 @@ impl Default for ServerOptions {
         }
     }
 }
+
+/// Often enough to tell who is gone, too seldom to be felt.
+const LOOK_EVERY: Duration = Duration::from_secs(30);
+/// Longer than anybody takes to start a program again.
+const DROP_AFTER: Duration = Duration::from_secs(3600);
 
 /// Where stock's name server listens.
 const DEFAULT_PORT: u16 = 10000;
@@ -120,6 +153,12 @@ impl ServerOptions {
         self
     }
 
+    /// The same options; a name goes to whoever asks for it, as in stock.
+    pub fn replace(mut self) -> Self {
+        self.replace = true;
+        self
+    }
+
     /// The same options with another rest between two rounds of questions to all ports, while
     /// somebody looks at the page; none asks nobody.
     pub fn survey(mut self, interval: Option<Duration>) -> Self {
@@ -144,19 +183,50 @@ pub struct Server {
     port: Arc<Port>,
     host: String,
     key: Option<Key>,
-    registry: Arc<Mutex<Registry>>,
+    desk: Arc<Desk>,
     /// The tasks that see to effects and to multicast detection.
     tasks: Vec<JoinHandle<()>>,
 }
 
 impl Server {
-    /// Starts a name server: listens, and answers from then on.
+    /// Starts a name server: listens, and answers from then on. What is registered is forgotten at
+    /// the end.
     pub async fn start(options: ServerOptions) -> Result<Self, PortError> {
+        Self::open(options, &[], |_| Ok(None)).await
+    }
+
+    /// As [`Server::start`], with the names that `store` has kept, and keeps them there: nobody is
+    /// told of a change before it is kept.
+    pub async fn start_with(
+        options: ServerOptions,
+        mut store: impl Store,
+    ) -> Result<Self, StartError> {
+        let kept = store.load()?;
+        let start = |registry: &Arc<Mutex<Registry>>| {
+            let journal = Journal::start(store, registry.clone());
+            journal.map(Some).map_err(StartError::Thread)
+        };
+        Self::open(options, &kept, start).await
+    }
+
+    /// `journal` gets the registry as it is when the first request comes.
+    async fn open<E: From<PortError>>(
+        options: ServerOptions,
+        kept: &[Change],
+        journal: impl FnOnce(&Arc<Mutex<Registry>>) -> Result<Option<Journal>, E>,
+    ) -> Result<Self, E> {
         let (effects, waiting) = mpsc::channel(EFFECTS);
-        // The number is known only once the port listens; until then nobody can ask.
-        let registry = Arc::new(Mutex::new(Registry::new(options.settings(0))));
+        let registry = Arc::new(Mutex::new(options.registry(options.port, kept)));
+        let journal = journal(&registry)?;
+        let desk = Arc::new(Desk::new(
+            registry.clone(),
+            journal,
+            effects,
+            options.replace,
+            Network::none().with_key(options.key.clone()),
+        ));
         let handler = {
-            let (registry, roles) = (registry.clone(), options.roles.clone());
+            let (desk, roles) = (desk.clone(), options.roles.clone());
             let own = options.namespace.clone();
             move |message: &mut Received| {
                 let Ok(bottle) = message.bottle() else {
@@ -168,7 +238,7 @@ impl Server {
                     address: message.address,
                 };
                 match access::refusal(&roles, &own, peer, &request.command) {
-                    None => answer(&registry, &effects, message.address, &request),
+                    None => Desk::answer(&desk, message.address, request),
                     Some(refusal) => {
                         tracing::warn!("refused a request: {refusal}");
                         let body = Body::lines([format!("refused: {refusal}")]);
@@ -197,23 +267,30 @@ impl Server {
             .with_roles(options.roles.clone());
         let port = Port::open(&network, &options.namespace, port_options).await?;
         let port = Arc::new(port);
-        *lock(&registry) = Registry::new(options.settings(port.number()));
-        introduce(&registry, &options.namespace);
+        if port.number() != options.port {
+            // The system has chosen, and nobody knows what yet.
+            *desk.registry() = options.registry(port.number(), kept);
+        }
         let network = options.network(port.number());
         let mut tasks = vec![
             tokio::spawn(see_to(waiting, port.clone(), network)),
-            tokio::spawn(survey.run(registry.clone())),
+            tokio::spawn(survey.run(registry)),
         ];
+        if let Some(every) = options.look_every {
+            let drop_after = options.drop_after;
+            let terms = Terms { every, drop_after };
+            tasks.push(tokio::spawn(watch::over(desk.clone(), terms)));
+        }
         if let Some(number) = options.multicast_port {
             // Nobody shows a key in a datagram: where this server is, is all that is told then.
             let only = options.is_guarded().then(|| options.namespace.clone());
-            tasks.extend(answer_detection(number, &registry, only));
+            tasks.extend(answer_detection(number, &desk, only));
         }
         Ok(Self {
             port,
             host: options.host,
             key: options.key,
-            registry,
+            desk,
             tasks,
         })
     }
@@ -235,10 +312,15 @@ impl Server {
 
     /// Every registered port, sorted by name.
     pub fn registrations(&self) -> Vec<Registration> {
-        lock(&self.registry).registrations().cloned().collect()
+        self.desk.registry().registrations().cloned().collect()
     }
 
-    /// Stops listening; what was registered is forgotten.
+    /// Every registered port with what is known of its life, sorted by name.
+    pub fn known(&self) -> Vec<Known> {
+        self.desk.registry().known(Instant::now()).collect()
+    }
+
+    /// Stops listening; what a store keeps stays there.
     pub async fn close(mut self) {
         for task in self.tasks.drain(..) {
             task.abort();
@@ -248,6 +330,7 @@ impl Server {
         if let Some(port) = Arc::into_inner(self.port) {
             port.close().await;
         }
+        self.desk.close();
     }
 }
 
@@ -266,7 +349,17 @@ impl ServerOptions {
         settings.numbers.clone_from(&self.numbers);
         let subnet = |(own, bits)| Subnet { own, bits };
         settings.subnets = addresses::subnets().into_iter().map(subnet).collect();
+        let now = SystemTime::now().duration_since(UNIX_EPOCH);
+        settings.incarnation = now.map_or(0, |now| now.as_micros() as u64);
         settings
+    }
+
+    /// The registry as it is when the server starts.
+    fn registry(&self, port: u16, kept: &[Change]) -> Registry {
+        let mut registry = Registry::new(self.settings(port));
+        introduce(&mut registry, &self.namespace);
+        registry.restore(Instant::now(), kept.iter().cloned());
+        registry
     }
 }
 
@@ -274,31 +367,8 @@ pub(crate) fn lock(registry: &Mutex<Registry>) -> MutexGuard<'_, Registry> {
     registry.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Answers one request; what else it causes is seen to by a task.
-fn answer(
-    registry: &Mutex<Registry>,
-    effects: &mpsc::Sender<Effect>,
-    address: IpAddr,
-    request: &Request,
-) -> Answer {
-    let reply = lock(registry).handle(Instant::now(), Some(address), request);
-    let Reply {
-        body,
-        effects: caused,
-    } = reply;
-    for effect in caused {
-        if let Err(error) = effects.try_send(effect) {
-            tracing::warn!("too much happens at once, one thing is not done: {error}");
-        }
-    }
-    match body {
-        Body::Bottle(bottle) => Answer::reply(bottle),
-        lines @ Body::Lines(_) => Answer::reply(RawText(lines.to_text())),
-    }
-}
-
 /// The server says about its own port what any port says.
-fn introduce(registry: &Mutex<Registry>, name: &str) {
+fn introduce(registry: &mut Registry, name: &str) {
     let mut carriers: Vec<String> = ALL.map(|carrier| carrier.name.to_owned()).to_vec();
     carriers.dedup();
     for (key, values) in [
@@ -312,7 +382,7 @@ fn introduce(registry: &Mutex<Registry>, name: &str) {
             key: key.to_owned(),
             values,
         });
-        lock(registry).handle(Instant::now(), None, &request);
+        registry.handle(Instant::now(), None, &request);
     }
 }
 
@@ -362,11 +432,7 @@ async fn disconnect(network: Network, link: Link) {
 
 /// Answers multicast detection on UDP port `number`, if the system lets us; `only` questions for the
 /// server of this name, if there is one.
-fn answer_detection(
-    number: u16,
-    registry: &Arc<Mutex<Registry>>,
-    only: Option<String>,
-) -> Option<JoinHandle<()>> {
+fn answer_detection(number: u16, desk: &Arc<Desk>, only: Option<String>) -> Option<JoinHandle<()>> {
     let socket = match group_socket(number) {
         Ok(socket) => socket,
         Err(error) => {
@@ -377,7 +443,7 @@ fn answer_detection(
             return None;
         }
     };
-    let registry = registry.clone();
+    let desk = desk.clone();
     Some(tokio::spawn(async move {
         let mut packet = vec![0; LONGEST_PACKET];
         loop {
@@ -396,7 +462,7 @@ fn answer_detection(
                 continue;
             }
             let answer =
-                discovery::respond(&mut lock(&registry), Instant::now(), from.ip(), packet);
+                discovery::respond(&mut desk.registry(), Instant::now(), from.ip(), packet);
             if let Some(answer) = answer {
                 // What is lost is asked for again.
                 let _ = socket.send_to(&answer, (discovery::GROUP, number)).await;

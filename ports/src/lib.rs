@@ -14,6 +14,7 @@ mod datagram;
 mod dialogue;
 pub mod discovery;
 mod error;
+mod keeper;
 mod network;
 mod port;
 mod probe;

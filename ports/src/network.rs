@@ -15,6 +15,7 @@ use yarp_wire::name_service::{
 use crate::addresses;
 use crate::config::{Configuration, DEFAULT_NAMESPACE, Namespace};
 use crate::error::PortError;
+use crate::keeper::Keeper;
 use crate::roles::Roles;
 use crate::stream::{self, Inflow};
 
@@ -37,6 +38,8 @@ struct Inner {
     /// What the environment says, for a network that came from it.
     configuration: Option<Configuration>,
     deadline: Duration,
+    /// Keeps the names of this network's ports; shared by all copies.
+    keeper: Arc<Keeper>,
     /// What both ends of each connection must know.
     key: Option<Key>,
     /// Who may do what with the ports that are opened here.
@@ -73,6 +76,7 @@ impl Network {
             deadline: DEADLINE,
             key: None,
             roles: Roles::default(),
+            keeper: Arc::default(),
         })
     }
 
@@ -85,6 +89,7 @@ impl Network {
             deadline: DEADLINE,
             key: None,
             roles: Roles::default(),
+            keeper: Arc::default(),
         })
     }
 
@@ -111,6 +116,7 @@ impl Network {
             roles: configuration.roles().clone(),
             configuration: Some(configuration),
             deadline: DEADLINE,
+            keeper: Arc::default(),
         })
     }
 
@@ -164,6 +170,10 @@ impl Network {
         Some((&server.host, server.port))
     }
 
+    pub(crate) fn keeper(&self) -> &Keeper {
+        &self.0.keeper
+    }
+
     /// Host and port of the name server as text.
     pub(crate) fn server_text(&self) -> String {
         match self.server() {
@@ -181,7 +191,7 @@ impl Network {
     }
 
     /// One network for each name server.
-    fn each(&self) -> impl Iterator<Item = Self> {
+    pub(crate) fn each(&self) -> impl Iterator<Item = Self> {
         self.0.servers.iter().map(|server| {
             Self::from(Inner {
                 servers: vec![server.clone()],
@@ -366,11 +376,26 @@ impl Network {
         }
         let request = Command::Register(port);
         let answer = self.command(request.clone()).await?;
-        answer.registration().ok_or_else(|| PortError::Refused {
+        answer
+            .registration()
+            .ok_or_else(|| self.refused(&Request::plain(request).to_string(), &answer))
+    }
+
+    fn refused(&self, request: &str, answer: &Answer) -> PortError {
+        PortError::Refused {
             server: self.server_text(),
-            request: Request::plain(request).to_string(),
+            request: request.to_owned(),
             answer: answer.lines().collect::<Vec<_>>().join(" "),
-        })
+        }
+    }
+
+    /// Asks for something that a name server of ours may refuse.
+    async fn tell(&self, request: &str) -> Result<(), PortError> {
+        let answer = self.ask(request).await?;
+        match answer.lines().next() {
+            Some(line) if line.starts_with("refused: ") => Err(self.refused(request, &answer)),
+            _ => Ok(()),
+        }
     }
 
     /// Tells every name server what a port that listens by now can do.
@@ -392,7 +417,7 @@ impl Network {
             format!("set {name} process {process}"),
             format!("announce {name}"),
         ] {
-            self.ask(&request).await?;
+            self.tell(&request).await?;
         }
         Ok(())
     }
@@ -400,7 +425,7 @@ impl Network {
     /// Takes a name back from every name server; unknown names are fine.
     pub async fn unregister(&self, name: &str) -> Result<(), PortError> {
         let request = &format!("unregister {name}");
-        self.with_each(|network| async move { network.ask(request).await.map(drop) })
+        self.with_each(|network| async move { network.tell(request).await })
             .await
     }
 }

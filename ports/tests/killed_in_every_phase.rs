@@ -181,7 +181,7 @@ async fn a_port_that_reads(phase: &str) -> usize {
 async fn forget(reader: &Port) {
     let address = ("127.0.0.1", reader.number());
     let carrier = Carrier::by_name("text_ack").unwrap();
-    let opening = Dialogue::open(reader.name(), address, carrier, "admin", common::DEADLINE);
+    let opening = Dialogue::open(reader.name(), address, carrier, "admin", reader.network());
     let mut dialogue = within(opening).await.unwrap();
     let request = Command::RemoveInput(NAME.to_owned());
     // A connection that is being taken note of may come a moment later.

@@ -2,9 +2,11 @@
 
 use std::io::Write;
 use std::process::ExitCode;
+use std::sync::Arc;
 use std::time::Duration;
 
-use yarp_ports::remote;
+use tokio::sync::Semaphore;
+use yarp_ports::{Network, Place, remote};
 
 use crate::error::Result;
 use crate::session;
@@ -20,6 +22,17 @@ pub(crate) struct Args {
     timeout: Option<String>,
     #[arg(hide = true, allow_hyphen_values = true, trailing_var_arg = true)]
     rest: Vec<String>,
+}
+
+/// How long a port may take unless told otherwise. Stock waits for ever.
+const PATIENCE: Duration = Duration::from_secs(2);
+/// Ports that are tested at once.
+const TOGETHER: usize = 256;
+
+/// Whether a port listens; waits until there is room to test it.
+async fn test(room: Arc<Semaphore>, network: Network, place: Place) -> bool {
+    let _room = room.acquire().await;
+    remote::listens(&network, &place).await
 }
 
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
@@ -61,18 +74,27 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             "No timeout; to specify one, do \"yarp clean --timeout NN.N\""
         )?,
     }
-    let patient = match timeout {
-        Some(timeout) => network.with_deadline(timeout),
-        None => network.clone(),
-    };
-    for place in places {
-        if place.name == network.namespace() || !place.name.starts_with('/') {
+    let patient = network.with_deadline(timeout.unwrap_or(PATIENCE));
+    let room = Arc::new(Semaphore::new(TOGETHER));
+    // Many at once, told in their order.
+    let tests: Vec<_> = places
+        .into_iter()
+        .map(|place| {
+            let ours = place.name == network.namespace() || !place.name.starts_with('/');
+            let test =
+                (!ours).then(|| tokio::spawn(test(room.clone(), patient.clone(), place.clone())));
+            (place, test)
+        })
+        .collect();
+    for (place, test) in tests {
+        let Some(test) = test else {
             writeln!(out, "Ignoring {}", place.name)?;
             continue;
-        }
+        };
         let (carrier, host, port) = (&place.carrier, &place.host, place.port);
         writeln!(out, "Testing {} at {carrier}://{host}:{port}/", place.name)?;
-        if !remote::listens(&patient, &place).await {
+        // A test that broke says nothing about the port.
+        if !test.await.unwrap_or(true) {
             writeln!(out, "* No response, removing port {}", place.name)?;
             network.unregister(&place.name).await?;
         }

@@ -18,7 +18,8 @@ use crate::text::complain;
 ///
 /// `query PORT` tells where a port is; `register PORT [CARRIER [IP [NUMBER]]]` registers one by
 /// hand; `unregister PORT` takes a name back. Anything else is sent as it stands: `list`,
-/// `set PORT KEY VALUE`, `get PORT KEY`, `check PORT KEY VALUE`, `help`.
+/// `set PORT KEY VALUE`, `get PORT KEY`, `check PORT KEY VALUE`, `help`. `list --state [PREFIX]`
+/// tells which ports are alive, unreachable or gone, if the name server is one of ours.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// The request
@@ -41,6 +42,9 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     match *command {
         "query" => query(&network, rest.first().copied().unwrap_or_default(), out).await,
         "register" => register(&network, rest, out).await,
+        "list" if rest.first() == Some(&"--state") => {
+            states(&network, rest.get(1).copied().unwrap_or_default(), out).await
+        }
         "unregister" => unregister(&network, rest.first().copied().unwrap_or_default(), out).await,
         _ if answers_with_a_bottle(&words) => structured(&network, &words, out).await,
         _ => plain(&network, &words.join(" "), out).await,
@@ -128,6 +132,38 @@ async fn unregister(network: &Network, name: &str, out: &mut dyn Write) -> Resul
             Ok(ExitCode::FAILURE)
         }
     }
+}
+
+/// The list with the state of each port; a name server of stock does not know them.
+async fn states(network: &Network, prefix: &str, out: &mut dyn Write) -> Result<ExitCode> {
+    let asking = async {
+        let states = network.ask(&format!("state {prefix}")).await?;
+        let list = network.ask(&format!("list {prefix}")).await?;
+        Ok((states, list))
+    };
+    let (states, list) = match asking.await {
+        Ok(answers) => answers,
+        Err(error) => {
+            session::server_away(network, &error);
+            complain(out, "Failed to reach name server")?;
+            return Ok(ExitCode::FAILURE);
+        }
+    };
+    let known: Vec<_> = states.lines().collect();
+    match known.is_empty() {
+        true => {
+            for line in list.lines() {
+                writeln!(out, "{line} state unknown")?;
+            }
+        }
+        false => {
+            for line in known {
+                writeln!(out, "{line}")?;
+            }
+        }
+    }
+    writeln!(out, "{END}")?;
+    Ok(ExitCode::SUCCESS)
 }
 
 async fn plain(network: &Network, request: &str, out: &mut dyn Write) -> Result<ExitCode> {

@@ -2,11 +2,16 @@
 
 use std::io::Write;
 use std::ops::RangeInclusive;
+use std::path::PathBuf;
 use std::process::ExitCode;
+use std::time::Duration;
 
-use yarp_nameserver::{Server, ServerOptions};
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+use tokio::signal::unix::{SignalKind, signal};
+use yarp_nameserver::store::{Durability, SqliteStore};
+use yarp_nameserver::{Server, ServerOptions, StartError};
 use yarp_ports::config::{self, Configuration, Mode, NameServer, Namespace};
-use yarp_ports::{PortError, addresses};
+use yarp_ports::{PortError, addresses, story};
 
 use super::words::{take_flag, take_value};
 use crate::error::Result;
@@ -24,13 +29,19 @@ const BANNER: &str = r"
      ==========================
 ";
 const MEMORY: &str = ":memory:";
+/// The signal of a file that has reached its largest size, on all systems that have it.
+const SIGXFSZ: i32 = 25;
 
 /// run the yarp name server
 ///
 /// Runs the name server until Ctrl-C.
 ///
 /// Without options: on TCP port 10000 (YARP_PORT_RANGE) of this machine, found by multicast. The
-/// place is written to the configuration unless another is written there.
+/// place is written to the configuration unless another is written there. What was registered is
+/// there again after a restart, however the server ended.
+///
+/// A name whose owner lives is not given to another. Ports of ours say every few seconds that they
+/// are there; others are asked now and then. See them with `yarp name list --state`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Write the place to the configuration, whatever is written there
@@ -52,20 +63,38 @@ pub(crate) struct Args {
     /// TCP port; 0 takes the configured one
     #[arg(long, value_name = "NUMBER")]
     socket: Option<String>,
-    /// Where registrations are kept; only :memory: so far
+    /// Where names, properties and persistent connections are kept; :memory: keeps nothing. Usually
+    /// nameserver/NAMESPACE_PORT.db in the data directory of YARP (YARP_DATA_HOME, XDG_DATA_HOME)
     #[arg(long, value_name = "FILE")]
     portdb: Option<String>,
-    /// Where persistent connections are kept; only :memory: so far
+    /// The same; stock keeps persistent connections apart, here they are in the file of --portdb
     #[arg(long, value_name = "FILE")]
     subdb: Option<String>,
+    /// Keep nothing: a restart forgets every name
+    #[arg(long)]
+    memory: bool,
+    /// Wait for the disk before each answer: what was answered survives the loss of power too.
+    /// Without it, it survives the end of the program, however sudden; after the loss of power
+    /// the names are those of some seconds before
+    #[arg(long)]
+    cautious: bool,
+    /// Give a name to whoever asks for it, as stock does, whether its owner lives or not
+    #[arg(long)]
+    replace: bool,
+    /// Time between two looks at a port that does not speak up by itself; 0 looks at none
+    #[arg(long, value_name = "SECONDS")]
+    look_every: Option<String>,
+    /// Drop the name of a port that has been gone for so long; 0 drops none
+    #[arg(long, value_name = "SECONDS")]
+    drop_after: Option<String>,
     /// Print nothing but errors
     #[arg(long)]
     silent: bool,
     /// Neither read nor write the configuration
     #[arg(long)]
     local: bool,
-    /// What stock accepts besides: --web DIR, --no-web-cache, --config FILE, --cautious, --memory,
-    /// --verbose; has no effect
+    /// What stock accepts besides: --web DIR, --no-web-cache, --config FILE, --verbose; has no
+    /// effect
     #[arg(
         value_name = "OTHER",
         allow_hyphen_values = true,
@@ -82,6 +111,9 @@ impl Args {
         self.read |= take_flag(rest, "--read");
         self.silent |= take_flag(rest, "--silent");
         self.local |= take_flag(rest, "--local");
+        self.memory |= take_flag(rest, "--memory");
+        self.cautious |= take_flag(rest, "--cautious");
+        self.replace |= take_flag(rest, "--replace");
         for (option, held) in [
             ("--ip", &mut self.ip),
             ("--advertise", &mut self.advertise),
@@ -89,6 +121,8 @@ impl Args {
             ("--socket", &mut self.socket),
             ("--portdb", &mut self.portdb),
             ("--subdb", &mut self.subdb),
+            ("--look-every", &mut self.look_every),
+            ("--drop-after", &mut self.drop_after),
         ] {
             if let Some(value) = take_value(rest, option) {
                 *held = Some(value);
@@ -102,12 +136,17 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let args = args.sort();
     let configuration = Configuration::from_process()?;
     let mut interrupt = Interrupt::listen();
-    if !args.silent {
-        introduce(&args, &configuration, out)?;
-    }
     let held = &configuration.namespaces()[0];
-    let place = match choose(&args, held, &configuration) {
-        Ok(place) => place,
+    let chosen = choose(&args, held, &configuration).and_then(|place| {
+        let database = Database::of(&args, &held.name, place.port, &configuration)?;
+        Ok((place, database))
+    });
+    if !args.silent {
+        let database = chosen.as_ref().ok().map(|(_, database)| database);
+        introduce(&args, database, &configuration, out)?;
+    }
+    let (place, database) = match chosen {
+        Ok(chosen) => chosen,
         Err(problem) => {
             eprintln!("{problem}");
             complain(out, "Aborting.")?;
@@ -128,10 +167,30 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         .key(configuration.key().cloned())
         .roles(configuration.roles().clone());
     options.numbers = numbers;
-    let server = match Server::start(options).await {
+    options.replace = args.replace;
+    let times = [
+        ("--look-every", &args.look_every, &mut options.look_every),
+        ("--drop-after", &args.drop_after, &mut options.drop_after),
+    ];
+    for (option, text, time) in times {
+        if let Some(text) = text
+            && let Err(problem) = seconds(option, text).map(|seconds| *time = seconds)
+        {
+            eprintln!("{problem}");
+            complain(out, "Aborting.")?;
+            return Ok(ExitCode::FAILURE);
+        }
+    }
+    allow_many_connections();
+    // Else the system would end the program when the database may grow no more.
+    let _oversize = signal(SignalKind::from_raw(SIGXFSZ));
+    let server = match database.start(options, args.cautious).await {
         Ok(server) => server,
         Err(error) => {
-            failed(&held.name, &place, &error);
+            match &error {
+                StartError::Port(error) => failed(&held.name, &place, error),
+                error => tracing::error!(target: "yarp.serversql.Server", "{}", story(error)),
+            }
             complain(out, "Name server failed to open")?;
             return Ok(ExitCode::FAILURE);
         }
@@ -157,13 +216,104 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn introduce(args: &Args, configuration: &Configuration, out: &mut dyn Write) -> Result<()> {
+/// Where names are kept.
+enum Database {
+    Memory,
+    File(PathBuf),
+}
+
+impl Database {
+    fn of(
+        args: &Args,
+        namespace: &str,
+        port: u16,
+        configuration: &Configuration,
+    ) -> std::result::Result<Self, String> {
+        let file = args.portdb.as_ref().or(args.subdb.as_ref());
+        match file {
+            _ if args.memory => Ok(Self::Memory),
+            Some(file) if file == MEMORY => Ok(Self::Memory),
+            Some(file) => Ok(Self::File(PathBuf::from(file))),
+            None => {
+                let data = configuration.directories().data_home.as_ref().ok_or(
+                    "No directory for the names: YARP_DATA_HOME, XDG_DATA_HOME and HOME are not \
+                     set; please specify '--portdb FILE', or '--memory' to keep none",
+                )?;
+                let sort = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
+                let namespace: String = namespace
+                    .trim_start_matches('/')
+                    .chars()
+                    .map(sort)
+                    .collect();
+                Ok(Self::File(
+                    data.join("nameserver")
+                        .join(format!("{namespace}_{port}.db")),
+                ))
+            }
+        }
+    }
+
+    async fn start(
+        self,
+        options: ServerOptions,
+        cautious: bool,
+    ) -> std::result::Result<Server, StartError> {
+        let durability = match cautious {
+            true => Durability::Power,
+            false => Durability::Process,
+        };
+        match self {
+            Self::Memory => Ok(Server::start(options).await?),
+            Self::File(path) => {
+                let store = SqliteStore::open(&path, durability)?;
+                Server::start_with(options, store).await
+            }
+        }
+    }
+}
+
+impl std::fmt::Display for Database {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Memory => f.write_str(MEMORY),
+            Self::File(path) => path.display().fmt(f),
+        }
+    }
+}
+
+/// A time in seconds; none for 0.
+fn seconds(option: &str, text: &str) -> std::result::Result<Option<Duration>, String> {
+    let seconds = text.parse().ok();
+    match seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok()) {
+        Some(Duration::ZERO) => Ok(None),
+        Some(time) => Ok(Some(time)),
+        None => Err(format!("{option} {text}: expected seconds, 0 for never")),
+    }
+}
+
+/// As many connections at once as the system lets us have: silent ones shall not keep others out.
+fn allow_many_connections() {
+    let limit = getrlimit(Resource::Nofile);
+    let most = Rlimit {
+        current: limit.maximum,
+        maximum: limit.maximum,
+    };
+    if let Err(error) = setrlimit(Resource::Nofile, most) {
+        tracing::debug!("at most {:?} connections at once: {error}", limit.current);
+    }
+}
+
+fn introduce(
+    args: &Args,
+    database: Option<&Database>,
+    configuration: &Configuration,
+    out: &mut dyn Write,
+) -> Result<()> {
     writeln!(out, "{BANNER}")?;
     writeln!(out, "Call with --help for information on available options")?;
-    for (what, file) in [("port", &args.portdb), ("subscription", &args.subdb)] {
-        writeln!(out, "Using {what} database: {MEMORY}")?;
-        if file.as_deref().is_some_and(|file| file != MEMORY) {
-            tracing::warn!(target: "yarp.serversql.Server", "the {what} database is in memory only: it is forgotten at the end");
+    if let Some(database) = database {
+        for what in ["port", "subscription"] {
+            writeln!(out, "Using {what} database: {database}")?;
         }
     }
     writeln!(

@@ -83,11 +83,17 @@ impl Home {
 
     /// Starts `yarp` with these words, separated by blanks.
     pub(crate) fn start(&self, line: &str) -> Running {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_yarp"))
-            .args(line.split_whitespace())
+        let mut command = Command::new(env!("CARGO_BIN_EXE_yarp"));
+        command.args(line.split_whitespace());
+        self.spawn(command, line)
+    }
+
+    /// Starts a command that ends up as `yarp` of this home.
+    pub(crate) fn spawn(&self, mut command: Command, line: &str) -> Running {
+        let mut child = command
             .env("YARP_CONFIG_HOME", self.path())
             // No files of the user's shall play a part.
-            .env("YARP_DATA_HOME", self.path())
+            .env("YARP_DATA_HOME", self.path().join("data"))
             .env("YARP_PORT_RANGE", self.range.to_string())
             .env_remove("YARP_NAMESPACE")
             .env_remove("YARP_PORT_PREFIX")
@@ -133,6 +139,12 @@ impl Home {
             last = Some(server.finish());
         }
         panic!("no name server starts: {last:?}");
+    }
+
+    /// The TCP port that the configuration names.
+    pub(crate) fn server_port(&self) -> u16 {
+        let place = self.file("yarp.conf").unwrap();
+        place.split_whitespace().nth(1).unwrap().parse().unwrap()
     }
 
     /// The names that the name server knows, but its own.

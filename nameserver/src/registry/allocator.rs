@@ -10,13 +10,18 @@ use super::limits::Refusal;
 ///
 /// In stock's order: the number that the name had before, if nobody has it now; else the next
 /// number that was never handed out; else the one that has been free longest. Unlike stock, a
-/// number that a live port asked for itself is never handed out to another.
+/// number that a live port asked for itself is never handed out to another, and a network of more
+/// ports than stock has numbers for gets those up to [`SPARE`].
 #[derive(Debug)]
 pub(super) struct Numbers {
     first: u32,
     /// First number that was never handed out.
     next: u32,
     last: u32,
+    /// First number beyond `last` that was never handed out.
+    spare: u32,
+    /// The last of those.
+    most: u32,
     previous: HashMap<String, u16>,
     names: HashMap<u16, String>,
     freed: VecDeque<u16>,
@@ -24,23 +29,30 @@ pub(super) struct Numbers {
     used: HashMap<u16, usize>,
 }
 
+/// The last number before those that Linux gives to clients.
+const SPARE: u32 = 32_767;
+
 impl Numbers {
     /// Stock's range above its own number: from the second to the 9999th.
     pub(super) fn above(server: u16) -> Self {
         let server = u32::from(server);
-        Self::between(server + 2, (server + 9999).min(u16::MAX.into()))
+        let last = (server + 9999).min(u16::MAX.into());
+        Self::between(server + 2, last, SPARE)
     }
 
     /// Any other range.
     pub(super) fn within(range: RangeInclusive<u16>) -> Self {
-        Self::between((*range.start()).into(), (*range.end()).into())
+        let last = (*range.end()).into();
+        Self::between((*range.start()).into(), last, last)
     }
 
-    fn between(first: u32, last: u32) -> Self {
+    fn between(first: u32, last: u32, most: u32) -> Self {
         Self {
             first,
             next: first,
             last,
+            spare: last + 1,
+            most,
             previous: HashMap::new(),
             names: HashMap::new(),
             freed: VecDeque::new(),
@@ -77,19 +89,56 @@ impl Numbers {
                 return Some(number);
             }
         }
-        loop {
-            let number = self.freed.pop_front()?;
+        while let Some(number) = self.freed.pop_front() {
             if !self.used.contains_key(&number) {
                 return Some(number);
             }
         }
+        while self.spare <= self.most {
+            let number = u16::try_from(self.spare).ok()?;
+            self.spare += 1;
+            if !self.used.contains_key(&number) {
+                return Some(number);
+            }
+        }
+        None
+    }
+
+    /// Whether the number was handed out before.
+    fn is_ours(&self, number: u16) -> bool {
+        let number = u32::from(number);
+        (self.first..self.next).contains(&number) || (self.last + 1..self.spare).contains(&number)
+    }
+
+    /// A port of an earlier registry has `number`; [`settle`](Self::settle) comes after the last.
+    pub(super) fn restore(&mut self, name: &str, number: u16) {
+        self.take(number);
+        let after = u32::from(number) + 1;
+        if (self.first..=self.last).contains(&number.into()) {
+            self.next = self.next.max(after);
+        } else if (self.last + 1..=self.most).contains(&number.into()) && self.next > self.last {
+            self.spare = self.spare.max(after);
+        } else {
+            return;
+        }
+        self.names.insert(number, name.to_owned());
+        self.previous.insert(name.to_owned(), number);
+    }
+
+    /// What nobody has of the numbers that were handed out is free.
+    pub(super) fn settle(&mut self) {
+        let numbers = (self.first..self.next).chain(self.last + 1..self.spare);
+        let numbers = numbers.filter_map(|number| u16::try_from(number).ok());
+        self.freed = numbers
+            .filter(|number| !self.used.contains_key(number))
+            .collect();
     }
 
     /// The refusal for when [`choose`](Self::choose) gave none.
     pub(super) fn none_left(&self) -> Refusal {
         Refusal::NoNumber {
             first: self.first,
-            last: self.last,
+            last: self.last.max(self.most),
         }
     }
 
@@ -108,8 +157,7 @@ impl Numbers {
             return;
         }
         self.used.remove(&number);
-        let ours = (self.first..self.next).contains(&number.into());
-        if ours && !self.freed.contains(&number) {
+        if self.is_ours(number) && !self.freed.contains(&number) {
             self.freed.push_back(number);
         }
     }
@@ -123,6 +171,9 @@ struct Counter {
 }
 
 impl Counter {
+    /// Numbers beyond that are not ours, or will be skipped when it comes to them.
+    const GAP: u32 = 100_000;
+
     fn from(next: u32) -> Self {
         let freed = BTreeSet::new();
         Self { next, freed }
@@ -138,6 +189,16 @@ impl Counter {
     fn free(&mut self, number: u32) {
         if number < self.next {
             self.freed.insert(number);
+        }
+    }
+
+    /// Somebody has `number` from before; numbers below it may be free.
+    fn restore(&mut self, number: u32) {
+        if number >= self.next && number < self.next + Self::GAP {
+            self.freed.extend(self.next..number);
+            self.next = number + 1;
+        } else {
+            self.freed.remove(&number);
         }
     }
 }
@@ -166,13 +227,22 @@ impl Names {
 
     /// Gives an invented name back; others are ignored.
     pub(super) fn free(&mut self, name: &str) {
-        let number = name.strip_prefix(Self::PREFIX).map(|rest| {
-            let suffix = rest.find('=').unwrap_or(rest.len());
-            &rest[..suffix]
-        });
-        if let Some(number) = number.and_then(|digits| digits.parse().ok()) {
+        if let Some(number) = Self::number(name) {
             self.0.free(number);
         }
+    }
+
+    /// A port of an earlier registry has `name`.
+    pub(super) fn restore(&mut self, name: &str) {
+        if let Some(number) = Self::number(name) {
+            self.0.restore(number);
+        }
+    }
+
+    fn number(name: &str) -> Option<u32> {
+        let rest = name.strip_prefix(Self::PREFIX)?;
+        let suffix = rest.find('=').unwrap_or(rest.len());
+        rest[..suffix].parse().ok()
     }
 }
 
@@ -205,14 +275,24 @@ impl Groups {
 
     /// Gives a group back; addresses that were never ours are ignored.
     pub(super) fn free(&mut self, group: &str) {
-        let Ok(address) = group.parse::<Ipv4Addr>() else {
-            return;
-        };
-        let [_, _, high, low] = address.octets().map(u32::from);
-        let index = high.saturating_sub(1) * 255 + low.saturating_sub(1);
-        if (2..Self::COUNT).contains(&index) && Self::address(index) == address {
+        if let Some(index) = Self::index(group) {
             self.0.free(index);
         }
+    }
+
+    /// A port of an earlier registry has `group`.
+    pub(super) fn restore(&mut self, group: &str) {
+        if let Some(index) = Self::index(group) {
+            self.0.restore(index);
+        }
+    }
+
+    fn index(group: &str) -> Option<u32> {
+        let address: Ipv4Addr = group.parse().ok()?;
+        let [_, _, high, low] = address.octets().map(u32::from);
+        let index = high.saturating_sub(1) * 255 + low.saturating_sub(1);
+        let ours = (2..Self::COUNT).contains(&index) && Self::address(index) == address;
+        ours.then_some(index)
     }
 
     /// Stock's `224.1.(n/255+1).(n%255+1)`.
@@ -248,12 +328,30 @@ mod tests {
         for number in 10002..=19999 {
             assert_eq!(take(&mut numbers, &format!("/{number}")), Some(number));
         }
-        assert_eq!(take(&mut numbers, "/more"), None);
         numbers.free(15000);
         numbers.free(12000);
         assert_eq!(take(&mut numbers, "/more"), Some(15000));
         assert_eq!(take(&mut numbers, "/more2"), Some(12000));
-        assert_eq!(take(&mut numbers, "/15000"), None);
+    }
+
+    /// Stock exits when 9998 ports have asked for a number; a lab may have 10 000 names.
+    #[test]
+    fn more_ports_than_stock_has_numbers_for() {
+        let mut numbers = Numbers::above(10000);
+        for number in 10002..=32767 {
+            assert_eq!(take(&mut numbers, &format!("/{number}")), Some(number));
+        }
+        assert_eq!(take(&mut numbers, "/more"), None);
+        numbers.free(25000);
+        assert_eq!(take(&mut numbers, "/more"), Some(25000));
+
+        let mut again = Numbers::above(10000);
+        for number in (10002..=19999).chain([20001]) {
+            again.restore(&format!("/{number}"), number);
+        }
+        again.settle();
+        assert_eq!(take(&mut again, "/more"), Some(20000));
+        assert_eq!(take(&mut again, "/more2"), Some(20002));
     }
 
     #[test]

@@ -58,6 +58,19 @@ pub enum Refusal {
     /// No multicast group left to hand out.
     #[error("all multicast groups are taken")]
     NoGroup,
+    /// A name whose owner lives.
+    #[error(
+        "{name} belongs to a port that is there, at {host}:{port}; choose another name, or end that \
+         port (by hand: yarp name unregister {name})"
+    )]
+    Taken {
+        /// The name.
+        name: String,
+        /// Where its owner is.
+        host: String,
+        /// Where its owner is.
+        port: u16,
+    },
     /// A store is full.
     #[error("the server holds at most {limit} {what}")]
     Full {

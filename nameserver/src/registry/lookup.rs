@@ -7,7 +7,7 @@ use yarp_wire::{Bottle, Value};
 
 use super::limits;
 use super::persistent::split_carrier;
-use super::{Body, Entry, Registry, subnets};
+use super::{Body, Change, Entry, Registry, subnets};
 
 impl Registry {
     pub(super) fn query(&self, form: Form, from: Option<IpAddr>, name: &str) -> Body {
@@ -33,7 +33,7 @@ impl Registry {
     /// The port that a query means: `NAME`, `CARRIER:/NAME` (the carrier does not matter) or
     /// `/net=PREFIX/NAME`, which answers with the first of the port's addresses that starts with
     /// PREFIX, if there is one.
-    pub(super) fn find(&self, query: &str) -> Option<Registration> {
+    pub(crate) fn find(&self, query: &str) -> Option<Registration> {
         let (_, name) = split_carrier(query);
         let Some(selector) = name.strip_prefix("/net=") else {
             return Some(self.ports.get(name)?.registration.clone());
@@ -105,13 +105,21 @@ impl Registry {
                 ("carrier", Some(carrier)) => limits::check_word("carrier", carrier),
                 _ => Ok(()),
             })
-            .and_then(|()| entry.properties.set(key, values));
+            .and_then(|()| entry.properties.set(&mut self.pool, key, values));
         if let Err(refusal) = held {
             return Body::refused(&refusal);
         }
         if let ("carrier", [carrier, ..]) = (key, entry.properties.get(key)) {
             entry.registration.carrier = carrier.clone();
+            let registration = entry.registration.clone();
+            self.record(Change::Port(registration));
         }
+        let values = self.ports[name].properties.shared(key);
+        self.record(Change::Property {
+            name: name.to_owned(),
+            key: key.to_owned(),
+            values,
+        });
         self.property(form, name, key)
     }
 
@@ -142,7 +150,7 @@ fn unknown(form: Form) -> Body {
     }
 }
 
-fn is_below(name: &str, prefix: &str) -> bool {
+pub(super) fn is_below(name: &str, prefix: &str) -> bool {
     match name.strip_prefix(prefix) {
         Some(rest) => {
             rest.is_empty() || rest.starts_with('/') || prefix.is_empty() || prefix.ends_with('/')

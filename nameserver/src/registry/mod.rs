@@ -1,7 +1,9 @@
 //! Who is where: the state of the name server.
 //!
 //! [`Registry::handle`] takes one request and the time, and gives the [`Reply`] with the
-//! [`Effect`]s that the server must see to. Nothing here has a socket, a clock or a task.
+//! [`Effect`]s that the server must see to and the [`Change`]s that a store must keep, from which
+//! [`Registry::restore`] makes the same registry again. Nothing here has a socket, a clock, a file
+//! or a task.
 //!
 //! Answers and their order are those of stock 3.5.0, asked request by request, except:
 //!
@@ -14,6 +16,8 @@
 //! * `(format json)` is not taken for an argument (stock stores it as a value with `set`).
 
 mod allocator;
+mod change;
+mod life;
 mod limits;
 mod lookup;
 mod persistent;
@@ -29,16 +33,19 @@ mod text;
 use std::collections::BTreeMap;
 use std::net::IpAddr;
 use std::ops::RangeInclusive;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use yarp_wire::name_service::{
     Command, DEFAULT_NAMESPACE, DEFAULT_PORT, Form, Registering, Registration, Request,
 };
 
 use allocator::{Groups, Names, Numbers};
+use life::Life;
 use persistent::Persistent;
-use properties::Properties;
+use properties::{Pool, Properties};
 
+pub use change::Change;
+pub use life::{Claim, Known, Outcome, State, Terms};
 pub use limits::Refusal;
 pub use reply::{Body, Effect, Link, Reply};
 pub use subnets::Subnet;
@@ -63,6 +70,10 @@ pub struct Settings {
     pub subnets: Vec<Subnet>,
     /// The numbers that it hands out, if not those above its own.
     pub numbers: Option<RangeInclusive<u16>>,
+    /// Told to ports that keep a lease: another one says that the server was started anew.
+    pub incarnation: u64,
+    /// How long a lease holds.
+    pub lease: Duration,
 }
 
 /// All ports, their properties, and the connections that outlive them.
@@ -75,6 +86,9 @@ pub struct Registry {
     groups: Groups,
     persistent: Persistent,
     types: BTreeMap<String, String>,
+    pool: Pool,
+    /// What the request in hand has changed so far.
+    journal: Vec<Change>,
 }
 
 /// One registered port.
@@ -84,6 +98,7 @@ struct Entry {
     properties: Properties,
     /// When it last said that it listens; none before it did, or once it was found dead.
     announced: Option<Instant>,
+    life: Life,
 }
 
 impl Settings {
@@ -96,10 +111,14 @@ impl Settings {
             multicast_port: DEFAULT_PORT,
             subnets: Vec::new(),
             numbers: None,
+            incarnation: 0,
+            lease: LEASE,
         }
     }
 }
 
+/// How long a lease holds unless configured otherwise: our ports renew it every five seconds.
+const LEASE: Duration = Duration::from_secs(20);
 /// Name under which stock lists the multicast group of the name server.
 const FALLBACK: &str = "fallback";
 /// That group.
@@ -119,8 +138,12 @@ impl Registry {
             groups: Groups::new(),
             persistent: Persistent::default(),
             types: BTreeMap::new(),
+            pool: Pool::default(),
+            journal: Vec::new(),
             settings,
         };
+        // Nobody asks how old these two are.
+        let now = Instant::now();
         let own = |name: &str, carrier: &str, host: &str, port| Registering {
             carrier: Some(carrier.to_owned()),
             host: Some(host.to_owned()),
@@ -134,10 +157,11 @@ impl Registry {
             multicast_port,
             ..
         } = registry.settings.clone();
-        registry.register(Form::Plain, None, &own(&name, "tcp", &host, port));
+        registry.register(now, Form::Plain, None, &own(&name, "tcp", &host, port));
         let group = own(FALLBACK, "mcast", GROUP, multicast_port);
-        registry.register(Form::Plain, None, &group);
+        registry.register(now, Form::Plain, None, &group);
         registry.set(Form::Plain, &name, "nameserver", &["true".to_owned()]);
+        registry.journal.clear();
         registry
     }
 
@@ -148,9 +172,15 @@ impl Registry {
     ///   one (`localhost` if unknown, as in stock), and decides which of several addresses of a
     ///   port it is told.
     pub fn handle(&mut self, now: Instant, from: Option<IpAddr>, request: &Request) -> Reply {
+        let mut reply = self.answer(now, from, request);
+        reply.changes = std::mem::take(&mut self.journal);
+        reply
+    }
+
+    fn answer(&mut self, now: Instant, from: Option<IpAddr>, request: &Request) -> Reply {
         let form = request.form;
         match &request.command {
-            Command::Register(registering) => self.register(form, from, registering),
+            Command::Register(registering) => self.register(now, form, from, registering),
             Command::Unregister { name } => self.unregister(form, name),
             Command::Query { name } => self.query(form, from, name).into(),
             Command::List { prefix } => self.list(form, from, prefix).into(),
@@ -174,16 +204,18 @@ impl Registry {
             Command::Unsubscribe {
                 source,
                 destination,
-            } => self.unsubscribe(source, destination).into(),
+            } => self.unsubscribe(source, destination),
             Command::Topic { name, structure } => self.topic(name, structure),
             Command::Topics => Body::Bottle(self.persistent.topics()).into(),
-            Command::Untopic { name } => self.untopic(name).into(),
+            Command::Untopic { name } => self.untopic(name),
             Command::Type {
                 family,
                 name,
                 value,
             } => self.type_definition(family, name, value.as_deref()).into(),
             Command::Web(_) => text::web().into(),
+            Command::Lease { holders } => self.lease(now, holders).into(),
+            Command::States { prefix } => self.states(now, prefix).into(),
             _ => Body::end().into(),
         }
     }

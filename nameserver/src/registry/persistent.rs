@@ -53,6 +53,11 @@ impl End {
         }
     }
 
+    /// As it was written.
+    pub(super) fn text(&self) -> &str {
+        &self.text
+    }
+
     /// The carrier to connect by, if one was written.
     pub(super) fn carrier(&self) -> Option<&str> {
         self.carrier
@@ -60,7 +65,7 @@ impl End {
             .filter(|carrier| *carrier != "topic")
     }
 
-    fn names_topic(&self) -> bool {
+    pub(super) fn names_topic(&self) -> bool {
         self.carrier.as_deref() == Some("topic")
     }
 }
@@ -116,19 +121,25 @@ impl Persistent {
         Ok(())
     }
 
-    /// Removes the subscription between two names, if there is one.
-    pub(super) fn unsubscribe(&mut self, source: &End, destination: &End) {
+    /// Removes the subscription between two names; tells whether there was one.
+    pub(super) fn unsubscribe(&mut self, source: &End, destination: &End) -> bool {
         let key = (source.name.clone(), destination.name.clone());
-        self.subscriptions.remove(&key);
+        self.subscriptions.remove(&key).is_some()
     }
 
     /// Removes the subscriptions that end with `name`: mode `from` if it writes, `to` if it reads.
-    pub(super) fn gone(&mut self, name: &str) {
+    /// Gives the bare names of their ends.
+    pub(super) fn gone(&mut self, name: &str) -> Vec<(String, String)> {
+        let mut gone = Vec::new();
         self.subscriptions.retain(|(source, destination), held| {
             let from = held.mode == "from" && source == name;
             let to = held.mode == "to" && destination == name;
+            if from || to {
+                gone.push((source.clone(), destination.clone()));
+            }
             !(from || to)
         });
+        gone
     }
 
     /// The pairs of ports that are to be connected and that `name`, a port or a topic, has part
@@ -204,8 +215,15 @@ impl Persistent {
         Ok(())
     }
 
-    pub(super) fn remove_topic(&mut self, name: &str) {
-        self.topics.remove(name);
+    /// Forgets a topic; tells whether there was one.
+    pub(super) fn remove_topic(&mut self, name: &str) -> bool {
+        self.topics.remove(name).is_some()
+    }
+
+    /// What a topic carries, if it exists.
+    pub(super) fn structure(&self, name: &str) -> Option<&str> {
+        let topic = self.topics.get(name)?;
+        Some(&topic.structure)
     }
 
     /// The answer to `topic`.

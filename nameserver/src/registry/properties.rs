@@ -1,23 +1,68 @@
 //! What is known of a port beside its address.
 
-use std::collections::BTreeMap;
+use std::collections::HashSet;
+use std::sync::Arc;
 
 use yarp_wire::name_service::plain_text;
 use yarp_wire::{Bottle, Value};
 
 use super::limits::{self, Refusal};
 
-/// The properties of one port: lists of texts by key.
+/// A list of texts that many ports may have in common.
+pub(super) type Values = Arc<[String]>;
+
+/// The properties of one port: lists of texts by key, few enough to look through.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Properties(Vec<(Arc<str>, Values)>);
+
+/// Keys and values that are held, each once: the ports of one machine say mostly the same.
 #[derive(Debug, Default)]
-pub(super) struct Properties(BTreeMap<String, Vec<String>>);
+pub(super) struct Pool {
+    keys: HashSet<Arc<str>>,
+    values: HashSet<Values>,
+}
+
+impl Pool {
+    fn key(&mut self, key: &str) -> Arc<str> {
+        if let Some(held) = self.keys.get(key) {
+            return held.clone();
+        }
+        let key = Arc::from(key);
+        prune(&mut self.keys);
+        self.keys.insert(Arc::clone(&key));
+        key
+    }
+
+    fn values(&mut self, values: Vec<String>) -> Values {
+        if let Some(held) = self.values.get(values.as_slice()) {
+            return held.clone();
+        }
+        let values = Values::from(values);
+        prune(&mut self.values);
+        self.values.insert(Arc::clone(&values));
+        values
+    }
+}
+
+/// Forgets what no port has any more, now and then: whenever the set would have to grow.
+fn prune<T: ?Sized + Eq + std::hash::Hash>(held: &mut HashSet<Arc<T>>) {
+    if held.len() == held.capacity() {
+        held.retain(|one| Arc::strong_count(one) > 1);
+    }
+}
 
 impl Properties {
     /// Replaces the values of `key`; none leaves the property empty.
     ///
     /// Values are kept sorted by their bytes, each as often as it came: stock 3.5.0 answers
     /// `set /a k z y x z y a` with `a x y y z z`.
-    pub(super) fn set(&mut self, key: &str, values: &[String]) -> Result<(), Refusal> {
-        let others = self.0.iter().filter(|(other, _)| *other != key);
+    pub(super) fn set(
+        &mut self,
+        pool: &mut Pool,
+        key: &str,
+        values: &[String],
+    ) -> Result<(), Refusal> {
+        let others = self.0.iter().filter(|(other, _)| &**other != key);
         let others: usize = others.map(|(key, values)| size(key, values)).sum();
         if others + size(key, values) > limits::PROPERTIES {
             return Err(Refusal::Full {
@@ -27,17 +72,29 @@ impl Properties {
         }
         let mut values = values.to_vec();
         values.sort_unstable();
-        if values.is_empty() {
-            self.0.remove(key);
-        } else {
-            self.0.insert(key.to_owned(), values);
+        let held = self.0.iter().position(|(other, _)| &**other == key);
+        match (held, values.is_empty()) {
+            (Some(index), true) => drop(self.0.swap_remove(index)),
+            (Some(index), false) => self.0[index].1 = pool.values(values),
+            (None, true) => {}
+            (None, false) => {
+                self.0.reserve_exact(1);
+                self.0.push((pool.key(key), pool.values(values)));
+            }
         }
         Ok(())
     }
 
     /// The values of `key`, sorted.
     pub(super) fn get(&self, key: &str) -> &[String] {
-        self.0.get(key).map_or(&[], Vec::as_slice)
+        let held = self.0.iter().find(|(held, _)| &**held == key);
+        held.map_or(&[], |(_, values)| values)
+    }
+
+    /// The values of `key`, to be kept elsewhere too.
+    pub(super) fn shared(&self, key: &str) -> Values {
+        let held = self.0.iter().find(|(held, _)| &**held == key);
+        held.map_or_else(|| Values::from([]), |(_, values)| values.clone())
     }
 
     pub(super) fn has(&self, key: &str, value: &str) -> bool {
@@ -92,7 +149,7 @@ mod tests {
     fn properties(key: &str, values: &[&str]) -> Properties {
         let mut properties = Properties::default();
         let values: Vec<_> = values.iter().map(|value| value.to_string()).collect();
-        properties.set(key, &values).unwrap();
+        properties.set(&mut Pool::default(), key, &values).unwrap();
         properties
     }
 
@@ -123,9 +180,32 @@ mod tests {
     #[test]
     fn one_port_cannot_fill_the_server() {
         let mut held = Properties::default();
+        let mut pool = Pool::default();
         let value = ["x".repeat(1000)];
-        let refused = (0..1000).find_map(|key| held.set(&key.to_string(), &value).err());
+        let refused = (0..1000).find_map(|key| held.set(&mut pool, &key.to_string(), &value).err());
         assert!(matches!(refused, Some(Refusal::Full { .. })));
-        held.set("0", &value).unwrap();
+        held.set(&mut pool, "0", &value).unwrap();
+    }
+
+    #[test]
+    fn what_ports_have_in_common_is_held_once_and_goes_with_the_last() {
+        let mut pool = Pool::default();
+        let mut ports: Vec<Properties> = Vec::new();
+        for index in 0..1000 {
+            let mut port = Properties::default();
+            let carriers = ["tcp".to_owned(), "udp".to_owned()];
+            port.set(&mut pool, "offers", &carriers).unwrap();
+            port.set(&mut pool, "process", &[index.to_string()])
+                .unwrap();
+            ports.push(port);
+        }
+        assert_eq!((pool.keys.len(), pool.values.len()), (2, 1001));
+        ports.clear();
+        for index in 0..10_000 {
+            let mut port = Properties::default();
+            port.set(&mut pool, "process", &[index.to_string()])
+                .unwrap();
+        }
+        assert!(pool.values.len() < 2500, "{} lists", pool.values.len());
     }
 }

@@ -2,31 +2,35 @@
 
 use std::collections::HashSet;
 use std::net::{IpAddr, Ipv4Addr};
+use std::time::Instant;
 
 use yarp_wire::name_service::{CHOOSE, Form, Registering, Registration};
 
+use super::life::Life;
 use super::limits::{self, Refusal};
 use super::properties::Properties;
-use super::{Body, Effect, Entry, Registry, Reply};
+use super::{Body, Change, Effect, Entry, Registry, Reply};
 
 impl Registry {
     pub(super) fn register(
         &mut self,
+        now: Instant,
         form: Form,
         from: Option<IpAddr>,
         asked: &Registering,
     ) -> Reply {
         let mut effects = Vec::new();
-        let body = match self.admit(from, asked, &mut effects) {
+        let body = match self.admit(now, from, asked, &mut effects) {
             Ok(registration) => registered(form, &registration),
             Err(refusal) => Body::refused(&refusal),
         };
-        Reply { body, effects }
+        Reply::new(body, effects)
     }
 
     /// Stores the port. Whoever had its name before is forgotten first, without being asked.
     fn admit(
         &mut self,
+        now: Instant,
         from: Option<IpAddr>,
         asked: &Registering,
         effects: &mut Vec<Effect>,
@@ -64,22 +68,32 @@ impl Registry {
             host,
             port,
         };
-        let mut properties = Properties::default();
-        // Short words: they always fit.
-        let _ = properties.set("carrier", &[carrier.to_owned()]);
+        self.record(Change::Port(registration.clone()));
+        self.place(registration.clone(), Life::registered(now));
         if let Some(type_name) = &asked.type_name {
-            let _ = properties.set("type", std::slice::from_ref(type_name));
+            // A short word: it always fits.
+            self.set(Form::Plain, &name, "type", std::slice::from_ref(type_name));
         }
         if carrier != "mcast" {
-            effects.push(Effect::Added(name.clone()));
+            effects.push(Effect::Added(name));
         }
+        Ok(registration)
+    }
+
+    /// Puts a port where it belongs, with no property but its carrier.
+    pub(super) fn place(&mut self, registration: Registration, life: Life) {
+        let mut properties = Properties::default();
+        let carrier = std::slice::from_ref(&registration.carrier);
+        // A short word: it always fits.
+        let _ = properties.set(&mut self.pool, "carrier", carrier);
+        let name = registration.name.clone();
         let entry = Entry {
-            registration: registration.clone(),
+            registration,
             properties,
             announced: None,
+            life,
         };
         self.ports.insert(name, entry);
-        Ok(registration)
     }
 
     /// The number that the port brings itself; none if one is to be chosen.
@@ -148,7 +162,7 @@ impl Registry {
             (Form::Bot, None) => lines = vec!["port".into(), "error -2 port not known".into()],
         }
         let body = Body::lines(lines);
-        Reply { body, effects }
+        Reply::new(body, effects)
     }
 
     /// Removes a port, first the ones it owns, those first which they own and so on.
@@ -176,16 +190,23 @@ impl Registry {
     fn forget_one(&mut self, name: &str, effects: &mut Vec<Effect>) {
         let links = self.links(name, |_| true);
         effects.extend(links.into_iter().map(Effect::Disconnect));
-        self.persistent.gone(name);
+        self.end_with(name);
         let Some(Entry { registration, .. }) = self.ports.remove(name) else {
             return;
         };
+        self.record(Change::PortGone(name.to_owned()));
+        self.release(&registration);
+        if registration.carrier != "mcast" {
+            effects.push(Effect::Removed(name.to_owned()));
+        }
+    }
+
+    /// Gives back what a port that is gone was given.
+    pub(super) fn release(&mut self, registration: &Registration) {
         self.numbers.free(registration.port);
-        self.names.free(name);
+        self.names.free(&registration.name);
         if registration.carrier == "mcast" {
             self.groups.free(&registration.host);
-        } else {
-            effects.push(Effect::Removed(name.to_owned()));
         }
     }
 }

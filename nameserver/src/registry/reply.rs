@@ -1,8 +1,9 @@
 //! What the registry answers, and what else must happen.
 
-use yarp_wire::Bottle;
 use yarp_wire::name_service::{END, Registration};
+use yarp_wire::{Bottle, Vocab32};
 
+use super::change::Change;
 use super::limits::Refusal;
 
 /// The answer to one request.
@@ -12,6 +13,8 @@ pub struct Reply {
     pub body: Body,
     /// What the server must do besides, in this order.
     pub effects: Vec<Effect>,
+    /// What the request changed, in this order: kept before the asker gets the answer.
+    pub changes: Vec<Change>,
 }
 
 /// What the asker gets.
@@ -83,8 +86,19 @@ impl Body {
     /// A refusal of a command that answers with lines: `refused: REASON`.
     ///
     /// Stock clients take any first line that is no registration as failure.
-    pub(super) fn refused(refusal: &Refusal) -> Self {
-        Self::lines([format!("refused: {refusal}")])
+    pub(crate) fn refused(refusal: &Refusal) -> Self {
+        Self::refusal(&refusal.to_string())
+    }
+
+    /// The same in other words.
+    pub(crate) fn refusal(reason: &str) -> Self {
+        // One line, whatever the words.
+        Self::lines([format!("refused: {}", reason.replace(['\r', '\n'], " "))])
+    }
+
+    /// A refusal of a command that answers with a bottle: `[fail] REASON`.
+    pub(crate) fn failure(reason: &str) -> Self {
+        Self::Bottle(Bottle::of(Vocab32::FAIL).with(reason))
     }
 
     /// Nothing to say: what stock answers when it does not know the port or the command.
@@ -93,9 +107,19 @@ impl Body {
     }
 }
 
+impl Reply {
+    /// An answer whose changes are still in the journal.
+    pub(super) fn new(body: Body, effects: Vec<Effect>) -> Self {
+        Self {
+            body,
+            effects,
+            changes: Vec::new(),
+        }
+    }
+}
+
 impl From<Body> for Reply {
     fn from(body: Body) -> Self {
-        let effects = Vec::new();
-        Self { body, effects }
+        Self::new(body, Vec::new())
     }
 }

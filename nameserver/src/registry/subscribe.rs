@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use super::limits::{self, Refusal};
 use super::persistent::{End, verdict};
-use super::{Body, Effect, Entry, Link, Registry, Reply};
+use super::{Body, Change, Effect, Entry, Link, Registry, Reply};
 
 /// How fresh an announcement must be to outweigh somebody's word that the port is dead.
 ///
@@ -19,6 +19,7 @@ impl Registry {
     pub(super) fn announce(&mut self, now: Instant, name: &str, alive: bool) -> Reply {
         let mut effects = Vec::new();
         if let Some(entry) = self.ports.get_mut(name) {
+            let before = entry.announced.is_some();
             if alive {
                 entry.announced = Some(now);
                 effects = self.due(name);
@@ -26,9 +27,14 @@ impl Registry {
                 let fresh = |then: &Instant| now.saturating_duration_since(*then) <= FRESH;
                 entry.announced = entry.announced.filter(fresh);
             }
+            let announced = self.ports[name].announced.is_some();
+            if announced != before {
+                let name = name.to_owned();
+                self.record(Change::Announced { name, announced });
+            }
         }
         let body = Body::Bottle(verdict(Ok(())));
-        Reply { body, effects }
+        Reply::new(body, effects)
     }
 
     /// `subscribe SRC DEST [MODE]`. Connects at once if both ends are registered, announced or
@@ -37,14 +43,24 @@ impl Registry {
     pub(super) fn subscribe(&mut self, source: &str, destination: &str, mode: &str) -> Reply {
         let (source, destination) = (End::parse(source), End::parse(destination));
         let [from, to] = [&source, &destination].map(|end| end.name.clone());
+        let topics = [&source, &destination].map(|end| end.names_topic().then(|| end.name.clone()));
+        let change = Change::Subscription {
+            source: source.text().to_owned(),
+            destination: destination.text().to_owned(),
+            mode: mode.to_owned(),
+        };
         if let Err(refusal) = self.persistent.subscribe(source, destination, mode) {
             return Body::Bottle(verdict(Err(refusal))).into();
         }
+        for topic in topics.iter().flatten() {
+            self.record_topic(topic);
+        }
+        self.record(change);
         let missing =
             |name: &str| !self.ports.contains_key(name) && !self.persistent.is_topic(name);
         match mode {
-            "from" if missing(&from) => self.persistent.gone(&from),
-            "to" if missing(&to) => self.persistent.gone(&to),
+            "from" if missing(&from) => self.end_with(&from),
+            "to" if missing(&to) => self.end_with(&to),
             _ => {}
         }
         let effects = match [&to, &from]
@@ -59,29 +75,56 @@ impl Registry {
             }
         };
         let body = Body::Bottle(verdict(Ok(())));
-        Reply { body, effects }
+        Reply::new(body, effects)
     }
 
     /// Stock leaves the connection itself as it is.
-    pub(super) fn unsubscribe(&mut self, source: &str, destination: &str) -> Body {
-        let ends = [source, destination].map(End::parse);
-        self.persistent.unsubscribe(&ends[0], &ends[1]);
-        Body::Bottle(verdict(Ok(())))
+    pub(super) fn unsubscribe(&mut self, source: &str, destination: &str) -> Reply {
+        let [source, destination] = [source, destination].map(End::parse);
+        if self.persistent.unsubscribe(&source, &destination) {
+            self.record(Change::SubscriptionGone {
+                source: source.name,
+                destination: destination.name,
+            });
+        }
+        Body::Bottle(verdict(Ok(()))).into()
+    }
+
+    /// Ends the subscriptions that go with a port.
+    pub(super) fn end_with(&mut self, name: &str) {
+        for (source, destination) in self.persistent.gone(name) {
+            self.record(Change::SubscriptionGone {
+                source,
+                destination,
+            });
+        }
+    }
+
+    fn record_topic(&mut self, name: &str) {
+        if let Some(structure) = self.persistent.structure(name) {
+            let (name, structure) = (name.to_owned(), structure.to_owned());
+            self.record(Change::Topic { name, structure });
+        }
     }
 
     pub(super) fn topic(&mut self, name: &str, structure: &str) -> Reply {
         let result = self.persistent.add_topic(name, structure);
         let effects = match &result {
-            Ok(()) => self.due(name),
+            Ok(()) => {
+                self.record_topic(name);
+                self.due(name)
+            }
             Err(_) => Vec::new(),
         };
         let body = Body::Bottle(verdict(result));
-        Reply { body, effects }
+        Reply::new(body, effects)
     }
 
-    pub(super) fn untopic(&mut self, name: &str) -> Body {
-        self.persistent.remove_topic(name);
-        Body::Bottle(verdict(Ok(())))
+    pub(super) fn untopic(&mut self, name: &str) -> Reply {
+        if self.persistent.remove_topic(name) {
+            self.record(Change::TopicGone(name.to_owned()));
+        }
+        Body::Bottle(verdict(Ok(()))).into()
     }
 
     /// `type FAMILY NAME [VALUE]`. Stock keeps only the family `yarp`.
@@ -122,7 +165,9 @@ impl Registry {
                 limit: limits::TOPICS,
             });
         }
-        self.types.insert(name.to_owned(), value.to_owned());
+        let (name, value) = (name.to_owned(), value.to_owned());
+        self.types.insert(name.clone(), value.clone());
+        self.record(Change::Type { name, value });
         Ok(())
     }
 

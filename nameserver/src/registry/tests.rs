@@ -619,6 +619,8 @@ fn words() -> impl Strategy<Value = String> {
         "topic",
         "untopic",
         "type",
+        "lease",
+        "state",
         "bot",
         "/a",
         "/b",

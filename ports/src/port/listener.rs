@@ -12,7 +12,7 @@ use super::input;
 use super::options::PortOptions;
 use crate::cancel::join;
 use crate::error::PortError;
-use crate::network::Network;
+use crate::network::{Network, Place};
 use crate::stream;
 
 /// Other numbers that are asked for when the one that was given is taken by somebody whom the name
@@ -43,7 +43,7 @@ pub(super) async fn elsewhere(
     name: &str,
     options: &PortOptions,
     taken: PortError,
-) -> Result<TcpListener, PortError> {
+) -> Result<(Place, TcpListener), PortError> {
     let mut result = Err(taken);
     let mut invented = Vec::new();
     while result.is_err() && invented.len() < OTHER_NUMBERS {
@@ -57,7 +57,10 @@ pub(super) async fn elsewhere(
                 type_name: options.type_name.clone(),
                 ..Registering::named(name)
             };
-            result = network.register(asking).await.map(|_| listener);
+            result = network
+                .register(asking)
+                .await
+                .map(|place| (place, listener));
         }
     }
     for name in &invented {

@@ -53,6 +53,7 @@ use self::encoded::{Encoded, Form};
 use self::output::Output;
 use crate::cancel::{Cancel, join};
 use crate::error::PortError;
+use crate::keeper::Keeper;
 use crate::network::Network;
 
 pub use counters::{ConnectionCounters, PortCounters, Traffic};
@@ -110,7 +111,7 @@ impl Port {
         if name != "..." {
             name.parse::<PortName>()?;
         }
-        let mut registered = false;
+        let mut registered = None;
         let (name, host, number) = if options.registered {
             let asking = Registering {
                 number: options.number.map(i64::from),
@@ -118,21 +119,27 @@ impl Port {
                 ..Registering::named(&name)
             };
             let given = network.register(asking).await?;
-            registered = true;
+            registered = Some(given.clone());
             (given.name, given.host, given.port)
         } else {
             (name, network.own_host(), options.number.unwrap_or(0))
         };
         let listener = match listener::bind(&name, number) {
             Err(taken) if taken.is_taken() && options.number.is_none() => {
-                listener::elsewhere(network, &name, &options, taken).await
+                // Else the server would look for us at the old place first.
+                network.unregister(&name).await?;
+                let moved = listener::elsewhere(network, &name, &options, taken).await;
+                moved.map(|(place, listener)| {
+                    registered = Some(place);
+                    listener
+                })
             }
             listening => listening,
         };
         let listener = match listener {
             Ok(listener) => listener,
             Err(error) => {
-                if registered {
+                if registered.is_some() {
                     // The first error is the one to report.
                     let _ = network.unregister(&name).await;
                 }
@@ -157,10 +164,11 @@ impl Port {
             core,
             cancel,
             listener: Some(listener),
-            registered,
+            registered: registered.is_some(),
         };
-        if registered {
+        if let Some(place) = registered {
             network.introduce(port.name()).await?;
+            Keeper::keep(network, &place, port.core.options.type_name.clone());
         }
         tracing::info!(port = %port.core.name, "Port {} active at {}", port.name(), port.address());
         if network.key().is_none() {
@@ -441,6 +449,9 @@ impl Port {
         self.interrupt();
         // What is taken down now shall not come back.
         self.core.close();
+        if registered {
+            self.core.network.keeper().let_go(&self.core.name);
+        }
         local::withdraw(&self.core);
         let (keep, _) = Cancel::new();
         let cancel = std::mem::replace(&mut self.cancel, keep);

@@ -25,7 +25,7 @@ mod write;
 
 pub use answer::{Answer, AnswerError, AnswerReader, Property, Until};
 pub use registration::{Registration, RegistrationError};
-pub use request::{Command, Form, Registering, Request};
+pub use request::{Command, Form, Holder, Registering, Request};
 pub use write::{Style, plain_text};
 
 /// Last line of every old-style answer.

@@ -136,10 +136,32 @@ pub enum Command {
         /// The definition to store, or none to ask for it.
         value: Option<String>,
     },
+    /// `lease NAME HOST NUMBER ...`: these ports are there. Not in stock, which answers as to any
+    /// word it does not know: with the end.
+    Lease {
+        /// Who is there.
+        holders: Vec<Holder>,
+    },
+    /// `state [PREFIX]`: as `list`, and how each port was found. Not in stock either.
+    States {
+        /// The prefix, empty for all.
+        prefix: String,
+    },
     /// `web ...`: a page, asked for by a browser.
     Web(Bottle),
     /// Anything else, as it came.
     Other(Bottle),
+}
+
+/// A port that says that it is there.
+#[derive(Clone, Debug, Eq, PartialEq)]
+pub struct Holder {
+    /// Its name.
+    pub name: String,
+    /// Its host, as it is registered.
+    pub host: String,
+    /// Its TCP port.
+    pub number: u16,
 }
 
 /// What a port asks for when it registers. `None` leaves the choice to the server.
@@ -296,6 +318,19 @@ impl Arguments<'_> {
         number.filter(|number| !matches!(number, 0 | -1))
     }
 
+    /// The ports of `lease`; what is no port is left out.
+    fn holders(&self) -> Vec<Holder> {
+        let starts = (1..self.0.len()).step_by(3);
+        let holders = starts.filter_map(|index| {
+            Some(Holder {
+                name: self.name(index),
+                host: self.text(index + 1),
+                number: self.number(index + 2)?.try_into().ok()?,
+            })
+        });
+        holders.collect()
+    }
+
     fn command(&self) -> Command {
         match self.name(0).as_str() {
             "register" => Command::Register(Registering {
@@ -310,6 +345,12 @@ impl Arguments<'_> {
             "query" => Command::Query { name: self.name(1) },
             "list" => Command::List {
                 prefix: self.name(1),
+            },
+            "state" => Command::States {
+                prefix: self.name(1),
+            },
+            "lease" => Command::Lease {
+                holders: self.holders(),
             },
             "set" => Command::Set {
                 name: self.name(1),
@@ -415,6 +456,27 @@ mod tests {
         check("", Plain, other(""));
         check("bot", Bot, other(""));
         check("(format json) list", Bot, other("(format json) list"));
+    }
+
+    #[test]
+    fn leases_name_ports_where_they_are() {
+        let holder = |name: &str, number| Holder {
+            name: name.to_owned(),
+            host: "192.0.2.2".to_owned(),
+            number,
+        };
+        let holders = vec![holder("/a", 10002), holder("/b", 10003)];
+        let lease = Command::Lease { holders };
+        let line = "lease /a 192.0.2.2 10002 /b 192.0.2.2 10003";
+        check(line, Form::Plain, lease.clone());
+        assert_eq!(
+            Request::plain(lease.clone()).to_string().replace('"', ""),
+            line
+        );
+        // What is no port is left out.
+        check(&format!("{line} /c h 99999 /d h"), Form::Plain, lease);
+        let prefix = "/a".to_owned();
+        check("state /a", Form::Plain, Command::States { prefix });
     }
 
     #[test]

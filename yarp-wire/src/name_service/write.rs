@@ -106,6 +106,16 @@ impl Command {
                 name,
                 value,
             } => words(&["type", family, name, value.as_deref().unwrap_or("")]),
+            Self::Lease { holders } => {
+                let mut bottle = words(&["lease"]);
+                for holder in holders {
+                    bottle.push(holder.name.as_str());
+                    bottle.push(holder.host.as_str());
+                    bottle.push(i32::from(holder.number));
+                }
+                bottle
+            }
+            Self::States { prefix } => words(&["state", prefix]),
             Self::Web(arguments) => {
                 let mut bottle = words(&["web"]);
                 bottle.extend(arguments.clone());

@@ -1,0 +1,238 @@
+//! Where requests are answered: the registry, the journal, and who else is told.
+
+use std::net::IpAddr;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use tokio::sync::{Semaphore, mpsc};
+use yarp_ports::{Answer, Network};
+use yarp_wire::message::RawText;
+use yarp_wire::name_service::{Command, Registration, Request};
+
+use crate::registry::{Body, Claim, Effect, Outcome, Registry, Reply};
+use crate::server::lock;
+use crate::store::{Journal, Kept, StoreError};
+use crate::watch;
+
+/// How long the owner of a name that somebody else wants has to answer.
+const OWNER: Duration = Duration::from_secs(2);
+/// Time between two looks at an owner that may not listen yet.
+const AGAIN: Duration = Duration::from_millis(50);
+/// Owners that are looked at at once, whoever wants their names.
+const LOOKS: usize = 64;
+/// Owners of one name that are looked at before the request is refused: each time somebody else was
+/// faster.
+const OWNERS: usize = 5;
+
+/// Takes requests from any number of connections.
+pub(crate) struct Desk {
+    registry: Arc<Mutex<Registry>>,
+    /// None if nothing is kept, or nothing more.
+    journal: Mutex<Option<Journal>>,
+    effects: mpsc::Sender<Effect>,
+    /// Whether a name goes to whoever asks for it.
+    replace: bool,
+    /// Owners that may be looked at at once.
+    looks: Semaphore,
+    /// How ports are spoken with.
+    network: Network,
+}
+
+impl std::fmt::Debug for Desk {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Desk").finish_non_exhaustive()
+    }
+}
+
+/// An answer that may have to wait.
+enum Done {
+    Now(Body),
+    /// Once it is kept.
+    Kept(Body, Kept),
+}
+
+impl Desk {
+    pub(crate) fn new(
+        registry: Arc<Mutex<Registry>>,
+        journal: Option<Journal>,
+        effects: mpsc::Sender<Effect>,
+        replace: bool,
+        network: Network,
+    ) -> Self {
+        Self {
+            registry,
+            journal: Mutex::new(journal),
+            effects,
+            replace,
+            looks: Semaphore::new(LOOKS),
+            network,
+        }
+    }
+
+    pub(crate) fn registry(&self) -> MutexGuard<'_, Registry> {
+        lock(&self.registry)
+    }
+
+    /// Waits until everything is kept; what is asked later is not.
+    pub(crate) fn close(&self) {
+        let journal = self.journal().take();
+        drop(journal);
+    }
+
+    fn journal(&self) -> MutexGuard<'_, Option<Journal>> {
+        self.journal.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Answers one request.
+    pub(crate) fn answer(desk: &Arc<Self>, from: IpAddr, request: Request) -> Answer {
+        let mut registry = desk.registry();
+        match desk.claim(&registry, &request) {
+            Claim::Free => {}
+            Claim::Refused(refusal) => return put(Body::refused(&refusal)),
+            Claim::Held { holder, patience } => {
+                drop(registry);
+                let desk = desk.clone();
+                return Answer::Later(Box::pin(async move {
+                    desk.contest(from, &request, holder, patience).await
+                }));
+            }
+        }
+        match desk.perform(&mut registry, Some(from), &request) {
+            Done::Now(body) => put(body),
+            Done::Kept(body, kept) => {
+                Answer::Later(Box::pin(
+                    async move { put(settled(body, kept, &request).await) },
+                ))
+            }
+        }
+    }
+
+    /// Whether somebody else has the name that `request` wants.
+    fn claim(&self, registry: &Registry, request: &Request) -> Claim {
+        match &request.command {
+            Command::Register(asked) if !self.replace => registry.claim(Instant::now(), asked),
+            _ => Claim::Free,
+        }
+    }
+
+    /// Registers a name that somebody has, if that one turns out not to be there.
+    async fn contest(
+        &self,
+        from: IpAddr,
+        request: &Request,
+        mut holder: Registration,
+        mut patience: Option<Instant>,
+    ) -> Answer {
+        let mut refusal = None;
+        for _ in 0..OWNERS {
+            let mut how = self.look(&holder).await;
+            while watch::is_gone(how) && patience.is_some_and(|until| Instant::now() < until) {
+                tokio::time::sleep(AGAIN).await;
+                how = self.look(&holder).await;
+            }
+            let now = Instant::now();
+            let done = {
+                let mut registry = self.registry();
+                match self.claim(&registry, request) {
+                    Claim::Held {
+                        holder: current,
+                        patience: more,
+                    } if current != holder => {
+                        (holder, patience) = (current, more);
+                        continue;
+                    }
+                    Claim::Refused(refusal) => return put(Body::refused(&refusal)),
+                    _ => {}
+                }
+                refusal = registry.judge(now, &holder, how);
+                match refusal {
+                    Some(_) => break,
+                    None => self.perform(&mut registry, Some(from), request),
+                }
+            };
+            return put(match done {
+                Done::Now(body) => body,
+                Done::Kept(body, kept) => settled(body, kept, request).await,
+            });
+        }
+        put(match refusal {
+            Some(refusal) => Body::refused(&refusal),
+            None => Body::refusal("many ask for this name at once, try again"),
+        })
+    }
+
+    /// Looks at an owner, once there is room for it.
+    async fn look(&self, holder: &Registration) -> Outcome {
+        let _room = self.looks.acquire().await;
+        watch::look(&self.network, holder, OWNER).await
+    }
+
+    /// How ports are spoken with.
+    pub(crate) fn network(&self) -> &Network {
+        &self.network
+    }
+
+    /// Forgets a port that is gone, unless it has moved.
+    pub(crate) fn drop_port(&self, port: &Registration) {
+        let name = port.name.clone();
+        let request = Request::plain(Command::Unregister { name });
+        let mut registry = self.registry();
+        if registry.find(&port.name).as_ref() == Some(port) {
+            tracing::info!("{} has been gone for long, its name is free", port.name);
+            // If it cannot be kept, it will be gone the next time as well.
+            let _ = self.perform(&mut registry, None, &request);
+        }
+    }
+
+    /// Does as asked. The answer must not go out before what changed is kept.
+    fn perform(&self, registry: &mut Registry, from: Option<IpAddr>, request: &Request) -> Done {
+        let Reply {
+            body,
+            effects,
+            changes,
+        } = registry.handle(Instant::now(), from, request);
+        let journal = match changes.is_empty() {
+            false => self.journal(),
+            true => {
+                tell(&self.effects, effects);
+                return Done::Now(body);
+            }
+        };
+        let Some(journal) = journal.as_ref() else {
+            tell(&self.effects, effects);
+            return Done::Now(body);
+        };
+        let listeners = self.effects.clone();
+        let kept = journal.keep(changes, move || tell(&listeners, effects));
+        Done::Kept(body, kept)
+    }
+}
+
+/// The answer once its changes are kept, or why they are not.
+async fn settled(body: Body, kept: Kept, request: &Request) -> Body {
+    let error = match kept.await {
+        Ok(Ok(())) => return body,
+        Ok(Err(error)) => error,
+        Err(_) => Arc::new(StoreError::Ended),
+    };
+    let reason = format!("the name server cannot keep it: {error}");
+    match request.command.is_structured() {
+        true => Body::failure(&reason),
+        false => Body::refusal(&reason),
+    }
+}
+
+fn tell(listeners: &mpsc::Sender<Effect>, effects: Vec<Effect>) {
+    for effect in effects {
+        if let Err(error) = listeners.try_send(effect) {
+            tracing::warn!("too much happens at once, one thing is not done: {error}");
+        }
+    }
+}
+
+fn put(body: Body) -> Answer {
+    match body {
+        Body::Bottle(bottle) => Answer::reply(bottle),
+        lines @ Body::Lines(_) => Answer::reply(RawText(lines.to_text())),
+    }
+}

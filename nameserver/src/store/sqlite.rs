@@ -1,0 +1,315 @@
+//! The registry in an SQLite file.
+//!
+//! The file has a write-ahead log beside it (`FILE-wal`). What is written to the log is safe from the
+//! end of the process, however sudden, because the system has it by then; whether it is also safe
+//! from the end of the machine is a matter of [`Durability`]. One process has the file at a time.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+use rusqlite::{Connection, OpenFlags, Transaction, params};
+use yarp_wire::name_service::Registration;
+
+use super::{Store, StoreError};
+use crate::registry::Change;
+
+/// Marks the file as ours: `YRNS`.
+const APPLICATION: i32 = 0x5952_4e53;
+/// The version of the tables.
+const VERSION: i32 = 1;
+/// How long a server that is ending has to let go of the file.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// Length of the log, in pages of 4 KiB, from which it is moved into the file although there is
+/// other work; usually that happens when there is none.
+const LOG_PAGES: i32 = 8192;
+
+/// Names that go with their port, lists as JSON.
+const TABLES: &str = "
+    CREATE TABLE port(
+        name TEXT PRIMARY KEY, carrier TEXT NOT NULL, host TEXT NOT NULL, number INTEGER NOT NULL,
+        announced INTEGER NOT NULL DEFAULT 0) WITHOUT ROWID;
+    CREATE TABLE property(
+        name TEXT, key TEXT, value TEXT NOT NULL, PRIMARY KEY(name, key)) WITHOUT ROWID;
+    CREATE TABLE subscription(
+        source_name TEXT, destination_name TEXT, source TEXT NOT NULL, destination TEXT NOT NULL,
+        mode TEXT NOT NULL, PRIMARY KEY(source_name, destination_name)) WITHOUT ROWID;
+    CREATE TABLE topic(
+        made INTEGER PRIMARY KEY AUTOINCREMENT, name TEXT UNIQUE NOT NULL, structure TEXT NOT NULL);
+    CREATE TABLE type(name TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
+";
+
+/// What a request that was answered survives.
+#[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
+pub enum Durability {
+    /// The end of the process, at any instruction. After the loss of power the names are those of
+    /// a moment before, usually some seconds.
+    #[default]
+    Process,
+    /// The loss of power too: each batch of requests waits for the disk.
+    Power,
+}
+
+/// An SQLite file that keeps the registry.
+#[derive(Debug)]
+pub struct SqliteStore {
+    path: PathBuf,
+    connection: Connection,
+}
+
+impl SqliteStore {
+    /// Opens the file at `path`, or makes it, and its directory.
+    ///
+    /// Waits some seconds for another process to let go of it. A file that is damaged or something
+    /// else is refused and left as it is.
+    pub fn open(path: &Path, durability: Durability) -> Result<Self, StoreError> {
+        if let Some(directory) = path
+            .parent()
+            .filter(|parent| !parent.as_os_str().is_empty())
+        {
+            std::fs::create_dir_all(directory).map_err(|source| StoreError::Directory {
+                path: directory.to_owned(),
+                source,
+            })?;
+        }
+        let flags = OpenFlags::SQLITE_OPEN_READ_WRITE
+            | OpenFlags::SQLITE_OPEN_CREATE
+            | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+        let connection = Connection::open_with_flags(path, flags)
+            .map_err(|source| StoreError::of(path, "opened", source))?;
+        let path = path.to_owned();
+        let mut store = Self { path, connection };
+        store.check()?;
+        store.prepare(durability)?;
+        Ok(store)
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Looks without touching anything.
+    fn check(&mut self) -> Result<(), StoreError> {
+        let opened = |source| StoreError::of(&self.path, "opened", source);
+        let foreign = |reason: &str| StoreError::Foreign {
+            path: self.path.clone(),
+            reason: reason.to_owned(),
+        };
+        let connection = &self.connection;
+        connection.busy_timeout(PATIENCE).map_err(opened)?;
+        // From the first access on: nobody else, so no file for what processes share.
+        connection
+            .pragma_update(None, "locking_mode", "EXCLUSIVE")
+            .map_err(opened)?;
+        let number = |name: &str| connection.pragma_query_value(None, name, |row| row.get(0));
+        let application: i32 = number("application_id").map_err(opened)?;
+        let version: i32 = number("user_version").map_err(opened)?;
+        let tables: i64 = connection
+            .query_row("SELECT count(*) FROM sqlite_schema", [], |row| row.get(0))
+            .map_err(opened)?;
+        match (application, version, tables) {
+            (0, 0, 0) | (APPLICATION, VERSION, _) => {}
+            (APPLICATION, version, _) => {
+                let reason = format!("it has version {version}, this program knows {VERSION}");
+                return Err(foreign(&reason));
+            }
+            _ => return Err(foreign("it belongs to another program")),
+        }
+        let verdict: String = connection
+            .pragma_query_value(None, "quick_check", |row| row.get(0))
+            .map_err(opened)?;
+        if verdict != "ok" {
+            return Err(StoreError::Damaged {
+                path: self.path.clone(),
+                reason: verdict,
+            });
+        }
+        Ok(())
+    }
+
+    fn prepare(&mut self, durability: Durability) -> Result<(), StoreError> {
+        let path = &self.path;
+        let synchronous = match durability {
+            Durability::Process => "NORMAL",
+            Durability::Power => "FULL",
+        };
+        let mut prepare = || {
+            let connection = &mut self.connection;
+            // Answers with the mode that it takes; where logs cannot be, another is as good.
+            connection.query_row("PRAGMA journal_mode = WAL", [], |_| Ok(()))?;
+            connection.pragma_update(None, "synchronous", synchronous)?;
+            connection.pragma_update(None, "wal_autocheckpoint", LOG_PAGES)?;
+            connection.set_prepared_statement_cache_capacity(32);
+            let version: i32 =
+                connection.pragma_query_value(None, "user_version", |row| row.get(0))?;
+            let transaction = connection.transaction()?;
+            if version == 0 {
+                transaction.execute_batch(TABLES)?;
+                transaction.pragma_update(None, "application_id", APPLICATION)?;
+                transaction.pragma_update(None, "user_version", VERSION)?;
+            }
+            // Written in any case: that it can be is known before anybody relies on it.
+            transaction.execute("DELETE FROM type WHERE name = ''", [])?;
+            transaction.commit()
+        };
+        prepare().map_err(|source| StoreError::of(path, "written", source))
+    }
+}
+
+impl Store for SqliteStore {
+    fn load(&mut self) -> Result<Vec<Change>, StoreError> {
+        load(&self.connection).map_err(|source| StoreError::of(&self.path, "read", source))
+    }
+
+    fn keep(&mut self, changes: &[Change]) -> Result<(), StoreError> {
+        let mut keep = || {
+            // Dropped without a commit it takes everything back.
+            let transaction = self.connection.transaction()?;
+            for change in changes {
+                apply(&transaction, change)?;
+            }
+            transaction.commit()
+        };
+        keep().map_err(|source| StoreError::of(&self.path, "written", source))
+    }
+
+    fn rest(&mut self) {
+        // Later is as good: the log is as safe as the file.
+        let moved = self
+            .connection
+            .query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |_| Ok(()));
+        if let Err(error) = moved {
+            tracing::debug!("the log of the database stays as it is: {error}");
+        }
+    }
+}
+
+fn load(connection: &Connection) -> rusqlite::Result<Vec<Change>> {
+    let mut changes = Vec::new();
+    let mut announced = Vec::new();
+    let mut ports =
+        connection.prepare("SELECT name, carrier, host, number, announced FROM port")?;
+    let mut rows = ports.query([])?;
+    while let Some(row) = rows.next()? {
+        let registration = Registration {
+            name: row.get(0)?,
+            carrier: row.get(1)?,
+            host: row.get(2)?,
+            port: row.get(3)?,
+        };
+        if row.get(4)? {
+            announced.push(Change::Announced {
+                name: registration.name.clone(),
+                announced: true,
+            });
+        }
+        changes.push(Change::Port(registration));
+    }
+    changes.extend(announced);
+    let mut properties = connection.prepare("SELECT name, key, value FROM property")?;
+    let mut rows = properties.query([])?;
+    while let Some(row) = rows.next()? {
+        let values = row.get_ref(2)?.as_str()?;
+        let values: Vec<String> = serde_json::from_str(values).map_err(|error| {
+            let kind = rusqlite::types::Type::Text;
+            rusqlite::Error::FromSqlConversionFailure(2, kind, Box::new(error))
+        })?;
+        changes.push(Change::Property {
+            name: row.get(0)?,
+            key: row.get(1)?,
+            values: Arc::from(values),
+        });
+    }
+    let mut topics = connection.prepare("SELECT name, structure FROM topic ORDER BY made")?;
+    let topics = topics.query_map([], |row| {
+        Ok(Change::Topic {
+            name: row.get(0)?,
+            structure: row.get(1)?,
+        })
+    })?;
+    changes.extend(topics.collect::<rusqlite::Result<Vec<_>>>()?);
+    // After the topics: an end that names one would make it.
+    let mut held = connection.prepare("SELECT source, destination, mode FROM subscription")?;
+    let held = held.query_map([], |row| {
+        Ok(Change::Subscription {
+            source: row.get(0)?,
+            destination: row.get(1)?,
+            mode: row.get(2)?,
+        })
+    })?;
+    changes.extend(held.collect::<rusqlite::Result<Vec<_>>>()?);
+    let mut types = connection.prepare("SELECT name, value FROM type")?;
+    let types = types.query_map([], |row| {
+        Ok(Change::Type {
+            name: row.get(0)?,
+            value: row.get(1)?,
+        })
+    })?;
+    changes.extend(types.collect::<rusqlite::Result<Vec<_>>>()?);
+    Ok(changes)
+}
+
+fn apply(transaction: &Transaction<'_>, change: &Change) -> rusqlite::Result<()> {
+    let run = |sql: &str, parameters: &[&dyn rusqlite::ToSql]| {
+        transaction.prepare_cached(sql)?.execute(parameters)
+    };
+    match change {
+        Change::Port(port) => run(
+            "INSERT INTO port(name, carrier, host, number) VALUES (?, ?, ?, ?)
+             ON CONFLICT(name) DO UPDATE SET
+                 carrier = excluded.carrier, host = excluded.host, number = excluded.number",
+            params![port.name, port.carrier, port.host, port.port],
+        ),
+        Change::PortGone(name) => {
+            run("DELETE FROM property WHERE name = ?", params![name])?;
+            run("DELETE FROM port WHERE name = ?", params![name])
+        }
+        Change::Property { name, key, values } if values.is_empty() => run(
+            "DELETE FROM property WHERE name = ? AND key = ?",
+            params![name, key],
+        ),
+        Change::Property { name, key, values } => {
+            let values = serde_json::Value::from(&**values).to_string();
+            run(
+                "INSERT OR REPLACE INTO property(name, key, value) VALUES (?, ?, ?)",
+                params![name, key, values],
+            )
+        }
+        Change::Announced { name, announced } => run(
+            "UPDATE port SET announced = ? WHERE name = ?",
+            params![announced, name],
+        ),
+        Change::Subscription {
+            source,
+            destination,
+            mode,
+        } => {
+            let (from, to) = Change::bare_ends(source, destination);
+            run(
+                "INSERT OR REPLACE INTO
+                 subscription(source_name, destination_name, source, destination, mode)
+                 VALUES (?, ?, ?, ?, ?)",
+                params![from, to, source, destination, mode],
+            )
+        }
+        Change::SubscriptionGone {
+            source,
+            destination,
+        } => run(
+            "DELETE FROM subscription WHERE source_name = ? AND destination_name = ?",
+            params![source, destination],
+        ),
+        Change::Topic { name, structure } => run(
+            "INSERT INTO topic(name, structure) VALUES (?, ?)
+             ON CONFLICT(name) DO UPDATE SET structure = excluded.structure",
+            params![name, structure],
+        ),
+        Change::TopicGone(name) => run("DELETE FROM topic WHERE name = ?", params![name]),
+        Change::Type { name, value } => run(
+            "INSERT OR REPLACE INTO type(name, value) VALUES (?, ?)",
+            params![name, value],
+        ),
+    }
+    .map(drop)
+}
