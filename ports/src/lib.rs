@@ -17,6 +17,7 @@ mod network;
 mod port;
 mod probe;
 pub mod remote;
+mod shmem;
 mod stream;
 mod unix;
 

@@ -6,13 +6,14 @@ use common::{at, bottle, connect, next, open, within};
 use yarp_ports::{Answer, PortOptions, Queue};
 use yarp_wire::{Bottle, Stamp, Value};
 
-const STREAMS: [&str; 6] = [
+const STREAMS: [&str; 7] = [
     "tcp",
     "fast_tcp",
     "text",
     "text_ack",
     "unix_stream",
     "unix_stream+ack",
+    "shmem",
 ];
 
 /// Every kind of value, and what is hard to carry in text.

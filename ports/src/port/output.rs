@@ -26,7 +26,7 @@ use crate::dialogue::Dialogue;
 use crate::error::PortError;
 use crate::network::Place;
 use crate::stream::{Inflow, Socket, connect, within, write_all};
-use crate::unix;
+use crate::{shmem, unix};
 
 /// A connection that the port writes to.
 #[derive(Debug)]
@@ -97,7 +97,7 @@ impl Output {
                     Way::Datagrams(Arc::new(socket.map_err(|error| target.lost(error))?))
                 }
                 _ if target.carrier.transport == Transport::Datagrams => {
-                    let number = datagram_port(&initiator).map_err(|error| target.lost(error))?;
+                    let number = next_port(&initiator).map_err(|error| target.lost(error))?;
                     let socket = datagram::sender(&target.to.host, number).await;
                     Way::Datagrams(Arc::new(socket.map_err(|error| target.lost(error))?))
                 }
@@ -106,6 +106,13 @@ impl Output {
                         let socket = unix::connect(header).await;
                         let socket = socket.map_err(|error| target.lost(error))?;
                         Way::Stream(Arc::new(Socket::Unix(socket)), Inflow::default())
+                    }
+                    (Transport::SharedMemory, Some(header)) => {
+                        let number = next_port(&initiator).map_err(|error| target.lost(error))?;
+                        let socket = shmem::connect(header, number).await;
+                        let socket = socket.map_err(|error| target.lost(error))?;
+                        let socket = Socket::Shmem(Box::new(socket));
+                        Way::Stream(Arc::new(socket), Inflow::default())
                     }
                     _ => Way::Stream(Arc::new(stream), input),
                 },
@@ -239,13 +246,13 @@ fn local_ip(stream: &Socket) -> Option<IpAddr> {
     Some(stream.tcp()?.local_addr().ok()?.ip())
 }
 
-/// Where the reader wants its datagrams.
-fn datagram_port(initiator: &Initiator) -> io::Result<u16> {
+/// The port that the reader named to go on with.
+fn next_port(initiator: &Initiator) -> io::Result<u16> {
     let number = initiator.header_number();
     u16::try_from(number)
         .ok()
         .filter(|number| *number != 0)
-        .ok_or_else(|| io::Error::other(format!("the reader has no datagram port ({number})")))
+        .ok_or_else(|| io::Error::other(format!("the reader names no port to go on with ({number})")))
 }
 
 impl Farewell {

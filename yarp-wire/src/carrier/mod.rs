@@ -8,6 +8,7 @@ mod http;
 mod mcast;
 mod mjpeg;
 mod name_ser;
+mod shmem;
 mod specifier;
 mod tcp;
 mod text;
@@ -59,6 +60,9 @@ pub enum Transport {
     /// A socket of the file system, named after the TCP ports of the two ends of the header's
     /// connection, which ends.
     UnixSocket,
+    /// Memory that both map ([`shmem`](crate::shmem)); a connection to the port that the header reply
+    /// names tells when the other is gone, and the connection of the header ends.
+    SharedMemory,
     /// The connection of the header, in the frames of [`websocket`](crate::websocket).
     WebSocket,
     /// Datagrams to a multicast group that the initiator names behind its header.
@@ -89,7 +93,7 @@ pub struct Carrier {
 }
 
 /// Every carrier, in the order in which an acceptor tries them.
-pub static ALL: [&Carrier; 12] = [
+pub static ALL: [&Carrier; 13] = [
     &http::HTTP,
     &name_ser::NAME_SER,
     &tcp::TCP,
@@ -100,6 +104,7 @@ pub static ALL: [&Carrier; 12] = [
     &text_ack::TEXT_ACK,
     &unix_stream::UNIX_STREAM,
     &unix_stream::UNIX_STREAM_ACK,
+    &shmem::SHMEM,
     &mjpeg::MJPEG,
     &websocket::WEBSOCKET,
 ];
@@ -166,6 +171,7 @@ mod tests {
         check(b"YA\x61\x1e\0\0RP", Some("udp"));
         check(b"YA\xe1\x1e\0\0RP", Some("udp"));
         check(b"YA\x62\x1e\0\0RP", Some("mcast"));
+        check(b"YA\x6f\x1e\0\0RP", Some("shmem"));
         check(b"CONNECT ", Some("text"));
         check(b"CONNACK ", Some("text_ack"));
         check(b"NAME_SER", Some("name_ser"));
