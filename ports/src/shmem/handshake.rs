@@ -31,7 +31,7 @@ pub(crate) struct Offer {
 impl Offer {
     /// Makes ready to go on as acceptor of the connection that `header` began.
     pub(crate) async fn new(header: &TcpStream) -> io::Result<Self> {
-        let ip = same_machine(header)?;
+        let ip = same_machine(header.peer_addr()?, header.local_addr()?)?;
         let mut tries = 0;
         loop {
             let listener = TcpListener::bind((ip, 0)).await?;
@@ -94,7 +94,7 @@ impl Offer {
 /// Goes on as initiator of the connection that `header` began, with an acceptor that named TCP port
 /// `number`.
 pub(crate) async fn connect(header: &TcpStream, number: u16) -> io::Result<ShmemStream> {
-    let ip = same_machine(header)?;
+    let ip = same_machine(header.local_addr()?, header.peer_addr()?)?;
     let (socket, mut output) = output(ip)?;
     let mark = RandomState::new().hash_one(number) as u32;
     plain::prepare(&output);
@@ -127,7 +127,7 @@ fn output(ip: IpAddr) -> io::Result<(TcpSocket, Channel)> {
     }
 }
 
-fn stream(tcp: TcpStream, ours: bool, input: Channel, output: Channel) -> io::Result<ShmemStream> {
+pub(super) fn stream(tcp: TcpStream, ours: bool, input: Channel, output: Channel) -> io::Result<ShmemStream> {
     let layout = if ours {
         Layout::Ours {
             reader: Mutex::new(ring::Reader::new(input)),
@@ -151,13 +151,14 @@ fn stream(tcp: TcpStream, ours: bool, input: Channel, output: Channel) -> io::Re
     Ok(ShmemStream::new(tcp, layout))
 }
 
-/// The address of both ends, if they are on one machine.
-fn same_machine(header: &TcpStream) -> io::Result<IpAddr> {
-    let (own, peer) = (header.local_addr()?.ip(), header.peer_addr()?.ip());
-    if own == peer {
-        return Ok(own);
+/// The address of the initiator, if the acceptor is on the same machine: where it connects to, and
+/// from.
+fn same_machine(initiator: SocketAddr, acceptor: SocketAddr) -> io::Result<IpAddr> {
+    let (ip, other) = (initiator.ip(), acceptor.ip());
+    if ip == other || (ip.is_loopback() && other.is_loopback()) {
+        return Ok(ip);
     }
-    let text = format!("{peer} is another machine, which shares no memory with {own}; use tcp");
+    let text = format!("{ip} and {other} are different machines, which share no memory; use tcp");
     Err(io::Error::new(io::ErrorKind::Unsupported, text))
 }
 
@@ -169,4 +170,21 @@ async fn packet(tcp: &mut TcpStream) -> io::Result<[u8; PACKET]> {
 
 fn invalid(error: yarp_wire::shmem::ShmemError) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidData, error)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn other_machines_share_no_memory() {
+        let check = |initiator: &str, acceptor: &str| {
+            let address = |text: &str| SocketAddr::new(text.parse().unwrap(), 1);
+            same_machine(address(initiator), address(acceptor))
+        };
+        assert!(check("10.0.0.1", "10.0.0.1").is_ok());
+        assert!(check("127.0.0.1", "127.0.1.1").is_ok());
+        let error = check("10.0.0.1", "10.0.0.2").unwrap_err().to_string();
+        assert!(error.contains("10.0.0.2") && error.contains("tcp"), "{error}");
+    }
 }

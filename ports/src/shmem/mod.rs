@@ -19,6 +19,8 @@ mod memory;
 mod plain;
 mod ring;
 mod sleeper;
+#[cfg(test)]
+mod tests;
 
 use std::io::{self, IoSlice};
 use std::sync::atomic::AtomicBool;
@@ -33,7 +35,7 @@ pub(crate) use handshake::{Offer, connect};
 use sleeper::Sleeper;
 
 /// How long the other end may hold a lock.
-const PATIENCE: Duration = Duration::from_secs(5);
+const PATIENCE: Duration = Duration::from_secs(if cfg!(test) { 1 } else { 5 });
 /// Pause before a lock, or room that nobody will tell of, is looked for again.
 const PAUSE: Duration = Duration::from_millis(1);
 /// Longest time awake per wait; a wait shorter than [`SOON`] makes the next one be spent awake.

@@ -245,3 +245,34 @@ impl Drop for Writer {
         self.passed.iter().for_each(Memory::remove);
     }
 }
+
+#[cfg(test)]
+mod for_tests {
+    use super::*;
+
+    impl Reader {
+        pub(in crate::shmem) fn guard(&self) -> &ProcessLock {
+            &self.channel.guard
+        }
+
+        pub(in crate::shmem) fn memory(&self) -> &Memory {
+            &self.channel.memory
+        }
+
+        pub(in crate::shmem) fn available(&mut self) -> io::Result<usize> {
+            let _held = Held::take(&self.channel.guard)?;
+            self.follow()?;
+            Ok(ring(&self.channel.memory)?.available())
+        }
+    }
+
+    impl Writer {
+        pub(in crate::shmem) fn guard(&self) -> &ProcessLock {
+            &self.channel.guard
+        }
+
+        pub(in crate::shmem) fn memory(&self) -> &Memory {
+            &self.channel.memory
+        }
+    }
+}

@@ -206,3 +206,22 @@ impl Writer {
         will_sleep(&self.channel, WRITER_SLEEPS);
     }
 }
+
+#[cfg(test)]
+mod for_tests {
+    use super::*;
+
+    impl Reader {
+        /// Claims to have read so many bytes.
+        pub(in crate::shmem) fn claim(&self, read: u32) {
+            self.channel.memory.word(READ).store(read, Relaxed);
+        }
+    }
+
+    impl Writer {
+        /// Claims to have written so many bytes.
+        pub(in crate::shmem) fn claim(&self, written: u32) {
+            self.channel.memory.word(WRITTEN).store(written, Relaxed);
+        }
+    }
+}
