@@ -19,6 +19,7 @@ mod probe;
 pub mod remote;
 mod shmem;
 mod stream;
+mod transport;
 mod unix;
 
 pub use dialogue::Dialogue;

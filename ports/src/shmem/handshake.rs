@@ -127,7 +127,12 @@ fn output(ip: IpAddr) -> io::Result<(TcpSocket, Channel)> {
     }
 }
 
-pub(super) fn stream(tcp: TcpStream, ours: bool, input: Channel, output: Channel) -> io::Result<ShmemStream> {
+pub(super) fn stream(
+    tcp: TcpStream,
+    ours: bool,
+    input: Channel,
+    output: Channel,
+) -> io::Result<ShmemStream> {
     let layout = if ours {
         Layout::Ours {
             reader: Mutex::new(ring::Reader::new(input)),
@@ -144,6 +149,7 @@ pub(super) fn stream(tcp: TcpStream, ours: bool, input: Channel, output: Channel
     let layout_is = if ours { "ours" } else { "stock's" };
     let peer = tcp.peer_addr().ok().map(tracing::field::display);
     tracing::info!(
+        target: "yarp.carrier.shmem",
         layout = layout_is,
         peer,
         "a connection through shared memory"
@@ -185,6 +191,9 @@ mod tests {
         assert!(check("10.0.0.1", "10.0.0.1").is_ok());
         assert!(check("127.0.0.1", "127.0.1.1").is_ok());
         let error = check("10.0.0.1", "10.0.0.2").unwrap_err().to_string();
-        assert!(error.contains("10.0.0.2") && error.contains("tcp"), "{error}");
+        assert!(
+            error.contains("10.0.0.2") && error.contains("tcp"),
+            "{error}"
+        );
     }
 }

@@ -230,7 +230,15 @@ pub(super) fn futex_wait(word: &AtomicU32, value: u32, time: Duration) {
         tv_nsec: time.subsec_nanos().into(),
     };
     // SAFETY: both pointers are valid for the call; other processes wake it, so it is not private.
-    unsafe { libc::syscall(libc::SYS_futex, word, libc::FUTEX_WAIT, value, &raw const time) };
+    unsafe {
+        libc::syscall(
+            libc::SYS_futex,
+            word,
+            libc::FUTEX_WAIT,
+            value,
+            &raw const time,
+        )
+    };
 }
 
 /// Wakes one of those who sleep on `word`.
@@ -257,7 +265,10 @@ fn own(owner: u32, what: &str) -> io::Result<()> {
     if owner == user() {
         return Ok(());
     }
-    let text = format!("{what} of the other end belongs to user {owner}, not to {}", user());
+    let text = format!(
+        "{what} of the other end belongs to user {owner}, not to {}",
+        user()
+    );
     Err(io::Error::new(io::ErrorKind::PermissionDenied, text))
 }
 

@@ -128,7 +128,10 @@ impl ShmemStream {
 
     /// Waits until there is something to read, or the end.
     pub(crate) async fn readable(&self) -> io::Result<()> {
-        if self.awake(&self.reads_soon, || self.can_read(false)).await? {
+        if self
+            .awake(&self.reads_soon, || self.can_read(false))
+            .await?
+        {
             return Ok(());
         }
         let begin = Instant::now();
@@ -150,7 +153,10 @@ impl ShmemStream {
 
     /// Waits until writing may be worth another try.
     pub(crate) async fn writable(&self) -> io::Result<()> {
-        if self.awake(&self.writes_soon, || self.can_write(false)).await? {
+        if self
+            .awake(&self.writes_soon, || self.can_write(false))
+            .await?
+        {
             return Ok(());
         }
         let begin = Instant::now();
@@ -176,12 +182,10 @@ impl ShmemStream {
                 }
                 Ok(reader.waiting()? > 0)
             }
-            Layout::Stock { reader, .. } => {
-                match self.unstuck(held(reader).is_ready(sleeps)) {
-                    Err(error) if error.kind() == io::ErrorKind::WouldBlock => Ok(false),
-                    ready => ready,
-                }
-            }
+            Layout::Stock { reader, .. } => match self.unstuck(held(reader).is_ready(sleeps)) {
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => Ok(false),
+                ready => ready,
+            },
         }
     }
 
@@ -243,21 +247,17 @@ impl ShmemStream {
         let _ = self.tcp.try_write(&[0]);
     }
 
-    /// Waits for the other end to wake this one, or to end.
+    /// Waits for the other end to wake this one, or to end. May return for no reason: another who
+    /// waits may have read the byte, and then what it stands for is there to be seen.
     async fn woken(&self) {
-        let mut bytes = [0; 64];
-        loop {
-            if self.tcp.readable().await.is_err() {
-                self.ended.store(true, Relaxed);
-                return;
-            }
-            match self.tcp.try_read(&mut bytes) {
-                Ok(0) => self.ended.store(true, Relaxed),
-                Ok(_) => {}
-                Err(error) if error.kind() == io::ErrorKind::WouldBlock => continue,
-                Err(_) => self.ended.store(true, Relaxed),
-            }
-            return;
+        let readable = self.tcp.readable().await;
+        let read = readable.and_then(|()| self.tcp.try_read(&mut [0; 64]));
+        let ended = match read {
+            Ok(length) => length == 0,
+            Err(error) => error.kind() != io::ErrorKind::WouldBlock,
+        };
+        if ended {
+            self.ended.store(true, Relaxed);
         }
     }
 }

@@ -230,7 +230,8 @@ impl Writer {
         memory.word(at::WAITING).store(waiting, Relaxed);
         let closed = old.byte(at::CLOSE).load(Relaxed);
         memory.byte(at::CLOSE).store(closed, Relaxed);
-        old.word(at::NEW_SIZE).store(number.cast_unsigned(), Relaxed);
+        old.word(at::NEW_SIZE)
+            .store(number.cast_unsigned(), Relaxed);
         old.byte(at::RESIZE).store(1, Release);
         let old = self.channel.replace(memory);
         self.passed.push(old);

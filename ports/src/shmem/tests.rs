@@ -152,6 +152,30 @@ async fn bytes_pass_whole_between_ours() {
     within(passes_whole(&one, &other)).await;
 }
 
+/// The byte that wakes was read by the one who waited to read, and the one who waited to write slept
+/// on.
+#[tokio::test]
+async fn who_waits_to_read_does_not_keep_who_waits_to_write_asleep() {
+    let (one, other) = ours().await;
+    let bytes = pattern(3_000_000);
+    let writing = async {
+        let mut rest = &bytes[..];
+        while !rest.is_empty() {
+            if let Ok(count) = one.try_write_vectored(&[IoSlice::new(rest)]) {
+                rest = &rest[count..];
+                continue;
+            }
+            tokio::select! {
+                biased;
+                readable = one.readable() => panic!("nothing comes: {readable:?}"),
+                writable = one.writable() => writable.unwrap(),
+            }
+        }
+    };
+    let ((), got) = within(async { tokio::join!(writing, read(&other, bytes.len())) }).await;
+    assert!(got.unwrap() == bytes);
+}
+
 #[tokio::test]
 async fn bytes_pass_whole_in_the_layout_of_stock() {
     let (stock, ours) = Stock::connect().await;
@@ -198,10 +222,7 @@ async fn what_was_written_before_the_end_is_read() {
         assert_eq!(error.kind(), ErrorKind::BrokenPipe);
 
         let (mut stock, ours) = Stock::connect().await;
-        stock
-            .writer
-            .write(&[IoSlice::new(b"last words")])
-            .unwrap();
+        stock.writer.write(&[IoSlice::new(b"last words")]).unwrap();
         if died {
             // Killed: nobody says anything in the memory.
             drop(stock.tcp);
