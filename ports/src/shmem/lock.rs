@@ -59,6 +59,11 @@ impl ProcessLock {
         taken
     }
 
+    /// Whether it is free at the moment.
+    pub(super) fn is_free(&self) -> bool {
+        self.0.word(WORD).load(Relaxed) == FREE
+    }
+
     /// Takes it; sleeps at most for `time`. Blocks the thread.
     pub(super) fn take_within(&self, time: Duration) -> bool {
         let word = self.0.word(WORD);

@@ -39,8 +39,8 @@ const PATIENCE: Duration = Duration::from_secs(if cfg!(test) { 1 } else { 5 });
 /// Pause before a lock, or room that nobody will tell of, is looked for again.
 const PAUSE: Duration = Duration::from_millis(1);
 /// Longest time awake per wait; a wait shorter than [`SOON`] makes the next one be spent awake.
-const AWAKE: Duration = Duration::from_micros(60);
-const SOON: Duration = Duration::from_micros(150);
+const AWAKE: Duration = Duration::from_micros(200);
+const SOON: Duration = Duration::from_micros(400);
 /// Room that is worth writing into.
 const ROOM: usize = 32 * 1024;
 
@@ -69,6 +69,12 @@ enum Layout {
         writer: Mutex<plain::Writer>,
         sleeper: Sleeper,
     },
+}
+
+/// Lets other tasks run, and other threads: the other end may need this processor to go on.
+async fn give_way() {
+    std::thread::yield_now();
+    tokio::task::yield_now().await;
 }
 
 fn held<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -138,8 +144,8 @@ impl ShmemStream {
         while !self.ended.load(Relaxed) && !self.can_read(true)? {
             match &self.layout {
                 Layout::Ours { .. } => self.woken().await,
-                Layout::Stock { .. } if held(&self.stuck).is_some() => {
-                    tokio::time::sleep(PAUSE).await;
+                Layout::Stock { reader, .. } if held(&self.stuck).is_some() => {
+                    self.pause(|| held(reader).is_free()).await;
                 }
                 Layout::Stock { sleeper, .. } => tokio::select! {
                     () = sleeper.sleep() => {}
@@ -153,24 +159,42 @@ impl ShmemStream {
 
     /// Waits until writing may be worth another try.
     pub(crate) async fn writable(&self) -> io::Result<()> {
-        if self
-            .awake(&self.writes_soon, || self.can_write(false))
-            .await?
-        {
+        let writer = match &self.layout {
+            Layout::Ours { writer, .. } => writer,
+            Layout::Stock { writer, .. } => {
+                // A stock reader does not say that it has read.
+                self.pause(|| held(writer).seems_ready()).await;
+                return Ok(());
+            }
+        };
+        let room = |sleeps| {
+            let writer = held(writer);
+            if sleeps {
+                writer.will_sleep();
+            }
+            Ok(writer.free()? >= ROOM)
+        };
+        if self.awake(&self.writes_soon, || room(false)).await? {
             return Ok(());
         }
         let begin = Instant::now();
-        match &self.layout {
-            Layout::Ours { .. } => {
-                while !self.ended.load(Relaxed) && !self.can_write(true)? {
-                    self.woken().await;
-                }
-            }
-            // A stock reader does not say that it has read.
-            Layout::Stock { .. } => tokio::time::sleep(PAUSE).await,
+        while !self.ended.load(Relaxed) && !room(true)? {
+            self.woken().await;
         }
         self.writes_soon.store(begin.elapsed() < SOON, Relaxed);
         Ok(())
+    }
+
+    /// Looks for a while, giving way to other tasks between looks; then sleeps for a moment.
+    async fn pause(&self, ready: impl Fn() -> bool) {
+        let begin = Instant::now();
+        while begin.elapsed() < SOON {
+            if ready() {
+                return;
+            }
+            give_way().await;
+        }
+        tokio::time::sleep(PAUSE).await;
     }
 
     fn can_read(&self, sleeps: bool) -> io::Result<bool> {
@@ -182,23 +206,14 @@ impl ShmemStream {
                 }
                 Ok(reader.waiting()? > 0)
             }
-            Layout::Stock { reader, .. } => match self.unstuck(held(reader).is_ready(sleeps)) {
+            Layout::Stock { reader, .. } if !sleeps => {
+                let reader = held(reader);
+                Ok(reader.seems_ready() && reader.is_free())
+            }
+            Layout::Stock { reader, .. } => match self.unstuck(held(reader).is_ready()) {
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => Ok(false),
                 ready => ready,
             },
-        }
-    }
-
-    fn can_write(&self, sleeps: bool) -> io::Result<bool> {
-        match &self.layout {
-            Layout::Ours { writer, .. } => {
-                let writer = held(writer);
-                if sleeps {
-                    writer.will_sleep();
-                }
-                Ok(writer.free()? >= ROOM)
-            }
-            Layout::Stock { .. } => Ok(false),
         }
     }
 
@@ -213,7 +228,7 @@ impl ShmemStream {
         }
         let begin = Instant::now();
         while soon.load(Relaxed) && begin.elapsed() < AWAKE {
-            tokio::task::yield_now().await;
+            give_way().await;
             if ready()? {
                 return Ok(true);
             }

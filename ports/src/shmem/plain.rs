@@ -15,9 +15,9 @@ use super::memory::Memory;
 
 /// Looks at a taken lock before giving up: the other end holds it for a copy at the most.
 const LOOKS: usize = 100;
-/// A ring grows up to this size only to let the writer run ahead; for a single message it grows as
-/// needed.
-const AHEAD: usize = 4 * 1024 * 1024;
+/// Bytes that may be waiting when more are put behind them; beyond that the writer waits, as one large
+/// message at a time stays in the processor's cache.
+const AHEAD: usize = 64 * 1024;
 
 /// A lock that is held; freed at the end.
 struct Held(Arc<ProcessLock>);
@@ -92,8 +92,24 @@ impl Reader {
         self.channel.sleep.clone()
     }
 
+    /// Whether there seems to be something to read, without the lock.
+    pub(super) fn seems_ready(&self) -> bool {
+        let memory = &self.channel.memory;
+        memory.word(at::AVAILABLE).load(Relaxed) != 0
+            || flag(memory, at::RESIZE)
+            || flag(memory, at::CLOSE)
+    }
+
+    /// Whether the lock is free at the moment.
+    pub(super) fn is_free(&self) -> bool {
+        self.channel.guard.is_free()
+    }
+
     /// Reads up to `most` bytes; `Ok(0)` is the end.
     pub(super) fn read(&mut self, out: &mut impl BufMut, most: usize) -> io::Result<usize> {
+        if !self.seems_ready() {
+            return Err(io::ErrorKind::WouldBlock.into());
+        }
         let _held = Held::take(&self.channel.guard)?;
         self.follow()?;
         let memory = &self.channel.memory;
@@ -113,14 +129,13 @@ impl Reader {
         Ok(count)
     }
 
-    /// Whether a read would not have to wait; if it would and this end `sleeps` then, the writer will
-    /// free [`Reader::sleep`].
-    pub(super) fn is_ready(&mut self, sleeps: bool) -> io::Result<bool> {
+    /// Whether a read would not have to wait; if it would, the writer will free [`Reader::sleep`].
+    pub(super) fn is_ready(&mut self) -> io::Result<bool> {
         let _held = Held::take(&self.channel.guard)?;
         self.follow()?;
         let memory = &self.channel.memory;
         let ready = ring(memory)?.available() > 0 || flag(memory, at::CLOSE);
-        if !ready && sleeps {
+        if !ready {
             memory.word(at::WAITING).store(1, Relaxed);
         }
         Ok(ready)
@@ -164,8 +179,15 @@ impl Writer {
         }
     }
 
-    /// Writes the chunks that fit, each whole: a stock reader waits until all of a block is there.
-    /// Makes room where the reader waits for more than fits.
+    /// Whether a write seems to be worth a try, without the lock. Nobody tells when it becomes so.
+    pub(super) fn seems_ready(&self) -> bool {
+        let word = |offset| self.channel.memory.word(offset).load(Relaxed);
+        let available = word(at::AVAILABLE) as usize;
+        self.channel.guard.is_free() && (available < AHEAD / 2 || word(at::WAITING) != 0)
+    }
+
+    /// Writes chunks, each whole: a stock reader waits until all of a block is there, so a ring that
+    /// is too small for one gives way to a larger one. `WouldBlock` while much is unread.
     pub(super) fn write(&mut self, chunks: &[IoSlice<'_>]) -> io::Result<usize> {
         if self.channel.unname_if_shared() {
             self.passed.iter().for_each(Memory::remove);
@@ -179,14 +201,14 @@ impl Writer {
         }
         let mut ring = ring(memory)?;
         let mut count = 0;
+        // A reader that waits although bytes are there needs more of them.
+        let starved = memory.word(at::WAITING).load(Relaxed) > 0;
         for chunk in chunks {
+            if ring.available() > AHEAD && !starved {
+                break;
+            }
             if chunk.len() > ring.free() {
-                let starved = self.channel.memory.word(at::WAITING).load(Relaxed) > 0;
-                let wanted = ring.available() + chunk.len();
-                if ring.available() > 0 && !starved && wanted > AHEAD {
-                    break;
-                }
-                ring = self.grow(ring, wanted)?;
+                ring = self.grow(ring, ring.available() + chunk.len())?;
             }
             let mut rest: &[u8] = chunk;
             for range in ring.put(chunk.len()) {

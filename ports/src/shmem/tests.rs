@@ -202,7 +202,7 @@ async fn a_reader_that_waits_for_a_whole_block_gets_room_for_it() {
         }
         got.reserve(block.len());
         while stock.reader.available().unwrap_or(0) < block.len() {
-            let _ = stock.reader.is_ready(true);
+            let _ = stock.reader.is_ready();
             tokio::task::yield_now().await;
         }
         stock.reader.read(&mut got, block.len()).unwrap();

@@ -27,6 +27,7 @@ pub(crate) fn all() -> Vec<(&'static str, Vec<Vec<u8>>)> {
         ("typed", typed_messages()),
         ("mjpeg", streams()),
         ("websocket", frames()),
+        ("shmem", segments()),
     ]
 }
 
@@ -272,4 +273,23 @@ fn frames() -> Vec<Vec<u8>> {
         b"\x82\x88\0\0\0\0\0\0\0\0~d\0\x01\x88\x82\0\0\0\0\x03\xe8".to_vec(),
         b"\x82\xff\0\0\0\xff\0\0\0\0\0\0\0\0".to_vec(),
     ]
+}
+
+/// Handshakes, heads of segments that are and are not possible, and steps.
+fn segments() -> Vec<Vec<u8>> {
+    let heads: [([i32; 4], u16); 5] = [
+        ([4096, 0, 0, 0], 4096),
+        ([4096, 10, 4090, 16], 4100),
+        ([100, 50, 50, 100], 100),
+        ([100, 50, 50, 101], 100),
+        ([i32::MAX, -1, 0, i32::MIN], 10),
+    ];
+    let seed = |(number, (head, room)): (usize, ([i32; 4], u16))| {
+        let mut seed = vec![(number % 2) as u8, 0, 0, 0, 0, 16, 0, 0];
+        seed.extend(head.iter().flat_map(|number| number.to_le_bytes()));
+        seed.extend(room.to_le_bytes());
+        seed.extend([3, 2, 255, 254, 101, 0, 1, 201, 200]);
+        seed
+    };
+    heads.into_iter().enumerate().map(seed).collect()
 }
