@@ -105,7 +105,7 @@ async fn a_writer_that_is_killed_is_noticed_and_may_come_again() {
         let mut child = child("child_that_writes", &at(&reader, "shmem"));
         for _ in 0..5 {
             let read = within(reader.read()).await.unwrap();
-            assert_eq!(read.from, "/child");
+            assert_eq!(&*read.from, "/child");
         }
         child.kill().unwrap();
         child.wait().unwrap();

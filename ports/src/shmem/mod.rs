@@ -28,7 +28,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use bytes::{BufMut, BytesMut};
+use bytes::BufMut;
 use tokio::net::TcpStream;
 
 pub(crate) use handshake::{Offer, connect};
@@ -99,11 +99,8 @@ impl ShmemStream {
     }
 
     /// Reads what there is into the room that `buffer` has; `Ok(0)` is the end.
-    pub(crate) fn try_read_buf(&self, buffer: &mut BytesMut) -> io::Result<usize> {
-        if buffer.capacity() == buffer.len() {
-            buffer.reserve(1);
-        }
-        let room = buffer.capacity() - buffer.len();
+    pub(crate) fn try_read_buf(&self, buffer: &mut impl BufMut) -> io::Result<usize> {
+        let room = buffer.chunk_mut().len();
         self.try_read(buffer, room)
     }
 
