@@ -71,12 +71,6 @@ enum Layout {
     },
 }
 
-/// Lets other tasks run, and other threads: the other end may need this processor to go on.
-async fn give_way() {
-    std::thread::yield_now();
-    tokio::task::yield_now().await;
-}
-
 fn held<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -189,7 +183,7 @@ impl ShmemStream {
             if ready() {
                 return;
             }
-            give_way().await;
+            tokio::task::yield_now().await;
         }
         tokio::time::sleep(PAUSE).await;
     }
@@ -225,7 +219,7 @@ impl ShmemStream {
         }
         let begin = Instant::now();
         while soon.load(Relaxed) && begin.elapsed() < AWAKE {
-            give_way().await;
+            tokio::task::yield_now().await;
             if ready()? {
                 return Ok(true);
             }

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use bytes::{BufMut, Bytes, BytesMut};
 use yarp_ports::{Answer, Network, Port, PortOptions};
-use yarp_wire::message::WireObject;
+use yarp_wire::message::{Pieces, WireObject};
 use yarp_wire::{Bottle, Dialect};
 
 use crate::{CALLS, Failure};
@@ -100,13 +100,25 @@ async fn call(name: &str, n: &str) -> Result<(), Failure> {
 /// A message of raw bytes, laid out as a bottle of one blob.
 struct Blob(Bytes);
 
-impl WireObject for Blob {
-    fn write_binary(&self, out: &mut BytesMut, _dialect: Dialect) {
-        out.reserve(12 + self.0.len());
+impl Blob {
+    fn write_head(&self, out: &mut BytesMut) {
         out.put_i32_le(256 + 12);
         out.put_i32_le(1);
         out.put_i32_le(self.0.len() as i32);
+    }
+}
+
+impl WireObject for Blob {
+    fn write_binary(&self, out: &mut BytesMut, _dialect: Dialect) {
+        out.reserve(12 + self.0.len());
+        self.write_head(out);
         out.put_slice(&self.0);
+    }
+
+    /// As stock's peer, which hands over its bytes where they are.
+    fn write_pieces(&self, out: &mut Pieces, _dialect: Dialect) {
+        self.write_head(out.written());
+        out.share(&self.0);
     }
 }
 
