@@ -29,8 +29,6 @@ pub(crate) fn all() -> Vec<(&'static str, Vec<Vec<u8>>)> {
         ("mjpeg", streams()),
         ("websocket", frames()),
         ("shmem", segments()),
-}
-
         ("framing", behind_headers()),
         ("reversed", from_readers()),
     ]
