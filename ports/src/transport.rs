@@ -18,9 +18,10 @@ pub(crate) async fn go_on(
 ) -> io::Result<(Socket, Inflow)> {
     let moved = match (initiator.carrier().transport, header.tcp()) {
         (Transport::UnixSocket, Some(stream)) => {
-            let connected = unix::connect(stream).await;
+            let mut answer = [0; 8];
+            let connected = unix::connect(stream, &mut answer).await;
             // There is no header reply that could have told.
-            if connected.is_err() && is_refused(&header) {
+            if connected.is_err() && refuses(&answer) {
                 return Err(refusal(initiator));
             }
             Socket::Unix(connected?)
@@ -49,14 +50,6 @@ pub(crate) fn next_port(initiator: &Initiator) -> io::Result<u16> {
 /// Whether these first bytes of an answer say that the acceptor has no such carrier.
 pub(crate) fn refuses(answer: &[u8]) -> bool {
     answer.len() >= 8 && REFUSAL.as_bytes().starts_with(&answer[..8])
-}
-
-fn is_refused(header: &Socket) -> bool {
-    let mut answer = [0; 8];
-    match header.look(&mut answer) {
-        Ok(length) => refuses(&answer[..length]),
-        Err(error) => error.kind() == io::ErrorKind::ConnectionReset,
-    }
 }
 
 /// The error of an acceptor that has no such carrier.
