@@ -12,7 +12,8 @@ trap 'if [ -n "$server" ]; then kill "$server" 2>/dev/null || true; fi; rm -rf "
 g++ -O2 -std=c++17 -include cstdint conformance/bench/stock_peer.cpp \
     -I"$stock_package/include" -L"$stock_package/lib" -lYARP_os -lYARP_init -o "$work/stock_peer"
 
-export YARP_CONFIG_HOME="$work" YARP_DATA_HOME="$work/data"
+# `unix_stream` of stock needs to know where sockets go.
+export YARP_CONFIG_HOME="$work" YARP_DATA_HOME="$work/data" YARP_RUNTIME_DIR="$work"
 cargo build --quiet --release -p yarp-cli
 target/release/yarp server --ip 127.0.0.1 --socket 10490 --write >"$work/server.log" 2>&1 &
 server=$!
@@ -20,7 +21,9 @@ for _ in $(seq 100); do
     if target/release/yarp where >/dev/null 2>&1; then break; fi
     sleep 0.1
 done
-LD_LIBRARY_PATH="$stock_libraries" STOCK_PEER="$work/stock_peer" target/release/bench
+LD_LIBRARY_PATH="$stock_libraries" STOCK_PEER="$work/stock_peer" target/release/bench "$@"
 
-echo
-YARP=target/release/yarp target/release/bench_names
+if [ $# = 0 ]; then
+    echo
+    YARP=target/release/yarp target/release/bench_names
+fi

@@ -114,6 +114,11 @@ for server in ours stock; do
     suite "the other side finds the name server, server: $server" \
         env YARP_CONFIG_HOME="$work/empty" conformance/live/says.sh "port $port" "${finder[@]}"
 
+    mkdir -p "$work/$server/tmp"
+    suite "messages within one machine, server: $server" \
+        env TMPDIR="$work/$server/tmp" YARP_RUNTIME_DIR="$work/$server/tmp" \
+        "$with_stock" "$python" conformance/live/carriers.py "$ours" "$with_stock yarp"
+
     "$ours" up --name /wam >"$work/up.log" 2>&1 &
     arm=$!
     running+=($arm)

@@ -5,7 +5,7 @@
 //! [`LIMIT`] before it goes to sleep, giving way to other tasks between looks. A connection at rest,
 //! or with a slow peer, sleeps at once.
 
-use std::io::{self, Read};
+use std::io;
 use std::time::{Duration, Instant};
 
 use crate::stream::{Inflow, Socket};
@@ -50,7 +50,7 @@ impl BusyPoll {
             let length = buffer.len();
             buffer.resize(length + self.chunk, 0);
             while begin.elapsed() < LIMIT {
-                match (&*stream.raw()).read(&mut buffer[length..]) {
+                match stream.look(&mut buffer[length..]) {
                     Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
                         tokio::task::yield_now().await;
                     }

@@ -12,6 +12,7 @@ use crate::error::PortError;
 use crate::network::Network;
 use crate::probe;
 use crate::stream::{self, Inflow, Socket};
+use crate::transport;
 
 /// A connection of a program that is no port itself: it sends, waits for the answer, sends again.
 #[derive(Debug)]
@@ -59,7 +60,28 @@ impl Dialogue {
         };
         dialogue.flush().await?;
         dialogue.progress("connection header").await?;
-        Ok(dialogue)
+        dialogue.go_on().await
+    }
+
+    /// Goes on over what carries the messages of the carrier.
+    async fn go_on(mut self) -> Result<Self, PortError> {
+        let going = transport::go_on(self.stream, self.input, &self.initiator);
+        let step = "connection header";
+        let gone = match tokio::time::timeout(self.deadline, going).await {
+            Ok(gone) => gone,
+            Err(_) => {
+                return Err(PortError::Deadline {
+                    peer: self.peer,
+                    step,
+                    seconds: self.deadline.as_secs_f64(),
+                });
+            }
+        };
+        (self.stream, self.input) = gone.map_err(|error| PortError::Lost {
+            peer: self.peer.clone(),
+            reason: error.to_string(),
+        })?;
+        Ok(self)
     }
 
     /// Sends a message and waits for its reply.

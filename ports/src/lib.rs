@@ -20,7 +20,9 @@ mod port;
 mod probe;
 pub mod remote;
 pub mod roles;
+mod shmem;
 mod stream;
+mod transport;
 mod unix;
 
 pub use auth::AuthFailure;

@@ -1,7 +1,7 @@
-//! TCP streams as YARP uses them.
+//! Streams as YARP uses them.
 
 use std::future::Future;
-use std::io::{self, IoSlice};
+use std::io::{self, IoSlice, Read};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::time::Duration;
 
@@ -12,12 +12,14 @@ use tokio::net::{TcpStream, UnixStream};
 use crate::auth;
 use crate::error::{PortError, resolve};
 use crate::network::Network;
+use crate::shmem::ShmemStream;
 
 /// What bytes of a connection travel on.
 #[derive(Debug)]
 pub(crate) enum Socket {
     Tcp(TcpStream),
     Unix(UnixStream),
+    Shmem(Box<ShmemStream>),
 }
 
 macro_rules! either {
@@ -25,6 +27,7 @@ macro_rules! either {
         match $socket {
             Socket::Tcp($stream) => $call,
             Socket::Unix($stream) => $call,
+            Socket::Shmem($stream) => $call,
         }
     };
 }
@@ -42,8 +45,19 @@ impl Socket {
         either!(self, stream => stream.try_read_buf(buffer))
     }
 
+    /// Reads what is there now, whether or not the system has told that there is something.
+    pub(crate) fn look(&self, mut bytes: &mut [u8]) -> io::Result<usize> {
+        match self {
+            Self::Shmem(stream) => {
+                let most = bytes.len();
+                stream.try_read(&mut bytes, most)
+            }
+            _ => (&*self.raw()).read(bytes),
+        }
+    }
+
     fn try_write(&self, bytes: &[u8]) -> io::Result<usize> {
-        either!(self, stream => stream.try_write(bytes))
+        self.try_write_vectored(&[IoSlice::new(bytes)])
     }
 
     pub(crate) fn try_write_vectored(&self, chunks: &[IoSlice<'_>]) -> io::Result<usize> {
@@ -51,22 +65,30 @@ impl Socket {
     }
 
     /// The socket itself, for what tokio does not offer.
-    pub(crate) fn raw(&self) -> SockRef<'_> {
-        either!(self, stream => SockRef::from(stream))
+    fn raw(&self) -> SockRef<'_> {
+        match self {
+            Self::Tcp(stream) => SockRef::from(stream),
+            Self::Unix(stream) => SockRef::from(stream),
+            Self::Shmem(stream) => SockRef::from(stream.tcp()),
+        }
     }
 
     /// The TCP stream, where it is one.
     pub(crate) fn tcp(&self) -> Option<&TcpStream> {
         match self {
             Self::Tcp(stream) => Some(stream),
-            Self::Unix(_) => None,
+            Self::Unix(_) | Self::Shmem(_) => None,
         }
     }
 }
 
 impl AsFd for Socket {
     fn as_fd(&self) -> BorrowedFd<'_> {
-        either!(self, stream => stream.as_fd())
+        match self {
+            Self::Tcp(stream) => stream.as_fd(),
+            Self::Unix(stream) => stream.as_fd(),
+            Self::Shmem(stream) => stream.tcp().as_fd(),
+        }
     }
 }
 

@@ -36,10 +36,12 @@ pub(crate) async fn accept(header: &TcpStream) -> io::Result<UnixStream> {
     Ok(stream)
 }
 
-/// Goes on as initiator of the connection that `header` began.
-pub(crate) async fn connect(header: &TcpStream) -> io::Result<UnixStream> {
+/// Goes on as initiator of the connection that `header` began; `answer` takes what the acceptor says
+/// on that connection instead.
+pub(crate) async fn connect(header: &TcpStream, answer: &mut [u8; 8]) -> io::Result<UnixStream> {
     let path = path(header.peer_addr()?.port(), header.local_addr()?.port())?;
     let mut tries = TRIES;
+    let mut said = 0;
     loop {
         match UnixStream::connect(&path).await {
             Ok(stream) => return Ok(stream),
@@ -50,10 +52,12 @@ pub(crate) async fn connect(header: &TcpStream) -> io::Result<UnixStream> {
             Err(_) => tries -= 1,
         }
         tokio::time::sleep(PAUSE).await;
-        let mut nothing = [0];
-        match header.try_read(&mut nothing) {
+        match header.try_read(&mut answer[said..]) {
             Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
-            _ => tries = tries.min(LAST_TRIES),
+            read => {
+                said += read.unwrap_or(0);
+                tries = tries.min(LAST_TRIES);
+            }
         }
     }
 }

@@ -6,7 +6,7 @@ use common::{at, bottle, connect, next, open, within};
 use yarp_ports::{Answer, PortOptions, Queue};
 use yarp_wire::{Bottle, Stamp, Value};
 
-const STREAMS: [&str; 7] = [
+const STREAMS: [&str; 8] = [
     "tcp",
     "fast_tcp",
     "text",
@@ -14,6 +14,7 @@ const STREAMS: [&str; 7] = [
     "local",
     "unix_stream",
     "unix_stream+ack",
+    "shmem",
 ];
 
 /// Every kind of value, and what is hard to carry in text.

@@ -12,6 +12,7 @@
 //! * [`mjpeg`]: pictures for browsers, and from them that send some.
 //! * [`websocket`]: the frames in which pages talk to ports.
 //! * [`admin`], [`name_service`]: the messages that programs send to ports and to the name server.
+//! * [`shmem`]: memory that two ends share.
 //! * [`qos`]: how urgent packets are, in the words of those messages.
 
 pub mod admin;
@@ -29,6 +30,7 @@ pub mod name;
 pub mod name_service;
 pub mod number;
 pub mod qos;
+pub mod shmem;
 pub mod stamp;
 pub mod typed;
 pub mod vector;

@@ -31,7 +31,7 @@ use crate::datagram;
 use crate::error::story;
 use crate::roles::{self, Peer, Right, Rights};
 use crate::stream::{self, Inflow, Socket};
-use crate::unix;
+use crate::{shmem, unix};
 
 /// Serves a connection until it ends, is displaced, or the port closes.
 pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, address: IpAddr) {
@@ -138,6 +138,8 @@ pub(super) enum Next {
     Go,
     /// Messages come over a socket of the file system.
     UnixSocket,
+    /// Messages come through shared memory.
+    SharedMemory,
     /// Messages come as datagrams, to this group if there is one.
     Datagrams(Option<SocketAddrV4>),
     Stop(End),
@@ -153,6 +155,10 @@ impl Connection {
                     Ok(Some(event)) => match self.take(event).await {
                         Next::Go => {}
                         Next::UnixSocket => match Box::pin(self.go_unix()).await {
+                            Ok(()) => {}
+                            Err(error) => return error.into(),
+                        },
+                        Next::SharedMemory => match self.go_shared().await {
                             Ok(()) => {}
                             Err(error) => return error.into(),
                         },
@@ -200,11 +206,27 @@ impl Connection {
     async fn go_unix(&mut self) -> io::Result<()> {
         if let Some(header) = self.stream.tcp() {
             let socket = unix::accept(header).await?;
-            self.stream = Arc::new(Socket::Unix(socket));
-            self.moved(SocketHandle::of(&self.stream));
-            self.input = Inflow::default();
+            self.go_over(Socket::Unix(socket));
         }
         Ok(())
+    }
+
+    /// Goes on through shared memory.
+    async fn go_shared(&mut self) -> io::Result<()> {
+        if let Some(header) = self.stream.tcp() {
+            let offer = shmem::Offer::new(header).await?;
+            header_reply(offer.number(), &mut self.output);
+            stream::write_all(&self.stream, &mut self.output).await?;
+            let socket = offer.accept().await?;
+            self.go_over(Socket::Shmem(Box::new(socket)));
+        }
+        Ok(())
+    }
+
+    fn go_over(&mut self, socket: Socket) {
+        self.stream = Arc::new(socket);
+        self.moved(SocketHandle::of(&self.stream));
+        self.input = Inflow::default();
     }
 
     /// The connection goes on over another socket.
@@ -304,6 +326,7 @@ impl Connection {
                 match carrier.transport {
                     Transport::Stream | Transport::WebSocket => Next::Go,
                     Transport::UnixSocket => Next::UnixSocket,
+                    Transport::SharedMemory => Next::SharedMemory,
                     _ => Next::Datagrams(group),
                 }
             }

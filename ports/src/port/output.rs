@@ -27,7 +27,7 @@ use crate::dialogue::Dialogue;
 use crate::error::PortError;
 use crate::network::{Network, Place};
 use crate::stream::{Inflow, Socket, connect, within, write_all};
-use crate::unix;
+use crate::transport::{go_on, next_port, refusal, refuses};
 
 /// A connection that the port writes to.
 #[derive(Debug)]
@@ -100,18 +100,15 @@ impl Output {
                     Way::Datagrams(Arc::new(socket.map_err(|error| target.lost(error))?))
                 }
                 _ if target.carrier.transport == Transport::Datagrams => {
-                    let number = datagram_port(&initiator).map_err(|error| target.lost(error))?;
+                    let number = next_port(&initiator).map_err(|error| target.lost(error))?;
                     let socket = datagram::sender(&target.to.host, number).await;
                     Way::Datagrams(Arc::new(socket.map_err(|error| target.lost(error))?))
                 }
-                _ => match (target.carrier.transport, stream.tcp()) {
-                    (Transport::UnixSocket, Some(header)) => {
-                        let socket = unix::connect(header).await;
-                        let socket = socket.map_err(|error| target.lost(error))?;
-                        Way::Stream(Arc::new(Socket::Unix(socket)), Inflow::default())
-                    }
-                    _ => Way::Stream(Arc::new(stream), input),
-                },
+                _ => {
+                    let moved = go_on(stream, input, &initiator).await;
+                    let (stream, input) = moved.map_err(|error| target.lost(error))?;
+                    Way::Stream(Arc::new(stream), input)
+                }
             };
             Ok((way, initiator))
         };
@@ -238,6 +235,9 @@ async fn open(target: &Target<'_>) -> Result<(Socket, Initiator, Inflow), PortEr
     write_all(&stream, &mut output).await.map_err(lost)?;
     let mut input = Inflow::default();
     loop {
+        if refuses(&input.bytes) {
+            return Err(lost(refusal(&initiator)));
+        }
         let progress = initiator.poll(&mut input.bytes);
         let progress = progress.map_err(|source| PortError::Protocol {
             peer: name.clone(),
@@ -246,23 +246,19 @@ async fn open(target: &Target<'_>) -> Result<(Socket, Initiator, Inflow), PortEr
         if progress == Some(Progress::Ready) {
             return Ok((stream, initiator, input));
         }
-        if input.read(&stream, 0).await.map_err(lost)? == 0 {
-            return Err(lost(io::ErrorKind::UnexpectedEof.into()));
+        let read = match input.read(&stream, 0).await {
+            Err(error) if error.kind() == io::ErrorKind::ConnectionReset => 0,
+            read => read.map_err(lost)?,
+        };
+        if read == 0 {
+            let text = format!("it closed the connection; it may not take {carrier}");
+            return Err(lost(io::Error::new(io::ErrorKind::UnexpectedEof, text)));
         }
     }
 }
 
 fn local_ip(stream: &Socket) -> Option<IpAddr> {
     Some(stream.tcp()?.local_addr().ok()?.ip())
-}
-
-/// Where the reader wants its datagrams.
-fn datagram_port(initiator: &Initiator) -> io::Result<u16> {
-    let number = initiator.header_number();
-    u16::try_from(number)
-        .ok()
-        .filter(|number| *number != 0)
-        .ok_or_else(|| io::Error::other(format!("the reader has no datagram port ({number})")))
 }
 
 impl Farewell {

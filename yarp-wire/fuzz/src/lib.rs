@@ -16,6 +16,7 @@ use yarp_wire::http::{Action, RequestReader, json};
 use yarp_wire::message::{Command, Form, Index, Payload, ReadObject, WireObject};
 use yarp_wire::mjpeg::{PartReader, comment, with_comment};
 use yarp_wire::name_service::{AnswerReader, Registration, Request, Style, Until};
+use yarp_wire::shmem::{Ring, answers_mark, initiator_mark};
 use yarp_wire::vector::Vector;
 use yarp_wire::websocket::FrameReader;
 use yarp_wire::{Bottle, Contact, Dialect, Limits, PortName, Stamp, datagram, typed};
@@ -24,7 +25,7 @@ use yarp_wire::{Bottle, Contact, Dialect, Limits, PortName, Stamp, datagram, typ
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All targets.
-pub const TARGETS: [Target; 18] = [
+pub const TARGETS: [Target; 19] = [
     ("bottle_binary", bottle_binary),
     ("bottle_text", bottle_text),
     ("acceptor", acceptor),
@@ -43,6 +44,7 @@ pub const TARGETS: [Target; 18] = [
     ("framing", framing),
     ("reversed", reversed),
     ("auth", auth),
+    ("shmem", shmem),
 ];
 
 const DIALECTS: [Dialect; 2] = [Dialect::V3, Dialect::V4];
@@ -466,6 +468,40 @@ pub fn websocket(data: &[u8]) {
         (reader.stream.split(), output, None)
     };
     assert_eq!(run(data.len().max(1)), run(1));
+}
+
+/// The head of a shared segment, and steps of a reader and a writer: a packet of the handshake, the
+/// four numbers, the room behind them, and a byte per step.
+pub fn shmem(data: &[u8]) {
+    let Some((packet, rest)) = data.split_first_chunk::<8>() else {
+        return;
+    };
+    let _ = initiator_mark(packet);
+    let _ = answers_mark(packet, 7);
+    let Some((head, steps)) = rest.split_first_chunk::<18>() else {
+        return;
+    };
+    let number =
+        |at: usize| i32::from_le_bytes([head[at], head[at + 1], head[at + 2], head[at + 3]]);
+    let room = usize::from(u16::from_le_bytes([head[16], head[17]]));
+    let numbers = [number(0), number(4), number(8), number(12)];
+    let Ok(mut ring) = Ring::checked(numbers, room) else {
+        return;
+    };
+    assert_eq!(ring.numbers(), numbers);
+    for step in steps {
+        let most = usize::from(step >> 1) * 37;
+        let before = ring.available();
+        let ranges = if step & 1 == 0 {
+            ring.take(most)
+        } else {
+            ring.put(most)
+        };
+        let moved: usize = ranges.iter().map(ExactSizeIterator::len).sum();
+        assert!(moved <= most && ranges.iter().all(|range| range.end <= room));
+        assert_eq!(before.abs_diff(ring.available()), moved);
+        assert_eq!(Ring::checked(ring.numbers(), room), Ok(ring));
+    }
 }
 
 /// What comes behind a good header, on every carrier that there is: any split gives the same

@@ -9,6 +9,7 @@ mod local;
 mod mcast;
 mod mjpeg;
 mod name_ser;
+mod shmem;
 mod specifier;
 mod tcp;
 mod text;
@@ -60,6 +61,9 @@ pub enum Transport {
     /// A socket of the file system, named after the TCP ports of the two ends of the header's
     /// connection, which ends.
     UnixSocket,
+    /// Memory that both map ([`shmem`](crate::shmem)); a connection to the port that the header reply
+    /// names tells when the other is gone, and the connection of the header ends.
+    SharedMemory,
     /// The connection of the header, in the frames of [`websocket`](crate::websocket).
     WebSocket,
     /// Nothing: writer and reader are in one process.
@@ -92,7 +96,7 @@ pub struct Carrier {
 }
 
 /// Every carrier, in the order in which an acceptor tries them.
-pub static ALL: [&Carrier; 13] = [
+pub static ALL: [&Carrier; 14] = [
     &http::HTTP,
     &name_ser::NAME_SER,
     &local::LOCAL,
@@ -104,6 +108,7 @@ pub static ALL: [&Carrier; 13] = [
     &text_ack::TEXT_ACK,
     &unix_stream::UNIX_STREAM,
     &unix_stream::UNIX_STREAM_ACK,
+    &shmem::SHMEM,
     &mjpeg::MJPEG,
     &websocket::WEBSOCKET,
 ];
@@ -170,6 +175,7 @@ mod tests {
         check(b"YA\x61\x1e\0\0RP", Some("udp"));
         check(b"YA\xe1\x1e\0\0RP", Some("udp"));
         check(b"YA\x62\x1e\0\0RP", Some("mcast"));
+        check(b"YA\x6f\x1e\0\0RP", Some("shmem"));
         check(b"CONNECT ", Some("text"));
         check(b"CONNACK ", Some("text_ack"));
         check(b"NAME_SER", Some("name_ser"));

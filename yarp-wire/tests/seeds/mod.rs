@@ -3,7 +3,6 @@
 use bytes::BytesMut;
 use yarp_wire::auth::{Handshake, Key};
 use yarp_wire::carrier::{ALL, Carrier, Framing, Transport};
-use yarp_wire::connection::put_message;
 use yarp_wire::connection::{put_acknowledgement, put_message, put_reply};
 use yarp_wire::message::Command;
 use yarp_wire::mjpeg::{RESPONSE, put_part};
@@ -30,6 +29,7 @@ pub(crate) fn all() -> Vec<(&'static str, Vec<Vec<u8>>)> {
         ("typed", typed_messages()),
         ("mjpeg", streams()),
         ("websocket", frames()),
+        ("shmem", segments()),
         ("framing", behind_headers()),
         ("reversed", from_readers()),
         ("auth", handshakes()),
@@ -278,6 +278,25 @@ fn frames() -> Vec<Vec<u8>> {
         b"\x82\x88\0\0\0\0\0\0\0\0~d\0\x01\x88\x82\0\0\0\0\x03\xe8".to_vec(),
         b"\x82\xff\0\0\0\xff\0\0\0\0\0\0\0\0".to_vec(),
     ]
+}
+
+/// Handshakes, heads of segments that are and are not possible, and steps.
+fn segments() -> Vec<Vec<u8>> {
+    let heads: [([i32; 4], u16); 5] = [
+        ([4096, 0, 0, 0], 4096),
+        ([4096, 10, 4090, 16], 4100),
+        ([100, 50, 50, 100], 100),
+        ([100, 50, 50, 101], 100),
+        ([i32::MAX, -1, 0, i32::MIN], 10),
+    ];
+    let seed = |(number, (head, room)): (usize, ([i32; 4], u16))| {
+        let mut seed = vec![(number % 2) as u8, 0, 0, 0, 0, 16, 0, 0];
+        seed.extend(head.iter().flat_map(|number| number.to_le_bytes()));
+        seed.extend(room.to_le_bytes());
+        seed.extend([3, 2, 255, 254, 101, 0, 1, 201, 200]);
+        seed
+    };
+    heads.into_iter().enumerate().map(seed).collect()
 }
 
 fn on_the_wire() -> impl Iterator<Item = &'static Carrier> {

@@ -1,0 +1,276 @@
+"""Sends messages both ways between stock YARP and ours over carriers within one machine.
+
+For each carrier: small and large messages, envelopes where stock's bindings have them, requests and
+replies, both ways; then either end is killed and started again. At the end nothing may be left of
+the shared memory of these connections. Prints `ok` or `FAIL` per check and ends with 1 if any failed.
+
+    "$STOCK/bin/python" conformance/live/carriers.py OUR_YARP STOCK_YARP [CARRIER ...]
+
+The network is that of YARP's configuration; `TMPDIR` and `YARP_RUNTIME_DIR` must name a folder of this
+run alone.
+"""
+
+import os
+import pathlib
+import queue
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import yarp
+
+PATIENCE = 30.0
+# Characters of a large message: much more than a ring begins with.
+LARGE = 1_000_000
+
+# Lines of the log, which the programs print among the messages.
+LOG = re.compile(r"\[(TRACE|DEBUG|INFO|WARNING|ERROR)\]")
+
+failures = 0
+
+
+def check(what, good, found=""):
+    """Prints one line."""
+    global failures
+    failures += not good
+    print(f"{'ok  ' if good else 'FAIL'} {what}{f': {found}' if found != '' and not good else ''}", flush=True)
+    return good
+
+
+def eventually(condition):
+    begun = time.monotonic()
+    while time.monotonic() < begun + PATIENCE:
+        if condition():
+            return True
+        time.sleep(0.02)
+    return False
+
+
+class Program:
+    """A program whose lines are read as they come."""
+
+    def __init__(self, command, **options):
+        self.process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, bufsize=1, **options)
+        self.lines = queue.Queue()
+        threading.Thread(target=self.follow, daemon=True).start()
+
+    def follow(self):
+        for line in self.process.stdout:
+            if not LOG.match(line):
+                self.lines.put(line.rstrip("\n"))
+
+    def say(self, line):
+        self.process.stdin.write(line + "\n")
+        self.process.stdin.flush()
+
+    def next(self):
+        """The next line, or None."""
+        try:
+            return self.lines.get(timeout=PATIENCE)
+        except queue.Empty:
+            return None
+
+    def kill(self):
+        self.process.kill()
+        self.process.wait()
+
+    def end(self):
+        self.process.send_signal(signal.SIGINT)
+        try:
+            self.process.wait(10)
+        except subprocess.TimeoutExpired:
+            self.kill()
+
+
+class Reader(yarp.PortReader):
+    """What arrives at a port of stock, as text; answers what wants an answer."""
+
+    def __init__(self):
+        super().__init__()
+        self.got = queue.Queue()
+
+    def read(self, connection):
+        message = yarp.Bottle()
+        if not message.read(connection):
+            return False
+        self.got.put(message.toString())
+        writer = connection.getWriter()
+        if writer is not None:
+            answer = yarp.Bottle()
+            answer.addString("stock")
+            answer.append(message)
+            answer.write(writer)
+        return True
+
+    def next(self):
+        try:
+            return self.got.get(timeout=PATIENCE)
+        except queue.Empty:
+            return None
+
+
+def port(name):
+    opened = yarp.Port()
+    assert opened.open(name), name
+    return opened
+
+
+def bottle(text):
+    made = yarp.Bottle()
+    made.fromString(text)
+    return made
+
+
+def connect(what, source, target, carrier):
+    """Without a connection nothing else can be checked."""
+    if not check(f"{carrier}: {what}", eventually(lambda: yarp.Network.connect(source, target, carrier, True))):
+        raise NoConnection
+
+
+class NoConnection(Exception):
+    """Two ports could not be connected, and that has been told."""
+
+
+def texts():
+    return ["1 2.5 hello", "(a (b c)) [vocb] \"two words\"", "x" * LARGE, "y" * 5000, "z" * (3 * LARGE), "last"]
+
+
+def shown(text):
+    return "nothing" if text is None else text[:40]
+
+
+def stock_writes(ours, _stock, carrier):
+    name = f"/live/{carrier}/ours"
+    reader = Program([ours, "read", name, "envelope"])
+    writer = port(f"/live/{carrier}/stock")
+    connect("stock connects to ours", writer.getName(), name, carrier)
+    for count, text in enumerate(texts()):
+        stamp = yarp.Stamp(count, 1.5)
+        writer.setEnvelope(stamp)
+        writer.write(bottle(text))
+        envelope, got = reader.next(), reader.next()
+        check(f"{carrier}: ours reads {len(text)} characters", got == text, shown(got))
+        check(f"{carrier}: and their envelope", (envelope or "").split()[:1] == [str(count)], shown(envelope))
+    # Many in a row, faster than they are printed.
+    for number in range(500):
+        writer.write(bottle(str(number)))
+    got = [(reader.next(), reader.next())[1] for _ in range(500)]
+    check(f"{carrier}: 500 messages in order", got == [str(number) for number in range(500)])
+
+    reader.kill()
+    writer.write(bottle("into nothing"))
+    check(f"{carrier}: stock outlives our reader", eventually(lambda: writer.getOutputCount() == 0 or not writer.write(bottle("x"))))
+    reader = Program([ours, "read", name, "envelope"])
+    connect("stock connects to it again", writer.getName(), name, carrier)
+    writer.write(bottle("again"))
+    got = reader.next()
+    got = reader.next() if got is not None and got != "again" else got
+    check(f"{carrier}: and ours reads again", got == "again", shown(got))
+    yarp.Network.disconnect(writer.getName(), name)
+    writer.close()
+    reader.end()
+
+
+def ours_writes(ours, _stock, carrier):
+    name = f"/live/{carrier}/stock/r"
+    got = Reader()
+    reader = port(name)
+    reader.setReader(got)
+    writer_name = f"/live/{carrier}/ours/w"
+    for run in ["first", "after a kill"]:
+        writer = Program([ours, "write", writer_name])
+        connect(f"ours connects to stock, {run}", writer_name, name, carrier)
+        for text in texts():
+            writer.say(text)
+            found = got.next()
+            check(f"{carrier}: stock reads {len(text)} characters, {run}", found == text, shown(found))
+        for number in range(500):
+            writer.say(str(number))
+        found = [got.next() for _ in range(500)]
+        check(f"{carrier}: 500 messages in order, {run}", found == [str(number) for number in range(500)])
+        if run == "first":
+            writer.kill()
+            check(f"{carrier}: stock notices", eventually(lambda: reader.getInputCount() == 0))
+        else:
+            writer.end()
+    reader.interrupt()
+    reader.close()
+
+
+def requests(ours, _stock, carrier):
+    got = Reader()
+    server = port(f"/live/{carrier}/stock/s")
+    server.setReader(got)
+    client_name = f"/live/{carrier}/ours/c"
+    client = Program([ours, "rpc", "--client", client_name])
+    connect("our client connects to stock", client_name, server.getName(), carrier)
+    for text in ["hello 1", "x" * LARGE]:
+        client.say(text)
+        answer = client.next()
+        while answer is not None and "stock" not in answer:
+            answer = client.next()
+        good = answer is not None and answer.strip().endswith(f"stock {text}")
+        check(f"{carrier}: stock answers {len(text)} characters to ours", good, shown(answer))
+    client.end()
+    server.interrupt()
+    server.close()
+
+    name = f"/live/{carrier}/ours/s"
+    server = Program([ours, "rpcserver", "--echo", name])
+    client = yarp.RpcClient()
+    client.open(f"/live/{carrier}/stock/c")
+    connect("stock connects to our server", client.getName(), name, carrier)
+    for text in ["hello 1", "x" * LARGE]:
+        answer = yarp.Bottle()
+        client.write(bottle(text), answer)
+        check(f"{carrier}: ours answers {len(text)} characters to stock", answer.toString() == text, shown(answer.toString()))
+    client.close()
+    server.end()
+
+
+def killed_stock_writer(ours, stock, carrier):
+    name = f"/live/{carrier}/ours/k"
+    reader = Program([ours, "read", name])
+    writer_name = f"/live/{carrier}/stock/k"
+    for run in range(3):
+        writer = Program([*stock, "write", writer_name])
+        connect(f"stock connects, run {run}", writer_name, name, carrier)
+        for text in ["hello", "x" * LARGE]:
+            writer.say(text)
+            got = reader.next()
+            check(f"{carrier}: ours reads, run {run}", got == text, shown(got))
+        writer.kill()
+    reader.end()
+
+
+def segments():
+    """Keys of the segments of this machine."""
+    lines = pathlib.Path("/proc/sysvipc/shm").read_text().splitlines()[1:]
+    return {int(line.split()[0]) for line in lines} - {0}
+
+
+def main():
+    ours, stock, *carriers = sys.argv[1:]
+    yarp.Network.init()
+    for carrier in carriers or ["shmem", "unix_stream"]:
+        before = segments()
+        for part in [stock_writes, ours_writes, requests, killed_stock_writer]:
+            try:
+                part(ours, stock.split(), carrier)
+            except NoConnection:
+                pass
+        left = list(pathlib.Path(os.environ["TMPDIR"]).glob("SHMEM_*"))
+        check(f"{carrier}: no lock is left", not left, left)
+        left = segments() - before
+        check(f"{carrier}: no segment is left", not left, left)
+    yarp.Network.fini()
+    print(f"{failures} failed" if failures else "all passed", flush=True)
+    # Threads of the bindings may still wait for what will not come.
+    os._exit(1 if failures else 0)
+
+
+main()

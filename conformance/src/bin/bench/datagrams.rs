@@ -1,0 +1,72 @@
+//! Messages in datagrams: how many go out, and how many of them arrive.
+
+use std::time::Duration;
+
+use crate::processes::{Bench, Side};
+use crate::statistics::median;
+use crate::{Failure, RUNS};
+
+/// A pace at which nothing should be lost, messages per second.
+const PACE: u32 = 150_000;
+/// A reader that has counted nothing more for so long has counted all.
+const QUIET: Duration = Duration::from_millis(300);
+
+/// Writer, reader, bytes per message, messages, and the pace (0 for as fast as can be).
+const ROWS: [(Side, Side, usize, u32, u32); 7] = [
+    (Side::Stock, Side::Stock, 16, 200_000, 0),
+    (Side::Ours, Side::Ours, 16, 200_000, 0),
+    (Side::Stock, Side::Ours, 16, 200_000, 0),
+    (Side::Ours, Side::Stock, 16, 200_000, 0),
+    (Side::Ours, Side::Ours, 16, 300_000, PACE),
+    (Side::Stock, Side::Stock, 1_000_000, 500, 0),
+    (Side::Ours, Side::Ours, 1_000_000, 500, 0),
+];
+
+impl Bench {
+    pub(crate) fn datagrams(&self) -> Result<(), Failure> {
+        println!("udp, one way                        sent  received");
+        for (writer, reader, bytes, n, pace) in ROWS {
+            let mut rates = Vec::new();
+            let mut shares = Vec::new();
+            for _ in 0..RUNS {
+                let (rate, share) = self.sent_and_received(writer, reader, bytes, n, pace)?;
+                rates.push(rate);
+                shares.push(share);
+            }
+            let (rate, share) = (median(rates.into_iter()), median(shares.into_iter()));
+            let paced = if pace > 0 { ", paced" } else { "" };
+            let label = format!("{writer:?} to {reader:?}, {bytes} bytes{paced}");
+            println!("{label:<36}{rate:>9.0}/s {:>7.2} %", 100.0 * share);
+        }
+        Ok(())
+    }
+
+    /// Messages sent per second, and the share of them that was read.
+    fn sent_and_received(
+        &self,
+        writer: Side,
+        reader: Side,
+        bytes: usize,
+        n: u32,
+        pace: u32,
+    ) -> Result<(f64, f64), Failure> {
+        let (mut reader, name) = self.server(reader, "count")?;
+        let (bytes, count, pace_text) = (bytes.to_string(), n.to_string(), pace.to_string());
+        let mut words = vec!["send", &name, "udp", &count, &bytes];
+        if pace > 0 {
+            words.push(&pace_text);
+        }
+        let mut writer = self.start(writer, &words)?;
+        let seconds = writer.numbers(1)?[0] / 1e9;
+        let mut read = reader.count(0)?;
+        loop {
+            std::thread::sleep(QUIET);
+            let now = reader.count(0)?;
+            if now == read {
+                break;
+            }
+            read = now;
+        }
+        Ok((f64::from(n) / seconds, read / f64::from(n)))
+    }
+}

@@ -1,0 +1,80 @@
+//! Messages one way, over each carrier and between each pair of sides.
+
+use std::time::Instant;
+
+use crate::processes::{Bench, Side};
+use crate::statistics::median;
+use crate::{Failure, RUNS};
+
+/// Writer and reader of each column; the first is what the others are compared with.
+const PAIRS: [(Side, Side); 4] = [
+    (Side::Stock, Side::Stock),
+    (Side::Ours, Side::Ours),
+    (Side::Stock, Side::Ours),
+    (Side::Ours, Side::Stock),
+];
+const HEADINGS: &str = "stock>stock    ours>ours   stock>ours   ours>stock   ratios to stock>stock";
+
+/// Carrier, bytes per message, and messages: a writer of stock's, one of ours.
+const ROWS: [(&str, usize, u32, u32); 8] = [
+    ("tcp", 16, 20_000, 50_000),
+    ("fast_tcp", 16, 50_000, 1_000_000),
+    ("unix_stream", 16, 50_000, 1_000_000),
+    ("shmem", 16, 20_000, 200_000),
+    ("tcp", 1_000_000, 1_000, 1_000),
+    ("fast_tcp", 1_000_000, 1_000, 1_000),
+    ("unix_stream", 1_000_000, 1_000, 1_000),
+    ("shmem", 1_000_000, 2_000, 4_000),
+];
+
+impl Bench {
+    /// `wanted` names a carrier, or is empty for all.
+    pub(crate) fn one_way(&self, wanted: &str) -> Result<(), Failure> {
+        println!("{:<26}{HEADINGS}", "one way");
+        let wanted = |row: &&(&str, usize, u32, u32)| wanted.is_empty() || row.0 == wanted;
+        for &(carrier, bytes, from_stock, from_ours) in ROWS.iter().filter(wanted) {
+            let mut rates = [const { Vec::new() }; PAIRS.len()];
+            for _ in 0..RUNS {
+                for ((writer, reader), rates) in PAIRS.into_iter().zip(&mut rates) {
+                    // A stock reader is no faster, whoever writes.
+                    let n = match (writer, reader) {
+                        (Side::Ours, Side::Ours) => from_ours,
+                        _ => from_stock,
+                    };
+                    rates.push(self.rate(writer, reader, carrier, n, bytes)?);
+                }
+            }
+            let rates = rates.map(|rates| median(rates.into_iter()));
+            let shown = rates.map(|rate| match bytes {
+                16 => format!("{rate:>11.0}/s"),
+                _ => format!("{:>8.2} GB/s", rate * bytes as f64 / 1e9),
+            });
+            let ratios: Vec<String> = rates[1..]
+                .iter()
+                .map(|rate| format!("{:6.2}", rate / rates[0]))
+                .collect();
+            let label = format!("{carrier}, {bytes} bytes");
+            println!("{label:<22}{} {}", shown.join(""), ratios.join(" "));
+        }
+        Ok(())
+    }
+
+    /// Messages per second until the last has been read.
+    fn rate(
+        &self,
+        writer: Side,
+        reader: Side,
+        carrier: &str,
+        n: u32,
+        bytes: usize,
+    ) -> Result<f64, Failure> {
+        let (mut reader, name) = self.server(reader, "count")?;
+        let words = [&name, carrier, &n.to_string(), &bytes.to_string()];
+        let mut writer = self.start(writer, &[&["send"], &words[..]].concat())?;
+        let sent = writer.numbers(1)?[0];
+        let begin = Instant::now();
+        reader.count(n)?;
+        let total = sent / 1e9 + begin.elapsed().as_secs_f64();
+        Ok(f64::from(n) / total)
+    }
+}

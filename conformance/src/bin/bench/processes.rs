@@ -1,0 +1,120 @@
+//! The peers as processes.
+
+use std::io::{BufRead, BufReader, Write};
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+use crate::Failure;
+
+/// Whose peer.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Side {
+    Ours,
+    Stock,
+}
+
+/// Starts them.
+pub(crate) struct Bench {
+    ours: PathBuf,
+    stock: PathBuf,
+    next: std::cell::Cell<usize>,
+}
+
+impl Bench {
+    pub(crate) fn new() -> Result<Self, Failure> {
+        let stock = std::env::var("STOCK_PEER").map(PathBuf::from);
+        let stock = stock.map_err(
+            |_| "STOCK_PEER must name the built bench/stock_peer.cpp; `make bench` does it",
+        )?;
+        Ok(Self {
+            ours: std::env::current_exe()?,
+            stock,
+            next: 0.into(),
+        })
+    }
+
+    fn name(&self) -> String {
+        let next = self.next.get() + 1;
+        self.next.set(next);
+        format!("/bench/{}/{next}", std::process::id())
+    }
+
+    pub(crate) fn start(&self, side: Side, arguments: &[&str]) -> Result<Running, Failure> {
+        let program = match side {
+            Side::Ours => &self.ours,
+            Side::Stock => &self.stock,
+        };
+        let mut child = Command::new(program)
+            .args(arguments)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .map_err(|error| format!("cannot start {}: {error}", program.display()))?;
+        let output = BufReader::new(child.stdout.take().expect("piped"));
+        Ok(Running { child, output })
+    }
+
+    pub(crate) fn server(&self, side: Side, what: &str) -> Result<(Running, String), Failure> {
+        let name = self.name();
+        let mut running = self.start(side, &[what, &name])?;
+        running.line_starting("ready")?;
+        Ok((running, name))
+    }
+}
+
+/// One that runs; ends with this value.
+pub(crate) struct Running {
+    child: Child,
+    output: BufReader<std::process::ChildStdout>,
+}
+
+impl Running {
+    pub(crate) fn line_starting(&mut self, start: &str) -> Result<String, Failure> {
+        loop {
+            let mut line = String::new();
+            if self.output.read_line(&mut line)? == 0 {
+                return Err("a peer ended early".into());
+            }
+            if line.starts_with(start) {
+                return Ok(line);
+            }
+        }
+    }
+
+    /// The next numbers; stock's log lines between them are passed over.
+    pub(crate) fn numbers(&mut self, n: usize) -> Result<Vec<f64>, Failure> {
+        let mut numbers = Vec::with_capacity(n);
+        while numbers.len() < n {
+            let line = self.line_starting("")?;
+            if let Ok(number) = line.trim().parse() {
+                numbers.push(number);
+            }
+        }
+        Ok(numbers)
+    }
+
+    /// Asks a counting peer to answer once it has read so many messages; how many it has then.
+    pub(crate) fn count(&mut self, goal: u32) -> Result<f64, Failure> {
+        let input = self.child.stdin.as_mut().expect("piped");
+        writeln!(input, "{goal}")?;
+        input.flush()?;
+        Ok(self.numbers(1)?[0])
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        // Its input ends; what does not end by itself then is killed.
+        drop(self.child.stdin.take());
+        for _ in 0..100 {
+            if matches!(self.child.try_wait(), Ok(Some(_)) | Err(_)) {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}

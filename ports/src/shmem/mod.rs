@@ -1,0 +1,269 @@
+//! Connections through memory that two processes on one machine share (carrier `shmem`).
+//!
+//! With a stock peer the segments, locks and handshake are stock's ([`yarp_wire::shmem`]). Between
+//! two ports of ours the same segments hold a ring without locks ([`ring`]); the two know each other
+//! by marks that stock does not look at, and say in the log which it is.
+//!
+//! No task ever blocks on the other process. A lock that is taken is tried again later, and a
+//! connection whose lock stays taken for [`PATIENCE`] ends. Waiting is for the TCP connection of the
+//! handshake, which ends with the other process; with a stock peer a thread per connection sleeps on
+//! its lock besides ([`sleeper`]), as such a lock is nothing that tasks can wait for.
+//!
+//! Names of segments and locks go as soon as both ends have opened them, so that a killed process
+//! leaves nothing behind.
+
+mod channel;
+mod handshake;
+mod lock;
+mod memory;
+mod plain;
+mod ring;
+mod sleeper;
+#[cfg(test)]
+mod tests;
+
+use std::io::{self, IoSlice};
+use std::sync::atomic::AtomicBool;
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use bytes::BufMut;
+use tokio::net::TcpStream;
+
+pub(crate) use handshake::{Offer, connect};
+use sleeper::Sleeper;
+
+/// How long the other end may hold a lock.
+const PATIENCE: Duration = Duration::from_secs(if cfg!(test) { 1 } else { 5 });
+/// Pause before a lock, or room that nobody will tell of, is looked for again.
+const PAUSE: Duration = Duration::from_millis(1);
+/// Longest time awake per wait; a wait shorter than [`SOON`] makes the next one be spent awake.
+const AWAKE: Duration = Duration::from_micros(200);
+const SOON: Duration = Duration::from_micros(400);
+/// Room that is worth writing into.
+const ROOM: usize = 32 * 1024;
+
+/// A stream of bytes in both directions.
+#[derive(Debug)]
+pub(crate) struct ShmemStream {
+    /// Ends with the other process; between ours a byte on it wakes the other end.
+    tcp: TcpStream,
+    layout: Layout,
+    /// The TCP connection ended: what is in the memory is all there will be.
+    ended: AtomicBool,
+    /// Since when a lock has been found taken.
+    stuck: Mutex<Option<Instant>>,
+    reads_soon: AtomicBool,
+    writes_soon: AtomicBool,
+}
+
+#[derive(Debug)]
+enum Layout {
+    Ours {
+        reader: Mutex<ring::Reader>,
+        writer: Mutex<ring::Writer>,
+    },
+    Stock {
+        reader: Mutex<plain::Reader>,
+        writer: Mutex<plain::Writer>,
+        sleeper: Sleeper,
+    },
+}
+
+fn held<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl ShmemStream {
+    fn new(tcp: TcpStream, layout: Layout) -> Self {
+        Self {
+            tcp,
+            layout,
+            ended: AtomicBool::new(false),
+            stuck: Mutex::new(None),
+            reads_soon: AtomicBool::new(false),
+            writes_soon: AtomicBool::new(false),
+        }
+    }
+
+    /// The TCP connection that goes with it.
+    pub(crate) fn tcp(&self) -> &TcpStream {
+        &self.tcp
+    }
+
+    /// Reads what there is into the room that `buffer` has; `Ok(0)` is the end.
+    pub(crate) fn try_read_buf(&self, buffer: &mut impl BufMut) -> io::Result<usize> {
+        let room = buffer.chunk_mut().len();
+        self.try_read(buffer, room)
+    }
+
+    /// Reads up to `most` bytes of what there is; `Ok(0)` is the end.
+    pub(crate) fn try_read(&self, out: &mut impl BufMut, most: usize) -> io::Result<usize> {
+        // Asked first: all that the other end wrote was there before it ended.
+        let ended = self.ended.load(Relaxed);
+        let read = match &self.layout {
+            Layout::Ours { reader, .. } => held(reader).read(out, most, || self.wake()),
+            Layout::Stock { reader, .. } => self.unstuck(held(reader).read(out, most)),
+        };
+        match read {
+            Err(error) if ended && error.kind() == io::ErrorKind::WouldBlock => Ok(0),
+            read => read,
+        }
+    }
+
+    /// Writes what fits.
+    pub(crate) fn try_write_vectored(&self, chunks: &[IoSlice<'_>]) -> io::Result<usize> {
+        if self.ended.load(Relaxed) {
+            return Err(io::ErrorKind::BrokenPipe.into());
+        }
+        match &self.layout {
+            Layout::Ours { writer, .. } => held(writer).write(chunks, || self.wake()),
+            Layout::Stock { writer, .. } => self.unstuck(held(writer).write(chunks)),
+        }
+    }
+
+    /// Waits until there is something to read, or the end.
+    pub(crate) async fn readable(&self) -> io::Result<()> {
+        if self
+            .awake(&self.reads_soon, || self.can_read(false))
+            .await?
+        {
+            return Ok(());
+        }
+        let begin = Instant::now();
+        while !self.ended.load(Relaxed) && !self.can_read(true)? {
+            match &self.layout {
+                Layout::Ours { .. } => self.woken().await,
+                Layout::Stock { reader, .. } if held(&self.stuck).is_some() => {
+                    self.pause(|| held(reader).is_free()).await;
+                }
+                Layout::Stock { sleeper, .. } => tokio::select! {
+                    () = sleeper.sleep() => {}
+                    () = self.woken() => {}
+                },
+            }
+        }
+        self.reads_soon.store(begin.elapsed() < SOON, Relaxed);
+        Ok(())
+    }
+
+    /// Waits until writing may be worth another try.
+    pub(crate) async fn writable(&self) -> io::Result<()> {
+        let writer = match &self.layout {
+            Layout::Ours { writer, .. } => writer,
+            Layout::Stock { writer, .. } => {
+                // A stock reader does not say that it has read.
+                self.pause(|| held(writer).seems_ready()).await;
+                return Ok(());
+            }
+        };
+        let room = |sleeps| {
+            let writer = held(writer);
+            if sleeps {
+                writer.will_sleep();
+            }
+            Ok(writer.free()? >= ROOM)
+        };
+        if self.awake(&self.writes_soon, || room(false)).await? {
+            return Ok(());
+        }
+        let begin = Instant::now();
+        while !self.ended.load(Relaxed) && !room(true)? {
+            self.woken().await;
+        }
+        self.writes_soon.store(begin.elapsed() < SOON, Relaxed);
+        Ok(())
+    }
+
+    /// Looks for a while, giving way to other tasks between looks; then sleeps for a moment.
+    async fn pause(&self, ready: impl Fn() -> bool) {
+        let begin = Instant::now();
+        while begin.elapsed() < SOON {
+            if ready() {
+                return;
+            }
+            tokio::task::yield_now().await;
+        }
+        tokio::time::sleep(PAUSE).await;
+    }
+
+    fn can_read(&self, sleeps: bool) -> io::Result<bool> {
+        match &self.layout {
+            Layout::Ours { reader, .. } => {
+                let reader = held(reader);
+                if sleeps {
+                    reader.will_sleep();
+                }
+                Ok(reader.waiting()? > 0)
+            }
+            Layout::Stock { reader, .. } if !sleeps => {
+                let reader = held(reader);
+                Ok(reader.seems_ready() && reader.is_free())
+            }
+            Layout::Stock { reader, .. } => match self.unstuck(held(reader).is_ready()) {
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => Ok(false),
+                ready => ready,
+            },
+        }
+    }
+
+    /// Looks for a while, if the last wait was short; giving way to other tasks between looks.
+    async fn awake(
+        &self,
+        soon: &AtomicBool,
+        ready: impl Fn() -> io::Result<bool>,
+    ) -> io::Result<bool> {
+        if ready()? {
+            return Ok(true);
+        }
+        let begin = Instant::now();
+        while soon.load(Relaxed) && begin.elapsed() < AWAKE {
+            tokio::task::yield_now().await;
+            if ready()? {
+                return Ok(true);
+            }
+        }
+        soon.store(false, Relaxed);
+        Ok(false)
+    }
+
+    /// Makes a taken lock something to wait for, until patience is at its end.
+    fn unstuck<T>(&self, result: io::Result<T>) -> io::Result<T> {
+        let mut stuck = held(&self.stuck);
+        match result {
+            Err(error) if error.kind() == io::ErrorKind::ResourceBusy => {
+                let since = stuck.get_or_insert_with(Instant::now);
+                if since.elapsed() < PATIENCE {
+                    return Err(io::ErrorKind::WouldBlock.into());
+                }
+                let text = "the other end of shmem has held the lock of the shared memory for ";
+                let text = format!("{text}{} s; it may have been stopped", PATIENCE.as_secs());
+                Err(io::Error::new(io::ErrorKind::TimedOut, text))
+            }
+            result => {
+                *stuck = None;
+                result
+            }
+        }
+    }
+
+    /// Wakes the other end. That there is no room for the byte means that others wait there.
+    fn wake(&self) {
+        let _ = self.tcp.try_write(&[0]);
+    }
+
+    /// Waits for the other end to wake this one, or to end. May return for no reason: another who
+    /// waits may have read the byte, and then what it stands for is there to be seen.
+    async fn woken(&self) {
+        let readable = self.tcp.readable().await;
+        let read = readable.and_then(|()| self.tcp.try_read(&mut [0; 64]));
+        let ended = match read {
+            Ok(length) => length == 0,
+            Err(error) => error.kind() != io::ErrorKind::WouldBlock,
+        };
+        if ended {
+            self.ended.store(true, Relaxed);
+        }
+    }
+}

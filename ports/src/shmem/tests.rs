@@ -1,0 +1,406 @@
+//! Both layouts, with peers that lie, stop or die.
+
+use std::future::Future;
+use std::io::{ErrorKind, IoSlice};
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::Duration;
+
+use bytes::BytesMut;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::{TcpListener, TcpStream};
+use yarp_wire::shmem::{HEAD, PACKET, STOCK_SIZE, at, key, lock_names};
+
+use super::channel::{Channel, create_segment};
+use super::memory::Memory;
+use super::*;
+
+async fn within<T>(future: impl Future<Output = T>) -> T {
+    let timed = tokio::time::timeout(Duration::from_secs(30), future);
+    timed.await.expect("stuck")
+}
+
+/// Both ends of the TCP connection of a header.
+async fn header() -> (TcpStream, TcpStream) {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap();
+    let (connected, accepted) = tokio::join!(TcpStream::connect(address), listener.accept());
+    (connected.unwrap(), accepted.unwrap().0)
+}
+
+/// Two of ours: initiator and acceptor.
+async fn ours() -> (ShmemStream, ShmemStream) {
+    let (initiator, acceptor) = header().await;
+    let offer = Offer::new(&acceptor).await.unwrap();
+    let number = offer.number();
+    let (connected, accepted) = tokio::join!(connect(&initiator, number), offer.accept());
+    (connected.unwrap(), accepted.unwrap())
+}
+
+/// One end as stock has it, by hand.
+struct Stock {
+    tcp: TcpStream,
+    reader: plain::Reader,
+    writer: plain::Writer,
+}
+
+impl Stock {
+    /// Connects to an acceptor of ours.
+    async fn connect() -> (Self, ShmemStream) {
+        let (_initiator, acceptor) = header().await;
+        let offer = Offer::new(&acceptor).await.unwrap();
+        let number = offer.number();
+        let connecting = async {
+            let mut tcp = TcpStream::connect(("127.0.0.1", number)).await.unwrap();
+            let own = tcp.local_addr().unwrap().port();
+            let output = Channel::create(own, HEAD + STOCK_SIZE).unwrap();
+            plain::prepare(&output);
+            tcp.write_all(&[0, 0, 0, 0, 0, 16, 0, 0]).await.unwrap();
+            tcp.read_exact(&mut [0; PACKET]).await.unwrap();
+            let input = Channel::open(number).unwrap();
+            Self {
+                tcp,
+                reader: plain::Reader::new(input),
+                writer: plain::Writer::new(output),
+            }
+        };
+        let (stock, accepted) = tokio::join!(connecting, offer.accept());
+        (stock, accepted.unwrap())
+    }
+
+    /// Accepts an initiator of ours.
+    async fn accept() -> (ShmemStream, Self) {
+        let (initiator, _acceptor) = header().await;
+        let listener = TcpListener::bind("0.0.0.0:0").await.unwrap();
+        let number = listener.local_addr().unwrap().port();
+        let accepting = async {
+            let (mut tcp, from) = listener.accept().await.unwrap();
+            let mut said = [0; PACKET];
+            tcp.read_exact(&mut said).await.unwrap();
+            let input = Channel::open(from.port()).unwrap();
+            let output = Channel::create(number, HEAD + STOCK_SIZE).unwrap();
+            plain::prepare(&output);
+            // Stock leaves the second number to chance; here it is the worst that chance can do.
+            said[0] = 1;
+            tcp.write_all(&said).await.unwrap();
+            Self {
+                tcp,
+                reader: plain::Reader::new(input),
+                writer: plain::Writer::new(output),
+            }
+        };
+        let (connected, stock) = tokio::join!(connect(&initiator, number), accepting);
+        (connected.unwrap(), stock)
+    }
+
+    fn into_stream(self) -> ShmemStream {
+        let layout = Layout::Stock {
+            sleeper: Sleeper::new(self.reader.sleep()).unwrap(),
+            reader: Mutex::new(self.reader),
+            writer: Mutex::new(self.writer),
+        };
+        ShmemStream::new(self.tcp, layout)
+    }
+}
+
+async fn write_all(stream: &ShmemStream, mut bytes: &[u8]) -> io::Result<()> {
+    while !bytes.is_empty() {
+        match stream.try_write_vectored(&[IoSlice::new(bytes)]) {
+            Ok(count) => bytes = &bytes[count..],
+            Err(error) if error.kind() == ErrorKind::WouldBlock => stream.writable().await?,
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(())
+}
+
+/// Reads `count` bytes, or fewer at the end.
+async fn read(stream: &ShmemStream, count: usize) -> io::Result<BytesMut> {
+    let mut bytes = BytesMut::new();
+    while bytes.len() < count {
+        let most = count - bytes.len();
+        bytes.reserve(most);
+        match stream.try_read(&mut bytes, most) {
+            Ok(0) => break,
+            Ok(_) => {}
+            Err(error) if error.kind() == ErrorKind::WouldBlock => stream.readable().await?,
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(bytes)
+}
+
+fn pattern(length: usize) -> Vec<u8> {
+    (0..length).map(|at| (at * 7 + at / 251) as u8).collect()
+}
+
+async fn passes_whole(one: &ShmemStream, other: &ShmemStream) {
+    for length in [1, 16, 4095, 4096, 4097, 100_000, 3_000_000, 5] {
+        let bytes = pattern(length);
+        for (from, to) in [(one, other), (other, one)] {
+            let (written, got) = tokio::join!(write_all(from, &bytes), read(to, length));
+            written.unwrap();
+            assert!(got.unwrap() == bytes, "{length} bytes came changed");
+        }
+    }
+}
+
+#[tokio::test]
+async fn bytes_pass_whole_between_ours() {
+    let (one, other) = ours().await;
+    assert!(matches!(one.layout, Layout::Ours { .. }));
+    assert!(matches!(other.layout, Layout::Ours { .. }));
+    within(passes_whole(&one, &other)).await;
+}
+
+/// The byte that wakes was read by the one who waited to read, and the one who waited to write slept
+/// on.
+#[tokio::test]
+async fn who_waits_to_read_does_not_keep_who_waits_to_write_asleep() {
+    let (one, other) = ours().await;
+    let bytes = pattern(3_000_000);
+    let writing = async {
+        let mut rest = &bytes[..];
+        while !rest.is_empty() {
+            if let Ok(count) = one.try_write_vectored(&[IoSlice::new(rest)]) {
+                rest = &rest[count..];
+                continue;
+            }
+            tokio::select! {
+                biased;
+                readable = one.readable() => panic!("nothing comes: {readable:?}"),
+                writable = one.writable() => writable.unwrap(),
+            }
+        }
+    };
+    let ((), got) = within(async { tokio::join!(writing, read(&other, bytes.len())) }).await;
+    assert!(got.unwrap() == bytes);
+}
+
+#[tokio::test]
+async fn bytes_pass_whole_in_the_layout_of_stock() {
+    let (stock, ours) = Stock::connect().await;
+    assert!(matches!(ours.layout, Layout::Stock { .. }));
+    within(passes_whole(&ours, &stock.into_stream())).await;
+    let (ours, stock) = Stock::accept().await;
+    assert!(matches!(ours.layout, Layout::Stock { .. }));
+    within(passes_whole(&ours, &stock.into_stream())).await;
+}
+
+/// Stock reads a block only when all of it is there.
+#[tokio::test]
+async fn a_reader_that_waits_for_a_whole_block_gets_room_for_it() {
+    let (ours, mut stock) = Stock::accept().await;
+    write_all(&ours, &[1; 1000]).await.unwrap();
+    // Larger than the ring, and than what a ring grows to for a writer that runs ahead.
+    let block = pattern(6_000_000);
+    let writing = write_all(&ours, &block);
+    let mut got = BytesMut::new();
+    let reading = async {
+        let mut first = BytesMut::with_capacity(1000);
+        while stock.reader.read(&mut first, 1000).is_err() {
+            tokio::task::yield_now().await;
+        }
+        got.reserve(block.len());
+        while stock.reader.available().unwrap_or(0) < block.len() {
+            let _ = stock.reader.is_ready();
+            tokio::task::yield_now().await;
+        }
+        stock.reader.read(&mut got, block.len()).unwrap();
+    };
+    within(async { tokio::join!(writing, reading).0.unwrap() }).await;
+    assert!(got == block);
+}
+
+#[tokio::test]
+async fn what_was_written_before_the_end_is_read() {
+    for died in [true, false] {
+        let (one, other) = ours().await;
+        write_all(&one, b"last words").await.unwrap();
+        drop(one);
+        assert_eq!(within(read(&other, 100)).await.unwrap(), "last words");
+        let error = within(write_all(&other, b"x")).await.unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::BrokenPipe);
+
+        let (mut stock, ours) = Stock::connect().await;
+        stock.writer.write(&[IoSlice::new(b"last words")]).unwrap();
+        if died {
+            // Killed: nobody says anything in the memory.
+            drop(stock.tcp);
+            std::mem::forget((stock.reader, stock.writer));
+        } else {
+            // Stock forgets to close the TCP connection.
+            drop((stock.reader, stock.writer));
+            std::mem::forget(stock.tcp);
+        }
+        assert_eq!(within(read(&ours, 100)).await.unwrap(), "last words");
+        let error = within(write_all(&ours, b"x")).await.unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::BrokenPipe);
+    }
+}
+
+/// A reader that sleeps when the other end goes away wakes up.
+#[tokio::test]
+async fn the_end_wakes_a_reader_that_sleeps() {
+    let (one, other) = ours().await;
+    let ending = async {
+        tokio::task::yield_now().await;
+        drop(one);
+    };
+    let (got, ()) = within(async { tokio::join!(read(&other, 1), ending) }).await;
+    assert!(got.unwrap().is_empty());
+    let (stock, ours) = Stock::connect().await;
+    let ending = async {
+        tokio::task::yield_now().await;
+        drop(stock);
+    };
+    let (got, ()) = within(async { tokio::join!(read(&ours, 1), ending) }).await;
+    assert!(got.unwrap().is_empty());
+}
+
+#[tokio::test]
+async fn a_lock_that_is_never_freed_ends_the_connection() {
+    let (stock, ours) = Stock::connect().await;
+    assert!(stock.writer.guard().try_take());
+    let error = within(read(&ours, 1)).await.unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::TimedOut, "{error}");
+    let (ours, stock) = Stock::accept().await;
+    assert!(stock.reader.guard().try_take());
+    let error = within(write_all(&ours, b"x")).await.unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::TimedOut, "{error}");
+}
+
+/// Numbers that no honest end writes, some of them near to honest ones.
+const LIES: [u32; 9] = [
+    1,
+    4096,
+    4097,
+    100_000,
+    0x7fff_ffff,
+    0x8000_0000,
+    0xffff_fff0,
+    0xffff_ffff,
+    266_213,
+];
+
+#[tokio::test]
+async fn lies_in_the_memory_of_stock_end_the_connection() {
+    for offset in [at::SIZE, at::HEAD, at::TAIL, at::AVAILABLE, at::RESIZE] {
+        for lie in LIES {
+            let (stock, ours) = Stock::connect().await;
+            stock.writer.memory().word(offset).store(lie, Relaxed);
+            // The end of the connection, or bytes that are there: no more than there is room for.
+            let ending = async {
+                drop(stock.tcp);
+                std::mem::forget((stock.reader, stock.writer));
+            };
+            let (got, ()) = within(async { tokio::join!(read(&ours, 1 << 20), ending) }).await;
+            if let Ok(bytes) = got {
+                assert!(bytes.len() <= STOCK_SIZE, "{offset} {lie} {}", bytes.len());
+            }
+        }
+        for lie in LIES {
+            let (ours, stock) = Stock::accept().await;
+            stock.reader.memory().word(offset).store(lie, Relaxed);
+            let written = ours.try_write_vectored(&[IoSlice::new(&[1; 5000])]);
+            assert!(offset == at::RESIZE || written.is_err() || written.is_ok_and(|n| n == 5000));
+        }
+    }
+}
+
+#[tokio::test]
+async fn lies_in_the_memory_of_ours_end_the_connection() {
+    for lie in LIES.into_iter().filter(|lie| *lie > 256 * 1024) {
+        let (one, other) = ours().await;
+        let Layout::Ours { reader, writer } = &one.layout else {
+            panic!("not ours");
+        };
+        held(writer).claim(lie);
+        let error = within(read(&other, 1)).await.unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::InvalidData);
+        if lie.wrapping_neg() <= 256 * 1024 {
+            // A reader that is slow, as far as anybody can tell.
+            continue;
+        }
+        held(reader).claim(lie);
+        let error = within(write_all(&other, &[1; 300_000])).await.unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::InvalidData);
+    }
+}
+
+fn is_named(port: u16) -> bool {
+    let (guard, sleep) = lock_names(port);
+    let folder = std::env::temp_dir();
+    let file = folder.join(guard).exists() || folder.join(sleep).exists();
+    file || (0..4).any(|resizes| Memory::open_segment(key(port, resizes), 0).is_ok())
+}
+
+#[tokio::test]
+async fn nothing_is_left_under_a_name() {
+    let (one, other) = ours().await;
+    let ports = [
+        one.tcp.local_addr().unwrap().port(),
+        other.tcp.local_addr().unwrap().port(),
+    ];
+    within(passes_whole(&one, &other)).await;
+    assert!(!ports.into_iter().any(is_named), "while it runs");
+
+    let (stock, ours) = Stock::connect().await;
+    let ports = [
+        ours.tcp.local_addr().unwrap().port(),
+        stock.tcp.local_addr().unwrap().port(),
+    ];
+    let stock = stock.into_stream();
+    within(passes_whole(&ours, &stock)).await;
+    drop(ours);
+    // Killed: takes nothing away itself.
+    std::mem::forget(stock);
+    assert!(!ports.into_iter().any(is_named), "after the end");
+}
+
+#[tokio::test]
+async fn an_offer_that_nobody_takes_leaves_nothing() {
+    let (_initiator, acceptor) = header().await;
+    let offer = Offer::new(&acceptor).await.unwrap();
+    let port = offer.number();
+    assert!(is_named(port));
+    drop(offer);
+    assert!(!is_named(port));
+}
+
+#[tokio::test]
+async fn what_a_dead_process_left_is_made_anew() {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let port = listener.local_addr().unwrap().port();
+    let left = create_segment(key(port, 0), 100).unwrap();
+    let error = Channel::create(port, 200).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::AddrInUse, "somebody is attached");
+    drop(left);
+    let (guard, _) = lock_names(port);
+    std::fs::write(std::env::temp_dir().join(guard), "old").unwrap();
+    let made = Channel::create(port, 200).unwrap();
+    assert_eq!(made.memory.length(), 200);
+    drop(made);
+    assert!(!is_named(port));
+}
+
+#[tokio::test]
+async fn a_handshake_of_somebody_else_is_refused() {
+    for said in [
+        &b"GET / HT"[..],
+        // A stock initiator that made no segment.
+        &[0, 0, 0, 0, 0, 16, 0, 0],
+        &[0, 0, 0],
+        &[],
+    ] {
+        let (_initiator, acceptor) = header().await;
+        let offer = Offer::new(&acceptor).await.unwrap();
+        let port = offer.number();
+        let saying = async {
+            let mut tcp = TcpStream::connect(("127.0.0.1", port)).await.unwrap();
+            tcp.write_all(said).await.unwrap();
+        };
+        let (accepted, ()) = within(async { tokio::join!(offer.accept(), saying) }).await;
+        assert!(accepted.is_err(), "{said:?}");
+        assert!(!is_named(port));
+    }
+}
