@@ -9,6 +9,7 @@ use yarp_wire::mjpeg::MjpegError;
 use yarp_wire::name::NameError;
 
 use crate::config::ConfigError;
+use crate::port::MonitorError;
 
 /// Why something that a port was asked for did not happen.
 #[derive(Debug, thiserror::Error)]
@@ -81,6 +82,17 @@ pub enum PortError {
         carrier: String,
         /// What there is.
         known: String,
+    },
+    /// A modifier of the carrier cannot be had here.
+    #[error(transparent)]
+    Modifier(#[from] MonitorError),
+    /// The reader ended the connection when it heard which modifiers it is to have.
+    #[error("{peer} ended the connection: it lacks what {carrier:?} asks of it")]
+    Declined {
+        /// Whom.
+        peer: String,
+        /// What was asked for.
+        carrier: String,
     },
     /// The other side broke the protocol.
     #[error("{peer} broke the protocol")]

@@ -37,6 +37,12 @@ impl Limits {
         self
     }
 
+    /// The same bounds with another largest payload out of a compressed one, in bytes.
+    pub const fn with_inflated(mut self, bytes: usize) -> Self {
+        self.inflated = bytes;
+        self
+    }
+
     /// The same bounds with another longest line, in bytes.
     pub const fn with_line(mut self, bytes: usize) -> Self {
         self.line = bytes;

@@ -12,6 +12,7 @@ use super::counters::{Ended, Meter};
 use super::group::Group;
 use super::inbox::Inbox;
 use super::log;
+use super::monitor::{Arbiter, Attached, Chain, MonitorError, MonitorSide, is_modifier};
 use super::options::{ConnectionChange, Input, Outputs, PortOptions};
 use super::output::{Output, Target};
 use super::qos::SocketHandle;
@@ -45,6 +46,11 @@ pub(crate) struct Core {
     pub(super) logged: AtomicBool,
     /// Connections that this port made to read from.
     pulls: Mutex<JoinSet<()>>,
+    /// Who is heard of the writers that ask for `recv.priority`.
+    pub(super) arbiter: Arc<Arbiter>,
+    /// What all that is written, or read, passes.
+    pub(super) attached_out: Attached,
+    pub(super) attached_in: Attached,
 }
 
 /// An incoming connection as others see it.
@@ -55,6 +61,8 @@ pub(crate) struct InputEntry {
     pub(crate) carrier: &'static Carrier,
     pub(crate) socket: SocketHandle,
     pub(crate) meter: Arc<Meter>,
+    /// What its messages pass, if anything.
+    pub(super) monitors: Option<Arc<Chain>>,
     cancel: Cancel,
 }
 
@@ -102,6 +110,9 @@ impl Core {
             ended: Mutex::default(),
             logged: AtomicBool::new(false),
             pulls: Mutex::default(),
+            arbiter: Arc::default(),
+            attached_out: Attached::default(),
+            attached_in: Attached::default(),
         }
     }
 
@@ -206,10 +217,17 @@ impl Core {
             // A group is for what the owner writes.
             _ => !logs || carrier.transport != Transport::Group,
         });
-        let carrier = carrier.ok_or_else(|| PortError::NoCarrier {
-            carrier: spec.base.clone(),
-            known: known_carriers(),
+        let carrier = carrier.ok_or_else(|| match is_modifier(&spec.base) {
+            true => PortError::Modifier(MonitorError::NoCarrier {
+                name: spec.base.clone(),
+            }),
+            false => PortError::NoCarrier {
+                carrier: spec.base.clone(),
+                known: known_carriers(),
+            },
         })?;
+        let ends = (self.name.as_str(), found.name.as_str());
+        let monitors = self.monitors(&spec.modifiers, MonitorSide::Send, ends)?;
         self.disconnect(&found.name).await;
         if self.options.outputs == Outputs::One && !logs && !self.senders().is_empty() {
             return Err(PortError::AlreadyConnected {
@@ -237,7 +255,8 @@ impl Core {
             deadline: self.network.deadline(),
         };
         match Output::connect(&target, self.cancelled.clone()).await {
-            Ok(mut output) => {
+            Ok(output) => {
+                let mut output = output.with_monitors(monitors);
                 output.logs = logs;
                 self.add_output(output);
                 Ok(found.name)
@@ -369,6 +388,7 @@ impl Core {
             carrier,
             socket,
             meter,
+            monitors: None,
             cancel,
         });
         drop(inputs);
@@ -380,6 +400,13 @@ impl Core {
     pub(crate) fn move_input(&self, id: u64, socket: SocketHandle) {
         if let Some(entry) = self.inputs().iter_mut().find(|entry| entry.id == id) {
             entry.socket = socket;
+        }
+    }
+
+    /// Takes note of what the messages of an incoming connection pass.
+    pub(super) fn monitor_input(&self, id: u64, monitors: &Option<Arc<Chain>>) {
+        if let Some(entry) = self.inputs().iter_mut().find(|entry| entry.id == id) {
+            entry.monitors = monitors.clone();
         }
     }
 

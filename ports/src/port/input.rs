@@ -7,7 +7,7 @@ use std::sync::Arc;
 use bytes::BytesMut;
 use tokio::net::TcpStream;
 use tokio::sync::oneshot;
-use yarp_wire::carrier::{Carrier, Sender, Transport};
+use yarp_wire::carrier::{Carrier, Framing, Sender, Transport};
 use yarp_wire::connection::{
     Acceptor, DatagramReader, Event, Message, ProtocolError, REFUSAL, header_reply,
 };
@@ -18,6 +18,7 @@ use super::core::{Core, Entry, GOODBYE};
 use super::counters::Meter;
 use super::describe::{HELP, NOT_UNDERSTOOD};
 use super::log::Copied;
+use super::monitor::{Chain, MonitorError, MonitorSide};
 use super::options::{Input, Serving};
 use super::output::{Output, Way};
 use super::qos::SocketHandle;
@@ -44,6 +45,7 @@ pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, address: IpAddr) {
         address,
         busy: BusyPoll::new(),
         meter: Arc::default(),
+        monitors: None,
         closing: core.cancelled.clone(),
     };
     // A message that is being answered when the port closes gets its answer, if it is not long.
@@ -63,6 +65,9 @@ pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, address: IpAddr) {
         End::Broken(error) => {
             tracing::warn!(port = %core.name, from, "dropping a connection: {error}");
         }
+        End::Refused(error) => {
+            tracing::warn!(port = %core.name, from, "refusing a connection: {error}");
+        }
         End::Failed(error) => {
             tracing::debug!(port = %core.name, from, "a connection failed: {error}");
         }
@@ -75,6 +80,8 @@ pub(super) enum End {
     Closed,
     Broken(ProtocolError),
     Failed(io::Error),
+    /// What it asks for cannot be had.
+    Refused(MonitorError),
     /// It goes on in the other direction.
     Reversed,
 }
@@ -99,6 +106,8 @@ pub(super) struct Connection {
     pub(super) address: IpAddr,
     busy: BusyPoll,
     pub(super) meter: Arc<Meter>,
+    /// What its messages pass, if anything.
+    monitors: Option<Arc<Chain>>,
     /// The port closes: nothing more is read.
     closing: Cancelled,
 }
@@ -254,7 +263,15 @@ impl Connection {
                     self.sender = sender;
                     return Next::Stop(End::Reversed);
                 }
-                self.opened(carrier, sender);
+                if let Err(error) = self.opened(carrier, sender) {
+                    // Without the header reply the peer knows that there is no connection.
+                    self.output.clear();
+                    if carrier.framing == Framing::Lines && !carrier.acknowledges {
+                        let words = format!("* Error. {error}\r\n* Goodbye.\r\n");
+                        self.output.extend_from_slice(words.as_bytes());
+                    }
+                    return Next::Stop(End::Refused(error));
+                }
                 match carrier.transport {
                     Transport::Stream | Transport::WebSocket => Next::Go,
                     Transport::UnixSocket => Next::UnixSocket,
@@ -266,7 +283,18 @@ impl Connection {
         }
     }
 
-    fn opened(&mut self, carrier: &'static Carrier, sender: Sender) {
+    fn opened(&mut self, carrier: &'static Carrier, sender: Sender) -> Result<(), MonitorError> {
+        let ends = (sender.name.as_str(), self.core.name.as_str());
+        let monitors = self
+            .core
+            .monitors(&sender.modifiers, MonitorSide::Receive, ends);
+        let monitors = match monitors {
+            Ok(monitors) => monitors,
+            Err(error) => {
+                self.sender = sender;
+                return Err(error);
+            }
+        };
         let mut text = carrier.name.to_owned();
         for (key, value) in &sender.modifiers {
             text.push('+');
@@ -281,9 +309,12 @@ impl Connection {
         let core = &self.core;
         let meter = self.meter.clone();
         let id = core.add_input(&sender.name, carrier, text, socket, meter, cancel);
+        core.monitor_input(id, &monitors);
         let core = self.core.clone();
         self.entry = Some(Entry { id, core });
         self.sender = sender;
+        self.monitors = monitors;
+        Ok(())
     }
 
     async fn message(&mut self, message: Message) -> Next {
@@ -325,6 +356,11 @@ impl Connection {
     /// the connection shall end with it.
     pub(super) async fn deliver(&mut self, received: Received) -> (Option<Reply>, bool) {
         let core = self.core.clone();
+        let monitors = self.monitors.clone();
+        let passing = core.monitored(monitors.as_ref(), received);
+        let Some(received) = self.wait_for(passing).await else {
+            return (None, false);
+        };
         let copy = (core.is_logged() && !self.brings_copies()).then(|| Copied::of(&received));
         let (reply, last) = self.wait_for(core.deliver(received)).await;
         if let Some(copy) = copy {
@@ -421,6 +457,23 @@ impl Connection {
 }
 
 impl Core {
+    /// What the monitors of a connection and of the port make of a message; `None` if one stops it.
+    pub(super) async fn monitored(
+        &self,
+        monitors: Option<&Arc<Chain>>,
+        mut received: Received,
+    ) -> Option<Received> {
+        let attached = self.attached_in.chain();
+        for chain in monitors.into_iter().chain(&attached) {
+            let passing = chain.update(received.payload).await?;
+            if !passing.delay.is_zero() {
+                tokio::time::sleep(passing.delay).await;
+            }
+            received.payload = passing.payload;
+        }
+        Some(received)
+    }
+
     /// Hands a message to the owner and waits for the reply, if there is to be one; tells whether
     /// the connection shall end with it.
     ///

@@ -11,6 +11,7 @@
 //! | `supervised` | connections that come back |
 //! | `log` | copies of what arrives for those who look on |
 //! | `counters` | what passed |
+//! | `monitor` | what messages pass on their way |
 //! | `qos` | how urgent the packets of a connection are |
 
 mod admin;
@@ -22,6 +23,7 @@ mod group;
 mod inbox;
 mod input;
 mod log;
+mod monitor;
 mod options;
 mod outbox;
 mod output;
@@ -46,6 +48,7 @@ use yarp_wire::name_service::Registering;
 use yarp_wire::{Contact, Dialect, PortName, Stamp};
 
 use self::core::Core;
+use self::monitor::Outgoing;
 use self::output::Output;
 use crate::cancel::Cancel;
 use crate::error::PortError;
@@ -53,6 +56,7 @@ use crate::network::Network;
 
 pub use counters::{ConnectionCounters, PortCounters, Traffic};
 pub use inbox::Queue;
+pub use monitor::{Monitor, MonitorError, MonitorFactory, MonitorSetup, MonitorSide, Passing};
 pub use options::{AdminHandler, ConnectionChange, Handler, PortOptions, Watcher};
 pub use received::{Answer, Received, Reply};
 pub use supervised::{LinkState, Supervised, Supervision};
@@ -295,6 +299,10 @@ impl Port {
 
     /// As [`Port::write`], with an envelope such as a [`Stamp`](yarp_wire::Stamp).
     pub async fn write_with(&self, message: &impl WireObject, envelope: Option<Envelope>) -> usize {
+        let Some(message) = self.monitored(message).await else {
+            return 0;
+        };
+        let message = &message;
         let command = data(false, envelope);
         let mut encoded = Encoded::of(&command);
         let mut taken = 0;
@@ -327,6 +335,9 @@ impl Port {
     ///
     /// A reader that is still busy misses this message. Tells how many will get it.
     pub fn write_if_idle(&self, message: &impl WireObject, envelope: Option<Envelope>) -> usize {
+        let Some((message, _)) = self.outgoing(message) else {
+            return 0;
+        };
         let command = data(false, envelope);
         let mut encoded = Encoded::of(&command);
         let mut taken = 0;
@@ -334,7 +345,7 @@ impl Port {
             if output.outbox.is_busy() {
                 output.outbox.count_dropped();
             } else {
-                let Some(payload) = encoded.form(message, output) else {
+                let Some(payload) = encoded.form(&message, output) else {
                     return;
                 };
                 let pushed = output.outbox.push(&command, &payload, false);
@@ -351,6 +362,10 @@ impl Port {
         message: &impl WireObject,
         envelope: Option<Envelope>,
     ) -> usize {
+        let Some(message) = self.monitored(message).await else {
+            return 0;
+        };
+        let message = &message;
         let command = data(false, envelope);
         let mut encoded = Encoded::of(&command);
         let mut taken = 0;
@@ -416,17 +431,40 @@ impl Port {
             peer: output.to.clone(),
             reason: reason.to_string(),
         };
+        let stopped = || lost("a monitor stopped the request".into());
+        let request = &self.monitored(request).await.ok_or_else(stopped)?;
         let command = Command::data(true);
         let payload = Encoded::of(&command).form(request, &output);
         let payload = payload.expect("all but pictures can carry a request");
         let pushed = output.outbox.push(&command, &payload, true);
         let waiting = pushed.map_err(lost)?.expect("a request has an outcome");
         match waiting.await {
-            Ok(Ok(Some(reply))) => Ok((output.to.clone(), reply)),
+            Ok(Ok(Some(reply))) => {
+                let reply = match &output.monitors {
+                    Some(chain) => chain.reply(reply),
+                    None => reply,
+                };
+                Ok((output.to.clone(), reply))
+            }
             Ok(Ok(None)) => Err(lost("it acknowledged without a reply".into())),
             Ok(Err(reason)) => Err(lost(reason)),
             Err(_) => Err(lost("closed here".into())),
         }
+    }
+
+    /// A message as the monitor of the port makes it, if there is one; `None` if it stops it.
+    async fn monitored<'a, T: WireObject>(&self, message: &'a T) -> Option<Outgoing<'a, T>> {
+        let (message, delay) = self.outgoing(message)?;
+        if !delay.is_zero() {
+            tokio::time::sleep(delay).await;
+        }
+        Some(message)
+    }
+
+    /// As [`Port::monitored`], with how long the monitor wants it to be held back.
+    fn outgoing<'a, T: WireObject>(&self, message: &'a T) -> Option<(Outgoing<'a, T>, Duration)> {
+        let chain = self.core.attached_out.chain();
+        Outgoing::of(message, chain.as_deref(), self.core.options.dialect)
     }
 
     /// Says goodbye to peers, stops listening and unregisters the name.
@@ -570,6 +608,10 @@ impl<'a> Encoded<'a> {
 
     /// The form for this reader; `None` if there is none: only images go to who watches pictures.
     fn form(&mut self, message: &impl WireObject, output: &Output) -> Option<Bytes> {
+        if output.monitors.is_some() {
+            // They want messages as they are; the connection's form comes behind them.
+            return Some(self.binary(message, output.dialect));
+        }
         if output.carrier.framing == Framing::Pictures {
             return match &self.picture {
                 Some(picture) => picture.clone(),

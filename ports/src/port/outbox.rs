@@ -31,6 +31,8 @@ pub(crate) struct Outbox {
     pub(crate) filled: Notify,
     /// Room was made, a message was finished, or the connection ended.
     changed: Notify,
+    /// Something was put in for the monitors.
+    staged: Notify,
 }
 
 #[derive(Debug)]
@@ -39,6 +41,10 @@ struct State {
     chunks: VecDeque<Bytes>,
     tail: BytesMut,
     queued: usize,
+    /// Whether monitors see messages first.
+    monitored: bool,
+    /// Messages that the monitors have not seen; their weight is in `queued`.
+    staged: VecDeque<Staged>,
     /// One entry per message that is not done with, where the peer says when it is.
     unfinished: VecDeque<Pending>,
     closed: Option<Arc<str>>,
@@ -55,6 +61,29 @@ pub(crate) struct Depth {
     pub(crate) stamp: Option<Stamp>,
 }
 
+/// A message on its way to the monitors.
+#[derive(Debug)]
+pub(crate) struct Staged {
+    command: Command,
+    payload: Bytes,
+    outcome: Option<oneshot::Sender<Outcome>>,
+}
+
+impl Staged {
+    pub(super) fn command(&self) -> &Command {
+        &self.command
+    }
+
+    pub(super) fn payload(&self) -> &Bytes {
+        &self.payload
+    }
+
+    /// What it counts for while it waits; never 0, so that it is noticed.
+    fn weight(&self) -> usize {
+        self.payload.len() + 1
+    }
+}
+
 #[derive(Debug)]
 struct Pending {
     reply: Option<Payload>,
@@ -69,6 +98,8 @@ impl Outbox {
                 chunks: VecDeque::new(),
                 tail: BytesMut::new(),
                 queued: 0,
+                monitored: false,
+                staged: VecDeque::new(),
                 unfinished: VecDeque::new(),
                 closed: None,
                 traffic: Traffic::default(),
@@ -76,6 +107,7 @@ impl Outbox {
             }),
             filled: Notify::new(),
             changed: Notify::new(),
+            staged: Notify::new(),
         }
     }
 
@@ -94,55 +126,77 @@ impl Outbox {
         if let Some(reason) = &state.closed {
             return Err(reason.clone());
         }
-        let State {
-            initiator,
-            chunks,
-            tail,
-            queued,
-            unfinished,
-            traffic,
-            newest,
-            ..
-        } = &mut *state;
-        if let Command::Data { envelope, .. } = command {
-            traffic.messages += 1;
-            traffic.bytes += payload.len() as u64;
-            if let Some(envelope) = envelope {
-                newest.keep(envelope);
-            }
-        }
-        let before = tail.len();
-        let datagrams = initiator.carrier().transport == Transport::Datagrams;
-        initiator.send(command, payload.len(), tail);
-        if payload.len() < SHARED || datagrams {
-            tail.extend_from_slice(payload);
-            *queued += tail.len() - before;
-            if datagrams {
-                // Each chunk is one message.
-                chunks.push_back(tail.split().freeze());
-            }
-        } else {
-            *queued += tail.len() - before + payload.len();
-            chunks.push_back(tail.split().freeze());
-            chunks.push_back(payload.clone());
-        }
-        let answered = initiator.carrier().acknowledges
-            || matches!(command, Command::Admin | Command::Data { reply: true, .. });
         let mut receiver = None;
-        if answered {
-            let outcome = watched.then(|| {
-                let (sender, waiting) = oneshot::channel();
-                receiver = Some(waiting);
-                sender
-            });
-            unfinished.push_back(Pending {
-                reply: None,
+        let outcome = (watched && state.is_answered(command)).then(|| {
+            let (sender, waiting) = oneshot::channel();
+            receiver = Some(waiting);
+            sender
+        });
+        if state.monitored {
+            let staged = Staged {
+                command: command.clone(),
+                payload: payload.clone(),
                 outcome,
-            });
+            };
+            state.queued += staged.weight();
+            state.staged.push_back(staged);
+            drop(state);
+            self.staged.notify_one();
+            return Ok(receiver);
         }
+        state.put(command, payload, outcome);
         drop(state);
         self.filled.notify_one();
         Ok(receiver)
+    }
+
+    /// From now on messages wait for [`Outbox::next_staged`] first.
+    pub(super) fn set_monitored(&self) {
+        self.state().monitored = true;
+    }
+
+    /// The oldest message that the monitors have not seen, as soon as there is one; `None` once
+    /// the connection has ended.
+    pub(super) async fn next_staged(&self) -> Option<Staged> {
+        loop {
+            let staged = self.staged.notified();
+            {
+                let mut state = self.state();
+                if state.closed.is_some() {
+                    return None;
+                }
+                if let Some(staged) = state.staged.pop_front() {
+                    return Some(staged);
+                }
+            }
+            staged.await;
+        }
+    }
+
+    /// Sends what the monitors have made of a message; `None` if they stopped it.
+    pub(super) fn finish_staged(&self, staged: Staged, payload: Option<Bytes>) {
+        let mut state = self.state();
+        // What the connection took with it when it ended is told below.
+        state.queued = state.queued.saturating_sub(staged.weight());
+        let wants_reply = matches!(staged.command, Command::Data { reply: true, .. });
+        let told = match (&state.closed, &payload) {
+            (Some(reason), _) => Some(Err(reason.clone())),
+            (None, None) if wants_reply => Some(Err("a monitor stopped the message".into())),
+            (None, None) => Some(Ok(None)),
+            (None, Some(_)) => None,
+        };
+        if let Some(outcome) = told {
+            drop(state);
+            if let Some(waiting) = staged.outcome {
+                // Whoever asked may have stopped waiting.
+                let _ = waiting.send(outcome);
+            }
+        } else if let Some(payload) = payload {
+            state.put(&staged.command, &payload, staged.outcome);
+            drop(state);
+            self.filled.notify_one();
+        }
+        self.changed.notify_waiters();
     }
 
     /// A message was not sent.
@@ -277,11 +331,17 @@ impl Outbox {
                 let _ = outcome.send(Err(reason.clone()));
             }
         }
+        for staged in std::mem::take(&mut state.staged) {
+            if let Some(outcome) = staged.outcome {
+                let _ = outcome.send(Err(reason.clone()));
+            }
+        }
         state.chunks.clear();
         state.tail.clear();
         drop(state);
         self.changed.notify_waiters();
         self.filled.notify_one();
+        self.staged.notify_one();
     }
 
     /// Whether the peer owes an answer, and there is nothing to send meanwhile.
@@ -296,6 +356,60 @@ impl Outbox {
 }
 
 impl State {
+    /// Whether the peer tells what becomes of such a message.
+    fn is_answered(&self, command: &Command) -> bool {
+        self.initiator.carrier().acknowledges
+            || matches!(command, Command::Admin | Command::Data { reply: true, .. })
+    }
+
+    /// Lays a message behind those that are to be sent.
+    fn put(
+        &mut self,
+        command: &Command,
+        payload: &Bytes,
+        outcome: Option<oneshot::Sender<Outcome>>,
+    ) {
+        let answered = self.is_answered(command);
+        let Self {
+            initiator,
+            chunks,
+            tail,
+            queued,
+            unfinished,
+            traffic,
+            newest,
+            ..
+        } = self;
+        if let Command::Data { envelope, .. } = command {
+            traffic.messages += 1;
+            traffic.bytes += payload.len() as u64;
+            if let Some(envelope) = envelope {
+                newest.keep(envelope);
+            }
+        }
+        let before = tail.len();
+        let datagrams = initiator.carrier().transport == Transport::Datagrams;
+        initiator.send(command, payload.len(), tail);
+        if payload.len() < SHARED || datagrams {
+            tail.extend_from_slice(payload);
+            *queued += tail.len() - before;
+            if datagrams {
+                // Each chunk is one message.
+                chunks.push_back(tail.split().freeze());
+            }
+        } else {
+            *queued += tail.len() - before + payload.len();
+            chunks.push_back(tail.split().freeze());
+            chunks.push_back(payload.clone());
+        }
+        if answered {
+            unfinished.push_back(Pending {
+                reply: None,
+                outcome,
+            });
+        }
+    }
+
     /// The oldest unfinished message is done with.
     fn finish(&mut self) {
         if let Some(pending) = self.unfinished.pop_front()

@@ -49,7 +49,7 @@ pub(super) fn part(payload: &Bytes, dialect: Dialect, envelope: Option<&Bytes>) 
 }
 
 /// The image as JPEG; `None` if pictures cannot show it.
-fn compress(image: &Image) -> Option<Bytes> {
+pub(super) fn compress(image: &Image) -> Option<Bytes> {
     let color = match image.code() {
         PixelCode::MONO => ColorType::Luma,
         PixelCode::RGB => ColorType::Rgb,

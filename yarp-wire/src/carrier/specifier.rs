@@ -64,11 +64,15 @@ impl FromStr for CarrierSpec {
 fn spec(input: &str) -> IResult<&str, CarrierSpec> {
     let blank = |c: char| c.is_whitespace() || c.is_control();
     let round = |c: char| c == '(' || c == ')';
-    let word = move |input| take_while1(move |c| !"+.".contains(c) && !blank(c) && !round(c))(input);
+    let word =
+        move |input| take_while1(move |c| !"+.".contains(c) && !blank(c) && !round(c))(input);
     let value = move |input| take_while1(move |c| c != '+' && !blank(c))(input);
     let value = preceded(peek(not(char('('))), value);
     let key = alt((list, word));
-    let modifier = preceded(char('+'), (key, opt(preceded(char('.'), alt((list, value))))));
+    let modifier = preceded(
+        char('+'),
+        (key, opt(preceded(char('.'), alt((list, value))))),
+    );
     let (rest, (base, modifiers)) = (word, many0(modifier)).parse(input)?;
     let modifiers = modifiers
         .into_iter()
