@@ -23,6 +23,7 @@ mod unix;
 pub use dialogue::Dialogue;
 pub use error::{PortError, story};
 pub use network::{Network, Place};
+pub use port::built_in as built_in_monitor;
 pub use port::{
     AdminHandler, Answer, ConnectionChange, ConnectionCounters, Envelope, Handler, LinkState,
     Monitor, MonitorError, MonitorFactory, MonitorSetup, MonitorSide, Passing, Port, PortCounters,

@@ -56,7 +56,9 @@ use crate::network::Network;
 
 pub use counters::{ConnectionCounters, PortCounters, Traffic};
 pub use inbox::Queue;
-pub use monitor::{Monitor, MonitorError, MonitorFactory, MonitorSetup, MonitorSide, Passing};
+pub use monitor::{
+    Monitor, MonitorError, MonitorFactory, MonitorSetup, MonitorSide, Passing, built_in,
+};
 pub use options::{AdminHandler, ConnectionChange, Handler, PortOptions, Watcher};
 pub use received::{Answer, Received, Reply};
 pub use supervised::{LinkState, Supervised, Supervision};

@@ -301,31 +301,3 @@ const CROSS: [(isize, isize); 4] = [(-1, 0), (1, 0), (0, -1), (0, 1)];
 const CORNERS: [(isize, isize); 4] = [(-1, -1), (1, -1), (-1, 1), (1, 1)];
 const FAR_BESIDE: [(isize, isize); 2] = [(-2, 0), (2, 0)];
 const FAR_ABOVE: [(isize, isize); 2] = [(0, -2), (0, 2)];
-
-/// Whatever arrives, by every method and in every order. For fuzzing.
-pub(super) fn fuzz(data: &[u8]) {
-    use yarp_wire::{Dialect, message::Form};
-    let [width, rest @ ..] = data else {
-        return;
-    };
-    let width = usize::from(*width % 40) + 1;
-    let height = rest.len() / width;
-    let raw = Image::from_padded(
-        PixelCode::MONO,
-        width,
-        height,
-        1,
-        rest[..width * height].to_vec(),
-    );
-    let arrived = Payload::new(rest.to_vec().into(), Form::Binary(Dialect::V3));
-    for payload in [of_image(&raw.expect("a mono image")), arrived] {
-        for (_, method) in METHODS {
-            for (_, order) in ORDERS {
-                let bayer = Bayer { method, order };
-                if let Some(image) = bayer.coloured(&payload) {
-                    assert_eq!(image.code(), PixelCode::RGB);
-                }
-            }
-        }
-    }
-}

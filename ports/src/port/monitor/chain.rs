@@ -9,7 +9,8 @@ use yarp_wire::typed::Property;
 use yarp_wire::{Bottle, Dialect, Value};
 
 use super::{
-    MONITORS, Monitor, MonitorError, MonitorSetup, MonitorSide, PORTMONITOR, Passing, RECEIVERS,
+    MONITORS, Monitor, MonitorError, MonitorSetup, MonitorSide, PORTMONITOR, Passing, built_in,
+    built_in_names, is_modifier,
 };
 use crate::port::core::Core;
 use crate::port::log::Content;
@@ -150,23 +151,15 @@ impl Core {
         if name == PORTMONITOR {
             return self.portmonitor(setup).map(Some);
         }
-        let receivers = match side {
-            MonitorSide::Send => &RECEIVERS[..0],
-            MonitorSide::Receive => &RECEIVERS[..],
-        };
-        let Some((name, make)) = receivers.iter().find(|(known, _)| *known == name) else {
-            let mut known = vec![PORTMONITOR];
-            known.extend(receivers.iter().map(|(known, _)| *known));
-            return Err(MonitorError::NoModifier {
-                name,
-                side: side.key(),
-                known: known.join(", "),
-            });
-        };
-        let monitor = make(&setup).map_err(|reason| MonitorError::Options {
-            name: (*name).to_owned(),
-            reason,
-        })?;
+        if side == MonitorSide::Send || !is_modifier(&name) {
+            let known = match side {
+                MonitorSide::Send => PORTMONITOR.to_owned(),
+                MonitorSide::Receive => [PORTMONITOR, "bayer", "priority"].join(", "),
+            };
+            let side = side.key();
+            return Err(MonitorError::NoModifier { name, side, known });
+        }
+        let monitor = built_in(&name, &setup)?;
         Ok(Some(Arc::new(Chain(vec![monitor]))))
     }
 
@@ -216,27 +209,24 @@ impl Core {
 
     fn monitor(&self, name: &str, setup: &MonitorSetup) -> Result<Arc<dyn Monitor>, MonitorError> {
         let mut own = self.options.monitors.iter();
-        let made = match own.find(|own| own.name == name) {
-            Some(own) => (own.factory)(setup),
-            None => match MONITORS.iter().find(|(known, _)| *known == name) {
-                Some((_, make)) => make(setup),
-                None => {
-                    return Err(MonitorError::NoMonitor {
-                        name: name.to_owned(),
-                        known: self.known_monitors(),
-                    });
-                }
-            },
+        let Some(own) = own.find(|own| own.name == name) else {
+            return match MONITORS.iter().any(|(known, _)| *known == name) {
+                true => built_in(name, setup),
+                false => Err(MonitorError::NoMonitor {
+                    name: name.to_owned(),
+                    known: self.known_monitors(),
+                }),
+            };
         };
-        made.map_err(|reason| MonitorError::Options {
+        (own.factory)(setup).map_err(|reason| MonitorError::Options {
             name: name.to_owned(),
             reason,
         })
     }
 
     fn known_monitors(&self) -> String {
-        let own = self.options.monitors.iter().map(|own| own.name.as_str());
-        let known: Vec<_> = own.chain(MONITORS.iter().map(|(name, _)| *name)).collect();
+        let mut known: Vec<&str> = built_in_names().collect();
+        known.extend(self.options.monitors.iter().map(|own| own.name.as_str()));
         known.join(", ")
     }
 }

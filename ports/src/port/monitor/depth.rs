@@ -166,25 +166,6 @@ impl Monitor for ToRgb {
     }
 }
 
-/// Whatever arrives. For fuzzing.
-pub(super) fn fuzz(data: &[u8]) {
-    let payload = Payload::new(
-        bytes::Bytes::copy_from_slice(data),
-        Form::Binary(Dialect::V3),
-    );
-    let limits = Limits::DEFAULT.with_inflated(1 << 20);
-    if let Some(expanded) = expand(&payload, limits) {
-        let image = distances(&expanded).expect("an image of distances");
-        assert!(image.packed().len() <= limits.inflated);
-        assert!(compress(&expanded).is_some());
-    }
-    for monitor in [&ToMono as &dyn Monitor, &ToRgb] {
-        if let Some(shown) = monitor.update(Passing::new(payload.clone())) {
-            assert!(image(&shown.payload).is_some());
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

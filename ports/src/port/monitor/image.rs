@@ -93,21 +93,6 @@ impl Monitor for ToMono {
     }
 }
 
-/// Whatever arrives. For fuzzing.
-pub(super) fn fuzz(data: &[u8]) {
-    use yarp_wire::{Dialect, message::Form};
-    let bytes = bytes::Bytes::copy_from_slice(data);
-    let _ = expand(&Payload::new(bytes.clone(), Form::Binary(Dialect::V3)));
-    let picture = Bottle::from_iter([
-        JPEG.into(),
-        Value::Int32(PixelCode::MONO.code()),
-        Value::Blob(bytes),
-    ]);
-    if let Some(expanded) = expand(&of_bottle(&picture)) {
-        assert!(image(&expanded).is_some());
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use yarp_wire::typed::Image;

@@ -135,6 +135,17 @@ pub struct MonitorSetup {
 }
 
 impl MonitorSetup {
+    /// What a connection from one port to another has its monitors made for.
+    pub fn new(side: MonitorSide, from: &str, to: &str, options: Bottle) -> Self {
+        Self {
+            side,
+            from: from.to_owned(),
+            to: to.to_owned(),
+            options,
+            arbiter: Arc::default(),
+        }
+    }
+
     /// The value of an option.
     pub fn option(&self, name: &str) -> Option<&Value> {
         self.options.find_group(name)?.get(1)
@@ -238,6 +249,30 @@ impl fmt::Debug for dyn Monitor {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("Monitor")
     }
+}
+
+/// A monitor, or modifier of readers, that is built in; connections make their own.
+pub fn built_in(name: &str, setup: &MonitorSetup) -> Result<Arc<dyn Monitor>, MonitorError> {
+    let receivers = match setup.side {
+        MonitorSide::Send => &RECEIVERS[..0],
+        MonitorSide::Receive => &RECEIVERS[..],
+    };
+    let mut all = MONITORS.iter().chain(receivers);
+    let Some((name, make)) = all.find(|(known, _)| *known == name) else {
+        return Err(MonitorError::NoMonitor {
+            name: name.to_owned(),
+            known: built_in_names().collect::<Vec<_>>().join(", "),
+        });
+    };
+    make(setup).map_err(|reason| MonitorError::Options {
+        name: (*name).to_owned(),
+        reason,
+    })
+}
+
+/// The names of the monitors that are built in.
+fn built_in_names() -> impl Iterator<Item = &'static str> {
+    MONITORS.iter().map(|(name, _)| *name)
 }
 
 /// Whether a name that stands where a carrier belongs is a modifier.
