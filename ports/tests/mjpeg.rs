@@ -2,9 +2,8 @@
 
 mod common;
 
-use common::{Raw, at, bottle, open, until, within};
-use yarp_ports::{Answer, Dialogue, Port, PortOptions, Queue};
-use yarp_wire::carrier::Carrier;
+use common::{Raw, ask, at, bottle, open, until, within};
+use yarp_ports::{Answer, Port, PortOptions, Queue};
 use yarp_wire::mjpeg::{PartReader, comment};
 use yarp_wire::typed::{Image, PixelCode};
 use yarp_wire::{Bottle, Limits, Stamp, admin};
@@ -21,14 +20,6 @@ fn plain(red: u8, green: u8, blue: u8) -> Image {
 fn is_about(image: &Image, colour: [u8; 3]) -> bool {
     let pixel = image.pixel(32, 24).unwrap();
     pixel.iter().zip(colour).all(|(a, b)| a.abs_diff(b) < 8)
-}
-
-async fn ask(port: &Port, request: &Bottle) -> String {
-    let carrier = Carrier::by_name("text_ack").unwrap();
-    let address = ("127.0.0.1", port.number());
-    let opening = Dialogue::open(port.name(), address, carrier, "admin", common::DEADLINE);
-    let mut dialogue = opening.await.unwrap();
-    dialogue.admin(request).await.unwrap().to_string()
 }
 
 #[tokio::test]

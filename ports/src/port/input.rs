@@ -297,12 +297,11 @@ impl Connection {
         };
         let mut text = carrier.name.to_owned();
         for (key, value) in &sender.modifiers {
+            // As in stock, also those without a value have the dot.
             text.push('+');
             text.push_str(key);
-            if let Some(value) = value {
-                text.push('.');
-                text.push_str(value);
-            }
+            text.push('.');
+            text.push_str(value.as_deref().unwrap_or_default());
         }
         let cancel = self.cancel.take().expect("a header comes once");
         let socket = SocketHandle::of(&self.stream);
