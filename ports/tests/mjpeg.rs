@@ -3,10 +3,10 @@
 mod common;
 
 use common::{Raw, ask, at, bottle, open, until, within};
-use yarp_ports::{Answer, Port, PortOptions, Queue};
+use yarp_ports::{Answer, PortOptions, Queue};
 use yarp_wire::mjpeg::{PartReader, comment};
 use yarp_wire::typed::{Image, PixelCode};
-use yarp_wire::{Bottle, Limits, Stamp, admin};
+use yarp_wire::{Limits, Stamp, admin};
 
 const REQUEST: &str = "GET /?action=stream HTTP/1.1\r\nHost: h\r\n\r\n";
 
