@@ -1,6 +1,6 @@
 """Modifiers of carriers: what stock does with them, and what ours does.
 
-    with_stock python monitors.py OUR_YARP [--plugins]
+    with_stock python monitors.py OUR_YARP [PLUGIN...]
 
 Needs a name server. A port of stock writes to a reader of stock and to one of ours, which is
 `yarp read`, over carriers with modifiers, and what they read and answer is compared. With
@@ -10,6 +10,7 @@ ends with 1 if any failed. Checked with stock 3.5.0.
 """
 
 import random
+import struct
 import subprocess
 import sys
 import threading
@@ -105,8 +106,9 @@ class Writer:
         self.port.open(self.name)
 
     def connect(self, reader, carrier):
-        yarp.Network.disconnect(self.name, reader.name)
-        until("the end of a connection", lambda: self.name not in ask(reader.name, "[list] [in]"))
+        for other in ask(self.name, "[list] [out]").replace('"', "").split():
+            yarp.Network.disconnect(self.name, other)
+            until("the end of a connection", lambda: self.name not in ask(other, "[list] [in]"))
         return yarp.Network.connect(self.name, reader.name, carrier)
 
     def through(self, reader, carrier, message):
@@ -114,7 +116,13 @@ class Writer:
         if not self.connect(reader, carrier):
             return "no connection"
         until("a connection", lambda: self.name in ask(reader.name, "[list] [in]"))
-        self.port.write(yarp.Bottle(message))
+        message = yarp.Bottle(message)
+        if "send.portmonitor+recv.portmonitor+type.dll+file.depthimage" in carrier:
+            # Its plugin wants the image itself.
+            picture = yarp.ImageFloat()
+            yarp.Portable.copyPortable(message, picture)
+            message = picture
+        self.port.write(message)
         return until(f"a message over {carrier}", reader.read)
 
 
@@ -132,8 +140,9 @@ def shown(text):
 def bayer(writer, stock, ours):
     rng = random.Random(7)
     methods = ["", "+method.bilinear", "+method.nearest", "+method.simple", "+method.hqlinear", "+method.downsample", "+size.half"]
-    for width, height in [(8, 6), (16, 5), (24, 9), (6, 4), (7, 5), (2, 2), (9, 1)]:
-        for order in ["", "+order.grbg", "+order.gbrg", "+order.rggb", "+order.bggr"]:
+    for width, height in [(8, 6), (16, 5), (6, 4), (9, 1)]:
+        orders = ["", "+order.grbg", "+order.gbrg", "+order.rggb", "+order.bggr"]
+        for order in orders if width == 8 else orders[-1:]:
             for method in methods:
                 # An odd last row is read beyond its end by stock.
                 if width % 8 == 0 and height % 2 and ("half" in method or "down" in method):
@@ -156,6 +165,9 @@ def answers(writer, stock, ours):
         for reader in (ours, stock):
             writer.connect(reader, carrier)
             until("a connection", lambda: writer.name in ask(reader.name, "[list] [in]"))
+            if "recv" in carrier:
+                # Stock lists it before its modifier is there.
+                until("its modifier", lambda: ask(reader.name, f"[get] [in] {writer.name}") != "()")
             requests = ["[list] [in] {w}", "[get] [in] {w}", "[set] [in] {w} (tc 7) (st 3) (virtual 1)", "[get] [in] {w}",
                         "[set] [in] {w} (ex (/c 5)) (bs 2.5)", "[get] [in] {w}", "[get] [in] /nobody", "[set] [in] /nobody (a 1)"]
             replies = [ask(reader.name, request.format(w=writer.name)) for request in requests]
@@ -175,9 +187,12 @@ def answers(writer, stock, ours):
 
 
 def refusals(writer, ours, our_yarp):
-    """Neither side is left with a connection that the other has not."""
+    """Neither side is left with a connection that the other has not.
+
+    Stock's `text` and `text_ack` do not look at what answers their header: they notice when they write.
+    """
     missing = ["recv.nonesuch", "recv.portmonitor+type.dll+file.nonesuch", "recv.portmonitor+type.lua+file.x", "recv.bayer+method.vng"]
-    for carrier in ["tcp", "fast_tcp", "text_ack", "udp"]:
+    for carrier in ["tcp", "fast_tcp", "udp"]:
         for modifier in missing:
             over = f"{carrier}+{modifier}"
             check(f"stock to ours over {over}", writer.connect(ours, over), False)
@@ -203,27 +218,14 @@ def refusals(writer, ours, our_yarp):
     stock.close()
 
 
-def plugins(writer, stock, ours, our_yarp):
+def compressed(writer, stock, ours, our_yarp):
     zlib = "portmonitor+type.dll+file.bottle_compression_zlib"
-    depths = image("dec", 4, 4, 2, [b for number in (0, 0, 128, 63, 0, 0, 0, 64, 0, 0, 192, 127, 205, 204, 204, 62,
-                                                     0, 0, 32, 65, 0, 0, 72, 66, 0, 0, 0, 0, 154, 153, 25, 65) for b in [number]])
-    messages = ["1 2.5 hello (a b)", "", "()", "x" * 50000, "1 2 3", depths]
     for carrier in ["tcp", "fast_tcp", "udp", "text_ack"]:
-        for message in messages:
-            if message == depths and carrier == "text_ack":
-                continue
+        for message in ["1 2.5 hello (a b)", "0", "()", "x" * 50000, "1 2 3"]:
             for end in ["send", "recv", "send.portmonitor+recv"]:
                 over = f"{carrier}+{end}.{zlib}"
-                # udp drops an empty message now and then, and text has no empty one.
-                if message in ("", "()") and carrier in ("udp", "text_ack"):
-                    continue
-                got, expected = (writer.through(reader, over, message or "0") for reader in (ours, stock))
+                got, expected = (writer.through(reader, over, message) for reader in (ours, stock))
                 check(f"{over} {message[:20]!r}", got, expected)
-    for name in ["depthimage_compression_zlib", "depthimage_to_mono", "depthimage_to_rgb"]:
-        end = "send.portmonitor+recv" if "zlib" in name else "recv"
-        over = f"tcp+{end}.portmonitor+type.dll+file.{name}"
-        got, expected = (shown(writer.through(reader, over, depths)) for reader in (ours, stock))
-        check(over, got, expected)
     # Ours compresses, stock expands.
     sender = "/monitors/ours/w"
     child = subprocess.Popen([our_yarp, "write", sender], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL)
@@ -241,6 +243,16 @@ def plugins(writer, stock, ours, our_yarp):
     child.wait(PATIENCE)
 
 
+def depths(writer, stock, ours, name):
+    """Only rows of a length that needs no padding: stock's plugins do not heed it."""
+    metres = [0.1, 0.2, 0.5, 1, 2.5, 9.8, 10, 50, 0, -1, float("nan"), float("inf"), 1e-9, 3.3, 7, 9.99]
+    message = image("dec", 4, 8, 2, struct.pack("<16f", *metres))
+    end = "send.portmonitor+recv" if "zlib" in name else "recv"
+    over = f"tcp+{end}.portmonitor+type.dll+file.{name}"
+    got, expected = (shown(writer.through(reader, over, message)) for reader in (ours, stock))
+    check(over, got, expected)
+
+
 def main():
     our_yarp = sys.argv[1]
     yarp.Network.init()
@@ -248,8 +260,11 @@ def main():
     try:
         bayer(writer, stock, ours)
         answers(writer, stock, ours)
-        if "--plugins" in sys.argv:
-            plugins(writer, stock, ours, our_yarp)
+        if "bottle_compression_zlib" in sys.argv[2:]:
+            compressed(writer, stock, ours, our_yarp)
+        for name in sys.argv[2:]:
+            if name.startswith("depthimage"):
+                depths(writer, stock, ours, name)
         stock.close()
         refusals(writer, ours, our_yarp)
     finally:

@@ -222,8 +222,11 @@ pub enum MonitorError {
 
 type Made = Result<Arc<dyn Monitor>, String>;
 
+/// A name, and what makes the monitor.
+type Entry = (&'static str, fn(&MonitorSetup) -> Made);
+
 /// The monitors there are: the one table.
-const MONITORS: [(&str, fn(&MonitorSetup) -> Made); 10] = [
+const MONITORS: [Entry; 10] = [
     ("bottle_compression_zlib", zlib::BottleZlib::make),
     ("depthimage_compression_zlib", depth::DepthZlib::make),
     ("depthimage_to_mono", depth::ToMono::make),
@@ -237,7 +240,7 @@ const MONITORS: [(&str, fn(&MonitorSetup) -> Made); 10] = [
 ];
 
 /// The modifiers of readers beside `portmonitor`: the one table.
-const RECEIVERS: [(&str, fn(&MonitorSetup) -> Made); 2] = [
+const RECEIVERS: [Entry; 2] = [
     ("bayer", bayer::Bayer::make),
     ("priority", priority::Priority::make),
 ];
