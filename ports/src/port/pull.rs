@@ -177,16 +177,14 @@ impl Pull {
         let received = Received {
             payload: Payload::new(bytes, Form::Binary(Dialect::V3)),
             envelope,
-            from: self.from.clone(),
+            from: self.from.as_str().into(),
             address: self.address,
             connection: self.connection,
             wants_reply: false,
             responder: None,
         };
-        let monitored = self.core.monitored(self.monitors.as_ref(), received);
-        if let Some(received) = monitored.await {
-            // Nothing can be said back.
-            self.core.deliver(received).await;
-        }
+        // Nothing can be said back.
+        let monitors = self.monitors.as_ref();
+        self.core.take(monitors, received, false).await;
     }
 }

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use bytes::{Bytes, BytesMut};
-use yarp_wire::message::{Form, Payload, WireObject};
+use yarp_wire::message::{Form, Payload, Pieces, WireObject};
 use yarp_wire::typed::Property;
 use yarp_wire::{Bottle, Dialect, Value};
 
@@ -27,7 +27,7 @@ pub(in crate::port) struct Chain(Vec<Arc<dyn Monitor>>);
 impl Chain {
     /// What goes on in place of a message; `None` if one of the monitors stops it.
     pub(in crate::port) async fn update(self: &Arc<Self>, payload: Payload) -> Option<Passing> {
-        if payload.bytes().len() < LARGE {
+        if payload.len() < LARGE {
             return self.update_now(payload);
         }
         let chain = self.clone();
@@ -71,11 +71,16 @@ pub(in crate::port) struct Attached {
 impl Attached {
     /// The chain, if there is one; costs next to nothing where there is none.
     pub(in crate::port) fn chain(&self) -> Option<Arc<Chain>> {
-        if !self.any.load(Ordering::Relaxed) {
+        if !self.is_there() {
             return None;
         }
         let chain = self.chain.lock().unwrap_or_else(PoisonError::into_inner);
         chain.clone()
+    }
+
+    /// Whether there is a chain.
+    pub(in crate::port) fn is_there(&self) -> bool {
+        self.any.load(Ordering::Relaxed)
     }
 
     pub(in crate::port) fn put(&self, chain: Option<Arc<Chain>>) {
@@ -110,6 +115,13 @@ impl<'a, T: WireObject> Outgoing<'a, T> {
 }
 
 impl<T: WireObject> WireObject for Outgoing<'_, T> {
+    fn write_pieces(&self, out: &mut Pieces, dialect: Dialect) {
+        match self {
+            Self::Own(message) => message.write_pieces(out, dialect),
+            Self::Changed(payload) => Content(payload).write_pieces(out, dialect),
+        }
+    }
+
     fn write_binary(&self, out: &mut BytesMut, dialect: Dialect) {
         match self {
             Self::Own(message) => message.write_binary(out, dialect),

@@ -2,13 +2,14 @@
 
 use std::sync::Arc;
 
-use bytes::{Bytes, BytesMut};
+use bytes::Bytes;
 use yarp_wire::Dialect;
 use yarp_wire::carrier::{Carrier, Framing};
 use yarp_wire::connection::put_reply;
-use yarp_wire::message::{Command, Form, Payload};
+use yarp_wire::message::{Command, Payload, Pieces, WireObject};
 
-use super::chain::{Chain, binary};
+use super::chain::Chain;
+use crate::port::encoded::Form;
 use crate::port::log::Content;
 use crate::port::outbox::Outbox;
 use crate::port::picture;
@@ -23,24 +24,23 @@ pub(in crate::port) async fn run(
     dialect: Dialect,
 ) {
     while let Some(staged) = outbox.next_staged().await {
-        let envelope = match staged.command() {
-            Command::Data { envelope, .. } => envelope.clone(),
-            _ => {
-                let payload = staged.payload().clone();
-                outbox.finish_staged(staged, Some(payload));
-                continue;
-            }
+        let Command::Data { envelope, .. } = &staged.command else {
+            let form = staged.form.clone();
+            outbox.finish_staged(staged, Some(form));
+            continue;
         };
-        let payload = Payload::new(staged.payload().clone(), Form::Binary(dialect));
+        let payload = Payload::of_pieces(&staged.form.pieces, staged.form.dialect);
         let passed = chain.update(payload).await;
         if let Some(passed) = &passed
             && !passed.delay.is_zero()
         {
             tokio::time::sleep(passed.delay).await;
         }
-        let formed =
-            passed.and_then(|passed| form(&passed.payload, carrier, dialect, envelope.as_ref()));
-        outbox.finish_staged(staged, formed);
+        let made = passed.and_then(|passed| {
+            let pieces = form(&passed.payload, carrier, dialect, envelope.as_ref())?;
+            Some(Form { pieces, dialect })
+        });
+        outbox.finish_staged(staged, made);
     }
 }
 
@@ -50,15 +50,13 @@ fn form(
     carrier: &Carrier,
     dialect: Dialect,
     envelope: Option<&Bytes>,
-) -> Option<Bytes> {
-    if carrier.framing.is_binary() {
-        return Some(binary(payload, dialect));
+) -> Option<Pieces> {
+    let mut pieces = Pieces::new();
+    match carrier.framing {
+        framing if framing.is_binary() => Content(payload).write_pieces(&mut pieces, dialect),
+        Framing::Pictures => pieces.share(&picture::part(payload, envelope)?),
+        _ => put_reply(pieces.written(), carrier, &Content(payload), dialect),
     }
-    if carrier.framing == Framing::Pictures {
-        let image = binary(payload, Dialect::V3);
-        return picture::part(&image, Dialect::V3, envelope);
-    }
-    let mut text = BytesMut::new();
-    put_reply(&mut text, carrier, &Content(payload), dialect);
-    Some(text.freeze())
+    pieces.seal();
+    Some(pieces)
 }

@@ -35,7 +35,7 @@ impl Statistics {
 
 fn count(messages: &AtomicU64, bytes: &AtomicU64, payload: &Payload) {
     messages.fetch_add(1, Ordering::Relaxed);
-    bytes.fetch_add(payload.bytes().len() as u64, Ordering::Relaxed);
+    bytes.fetch_add(payload.len() as u64, Ordering::Relaxed);
 }
 
 impl Monitor for Statistics {
