@@ -7,7 +7,7 @@ use std::path::Path;
 
 use yarp_ports::config::{NameServer, file_name, parse_namespaces, print_namespaces};
 use yarp_ports::{MonitorSetup, MonitorSide, Passing, built_in_monitor};
-use yarp_wire::message::{Form, Payload, ReadObject};
+use yarp_wire::message::{Form, Payload, Pieces, ReadObject, WireObject};
 use yarp_wire::typed::{Image, PixelCode};
 use yarp_wire::{Bottle, Dialect, Limits};
 
@@ -58,8 +58,10 @@ pub fn monitors(data: &[u8]) {
     let height = pixels.len() / width;
     let pixels = pixels[..width * height].to_vec();
     let raw = Image::from_padded(PixelCode::MONO, width, height, 1, pixels);
-    let bytes = raw.expect("an image").blocks(Dialect::V3).concat();
-    bayer(Payload::new(bytes.into(), Form::Binary(Dialect::V3)));
+    let mut pieces = Pieces::new();
+    let image = raw.expect("an image");
+    image.write_pieces(&mut pieces, Dialect::V3);
+    bayer(Payload::of_pieces(&pieces, Dialect::V3));
 }
 
 fn bayer(payload: Payload) {

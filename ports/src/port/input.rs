@@ -489,8 +489,8 @@ impl Core {
         self.is_logged() || self.attached_in.is_there()
     }
 
-    /// Hands a message to the owner through the monitors, and what came of it to those who look on, unless the message
-    /// is a copy already. Waits for the reply, if there is to be one; tells whether the connection
+    /// Hands a message to the owner through the monitors, and what came of it to those who look
+    /// on, unless the message is a copy already. Waits for the reply, if there is to be one; tells whether the connection
     /// shall end with it.
     pub(super) async fn take(
         &self,
