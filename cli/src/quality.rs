@@ -99,5 +99,9 @@ pub(crate) fn side<'a>(first: &'a str, second: &'a str) -> Option<(usize, &'a st
     }
 }
 
+/// What `set` answers if it does not hear what to set.
+pub(crate) const TOO_FEW: &str = "Set mode must have the port to apply the new parameter to and \
+    the value of the packet priority as parameters (argc>=4)";
+
 /// What ends are called where they are printed.
 pub(crate) const NAMES: [&str; 2] = ["src", "des"];

@@ -8,7 +8,7 @@ use yarp_wire::qos::{CodePoint, Level};
 
 use super::code;
 use crate::error::Result;
-use crate::quality::{NAMES, ends, side};
+use crate::quality::{NAMES, TOO_FEW, ends, side};
 use crate::session;
 use crate::text::complain;
 
@@ -58,6 +58,10 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let Some(ends) = ends(&network, source, destination, out).await? else {
         return Ok(ExitCode::FAILURE);
     };
+    if mode == "set" && rest.len() < 2 {
+        complain(out, TOO_FEW)?;
+        return Ok(ExitCode::FAILURE);
+    }
     if mode == "set" {
         let chosen = match rest {
             [first, second, ..] => side(first, second),
@@ -75,7 +79,8 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             complain(out, &text)?;
             return Ok(ExitCode::FAILURE);
         };
-        let set = ends[chosen].set(&network, "qos", &[("tos", service)], out);
+        let values = [("tos", service)];
+        let set = ends[chosen].set(&network, "qos", &values, out);
         return Ok(code(set.await?));
     }
     let mut services = Vec::new();

@@ -7,7 +7,7 @@ use yarp_wire::Value;
 
 use super::code;
 use crate::error::Result;
-use crate::quality::{NAMES, ends, side};
+use crate::quality::{NAMES, TOO_FEW, ends, side};
 use crate::session;
 use crate::text::complain;
 
@@ -79,6 +79,10 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         let (policy, priority) = (number("policy"), number("priority"));
         schedules.push(Schedule { policy, priority });
     }
+    if mode == "set" && rest.len() < 2 {
+        complain(out, TOO_FEW)?;
+        return Ok(ExitCode::FAILURE);
+    }
     if mode == "set" {
         let chosen = match rest {
             [first, second, ..] => side(first, second),
@@ -115,7 +119,11 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         [one] => side(one, "").map(|(index, _)| told(index, "")),
         [first, second, ..] => side(first, second)
             .filter(|(_, format)| FORMATS.contains(format))
-            .map(|(index, format)| told(index, format)),
+            // Stock calls the name of a policy by another word here.
+            .map(|(index, format)| match format {
+                "--policy-label" => told(index, format).replace("(policy ", "(policy-label "),
+                format => told(index, format),
+            }),
     };
     match text {
         Some(text) => {
@@ -158,9 +166,12 @@ impl Schedule {
             let named =
                 policies.find(|(name, policy, _)| Some(*policy) == number || *name == value);
             let Some((_, policy, priorities)) = named else {
-                return Err(format!(
-                    "You provided an invalid value ({value}). Please try again"
-                ));
+                return Err(match number {
+                    Some(_) => {
+                        "Invalid policy value. Policy must be a value between 0 and 2".into()
+                    }
+                    None => format!("You provided an invalid value ({value}). Please try again"),
+                });
             };
             self.policy = *policy;
             let mut warning = None;
