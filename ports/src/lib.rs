@@ -26,8 +26,8 @@ pub use network::{Network, Place};
 pub use port::built_in as built_in_monitor;
 pub use port::{
     AdminHandler, Answer, ConnectionChange, ConnectionCounters, Envelope, Handler, LinkState,
-    Monitor, MonitorError, MonitorFactory, MonitorSetup, MonitorSide, Passing, Port, PortCounters,
-    PortOptions, Queue, Received, Reply, Supervised, Supervision, Traffic, Watcher,
+    Monitor, MonitorError, MonitorFactory, MonitorSetup, MonitorSide, Page, Pages, Passing, Port,
+    PortCounters, PortOptions, Queue, Received, Reply, Supervised, Supervision, Traffic, Watcher,
 };
 
 /// Compiles the example of the README.

@@ -10,11 +10,12 @@ mod fuzz;
 fn every_corpus_file_passes_also_with_a_byte_changed() {
     replay("configuration", fuzz::configuration);
     replay("monitors", fuzz::monitors);
+    replay("counters", fuzz::counters);
 }
 
-fn replay(target: &str, run: impl Fn(&[u8])) {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus");
-    let folder = folder.join(target);
+fn replay(target: &str, run: fn(&[u8])) {
+    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus");
+    let folder = corpus.join(target);
     let mut count = 0;
     for file in std::fs::read_dir(&folder).expect("a corpus") {
         let original = std::fs::read(file.unwrap().path()).unwrap();

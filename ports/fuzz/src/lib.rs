@@ -1,15 +1,29 @@
-//! Configuration files, whatever stands in them: what is understood prints, and is understood again.
+//! Configuration files and the counters of other ports, whatever stands in them: what is understood
+//! prints, and is understood again.
 //! Messages that pass monitors, whatever they are.
 //!
 //! The same functions are replayed over the committed corpus by `tests/fuzz_corpus.rs`.
 
 use std::path::Path;
 
+use yarp_ports::PortCounters;
 use yarp_ports::config::{NameServer, file_name, parse_namespaces, print_namespaces};
 use yarp_ports::{MonitorSetup, MonitorSide, Passing, built_in_monitor};
 use yarp_wire::message::{Form, Payload, Pieces, ReadObject, WireObject};
 use yarp_wire::typed::{Image, PixelCode};
 use yarp_wire::{Bottle, Dialect, Limits};
+
+/// An answer to `[prop] [get] counters`, as text.
+pub fn counters(data: &[u8]) {
+    let Ok(answer) = Bottle::parse(&String::from_utf8_lossy(data)) else {
+        return;
+    };
+    if let Some(counters) = PortCounters::from_bottle(&answer) {
+        let told = counters.to_bottle();
+        let again = PortCounters::from_bottle(&told).expect("our own words");
+        assert_eq!(again.to_bottle().to_string(), told.to_string());
+    }
+}
 
 /// One file, read as `yarp.conf` and as a list of namespaces.
 pub fn configuration(data: &[u8]) {
