@@ -15,6 +15,7 @@ mod connecting;
 mod error;
 mod input;
 mod log;
+mod quality;
 mod session;
 mod signals;
 mod text;

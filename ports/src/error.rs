@@ -10,6 +10,7 @@ use yarp_wire::name::NameError;
 
 use crate::auth::AuthFailure;
 use crate::config::ConfigError;
+use crate::port::MonitorError;
 
 /// Why something that a port was asked for did not happen.
 #[derive(Debug, thiserror::Error)]
@@ -99,6 +100,17 @@ pub enum PortError {
         carrier: String,
         /// What there is.
         known: String,
+    },
+    /// A modifier of the carrier cannot be had here.
+    #[error(transparent)]
+    Modifier(#[from] MonitorError),
+    /// The reader ended the connection when it heard which modifiers it is to have.
+    #[error("{peer} ended the connection: it lacks what {carrier:?} asks of it")]
+    Declined {
+        /// Whom.
+        peer: String,
+        /// What was asked for.
+        carrier: String,
     },
     /// `local` is for ports of one process.
     #[error("{peer} is not in this process, which `local` is for: try `tcp` or another carrier")]

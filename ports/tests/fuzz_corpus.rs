@@ -9,6 +9,7 @@ mod fuzz;
 #[test]
 fn every_corpus_file_passes_also_with_a_byte_changed() {
     replay("configuration", fuzz::configuration);
+    replay("monitors", fuzz::monitors);
     replay("counters", fuzz::counters);
 }
 

@@ -2,12 +2,11 @@
 
 mod common;
 
-use common::{Raw, at, bottle, open, until, within};
-use yarp_ports::{Answer, Dialogue, Network, Port, PortOptions, Queue};
-use yarp_wire::carrier::Carrier;
+use common::{Raw, ask, at, bottle, open, until, within};
+use yarp_ports::{Answer, PortOptions, Queue};
 use yarp_wire::mjpeg::{PartReader, comment};
 use yarp_wire::typed::{Image, PixelCode};
-use yarp_wire::{Bottle, Limits, Stamp, admin};
+use yarp_wire::{Limits, Stamp, admin};
 
 const REQUEST: &str = "GET /?action=stream HTTP/1.1\r\nHost: h\r\n\r\n";
 
@@ -21,15 +20,6 @@ fn plain(red: u8, green: u8, blue: u8) -> Image {
 fn is_about(image: &Image, colour: [u8; 3]) -> bool {
     let pixel = image.pixel(32, 24).unwrap();
     pixel.iter().zip(colour).all(|(a, b)| a.abs_diff(b) < 8)
-}
-
-async fn ask(port: &Port, request: &Bottle) -> String {
-    let carrier = Carrier::by_name("text_ack").unwrap();
-    let address = ("127.0.0.1", port.number());
-    let network = Network::none().with_deadline(common::DEADLINE);
-    let opening = Dialogue::open(port.name(), address, carrier, "admin", &network);
-    let mut dialogue = opening.await.unwrap();
-    dialogue.admin(request).await.unwrap().to_string()
 }
 
 #[tokio::test]

@@ -19,8 +19,8 @@ pub enum AdminRequest {
     Remove(String),
     /// `[list] [in|out] [NAME]`
     List(Direction, Option<String>),
-    /// `[set] [in|out] NAME ...`
-    Set(Direction, Option<String>),
+    /// `[set] [in|out] NAME (PARAMETER VALUE)...`
+    Set(Direction, Option<String>, Bottle),
     /// `[get] [in|out] NAME`
     Get(Direction, Option<String>),
     /// `[prop] [get] [KEY]`
@@ -29,8 +29,9 @@ pub enum AdminRequest {
     SetProperty(String, Bottle),
     /// `[prop]` with another action.
     UnknownProperty,
-    /// `[atch]` and `[dtch]` name a direction, if they are complete.
-    Attach(Option<Direction>),
+    /// `[atch] [in|out] "(KEY VALUE)..."`: a direction, if it is complete, and what to attach. As
+    /// in stock, only a string says what.
+    Attach(Option<Direction>, String),
     /// `[dtch] [in|out]`
     Detach(Option<Direction>),
     /// Anything else: for the owner's own reader, if it has one.
@@ -81,7 +82,10 @@ impl AdminRequest {
             }
             "del" => Self::Remove(text(1).unwrap_or_default()),
             "list" => Self::List(direction(1).unwrap_or(Direction::Out), text(2)),
-            "set" => Self::Set(direction(1).unwrap_or(Direction::Out), text(2)),
+            "set" => {
+                let parameters = request.iter().skip(3).cloned().collect();
+                Self::Set(direction(1).unwrap_or(Direction::Out), text(2), parameters)
+            }
             "get" => Self::Get(direction(1).unwrap_or(Direction::Out), text(2)),
             "prop" if is(1, "get") => Self::GetProperty(text(2)),
             "prop" if is(1, "set") => {
@@ -89,7 +93,10 @@ impl AdminRequest {
                 Self::SetProperty(text(2).unwrap_or_default(), values)
             }
             "prop" => Self::UnknownProperty,
-            "atch" => Self::Attach(direction(1)),
+            "atch" => {
+                let what = request.get(2).and_then(Value::as_str).unwrap_or_default();
+                Self::Attach(direction(1), what.to_owned())
+            }
             "dtch" => Self::Detach(direction(1)),
             _ => Self::Other(request.clone()),
         }
@@ -161,6 +168,18 @@ mod tests {
             AdminRequest::SetProperty("colour".into(), Bottle::of("red")),
         );
         check("[prop] [x]", AdminRequest::UnknownProperty);
+        check(
+            "[set] [in] /w (tc 7)",
+            AdminRequest::Set(Direction::In, some("/w"), Bottle::parse("(tc 7)").unwrap()),
+        );
+        check(
+            "[atch] [out] \"(type dll) (file x)\"",
+            AdminRequest::Attach(Some(Direction::Out), "(type dll) (file x)".into()),
+        );
+        check(
+            "[atch] [in] (type dll)",
+            AdminRequest::Attach(Some(Direction::In), String::new()),
+        );
         check(
             "[address] 1",
             AdminRequest::Other(Bottle::parse("[address] 1").unwrap()),

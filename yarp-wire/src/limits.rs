@@ -16,20 +16,30 @@ pub struct Limits {
     /// Most values of one binary bottle: each takes some 40 bytes once it is read. Typed messages
     /// such as vectors and images are not bottles in this sense.
     pub values: usize,
+    /// Largest payload that a compressed one may become, in bytes.
+    pub inflated: usize,
 }
 
 impl Limits {
-    /// 1 GiB messages, 4 MiB of text, lists nested 200 deep, 4 million values.
+    /// 1 GiB messages, 4 MiB of text, lists nested 200 deep, 4 million values, 256 MiB out of
+    /// compressed ones.
     pub const DEFAULT: Self = Self {
         message: 1 << 30,
         line: 4 << 20,
         depth: 200,
         values: 4 << 20,
+        inflated: 256 << 20,
     };
 
     /// The same bounds with another largest message, in bytes.
     pub const fn with_message(mut self, bytes: usize) -> Self {
         self.message = bytes;
+        self
+    }
+
+    /// The same bounds with another largest payload out of a compressed one, in bytes.
+    pub const fn with_inflated(mut self, bytes: usize) -> Self {
+        self.inflated = bytes;
         self
     }
 

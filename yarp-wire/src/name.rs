@@ -3,9 +3,10 @@
 use std::fmt;
 use std::str::FromStr;
 
-use nom::bytes::complete::{tag, take_while1};
+use nom::branch::alt;
+use nom::bytes::complete::{tag, take_until, take_while1};
 use nom::character::complete::{char, u16 as number};
-use nom::combinator::{opt, rest};
+use nom::combinator::{opt, rest, verify};
 use nom::sequence::terminated;
 use nom::{IResult, Parser};
 
@@ -106,7 +107,12 @@ impl Contact {
 
 fn contact(text: &str) -> IResult<&str, Contact> {
     let scheme = |input| take_while1(|c: char| c != ':' && c != '/')(input);
-    let (after, carrier) = opt(terminated(scheme, tag(":/"))).parse(text)?;
+    // Lists among the modifiers may hold names of ports.
+    let lists = verify(take_until("://"), |carrier: &str| {
+        carrier.contains("(/") && !carrier.starts_with('/')
+    });
+    let carrier = alt((terminated(scheme, tag(":/")), terminated(lists, tag(":/"))));
+    let (after, carrier) = opt(carrier).parse(text)?;
     // Stock keeps the slash before the name: `tcp://x` and `tcp:/x` are both `/x`.
     let place = match carrier {
         Some(_) => after.strip_prefix('/').unwrap_or(after),
@@ -171,6 +177,12 @@ mod tests {
         check("/x/y:o", None, None, "/x/y:o");
         check("tcp://x", Some("tcp"), None, "/x");
         check("tcp:/x", Some("tcp"), None, "/x");
+        check(
+            "tcp+recv.priority+(ex (/a -10))://x",
+            Some("tcp+recv.priority+(ex (/a -10))"),
+            None,
+            "/x",
+        );
         check(
             "fast_tcp+log.in://x/y",
             Some("fast_tcp+log.in"),

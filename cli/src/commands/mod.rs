@@ -12,6 +12,8 @@ mod help;
 mod name;
 mod namespace;
 mod ping;
+mod priority_qos;
+mod priority_sched;
 mod read;
 mod readwrite;
 mod repeat;
@@ -49,6 +51,10 @@ pub(crate) enum Command {
     Name(name::Args),
     Namespace(namespace::Args),
     Ping(ping::Args),
+    #[command(name = "priority-qos")]
+    PriorityQos(priority_qos::Args),
+    #[command(name = "priority-sched")]
+    PrioritySched(priority_sched::Args),
     Read(read::Args),
     Readwrite(readwrite::Args),
     Repeat(repeat::Args),
@@ -80,6 +86,8 @@ impl Command {
             Self::Name(args) => name::run(args, out).await,
             Self::Namespace(args) => namespace::run(args, out),
             Self::Ping(args) => ping::run(args, out).await,
+            Self::PriorityQos(args) => priority_qos::run(args, out).await,
+            Self::PrioritySched(args) => priority_sched::run(args, out).await,
             Self::Read(args) => read::run(args, out).await,
             Self::Readwrite(args) => readwrite::run(args, out).await,
             Self::Repeat(args) => repeat::run(args, out).await,

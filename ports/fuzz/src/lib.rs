@@ -1,5 +1,6 @@
 //! Configuration files and the counters of other ports, whatever stands in them: what is understood
 //! prints, and is understood again.
+//! Messages that pass monitors, whatever they are.
 //!
 //! The same functions are replayed over the committed corpus by `tests/fuzz_corpus.rs`.
 
@@ -8,7 +9,10 @@ use std::path::Path;
 use yarp_ports::PortCounters;
 use yarp_ports::config::{NameServer, file_name, parse_key, parse_namespaces, print_namespaces};
 use yarp_ports::roles::{Peer, Right, RoleTable};
-use yarp_wire::Bottle;
+use yarp_ports::{MonitorSetup, MonitorSide, Passing, built_in_monitor};
+use yarp_wire::message::{Form, Payload, Pieces, ReadObject, WireObject};
+use yarp_wire::typed::{Image, PixelCode};
+use yarp_wire::{Bottle, Dialect, Limits};
 
 /// An answer to `[prop] [get] counters`, as text.
 pub fn counters(data: &[u8]) {
@@ -46,4 +50,64 @@ pub fn configuration(data: &[u8]) {
         // No roles, no restrictions.
         assert!(!roles.is_empty() || rights.has(Right::Administer));
     }
+}
+
+/// Bytes as what arrives at each of the monitors that expand or convert: no message becomes larger
+/// than it may, and what monitors make can be read.
+pub fn monitors(data: &[u8]) {
+    for form in [Form::Binary(Dialect::V3), Form::Text] {
+        let payload = Payload::new(data.to_vec().into(), form);
+        for name in [
+            "bottle_compression_zlib",
+            "image_compression_jpeg",
+            "image_to_mono",
+        ] {
+            if let Some(made) = passed(name, "", payload.clone()) {
+                assert!(made.bytes().len() <= Limits::DEFAULT.inflated.max(data.len()));
+            }
+        }
+        let images = [
+            "depthimage_compression_zlib",
+            "depthimage_to_mono",
+            "depthimage_to_rgb",
+        ];
+        for name in images {
+            image(passed(name, "", payload.clone()));
+        }
+        bayer(payload);
+    }
+    let [width, pixels @ ..] = data else {
+        return;
+    };
+    let width = usize::from(*width % 40) + 1;
+    let height = pixels.len() / width;
+    let pixels = pixels[..width * height].to_vec();
+    let raw = Image::from_padded(PixelCode::MONO, width, height, 1, pixels);
+    let mut pieces = Pieces::new();
+    let image = raw.expect("an image");
+    image.write_pieces(&mut pieces, Dialect::V3);
+    bayer(Payload::of_pieces(&pieces, Dialect::V3));
+}
+
+fn bayer(payload: Payload) {
+    for order in ["grbg", "gbrg", "rggb", "bggr"] {
+        for method in ["bilinear", "nearest", "simple", "hqlinear", "downsample"] {
+            let options = format!("(order {order}) (method {method})");
+            image(passed("bayer", &options, payload.clone()));
+        }
+    }
+}
+
+fn image(bytes: Option<Payload>) {
+    if let Some(payload) = bytes {
+        Image::read(&payload).expect("what a monitor makes is an image");
+    }
+}
+
+/// What a reader's monitor makes of a message.
+fn passed(name: &str, options: &str, payload: Payload) -> Option<Payload> {
+    let options = Bottle::parse(options).expect("a bottle");
+    let setup = MonitorSetup::new(MonitorSide::Receive, "/w", "/r", options);
+    let monitor = built_in_monitor(name, &setup).expect("a monitor");
+    Some(monitor.update(Passing::new(payload))?.payload)
 }

@@ -7,6 +7,7 @@ use yarp_wire::carrier::Carrier;
 use yarp_wire::{Bottle, Value, Vocab32};
 
 use super::core::Core;
+use super::monitor::{Attached, Chain, MonitorSide};
 use super::options::{Input, Outputs, Serving};
 use super::qos::scheduling;
 use crate::roles::Right;
@@ -44,7 +45,7 @@ pub(super) fn needed(request: &Bottle) -> Option<Right> {
         AdminRequest::Add(_) | AdminRequest::Remove(_) => Some(Right::Connect),
         AdminRequest::Set(..)
         | AdminRequest::SetProperty(..)
-        | AdminRequest::Attach(_)
+        | AdminRequest::Attach(..)
         | AdminRequest::Detach(_)
         | AdminRequest::Other(_) => Some(Right::Administer),
         _ => None,
@@ -70,17 +71,22 @@ impl Core {
             AdminRequest::Remove(name) => self.remove(&name).await,
             AdminRequest::List(direction, None) => self.names(direction),
             AdminRequest::List(direction, Some(name)) => self.details(direction, &name),
-            AdminRequest::Set(direction, name) => self.set_parameters(direction, name),
+            AdminRequest::Set(direction, name, parameters) => {
+                self.set_parameters(direction, name, &parameters)
+            }
             AdminRequest::Get(direction, name) => self.parameters(direction, name),
             AdminRequest::GetProperty(key) => self.property(key),
             AdminRequest::SetProperty(key, values) => self.set_property(key, values),
             AdminRequest::UnknownProperty => fail("property action not known"),
-            AdminRequest::Attach(None) => fail("attach command must be followed by [out] or [in]"),
-            AdminRequest::Attach(Some(_)) => {
-                fail("Portmonitor carrier modifier cannot be find or it is not enabled in YARP!")
+            AdminRequest::Attach(None, _) => {
+                fail("attach command must be followed by [out] or [in]")
             }
+            AdminRequest::Attach(Some(direction), what) => self.attach(direction, &what),
             AdminRequest::Detach(None) => fail("detach command must be followed by [out] or [in]"),
-            AdminRequest::Detach(Some(_)) => ok(),
+            AdminRequest::Detach(Some(direction)) => {
+                self.attached(direction).1.put(None);
+                ok()
+            }
             AdminRequest::Other(request) => {
                 let own = self
                     .options
@@ -153,15 +159,51 @@ impl Core {
         answer
     }
 
-    /// No carrier here has parameters to set; stock answers success for any connection there is.
-    fn set_parameters(&self, direction: Direction, name: Option<String>) -> Bottle {
+    /// `[atch]`: one monitor for all that the port writes or reads, in place of an earlier one.
+    /// As in stock, the earlier one goes also if the new one cannot be had; why stands behind
+    /// stock's words.
+    fn attach(&self, direction: Direction, what: &str) -> Bottle {
+        let (side, attached) = self.attached(direction);
+        attached.put(None);
+        match self.attachment(side, what) {
+            Ok(chain) => {
+                attached.put(Some(chain));
+                ok()
+            }
+            Err(error) => {
+                tracing::warn!(port = %self.name, "no monitor is attached: {error}");
+                fail("Failed to configure the portmonitor plug-in").with(error.to_string())
+            }
+        }
+    }
+
+    fn attached(&self, direction: Direction) -> (MonitorSide, &Attached) {
+        match direction {
+            Direction::In => (MonitorSide::Receive, &self.attached_in),
+            Direction::Out => (MonitorSide::Send, &self.attached_out),
+        }
+    }
+
+    /// What has no parameters takes any; so it is in stock.
+    fn set_parameters(
+        &self,
+        direction: Direction,
+        name: Option<String>,
+        parameters: &Bottle,
+    ) -> Bottle {
+        let way = match direction {
+            Direction::In => "from",
+            Direction::Out => "to",
+        };
         match self.find(direction, name) {
-            Ok(name) => {
-                let way = match direction {
-                    Direction::In => "from",
-                    Direction::Out => "to",
-                };
-                counted(Ok(format!("Configured connection {way} {name}\r\n")))
+            Ok((name, chain)) => {
+                if let Some(chain) = chain {
+                    chain.set(parameters);
+                }
+                match name == self.name {
+                    true => ok(),
+                    false => counted(Ok(format!("Configured connection {way} {name}\r\n"))),
+                }
             }
             Err(answer) => answer,
         }
@@ -169,37 +211,49 @@ impl Core {
 
     fn parameters(&self, direction: Direction, name: Option<String>) -> Bottle {
         match self.find(direction, name) {
-            Ok(_) => Bottle::of(Value::Dictionary(Bottle::new())),
+            Ok((_, chain)) => {
+                let parameters = chain.map(|chain| chain.get()).unwrap_or_default();
+                Bottle::of(Value::Dictionary(parameters))
+            }
             Err(answer) => answer,
         }
     }
 
-    /// The connection meant, or stock's answer that there is none.
-    fn find(&self, direction: Direction, name: Option<String>) -> Result<String, Bottle> {
+    /// The monitors of the connection meant, or of the port itself by its own name, or stock's
+    /// answer that there is none.
+    fn find(
+        &self,
+        direction: Direction,
+        name: Option<String>,
+    ) -> Result<(String, Option<Arc<Chain>>), Bottle> {
         let Some(name) = name else {
             return Err(counted(Err("target port is not specified.\r\n".to_owned())));
         };
-        let (known, place, way) = match direction {
+        let (found, place, way) = match direction {
             Direction::In => {
-                let known = self.inputs().iter().any(|input| input.from == name);
-                (known, "input", "from")
+                let inputs = self.inputs();
+                let found = inputs.iter().find(|input| input.from == name);
+                (found.map(|input| input.monitors.clone()), "input", "from")
             }
             Direction::Out => {
-                let known = self.outputs().iter().any(|output| output.to == name);
-                (known, "output", "to")
+                let outputs = self.outputs();
+                let found = outputs.iter().find(|output| output.to == name);
+                (found.map(|output| output.monitors.clone()), "output", "to")
             }
         };
-        if known {
-            Ok(name)
-        } else if name == self.name {
-            Err(fail(&format!(
-                "No port modifier is attached to the {place}"
-            )))
-        } else {
-            // Stock says incoming for either direction.
-            let text = format!("Could not find an incoming connection {way} {name}\r\n");
-            Err(counted(Err(text)))
+        if name == self.name {
+            return match self.attached(direction).1.chain() {
+                Some(chain) => Ok((name, Some(chain))),
+                None => Err(fail(&format!(
+                    "No port modifier is attached to the {place}"
+                ))),
+            };
         }
+        // Stock says incoming for either direction.
+        found.map(|chain| (name.clone(), chain)).ok_or_else(|| {
+            let text = format!("Could not find an incoming connection {way} {name}\r\n");
+            counted(Err(text))
+        })
     }
 
     fn property(&self, key: Option<String>) -> Bottle {

@@ -13,6 +13,7 @@ use super::group::Group;
 use super::inbox::Inbox;
 use super::local;
 use super::log;
+use super::monitor::{Arbiter, Attached, Chain, MonitorError, MonitorSide, is_modifier};
 use super::options::{ConnectionChange, Input, Outputs, PortOptions};
 use super::output::{Output, Target};
 use super::qos::SocketHandle;
@@ -48,6 +49,11 @@ pub(crate) struct Core {
     pub(super) logged: AtomicBool,
     /// Connections that this port made to read from.
     pulls: Mutex<JoinSet<()>>,
+    /// Who is heard of the writers that ask for `recv.priority`.
+    pub(super) arbiter: Arc<Arbiter>,
+    /// What all that is written, or read, passes.
+    pub(super) attached_out: Attached,
+    pub(super) attached_in: Attached,
 }
 
 /// An incoming connection as others see it.
@@ -58,6 +64,8 @@ pub(crate) struct InputEntry {
     pub(crate) carrier: &'static Carrier,
     pub(crate) socket: SocketHandle,
     pub(crate) meter: Arc<Meter>,
+    /// What its messages pass, if anything.
+    pub(super) monitors: Option<Arc<Chain>>,
     cancel: Cancel,
 }
 
@@ -105,6 +113,9 @@ impl Core {
             ended: Mutex::default(),
             logged: AtomicBool::new(false),
             pulls: Mutex::default(),
+            arbiter: Arc::default(),
+            attached_out: Attached::default(),
+            attached_in: Attached::default(),
         }
     }
 
@@ -224,10 +235,17 @@ impl Core {
             // A group is for what the owner writes.
             _ => !logs || carrier.transport != Transport::Group,
         });
-        let carrier = carrier.ok_or_else(|| PortError::NoCarrier {
-            carrier: spec.base.clone(),
-            known: known_carriers(),
+        let carrier = carrier.ok_or_else(|| match is_modifier(&spec.base) {
+            true => PortError::Modifier(MonitorError::NoCarrier {
+                name: spec.base.clone(),
+            }),
+            false => PortError::NoCarrier {
+                carrier: spec.base.clone(),
+                known: known_carriers(),
+            },
         })?;
+        let ends = (self.name.as_str(), found.name.as_str());
+        let monitors = self.monitors(&spec.modifiers, MonitorSide::Send, ends)?;
         self.disconnect(&found.name).await;
         if self.options.outputs == Outputs::One && !logs && !self.senders().is_empty() {
             return Err(PortError::AlreadyConnected {
@@ -235,7 +253,8 @@ impl Core {
             });
         }
         if carrier.transport == Transport::Local {
-            let mut output = local::connect(self, &found, &spec, carrier)?;
+            let output = local::connect(self, &found, &spec, carrier)?;
+            let mut output = output.with_monitors(monitors);
             output.logs = logs;
             self.add_output(output);
             return Ok(found.name);
@@ -261,7 +280,8 @@ impl Core {
             network: &self.network,
         };
         match Output::connect(&target, self.cancelled.clone()).await {
-            Ok(mut output) => {
+            Ok(output) => {
+                let mut output = output.with_monitors(monitors);
                 output.logs = logs;
                 self.add_output(output);
                 Ok(found.name)
@@ -415,6 +435,7 @@ impl Core {
             carrier,
             socket,
             meter,
+            monitors: None,
             cancel,
         });
         drop(inputs);
@@ -426,6 +447,13 @@ impl Core {
     pub(crate) fn move_input(&self, id: u64, socket: SocketHandle) {
         if let Some(entry) = self.inputs().iter_mut().find(|entry| entry.id == id) {
             entry.socket = socket;
+        }
+    }
+
+    /// Takes note of what the messages of an incoming connection pass.
+    pub(super) fn monitor_input(&self, id: u64, monitors: &Option<Arc<Chain>>) {
+        if let Some(entry) = self.inputs().iter_mut().find(|entry| entry.id == id) {
+            entry.monitors = monitors.clone();
         }
     }
 

@@ -96,6 +96,9 @@ impl Core {
                         format!("Logger configured as log.{what}, but only log.in is supported\r\n")
                     }
                     PortError::NotAllowed { text } => format!("{text}\r\n"),
+                    PortError::Modifier(_) | PortError::Declined { .. } => {
+                        format!("Cannot connect to {destination}: {}\r\n", error.story())
+                    }
                     PortError::Unknown { .. } => {
                         format!("Do not know how to connect to {destination}\r\n")
                     }

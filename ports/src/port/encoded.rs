@@ -45,6 +45,8 @@ impl<'a> Encoded<'a> {
     /// The form for this reader; `None` if there is none: only images go to who watches pictures.
     pub(crate) fn form(&mut self, message: &impl WireObject, output: &Output) -> Option<&Form> {
         let kind = match output.carrier.framing {
+            // Monitors want messages as they are; the connection's form comes behind them.
+            _ if output.monitors.is_some() => Kind::Binary(output.dialect),
             Framing::Pictures => Kind::Picture,
             Framing::Http => Kind::Page,
             framing if framing.is_binary() => Kind::Binary(output.dialect),

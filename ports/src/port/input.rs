@@ -7,7 +7,7 @@ use std::sync::Arc;
 use bytes::BytesMut;
 use tokio::net::TcpStream;
 use tokio::sync::oneshot;
-use yarp_wire::carrier::{Carrier, Sender, Transport};
+use yarp_wire::carrier::{Carrier, Framing, Sender, Transport};
 use yarp_wire::connection::{
     Acceptor, DatagramReader, Event, Message, ProtocolError, REFUSAL, header_reply,
 };
@@ -20,6 +20,7 @@ use super::counters::Meter;
 use super::describe::{HELP, NOT_UNDERSTOOD};
 use super::inbox::Inbox;
 use super::log::{self, Copied};
+use super::monitor::{Chain, MonitorError, MonitorSide};
 use super::options::{Input, Serving};
 use super::output::{Output, Way};
 use super::qos::SocketHandle;
@@ -63,6 +64,7 @@ pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, address: IpAddr) {
         address,
         busy: BusyPoll::new(),
         meter: Arc::default(),
+        monitors: None,
         closing: core.cancelled.clone(),
         rights: (0, Rights::ALL),
     };
@@ -83,10 +85,13 @@ pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, address: IpAddr) {
         End::Broken(error) => {
             tracing::warn!(port = %core.name, from, "dropping a connection: {error}");
         }
+        End::Refused(error) => {
+            tracing::warn!(port = %core.name, from, "refusing a connection: {error}");
+        }
         End::Failed(error) => {
             tracing::debug!(port = %core.name, from, "a connection failed: {error}");
         }
-        End::Refused(right) => {
+        End::NotAllowed(right) => {
             let text = connection.refusal(right);
             tracing::warn!(port = %core.name, from, "dropping a connection: {text}");
         }
@@ -99,10 +104,12 @@ pub(super) enum End {
     Closed,
     Broken(ProtocolError),
     Failed(io::Error),
+    /// What it asks for cannot be had.
+    Refused(MonitorError),
     /// It goes on in the other direction.
     Reversed,
     /// The peer may not do what it wants.
-    Refused(Right),
+    NotAllowed(Right),
 }
 
 impl From<io::Error> for End {
@@ -127,6 +134,8 @@ pub(super) struct Connection {
     pub(super) address: IpAddr,
     busy: BusyPoll,
     pub(super) meter: Arc<Meter>,
+    /// What its messages pass, if anything.
+    monitors: Option<Arc<Chain>>,
     /// The port closes: nothing more is read.
     closing: Cancelled,
     /// What the peer may do, by the roles of this generation.
@@ -317,12 +326,20 @@ impl Connection {
                 if let Some(right) = wants.filter(|right| !self.may(*right)) {
                     // Without an answer to its header the peer knows that it is not connected.
                     self.output.clear();
-                    return Next::Stop(End::Refused(right));
+                    return Next::Stop(End::NotAllowed(right));
                 }
                 if !carrier.push {
                     return Next::Stop(End::Reversed);
                 }
-                self.opened(carrier);
+                if let Err(error) = self.opened(carrier) {
+                    // Without the header reply the peer knows that there is no connection.
+                    self.output.clear();
+                    if carrier.framing == Framing::Lines && !carrier.acknowledges {
+                        let words = format!("* Error. {error}\r\n* Goodbye.\r\n");
+                        self.output.extend_from_slice(words.as_bytes());
+                    }
+                    return Next::Stop(End::Refused(error));
+                }
                 match carrier.transport {
                     Transport::Stream | Transport::WebSocket => Next::Go,
                     Transport::UnixSocket => Next::UnixSocket,
@@ -335,24 +352,31 @@ impl Connection {
         }
     }
 
-    fn opened(&mut self, carrier: &'static Carrier) {
+    fn opened(&mut self, carrier: &'static Carrier) -> Result<(), MonitorError> {
+        let sender = &self.sender;
+        let ends = (sender.name.as_str(), self.core.name.as_str());
+        let monitors = self
+            .core
+            .monitors(&sender.modifiers, MonitorSide::Receive, ends)?;
         let mut text = carrier.name.to_owned();
-        for (key, value) in &self.sender.modifiers {
+        for (key, value) in &sender.modifiers {
+            // As in stock, also those without a value have the dot.
             text.push('+');
             text.push_str(key);
-            if let Some(value) = value {
-                text.push('.');
-                text.push_str(value);
-            }
+            text.push('.');
+            text.push_str(value.as_deref().unwrap_or_default());
         }
         let cancel = self.cancel.take().expect("a header comes once");
         let socket = SocketHandle::of(&self.stream);
         let core = &self.core;
         let meter = self.meter.clone();
-        let id = core.add_input(&self.sender.name, carrier, text, socket, meter, cancel);
+        let id = core.add_input(&sender.name, carrier, text, socket, meter, cancel);
+        core.monitor_input(id, &monitors);
         let core = self.core.clone();
         self.entry = Some(Entry { id, core });
         self.from = self.sender.name.as_str().into();
+        self.monitors = monitors;
+        Ok(())
     }
 
     /// Whether the roles in force now give the peer this right.
@@ -385,7 +409,7 @@ impl Connection {
         let next = match message.command {
             Command::Data { reply, .. } if !self.may(Right::Write) => {
                 if !reply {
-                    return Next::Stop(End::Refused(Right::Write));
+                    return Next::Stop(End::NotAllowed(Right::Write));
                 }
                 let answer = admin::fail(&self.refusal(Right::Write));
                 self.acceptor.reply(&answer, &mut self.output);
@@ -434,10 +458,12 @@ impl Connection {
     /// Hands a message to the owner and waits for the reply, if there is to be one; tells whether
     /// the connection shall end with it.
     pub(super) async fn deliver(&mut self, received: Received) -> (Option<Reply>, bool) {
-        if self.core.is_logged() {
+        if self.monitors.is_some() || self.core.is_watched() {
             let core = self.core.clone();
             let copies = log::are_brought_by(&self.sender);
-            return self.wait_for(core.take(received, copies)).await;
+            let monitors = self.monitors.clone();
+            let taking = core.take(monitors.as_ref(), received, copies);
+            return self.wait_for(taking).await;
         }
         match self.core.hand(received) {
             // Most messages: nobody waits for anything.
@@ -555,10 +581,40 @@ enum Handed {
 }
 
 impl Core {
-    /// Hands a message to the owner, and what came of it to those who look on, unless the message
-    /// is a copy already. Waits for the reply, if there is to be one; tells whether the connection
+    /// What the monitors of a connection and of the port make of a message; `None` if one stops it.
+    async fn monitored(
+        &self,
+        monitors: Option<&Arc<Chain>>,
+        mut received: Received,
+    ) -> Option<Received> {
+        let attached = self.attached_in.chain();
+        for chain in monitors.into_iter().chain(&attached) {
+            let passing = chain.update(received.payload).await?;
+            if !passing.delay.is_zero() {
+                tokio::time::sleep(passing.delay).await;
+            }
+            received.payload = passing.payload;
+        }
+        Some(received)
+    }
+
+    /// Whether messages that arrive have more to pass than the owner's queue.
+    fn is_watched(&self) -> bool {
+        self.is_logged() || self.attached_in.is_there()
+    }
+
+    /// Hands a message to the owner through the monitors, and what came of it to those who look
+    /// on, unless the message is a copy already. Waits for the reply, if there is to be one; tells whether the connection
     /// shall end with it.
-    pub(super) async fn take(&self, received: Received, copies: bool) -> (Option<Reply>, bool) {
+    pub(super) async fn take(
+        &self,
+        monitors: Option<&Arc<Chain>>,
+        received: Received,
+        copies: bool,
+    ) -> (Option<Reply>, bool) {
+        let Some(received) = self.monitored(monitors, received).await else {
+            return (None, false);
+        };
         let copy = (self.is_logged() && !copies).then(|| Copied::of(&received));
         let (reply, last) = self.finish(self.hand(received)).await;
         if let Some(copy) = copy {

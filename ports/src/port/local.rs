@@ -15,6 +15,7 @@ use yarp_wire::{Bottle, Dialect};
 use super::core::{Core, Entry};
 use super::counters::Meter;
 use super::log;
+use super::monitor::{Chain, MonitorSide};
 use super::outbox::{Outbox, Parcel};
 use super::output::Output;
 use super::qos::SocketHandle;
@@ -59,6 +60,8 @@ pub(super) fn connect(
     let reader = find(to).ok_or_else(|| PortError::NotInProcess {
         peer: to.name.clone(),
     })?;
+    let ends = (writer.name.as_str(), reader.name.as_str());
+    let monitors = reader.monitors(&spec.modifiers, MonitorSide::Receive, ends)?;
     let (cancel, displaced) = Cancel::new();
     let meter = Arc::<Meter>::default();
     let sender = Sender {
@@ -73,6 +76,7 @@ pub(super) fn connect(
         meter.clone(),
         cancel,
     );
+    reader.monitor_input(id, &monitors);
     let outbox = Arc::new(Outbox::new(None));
     let way = Local {
         outbox: outbox.clone(),
@@ -81,6 +85,7 @@ pub(super) fn connect(
             core: reader.clone(),
         },
         copies: log::are_brought_by(&sender),
+        monitors,
         from: sender.name.into(),
         meter,
         displaced,
@@ -104,6 +109,8 @@ struct Local {
     outbox: Arc<Outbox>,
     entry: Entry,
     copies: bool,
+    /// What messages pass at the reader, if anything.
+    monitors: Option<Arc<Chain>>,
     from: Arc<str>,
     meter: Arc<Meter>,
     /// Another connection of the same name takes its place, or the reader drops it.
@@ -159,7 +166,9 @@ impl Local {
             responder: None,
             connection: self.entry.id,
         };
-        let (reply, last) = self.entry.core.take(received, self.copies).await;
+        let monitors = self.monitors.as_ref();
+        let taking = self.entry.core.take(monitors, received, self.copies);
+        let (reply, last) = taking.await;
         let reply = parcel.wants_reply.then(|| {
             let mut pieces = Pieces::new();
             match reply {

@@ -76,11 +76,24 @@ impl Copied {
 
 impl WireObject for Copied {
     fn write_binary(&self, out: &mut BytesMut, dialect: Dialect) {
-        let as_it_came = || self.payload.to_binary(dialect);
-        let bytes = match self.payload.dialect() == dialect {
+        Content(&self.payload).write_binary(out, dialect);
+    }
+
+    fn write_text(&self, out: &mut BytesMut) {
+        Content(&self.payload).write_text(out);
+    }
+}
+
+/// What has arrived, or was written already, as something to send on.
+pub(super) struct Content<'a>(pub(super) &'a Payload);
+
+impl WireObject for Content<'_> {
+    fn write_binary(&self, out: &mut BytesMut, dialect: Dialect) {
+        let as_it_came = || self.0.to_binary(dialect);
+        let bytes = match self.0.dialect() == dialect {
             true => as_it_came(),
             // What is no bottle has no generation.
-            false => match self.payload.to_bottle() {
+            false => match self.0.to_bottle() {
                 Ok(bottle) => Ok(bottle.encode(dialect)),
                 Err(_) => as_it_came(),
             },
@@ -89,7 +102,7 @@ impl WireObject for Copied {
     }
 
     fn write_text(&self, out: &mut BytesMut) {
-        self.payload.to_bottle().unwrap_or_default().write_text(out);
+        self.0.to_bottle().unwrap_or_default().write_text(out);
     }
 }
 

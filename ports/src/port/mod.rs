@@ -13,6 +13,7 @@
 //! | `supervised` | connections that come back |
 //! | `log` | copies of what arrives for those who look on |
 //! | `counters` | what passed |
+//! | `monitor` | what messages pass on their way |
 //! | `qos` | how urgent the packets of a connection are |
 
 mod admin;
@@ -28,6 +29,7 @@ mod input;
 mod listener;
 mod local;
 mod log;
+mod monitor;
 mod options;
 mod outbox;
 mod output;
@@ -50,6 +52,7 @@ use yarp_wire::{Contact, PortName, Stamp};
 
 use self::core::Core;
 use self::encoded::{Encoded, Form};
+use self::monitor::Outgoing;
 use self::output::Output;
 use crate::cancel::{Cancel, join};
 use crate::error::PortError;
@@ -58,6 +61,9 @@ use crate::network::Network;
 
 pub use counters::{ConnectionCounters, PortCounters, Traffic};
 pub use inbox::Queue;
+pub use monitor::{
+    Monitor, MonitorError, MonitorFactory, MonitorSetup, MonitorSide, Passing, built_in,
+};
 pub use options::{AdminHandler, ConnectionChange, Handler, Page, Pages, PortOptions, Watcher};
 pub use received::{Answer, Received, Reply};
 pub use supervised::{LinkState, Supervised, Supervision};
@@ -301,6 +307,10 @@ impl Port {
 
     /// As [`Port::write`], with an envelope such as a [`Stamp`](yarp_wire::Stamp).
     pub async fn write_with(&self, message: &impl WireObject, envelope: Option<Envelope>) -> usize {
+        let Some(message) = self.monitored(message).await else {
+            return 0;
+        };
+        let message = &message;
         let command = data(false, envelope);
         let mut encoded = Encoded::of(&command);
         let mut taken = 0;
@@ -330,6 +340,9 @@ impl Port {
     ///
     /// A reader that is still busy misses this message. Tells how many will get it.
     pub fn write_if_idle(&self, message: &impl WireObject, envelope: Option<Envelope>) -> usize {
+        let Some((message, _)) = self.outgoing(message) else {
+            return 0;
+        };
         let command = data(false, envelope);
         let mut encoded = Encoded::of(&command);
         let mut taken = 0;
@@ -337,7 +350,7 @@ impl Port {
             if output.outbox.is_busy() {
                 output.outbox.count_dropped();
             } else {
-                let Some(form) = encoded.form(message, output) else {
+                let Some(form) = encoded.form(&message, output) else {
                     return;
                 };
                 taken += usize::from(output.outbox.push(&command, form).is_ok());
@@ -353,6 +366,10 @@ impl Port {
         message: &impl WireObject,
         envelope: Option<Envelope>,
     ) -> usize {
+        let Some(message) = self.monitored(message).await else {
+            return 0;
+        };
+        let message = &message;
         let command = data(false, envelope);
         let mut encoded = Encoded::of(&command);
         let mut taken = 0;
@@ -417,6 +434,8 @@ impl Port {
             peer: output.to.clone(),
             reason: reason.to_string(),
         };
+        let stopped = || lost("a monitor stopped the request".into());
+        let request = &self.monitored(request).await.ok_or_else(stopped)?;
         let command = Command::data(true);
         let waiting = {
             let mut encoded = Encoded::of(&command);
@@ -425,11 +444,32 @@ impl Port {
             output.outbox.request(&command, form).map_err(lost)?
         };
         match waiting.await {
-            Ok(Ok(Some(reply))) => Ok((output.to.clone(), reply)),
+            Ok(Ok(Some(reply))) => {
+                let reply = match &output.monitors {
+                    Some(chain) => chain.reply(reply),
+                    None => reply,
+                };
+                Ok((output.to.clone(), reply))
+            }
             Ok(Ok(None)) => Err(lost("it acknowledged without a reply".into())),
             Ok(Err(reason)) => Err(lost(reason)),
             Err(_) => Err(lost("closed here".into())),
         }
+    }
+
+    /// A message as the monitor of the port makes it, if there is one; `None` if it stops it.
+    async fn monitored<'a, T: WireObject>(&self, message: &'a T) -> Option<Outgoing<'a, T>> {
+        let (message, delay) = self.outgoing(message)?;
+        if !delay.is_zero() {
+            tokio::time::sleep(delay).await;
+        }
+        Some(message)
+    }
+
+    /// As [`Port::monitored`], with how long the monitor wants it to be held back.
+    fn outgoing<'a, T: WireObject>(&self, message: &'a T) -> Option<(Outgoing<'a, T>, Duration)> {
+        let chain = self.core.attached_out.chain();
+        Outgoing::of(message, chain.as_deref(), self.core.options.dialect)
     }
 
     /// Says goodbye to peers, stops listening and unregisters the name.

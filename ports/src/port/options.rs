@@ -6,6 +6,7 @@ use std::sync::Arc;
 use yarp_wire::http::{Request, Response};
 use yarp_wire::{Bottle, Dialect};
 
+use super::monitor::{Monitor, MonitorSetup, OwnMonitor};
 use super::{Answer, Queue, Received};
 
 /// Called for each message, on the task of its connection; must not block for long.
@@ -67,6 +68,7 @@ pub struct PortOptions {
     pub(crate) watcher: Option<Watcher>,
     pub(crate) type_name: Option<String>,
     pub(crate) judges_itself: bool,
+    pub(super) monitors: Vec<OwnMonitor>,
 }
 
 /// Which outgoing connections a port takes.
@@ -90,6 +92,7 @@ impl Default for PortOptions {
             watcher: None,
             type_name: None,
             judges_itself: false,
+            monitors: Vec::new(),
         }
     }
 }
@@ -173,6 +176,21 @@ impl PortOptions {
         handler: impl Fn(&Bottle) -> Option<Bottle> + Send + Sync + 'static,
     ) -> Self {
         self.admin = Some(Arc::new(handler));
+        self
+    }
+
+    /// Offers a monitor of the owner's own to connections that ask for it by
+    /// `send.portmonitor+type.dll+file.NAME` or `recv.`, before one of the same name that is built
+    /// in. `make` is called for each connection, and may refuse its options with a reason.
+    pub fn monitor(
+        mut self,
+        name: impl Into<String>,
+        make: impl Fn(&MonitorSetup) -> Result<Arc<dyn Monitor>, String> + Send + Sync + 'static,
+    ) -> Self {
+        self.monitors.push(OwnMonitor {
+            name: name.into(),
+            factory: Arc::new(make),
+        });
         self
     }
 

@@ -35,6 +35,8 @@ pub(crate) struct Outbox {
     pub(crate) filled: Notify,
     /// Room was made, a message was finished, or the connection ended.
     changed: Notify,
+    /// Something was put in for the monitors.
+    staged: Notify,
     /// Whether the connection has ended, for those who need no lock to ask.
     over: AtomicBool,
 }
@@ -43,6 +45,10 @@ pub(crate) struct Outbox {
 struct State {
     line: Line,
     queued: usize,
+    /// Whether monitors see messages first.
+    monitored: bool,
+    /// Messages that the monitors have not seen; their weight is in `queued`.
+    staged: VecDeque<Staged>,
     /// One entry per message that is not done with, where the peer says when it is.
     unfinished: VecDeque<Pending>,
     /// Messages that the peer was to say so of, since the beginning.
@@ -87,10 +93,28 @@ pub(crate) struct Depth {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ticket(Option<u64>);
 
+/// A message on its way to the monitors.
+#[derive(Debug)]
+pub(crate) struct Staged {
+    pub(super) command: Command,
+    pub(super) form: Form,
+    answered: bool,
+    outcome: Option<oneshot::Sender<Outcome>>,
+}
+
+impl Staged {
+    /// What it counts for while it waits; never 0, so that it is noticed.
+    fn weight(&self) -> usize {
+        self.form.pieces.len() + 1
+    }
+}
+
 #[derive(Debug)]
 struct Pending {
     reply: Option<Payload>,
     outcome: Option<oneshot::Sender<Outcome>>,
+    /// A monitor stopped it: it is done with as soon as those before it are.
+    stopped: bool,
 }
 
 impl Outbox {
@@ -109,6 +133,8 @@ impl Outbox {
             state: Mutex::new(State {
                 line,
                 queued: 0,
+                monitored: false,
+                staged: VecDeque::new(),
                 unfinished: VecDeque::new(),
                 begun: 0,
                 finished: 0,
@@ -118,6 +144,7 @@ impl Outbox {
             }),
             filled: Notify::new(),
             changed: Notify::new(),
+            staged: Notify::new(),
             over: AtomicBool::new(false),
         }
     }
@@ -163,28 +190,87 @@ impl Outbox {
         if let Some(reason) = &state.closed {
             return Err(reason.clone());
         }
-        let pieces = &form.pieces;
-        if let Command::Data { envelope, .. } = command {
-            state.traffic.messages += 1;
-            state.traffic.bytes += pieces.len() as u64;
-            if let Some(envelope) = envelope {
-                state.newest.keep(envelope);
-            }
-        }
-        let (more, answered) = state.line.put(command, form);
-        state.queued += more;
+        let answered = state.line.is_answered(command);
         let mut ticket = Ticket(None);
         if answered {
             state.begun += 1;
             ticket = Ticket(Some(state.begun));
-            state.unfinished.push_back(Pending {
-                reply: None,
-                outcome,
-            });
         }
-        drop(state);
-        self.filled.notify_one();
+        if state.monitored {
+            let staged = Staged {
+                command: command.clone(),
+                form: form.clone(),
+                answered,
+                outcome,
+            };
+            state.queued += staged.weight();
+            state.staged.push_back(staged);
+            drop(state);
+            self.staged.notify_one();
+        } else {
+            state.put(command, form, answered, outcome);
+            drop(state);
+            self.filled.notify_one();
+        }
         Ok(ticket)
+    }
+
+    /// From now on messages wait for [`Outbox::next_staged`] first.
+    pub(super) fn set_monitored(&self) {
+        self.state().monitored = true;
+    }
+
+    /// The oldest message that the monitors have not seen, as soon as there is one; `None` once
+    /// the connection has ended.
+    pub(super) async fn next_staged(&self) -> Option<Staged> {
+        loop {
+            let more = self.staged.notified();
+            {
+                let mut state = self.state();
+                if state.closed.is_some() {
+                    return None;
+                }
+                if let Some(staged) = state.staged.pop_front() {
+                    return Some(staged);
+                }
+            }
+            more.await;
+        }
+    }
+
+    /// Sends what the monitors have made of a message; `None` if they stopped it.
+    pub(super) fn finish_staged(&self, staged: Staged, form: Option<Form>) {
+        let mut state = self.state();
+        let weight = staged.weight();
+        let Staged {
+            command,
+            answered,
+            outcome,
+            ..
+        } = staged;
+        state.queued = state.queued.saturating_sub(weight);
+        let told = match (&state.closed, form) {
+            (Some(reason), _) => Some(reason.clone()),
+            (None, Some(form)) => {
+                state.put(&command, &form, answered, outcome);
+                drop(state);
+                self.filled.notify_one();
+                self.changed.notify_waiters();
+                return;
+            }
+            (None, None) => {
+                if answered {
+                    state.stop();
+                }
+                Some("a monitor stopped the message".into())
+            }
+        };
+        drop(state);
+        if let (Some(outcome), Some(reason)) = (outcome, told) {
+            // Whoever asked may have stopped waiting.
+            let _ = outcome.send(Err(reason));
+        }
+        self.changed.notify_waiters();
     }
 
     /// A message was not sent.
@@ -354,11 +440,17 @@ impl Outbox {
                 let _ = outcome.send(Err(reason.clone()));
             }
         }
+        for staged in std::mem::take(&mut state.staged) {
+            if let Some(outcome) = staged.outcome {
+                let _ = outcome.send(Err(reason.clone()));
+            }
+        }
         state.line.clear();
         drop(state);
         self.over.store(true, Ordering::Release);
         self.changed.notify_waiters();
         self.filled.notify_one();
+        self.staged.notify_one();
     }
 
     /// Whether the peer owes an answer, and there is nothing to send meanwhile.
@@ -372,19 +464,66 @@ impl Outbox {
     }
 }
 
+impl State {
+    /// Lays a message behind those that are to be sent.
+    fn put(
+        &mut self,
+        command: &Command,
+        form: &Form,
+        answered: bool,
+        outcome: Option<oneshot::Sender<Outcome>>,
+    ) {
+        if let Command::Data { envelope, .. } = command {
+            self.traffic.messages += 1;
+            self.traffic.bytes += form.pieces.len() as u64;
+            if let Some(envelope) = envelope {
+                self.newest.keep(envelope);
+            }
+        }
+        self.queued += self.line.put(command, form);
+        if answered {
+            self.unfinished.push_back(Pending {
+                reply: None,
+                outcome,
+                stopped: false,
+            });
+        }
+    }
+
+    /// A message that the peer was to say so of is not sent.
+    fn stop(&mut self) {
+        if self.unfinished.is_empty() {
+            self.finished += 1;
+            return;
+        }
+        self.unfinished.push_back(Pending {
+            reply: None,
+            outcome: None,
+            stopped: true,
+        });
+    }
+}
+
 impl Line {
-    /// Appends a message; tells how many bytes that makes, and whether the reader will say when
-    /// it is done with it.
-    fn put(&mut self, command: &Command, form: &Form) -> (usize, bool) {
+    /// Whether the reader will say when it is done with such a message.
+    fn is_answered(&self, command: &Command) -> bool {
+        match self {
+            Self::Stream(initiator, _) | Self::Datagrams(initiator, _) => {
+                initiator.carrier().acknowledges || wants_reply(command)
+            }
+            Self::Local(_) => matches!(command, Command::Data { .. }),
+        }
+    }
+
+    /// Appends a message; tells how many bytes that makes.
+    fn put(&mut self, command: &Command, form: &Form) -> usize {
         let pieces = &form.pieces;
-        let wants_reply = matches!(command, Command::Admin | Command::Data { reply: true, .. });
         match self {
             Self::Stream(initiator, batch) => {
                 let before = batch.len();
                 initiator.send(command, pieces.len(), batch.buffer());
                 batch.push(pieces);
-                let answered = initiator.carrier().acknowledges || wants_reply;
-                (batch.len() - before, answered)
+                batch.len() - before
             }
             Self::Datagrams(initiator, messages) => {
                 let mut message = BytesMut::with_capacity(DATAGRAM_HEAD + pieces.len());
@@ -394,19 +533,19 @@ impl Line {
                 }
                 let length = message.len();
                 messages.push_back(message.freeze());
-                (length, initiator.carrier().acknowledges || wants_reply)
+                length
             }
             Self::Local(parcels) => {
                 // Commands are for peers elsewhere.
                 let Command::Data { envelope, .. } = command else {
-                    return (0, false);
+                    return 0;
                 };
                 parcels.push_back(Parcel {
                     payload: Payload::of_pieces(pieces, form.dialect),
                     envelope: envelope.clone(),
-                    wants_reply,
+                    wants_reply: wants_reply(command),
                 });
-                (pieces.len(), true)
+                pieces.len()
             }
         }
     }
@@ -420,7 +559,11 @@ impl Line {
     }
 }
 
-/// The oldest unfinished message is done with.
+fn wants_reply(command: &Command) -> bool {
+    matches!(command, Command::Admin | Command::Data { reply: true, .. })
+}
+
+/// The oldest unfinished message is done with, and those that were stopped behind it.
 fn finish(unfinished: &mut VecDeque<Pending>, finished: &mut u64) {
     let Some(pending) = unfinished.pop_front() else {
         return;
@@ -429,5 +572,9 @@ fn finish(unfinished: &mut VecDeque<Pending>, finished: &mut u64) {
     if let Some(outcome) = pending.outcome {
         // Whoever asked may have stopped waiting.
         let _ = outcome.send(Ok(pending.reply));
+    }
+    while unfinished.front().is_some_and(|pending| pending.stopped) {
+        unfinished.pop_front();
+        *finished += 1;
     }
 }

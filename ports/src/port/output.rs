@@ -15,10 +15,11 @@ use tokio::task::JoinHandle;
 use yarp_wire::carrier::{Carrier, CarrierSpec, Sender, Transport};
 use yarp_wire::connection::{Initiator, Progress, put_group};
 use yarp_wire::message::{Command, Pieces};
-use yarp_wire::{Dialect, Limits};
+use yarp_wire::{Dialect, Limits, admin};
 
 use super::encoded::Form;
 use super::group::Group;
+use super::monitor::{self, Chain, MonitorSide};
 use super::outbox::Outbox;
 use super::qos::SocketHandle;
 use crate::cancel::Cancelled;
@@ -50,7 +51,11 @@ pub(crate) struct Output {
     pub(crate) socket: SocketHandle,
     /// Whether the owner has been told that it began.
     pub(crate) reported: AtomicBool,
+    /// What messages pass on their way, if anything.
+    pub(super) monitors: Option<Arc<Chain>>,
     task: JoinHandle<()>,
+    /// Passes messages through the monitors.
+    stage: Option<JoinHandle<()>>,
 }
 
 /// A connection to be made.
@@ -173,8 +178,22 @@ impl Output {
             farewell: None,
             socket,
             reported: AtomicBool::new(false),
+            monitors: None,
             task,
+            stage: None,
         }
+    }
+
+    /// Has messages pass these monitors; before the first message.
+    pub(super) fn with_monitors(mut self, monitors: Option<Arc<Chain>>) -> Self {
+        if let Some(chain) = monitors {
+            self.outbox.set_monitored();
+            let outbox = self.outbox.clone();
+            let stage = monitor::stage(chain.clone(), outbox, self.carrier, self.dialect);
+            self.stage = Some(tokio::spawn(stage));
+            self.monitors = Some(chain);
+        }
+        self
     }
 
     /// Says goodbye and ends the connection; waits for the reader at most until `deadline`.
@@ -196,19 +215,32 @@ impl Output {
         };
         // A reader that does not answer in time is left.
         let _ = tokio::time::timeout(deadline, goodbye).await;
+        self.end();
+    }
+
+    fn end(&self) {
         self.outbox.close("closed here");
         self.task.abort();
+        if let Some(stage) = &self.stage {
+            stage.abort();
+        }
     }
 }
 
 impl Drop for Output {
     fn drop(&mut self) {
-        self.outbox.close("closed here");
-        self.task.abort();
+        self.end();
     }
 }
 
 impl Target<'_> {
+    fn declined(&self) -> PortError {
+        PortError::Declined {
+            peer: self.to.name.clone(),
+            carrier: self.spec.to_string(),
+        }
+    }
+
     fn lost(&self, error: io::Error) -> PortError {
         let address = format!("{}:{}", self.to.host, self.to.port);
         PortError::connect(&self.to.name, address, "connection header", error)
@@ -244,7 +276,7 @@ async fn open(target: &Target<'_>) -> Result<(Socket, Initiator, Inflow), PortEr
             source,
         })?;
         if progress == Some(Progress::Ready) {
-            return Ok((stream, initiator, input));
+            break;
         }
         let read = match input.read(&stream, 0).await {
             Err(error) if error.kind() == io::ErrorKind::ConnectionReset => 0,
@@ -252,9 +284,50 @@ async fn open(target: &Target<'_>) -> Result<(Socket, Initiator, Inflow), PortEr
         };
         if read == 0 {
             let text = format!("it closed the connection; it may not take {carrier}");
-            return Err(lost(io::Error::new(io::ErrorKind::UnexpectedEof, text)));
+            return Err(match asks_reader(target) {
+                true => target.declined(),
+                false => lost(io::Error::new(io::ErrorKind::UnexpectedEof, text)),
+            });
         }
     }
+    if asks_reader(target) && carrier.framing.is_binary() && carrier.transport == Transport::Stream
+    {
+        confirm(target, &stream, &mut initiator, &mut input).await?;
+    }
+    Ok((stream, initiator, input))
+}
+
+/// Whether the reader is to have a modifier.
+fn asks_reader(target: &Target<'_>) -> bool {
+    let options = target.spec.options();
+    options.find_group(MonitorSide::Receive.key()).is_some()
+}
+
+/// Asks the reader for its version over the new connection. Stock answers the header first and
+/// then ends the connection if it lacks the modifier: an answer shows that it has it.
+async fn confirm(
+    target: &Target<'_>,
+    stream: &Socket,
+    initiator: &mut Initiator,
+    input: &mut Inflow,
+) -> Result<(), PortError> {
+    let mut output = BytesMut::new();
+    let request = admin::version().encode(target.dialect);
+    initiator.send(&Command::Admin, request.len(), &mut output);
+    output.extend_from_slice(&request);
+    let sending = write_all(stream, &mut output);
+    sending.await.map_err(|_| target.declined())?;
+    while !initiator.is_idle() {
+        let progress = initiator.poll(&mut input.bytes);
+        let progress = progress.map_err(|source| PortError::Protocol {
+            peer: target.to.name.clone(),
+            source,
+        })?;
+        if progress.is_none() && !matches!(input.read(stream, 0).await, Ok(1..)) {
+            return Err(target.declined());
+        }
+    }
+    Ok(())
 }
 
 fn local_ip(stream: &Socket) -> Option<IpAddr> {

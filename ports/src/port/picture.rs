@@ -48,7 +48,7 @@ pub(super) fn part(payload: &Payload, envelope: Option<&Bytes>) -> Option<Bytes>
 }
 
 /// The image as JPEG; `None` if pictures cannot show it.
-fn compress(image: &Image) -> Option<Bytes> {
+pub(super) fn compress(image: &Image) -> Option<Bytes> {
     let color = match image.code() {
         PixelCode::MONO => ColorType::Luma,
         PixelCode::RGB => ColorType::Rgb,

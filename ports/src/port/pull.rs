@@ -12,6 +12,7 @@ use yarp_wire::{Dialect, Limits};
 
 use super::core::{Core, Entry};
 use super::counters::Meter;
+use super::monitor::{Chain, MonitorSide};
 use super::picture;
 use super::qos::SocketHandle;
 use super::received::Received;
@@ -29,6 +30,7 @@ struct Pull {
     input: Inflow,
     parts: PartReader,
     meter: Arc<Meter>,
+    monitors: Option<Arc<Chain>>,
     connection: u64,
 }
 
@@ -40,6 +42,8 @@ impl Core {
         spec: &CarrierSpec,
         carrier: &'static Carrier,
     ) -> Result<(), PortError> {
+        let ends = (place.name.as_str(), self.name.as_str());
+        let monitors = self.monitors(&spec.modifiers, MonitorSide::Receive, ends)?;
         let deadline = self.network.deadline();
         let opening = open(self, place, spec);
         let mut pull =
@@ -55,6 +59,8 @@ impl Core {
             meter,
             cancel,
         );
+        self.monitor_input(id, &monitors);
+        pull.monitors = monitors;
         pull.connection = id;
         let core = self.clone();
         let entry = Entry {
@@ -102,6 +108,7 @@ async fn open(core: &Arc<Core>, place: &Place, spec: &CarrierSpec) -> Result<Pul
         input: Inflow::default(),
         parts: PartReader::new(Limits::DEFAULT),
         meter: Arc::default(),
+        monitors: None,
         connection: 0,
     };
     // Lines are only taken off the buffer here: the first part waits for `run`.
@@ -177,6 +184,7 @@ impl Pull {
             responder: None,
         };
         // Nothing can be said back.
-        self.core.take(received, false).await;
+        let monitors = self.monitors.as_ref();
+        self.core.take(monitors, received, false).await;
     }
 }

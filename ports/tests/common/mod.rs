@@ -7,8 +7,9 @@ use std::time::Duration;
 
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
-use yarp_ports::{Network, Port, PortOptions};
+use yarp_ports::{Dialogue, Network, Port, PortOptions};
 use yarp_wire::Bottle;
+use yarp_wire::carrier::Carrier;
 
 /// The most that anything here may take; nothing is right or wrong because of it.
 pub(crate) const DEADLINE: Duration = Duration::from_secs(20);
@@ -58,6 +59,15 @@ pub(crate) fn until(condition: impl Fn() -> bool) -> impl Future<Output = ()> {
 pub(crate) fn next(reader: &Port) -> impl Future<Output = String> {
     let reading = within(reader.read());
     async move { reading.await.unwrap().bottle().unwrap().to_string() }
+}
+
+/// What a port itself answers to a request.
+pub(crate) async fn ask(port: &Port, request: &Bottle) -> String {
+    let carrier = Carrier::by_name("text_ack").unwrap();
+    let address = ("127.0.0.1", port.number());
+    let opening = Dialogue::open(port.name(), address, carrier, "admin", port.network());
+    let mut dialogue = opening.await.unwrap();
+    dialogue.admin(request).await.unwrap().to_string()
 }
 
 /// A bottle from its text.

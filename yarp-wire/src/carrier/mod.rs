@@ -20,7 +20,7 @@ mod websocket;
 
 use std::fmt;
 
-pub use specifier::{CarrierSpec, CarrierSpecError, Sender};
+pub use specifier::{CarrierSpec, CarrierSpecError, Sender, options};
 
 /// Bytes by which an acceptor knows the carrier.
 pub const MAGIC: usize = 8;

@@ -3,9 +3,10 @@
 use std::fmt;
 use std::str::FromStr;
 
+use nom::branch::alt;
 use nom::bytes::complete::take_while1;
 use nom::character::complete::char;
-use nom::combinator::{all_consuming, opt};
+use nom::combinator::{all_consuming, fail, not, opt, peek};
 use nom::multi::many0;
 use nom::sequence::preceded;
 use nom::{IResult, Parser};
@@ -13,6 +14,9 @@ use nom::{IResult, Parser};
 use crate::bottle::Bottle;
 
 /// `BASE(+KEY[.VALUE])*`, such as `fast_tcp` or `tcp+log.in`.
+///
+/// A key or value in parentheses may hold anything that balances: `tcp+recv.priority+(ex (/a 10))`.
+/// Such a key stands here with its parentheses, as a list of its own: see [`CarrierSpec::options`].
 #[derive(Clone, Debug, Default, Eq, Hash, PartialEq)]
 pub struct CarrierSpec {
     /// The carrier.
@@ -30,6 +34,11 @@ pub struct CarrierSpecError {
 }
 
 impl CarrierSpec {
+    /// What the modifiers say, as a bottle of lists; see [`options`].
+    pub fn options(&self) -> Bottle {
+        options(&self.modifiers)
+    }
+
     /// The value of modifier `key`, or an empty string if it has none.
     pub fn modifier(&self, key: &str) -> Option<&str> {
         self.modifiers
@@ -54,9 +63,16 @@ impl FromStr for CarrierSpec {
 
 fn spec(input: &str) -> IResult<&str, CarrierSpec> {
     let blank = |c: char| c.is_whitespace() || c.is_control();
-    let word = move |input| take_while1(move |c| c != '+' && c != '.' && !blank(c))(input);
+    let round = |c: char| c == '(' || c == ')';
+    let word =
+        move |input| take_while1(move |c| !"+.".contains(c) && !blank(c) && !round(c))(input);
     let value = move |input| take_while1(move |c| c != '+' && !blank(c))(input);
-    let modifier = preceded(char('+'), (word, opt(preceded(char('.'), value))));
+    let value = preceded(peek(not(char('('))), value);
+    let key = alt((list, word));
+    let modifier = preceded(
+        char('+'),
+        (key, opt(preceded(char('.'), alt((list, value))))),
+    );
     let (rest, (base, modifiers)) = (word, many0(modifier)).parse(input)?;
     let modifiers = modifiers
         .into_iter()
@@ -64,6 +80,45 @@ fn spec(input: &str) -> IResult<&str, CarrierSpec> {
         .collect();
     let base = base.to_owned();
     Ok((rest, CarrierSpec { base, modifiers }))
+}
+
+/// A list with its parentheses, up to where they balance.
+fn list(input: &str) -> IResult<&str, &str> {
+    let mut depth = 0usize;
+    let end = input.char_indices().find_map(|(at, c)| {
+        match c {
+            '(' => depth += 1,
+            ')' => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        (depth == 0).then_some(at + c.len_utf8())
+    });
+    let length = end.filter(|_| input.starts_with('('));
+    let length = length.filter(|end| !input[..*end].contains(char::is_control));
+    match length {
+        Some(length) => Ok((&input[length..], &input[..length])),
+        None => fail().parse(input),
+    }
+}
+
+/// What modifiers say, as a bottle of lists: `+send.portmonitor+virtual` is
+/// `(send portmonitor) (virtual)`, and a key that is a list is that list.
+///
+/// Each is read as in stock: the text in parentheses, with a blank for every `.` of a value, is
+/// a list.
+pub fn options(modifiers: &[(String, Option<String>)]) -> Bottle {
+    let mut options = Bottle::new();
+    for (key, value) in modifiers {
+        let key = match key.strip_prefix('(').and_then(|key| key.strip_suffix(')')) {
+            Some(list) => list,
+            None => key,
+        };
+        let value = value.as_deref().unwrap_or_default();
+        // What is no text of a bottle says nothing.
+        let list = Bottle::parse(&format!("{key} {value}"));
+        options.push(list.unwrap_or_default());
+    }
+    options
 }
 
 impl fmt::Display for CarrierSpec {
@@ -174,6 +229,30 @@ mod tests {
         }
         assert_eq!(Sender::parse(b"a b").name, "a");
         assert_eq!(Sender::parse(b"[add] (b)").name, "add");
+    }
+
+    /// Checked against 3.5.0: what is in parentheses twice at the sender is so once at the receiver.
+    #[test]
+    fn lists_are_modifiers_too() {
+        let text = "udp+recv.priority+tc.2+virtual+(ex (/a -10) (/b 20))";
+        let spec: CarrierSpec = text.parse().unwrap();
+        assert_eq!(spec.to_string(), text);
+        let read = r#"(recv priority) (tc 2) (virtual) (ex ("/a" -10) ("/b" 20))"#;
+        assert_eq!(spec.options().to_string(), read);
+        let sender = Sender {
+            name: "/w".into(),
+            modifiers: spec.modifiers,
+        };
+        let announced = "/w (recv priority) (tc 2) (virtual) ((ex (/a -10) (/b 20)))";
+        assert_eq!(sender.to_string(), announced);
+        let heard = Sender::parse(announced.as_bytes());
+        assert_eq!(options(&heard.modifiers).to_string(), read);
+        assert_eq!(heard.modifiers[3].0, r#"ex ("/a" -10) ("/b" 20)"#);
+        let spec: CarrierSpec = "tcp+ex.(/a 10)".parse().unwrap();
+        assert_eq!(spec.modifier("ex"), Some("(/a 10)"));
+        for bad in ["tcp+(ex", "tcp+(a))", "tcp+(a)b", "tcp+()\n", "(tcp)"] {
+            assert!(bad.parse::<CarrierSpec>().is_err(), "{bad:?}");
+        }
     }
 
     #[test]

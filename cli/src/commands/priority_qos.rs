@@ -1,0 +1,205 @@
+//! `yarp priority-qos`: how urgent the packets of a connection are.
+
+use std::io::Write;
+use std::process::ExitCode;
+
+use yarp_wire::Value;
+use yarp_wire::qos::{CodePoint, Level};
+
+use super::code;
+use crate::error::Result;
+use crate::quality::{NAMES, TOO_FEW, ends, side};
+use crate::session;
+use crate::text::complain;
+
+/// set/get the packet priority for a given connection
+///
+/// `get SOURCE DESTINATION [--src|--des] [--dscp|--level|--tos]` tells the type of service of the
+/// packets that either end sends; `set SOURCE DESTINATION --src|--des VALUE` sets it: a number, the
+/// name of a class such as AF42, LOW, NORM, HIGH or CRIT, or one of these behind `TOS:`, `DSCP:` or
+/// `LEVEL:`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// What to do, and with which connection
+    #[arg(
+        value_name = "get|set SOURCE DESTINATION ...",
+        allow_hyphen_values = true,
+        trailing_var_arg = true
+    )]
+    words: Vec<String>,
+}
+
+const FORMATS: [&str; 3] = ["--dscp", "--level", "--tos"];
+
+pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
+    let words: Vec<&str> = args.words.iter().map(String::as_str).collect();
+    let (mode, source, destination, rest) = match &words[..] {
+        [] => {
+            let text = "Not enough parameters/options. If not sure on how to use the command, \
+                please type \"yarp priority-qos --help\" for instructions";
+            complain(out, text)?;
+            return Ok(ExitCode::FAILURE);
+        }
+        [mode @ ("get" | "set"), source, destination, rest @ ..] => {
+            (*mode, *source, *destination, rest)
+        }
+        ["get" | "set", ..] => {
+            let text = "Get/set mode must have two ports involved in the connection as parameters";
+            complain(out, &format!("{text} (argc>=2)"))?;
+            return Ok(ExitCode::FAILURE);
+        }
+        _ => {
+            let text = "Unspupported mode (type \"yarp priority-qos --help\" to get help)";
+            complain(out, text)?;
+            return Ok(ExitCode::FAILURE);
+        }
+    };
+    let network = session::network()?;
+    let Some(ends) = ends(&network, source, destination, out).await? else {
+        return Ok(ExitCode::FAILURE);
+    };
+    if mode == "set" && rest.len() < 2 {
+        complain(out, TOO_FEW)?;
+        return Ok(ExitCode::FAILURE);
+    }
+    if mode == "set" {
+        let chosen = match rest {
+            [first, second, ..] => side(first, second),
+            _ => None,
+        };
+        let Some((chosen, value)) = chosen else {
+            complain(
+                out,
+                "You haven't specified a port to which to apply the changes",
+            )?;
+            return Ok(ExitCode::FAILURE);
+        };
+        let Some(service) = service(value) else {
+            let text = format!("You provided an invalid value ({value}). Please try again");
+            complain(out, &text)?;
+            return Ok(ExitCode::FAILURE);
+        };
+        let values = [("tos", service)];
+        let set = ends[chosen].set(&network, "qos", &values, out);
+        return Ok(code(set.await?));
+    }
+    let mut services = Vec::new();
+    for end in &ends {
+        let Some(group) = end.get(&network, "qos", out).await? else {
+            return Ok(ExitCode::FAILURE);
+        };
+        let service = group.find("tos").and_then(Value::as_i32);
+        services.push(service.unwrap_or(-1));
+    }
+    let told = |index: usize, format: &str| {
+        let (label, value) = shown(services[index], format);
+        format!("({} (qos (({label} {value}))))", NAMES[index])
+    };
+    let text = match rest {
+        [] => Some(format!("{} {}", told(0, "--tos"), told(1, "--tos"))),
+        [format] if FORMATS.contains(format) => {
+            // Stock calls a level a class here.
+            let text = format!("{} {}", told(0, format), told(1, format));
+            Some(text.replace("((level ", "((dscp "))
+        }
+        [one] => side(one, "").map(|(index, _)| told(index, "--tos")),
+        [first, second, ..] => side(first, second)
+            .filter(|(_, format)| FORMATS.contains(format))
+            .map(|(index, format)| told(index, format)),
+    };
+    match text {
+        Some(text) => {
+            writeln!(out, "{text}")?;
+            Ok(ExitCode::SUCCESS)
+        }
+        None => {
+            let text = format!("Wrong value. Do not know what {} is", rest.join(" "));
+            complain(out, &text)?;
+            Ok(ExitCode::FAILURE)
+        }
+    }
+}
+
+/// A type of service as it is to be shown; as a number where it has no name.
+fn shown(service: i32, format: &str) -> (&'static str, String) {
+    let point = u8::try_from(service).ok().map(|service| service >> 2);
+    let point = point.and_then(CodePoint::new);
+    let name = match format {
+        "--dscp" => point.and_then(CodePoint::name).map(|name| ("dscp", name)),
+        "--level" => {
+            // Stock spells it out here, and takes either spelling.
+            let levels = [
+                (Level::Low, "LOW"),
+                (Level::Normal, "NORMAL"),
+                (Level::High, "HIGH"),
+                (Level::Critical, "CRIT"),
+            ];
+            let mut levels = levels.into_iter();
+            let found = levels.find(|(level, _)| Some(level.code_point()) == point);
+            found.map(|(_, name)| ("level", name))
+        }
+        _ => None,
+    };
+    match name {
+        Some((label, name)) => (label, name.to_owned()),
+        None => ("tos", service.to_string()),
+    }
+}
+
+/// The type of service that a word stands for.
+fn service(word: &str) -> Option<i32> {
+    let (label, value) = word.split_once(':').unwrap_or(("", word));
+    let class = || match value.parse::<u8>() {
+        Ok(number) => CodePoint::new(number),
+        Err(_) => value.parse().ok(),
+    };
+    let level = || {
+        let name = if value == "NORMAL" { "NORM" } else { value };
+        Some(name.parse::<Level>().ok()?.code_point())
+    };
+    let point = match label {
+        "DSCP" => class()?,
+        "LEVEL" => match value.parse::<u8>() {
+            Ok(number) => CodePoint::new(number)?,
+            Err(_) => level()?,
+        },
+        "" | "TOS" => match value.parse::<u8>() {
+            Ok(service) => return Some(service.into()),
+            Err(_) if label.is_empty() => class().or_else(level)?,
+            Err(_) => return None,
+        },
+        _ => return None,
+    };
+    Some(point.type_of_service().into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_have_many_names() {
+        for (word, expected) in [
+            ("144", Some(144)),
+            ("TOS:144", Some(144)),
+            ("AF42", Some(144)),
+            ("DSCP:AF42", Some(144)),
+            ("DSCP:36", Some(144)),
+            ("HIGH", Some(144)),
+            ("LEVEL:HIGH", Some(144)),
+            ("NORMAL", Some(0)),
+            ("LEVEL:NORM", Some(0)),
+            ("300", None),
+            ("DSCP:64", None),
+            ("TOS:AF42", None),
+            ("x", None),
+            ("X:1", None),
+        ] {
+            assert_eq!(service(word), expected, "{word}");
+        }
+        assert_eq!(shown(144, "--dscp"), ("dscp", "AF42".to_owned()));
+        assert_eq!(shown(144, "--level"), ("level", "HIGH".to_owned()));
+        assert_eq!(shown(4, "--level"), ("tos", "4".to_owned()));
+        assert_eq!(shown(-1, "--dscp"), ("tos", "-1".to_owned()));
+    }
+}

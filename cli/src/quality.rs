@@ -1,0 +1,107 @@
+//! How a connection is treated, as the ports at its two ends tell and are told.
+
+use std::io::Write;
+
+use yarp_ports::{Network, Place, remote};
+use yarp_wire::{Bottle, Value};
+
+use crate::error::Result;
+use crate::session;
+use crate::text::complain;
+
+/// One end of a connection.
+pub(crate) struct End {
+    place: Place,
+    /// The port at the other end.
+    peer: String,
+}
+
+/// Source and destination of a connection; `None`, and a complaint, if one is not there.
+pub(crate) async fn ends(
+    network: &Network,
+    source: &str,
+    destination: &str,
+    out: &mut dyn Write,
+) -> Result<Option<[End; 2]>> {
+    let mut ends = Vec::new();
+    for (name, peer) in [(source, destination), (destination, source)] {
+        let Some(place) = session::alive(network, name).await else {
+            complain(out, &format!("{name} not found. Please check again"))?;
+            return Ok(None);
+        };
+        let peer = peer.to_owned();
+        ends.push(End { place, peer });
+    }
+    Ok(ends.try_into().ok())
+}
+
+impl End {
+    /// Group `name` of what the port tells of the connection; `None`, and a complaint, without one.
+    pub(crate) async fn get(
+        &self,
+        network: &Network,
+        name: &str,
+        out: &mut dyn Write,
+    ) -> Result<Option<Bottle>> {
+        let request = Bottle::from_iter(["prop".into(), "get".into(), self.peer.as_str().into()]);
+        let answer = remote::administer(network, &self.place, &request).await?;
+        let group = answer.find(name).and_then(Value::as_list).cloned();
+        if group.is_none() {
+            let port = &self.place.name;
+            complain(
+                out,
+                &format!("Cannot get qos properties of '{port}'. ({answer})"),
+            )?;
+        }
+        Ok(group)
+    }
+
+    /// Sets group `name` at the port; tells whether it did, and complains if not.
+    pub(crate) async fn set(
+        &self,
+        network: &Network,
+        name: &str,
+        values: &[(&str, i32)],
+        out: &mut dyn Write,
+    ) -> Result<bool> {
+        let values = values.iter().map(|(key, value)| {
+            Value::from(Bottle::from_iter([(*key).into(), Value::Int32(*value)]))
+        });
+        let group = [name.into(), Value::Dictionary(values.collect())];
+        let request = Bottle::from_iter([
+            "prop".into(),
+            "set".into(),
+            self.peer.as_str().into(),
+            Bottle::from_iter(group).into(),
+        ]);
+        let answer = remote::administer(network, &self.place, &request).await?;
+        let done = answer
+            .get(0)
+            .is_some_and(|word| word.to_plain_string() == "ok");
+        if !done {
+            let port = &self.place.name;
+            complain(
+                out,
+                &format!("Cannot set qos properties of '{port}'. ({answer})"),
+            )?;
+        }
+        Ok(done)
+    }
+}
+
+/// Which of two words after the ports is `--src` (0) or `--des` (1), and the other word.
+pub(crate) fn side<'a>(first: &'a str, second: &'a str) -> Option<(usize, &'a str)> {
+    let side = |word| ["--src", "--des"].iter().position(|name| *name == word);
+    match (side(first), side(second)) {
+        (Some(side), None) => Some((side, second)),
+        (None, Some(side)) => Some((side, first)),
+        _ => None,
+    }
+}
+
+/// What `set` answers if it does not hear what to set.
+pub(crate) const TOO_FEW: &str = "Set mode must have the port to apply the new parameter to and \
+    the value of the packet priority as parameters (argc>=4)";
+
+/// What ends are called where they are printed.
+pub(crate) const NAMES: [&str; 2] = ["src", "des"];

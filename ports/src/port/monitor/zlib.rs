@@ -1,0 +1,189 @@
+//! `bottle_compression_zlib`: any message, compressed.
+//!
+//! On the way it is a bottle of the size that the message had, an int32, and a blob in zlib's form.
+//! A reader passes on as it came what is not of that form, as stock does; what would become larger
+//! than [`Limits::inflated`], or larger than it claims, is stopped.
+//!
+//! Source: messages between 3.5.0 and the plugin of 4.0.0.
+
+use std::io::{Read, Write};
+use std::sync::Arc;
+
+use bytes::Bytes;
+use flate2::Compression;
+use flate2::read::ZlibDecoder;
+use flate2::write::ZlibEncoder;
+use yarp_wire::message::{Form, Payload};
+use yarp_wire::{Bottle, Dialect, Limits, Value};
+
+use super::chain::binary;
+use super::{Made, Monitor, MonitorSetup, MonitorSide, Passing};
+
+/// Deflate makes at most this many bytes out of one.
+const LARGEST_RATIO: usize = 1032;
+
+/// Bytes in zlib's form.
+pub(super) fn deflate(bytes: &[u8]) -> Vec<u8> {
+    let mut encoder = ZlibEncoder::new(Vec::new(), Compression::default());
+    // Writing to memory cannot fail.
+    let _ = encoder.write_all(bytes);
+    encoder.finish().unwrap_or_default()
+}
+
+/// Why bytes are not expanded.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub(super) enum NotInflated {
+    /// They are not in zlib's form, or not of the size they claim.
+    Broken,
+    /// They claim more than they can be, or than we take.
+    TooLarge,
+}
+
+/// The `size` bytes that these are in zlib's form. Takes memory only as it fills.
+pub(super) fn inflate(bytes: &[u8], size: usize, limits: Limits) -> Result<Bytes, NotInflated> {
+    let most = bytes
+        .len()
+        .saturating_mul(LARGEST_RATIO)
+        .min(limits.inflated);
+    if size > most {
+        return Err(NotInflated::TooLarge);
+    }
+    let mut inflated = Vec::new();
+    let mut decoder = ZlibDecoder::new(bytes).take(size as u64 + 1);
+    decoder
+        .read_to_end(&mut inflated)
+        .map_err(|_| NotInflated::Broken)?;
+    match inflated.len() {
+        length if length > size => Err(NotInflated::TooLarge),
+        length if length < size => Err(NotInflated::Broken),
+        _ => Ok(inflated.into()),
+    }
+}
+
+/// A message that holds a bottle.
+pub(super) fn of_bottle(bottle: &Bottle) -> Payload {
+    let dialect = Dialect::default();
+    Payload::new(bottle.encode(dialect), Form::Binary(dialect))
+}
+
+#[derive(Debug)]
+pub(super) struct BottleZlib(MonitorSide);
+
+impl BottleZlib {
+    pub(super) fn make(setup: &MonitorSetup) -> Made {
+        Ok(Arc::new(Self(setup.side)))
+    }
+}
+
+impl Monitor for BottleZlib {
+    fn update(&self, message: Passing) -> Option<Passing> {
+        let payload = match self.0 {
+            MonitorSide::Send => compress(&message.payload)?,
+            MonitorSide::Receive => expand(&message.payload, Limits::DEFAULT)?,
+        };
+        Some(message.with(payload))
+    }
+}
+
+/// The message compressed; `None` if nobody could say how large it is.
+fn compress(payload: &Payload) -> Option<Payload> {
+    let bytes = binary(payload, payload.dialect());
+    let size = i32::try_from(bytes.len()).ok()?;
+    let blob = Value::Blob(deflate(&bytes).into());
+    Some(of_bottle(&Bottle::from_iter([size.into(), blob])))
+}
+
+/// The message expanded, or as it came; `None` if it is too large to be expanded.
+fn expand(payload: &Payload, limits: Limits) -> Option<Payload> {
+    let as_it_came = || Some(payload.clone());
+    let Ok(bottle) = payload.to_bottle() else {
+        return as_it_came();
+    };
+    let size = bottle.get(0).and_then(Value::as_i64);
+    let blob = bottle.get(1).and_then(Value::as_blob);
+    let (Some(Ok(size)), Some(blob)) = (size.map(usize::try_from), blob) else {
+        return as_it_came();
+    };
+    match inflate(blob, size, limits) {
+        Ok(bytes) => Some(Payload::new(bytes, Form::Binary(payload.dialect()))),
+        Err(NotInflated::Broken) => as_it_came(),
+        Err(NotInflated::TooLarge) => {
+            let bytes = blob.len();
+            tracing::debug!(bytes, size, "a compressed message is dropped: too large");
+            None
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn payload(text: &str) -> Payload {
+        of_bottle(&Bottle::parse(text).unwrap())
+    }
+
+    /// What the plugin of 4.0.0 sent in a port of 3.5.0 for `1 2.5 hello (a b)` and for `2`.
+    const STOCK: [(&str, &str); 2] = [
+        (
+            "59 {120 156 99 96 100 96 96 97 96 96 96 132 98 46 6 24 96 113 0 137 179 2 113 70 106 78 \
+             78 62 11 80 150 9 170 40 17 68 36 1 0 59 163 3 63}",
+            "1 2.5 hello (a b)",
+        ),
+        ("12 {120 156 99 100 100 96 0 34 6 38 32 6 0 0 51 0 6}", "2"),
+    ];
+
+    #[test]
+    fn what_stock_compresses_is_expanded_and_the_other_way() {
+        for (compressed, message) in STOCK {
+            let expanded = expand(&payload(compressed), Limits::DEFAULT).unwrap();
+            assert_eq!(expanded.to_bottle().unwrap().to_string(), message);
+            let ours = compress(&payload(message)).unwrap().to_bottle().unwrap();
+            let stock = Bottle::parse(compressed).unwrap();
+            assert_eq!(ours.get(0), stock.get(0));
+            let inflated = |bottle: &Bottle| {
+                let size = bottle.get(0).unwrap().as_i64().unwrap() as usize;
+                inflate(
+                    bottle.get(1).unwrap().as_blob().unwrap(),
+                    size,
+                    Limits::DEFAULT,
+                )
+            };
+            assert_eq!(inflated(&ours), inflated(&stock));
+        }
+    }
+
+    #[test]
+    fn what_is_not_compressed_passes_as_it_came() {
+        for text in ["", "hello", "5 {1 2 3}", "1 2", "-1 {1}", "{1 2} 3"] {
+            let message = payload(text);
+            assert_eq!(expand(&message, Limits::DEFAULT), Some(message), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_bomb_is_stopped() {
+        let limits = Limits::DEFAULT.with_inflated(1000);
+        let bomb = deflate(&vec![0; 100_000]);
+        assert_eq!(inflate(&bomb, 100_000, limits), Err(NotInflated::TooLarge));
+        assert_eq!(inflate(&bomb, 1000, limits), Err(NotInflated::TooLarge));
+        // It claims more than bytes of its number can hold.
+        assert_eq!(
+            inflate(&bomb[..20], 100_000, Limits::DEFAULT),
+            Err(NotInflated::TooLarge)
+        );
+        let message = Bottle::from_iter([Value::Int32(100_000), Value::Blob(bomb.into())]);
+        assert_eq!(expand(&of_bottle(&message), limits), None);
+    }
+
+    proptest! {
+        #[test]
+        fn whatever_is_compressed_comes_back(bytes in proptest::collection::vec(0..4u8, 0..3000)) {
+            let message = Payload::new(bytes.into(), Form::Binary(Dialect::V3));
+            let there = compress(&message).unwrap();
+            prop_assert_eq!(expand(&there, Limits::DEFAULT).unwrap(), message);
+        }
+    }
+}
