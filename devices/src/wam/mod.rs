@@ -2,6 +2,7 @@
 //!
 //! [`parameters`] holds what the arm is built like, [`SimulatedWam`] is one that needs no hardware.
 
+mod motors;
 mod parameters;
 mod simulated;
 
