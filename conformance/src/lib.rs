@@ -6,6 +6,7 @@
 //! * [`replay`]: plays the connecting side of a conversation against a port of ours and compares.
 
 pub mod board;
+mod board_motors;
 pub mod capture;
 pub mod mask;
 pub mod replay;

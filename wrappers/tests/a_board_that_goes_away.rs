@@ -31,7 +31,7 @@ fn its_state_grows_stale_and_calls_name_it() {
     let message = |outcome: Result<(), DeviceError>| outcome.expect_err("gone").to_string();
     let error = message(arm.position_move(Axes::One(0.into()), &[1.0]));
     assert!(
-        error.starts_with("`[set] [pos] 0 1.0` with /wam/rpc:i failed; try "),
+        error.starts_with("`positionMoveOneRPC 0 1.0` with /wam/nws/rpc:i failed; try "),
         "{error}"
     );
     let error = message(arm.velocity_move(Axes::One(0.into()), &[1.0]));

@@ -3,20 +3,50 @@
 mod support;
 
 use support::{PATIENCE, Stage};
-use yarp_devices::checks;
+use yarp_devices::{Device, checks};
+use yarp_wire::Dialect;
+use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions};
 
-#[test]
-fn every_check_passes_over_the_network() {
+fn over_the_network(generation: Dialect) {
     let stage = Stage::new();
     let server = stage.serve_arm();
-    let arm = stage.remote("/tester");
-    for (name, check) in checks::ALL {
+    let options = RemoteControlBoardOptions::new("/wam", "/tester").generation(generation);
+    let arm = RemoteControlBoard::open(&stage.network, options).expect("it can be reached");
+    assert_eq!(arm.generation(), generation);
+    let since_4 = match generation {
+        Dialect::V3 => &[],
+        Dialect::V4 => checks::SINCE_4,
+    };
+    for (name, check) in checks::ALL.iter().chain(since_4) {
         println!("{name}");
         check(&arm, PATIENCE);
     }
     drop(arm);
     stage.runtime.block_on(server.close());
     assert_eq!(stage.registered(), Vec::<String>::new());
+}
+
+#[test]
+fn every_check_passes_over_the_network_of_3() {
+    over_the_network(Dialect::V3);
+}
+
+#[test]
+fn every_check_passes_over_the_network_of_4() {
+    over_the_network(Dialect::V4);
+}
+
+#[test]
+fn what_3_has_no_words_for_is_not_offered() {
+    let stage = Stage::new();
+    let server = stage.serve_arm();
+    let options = RemoteControlBoardOptions::new("/wam", "/tester").generation(Dialect::V3);
+    let arm = RemoteControlBoard::open(&stage.network, options).expect("it can be reached");
+    assert!(arm.velocity_direct().is_none() && arm.joint_brake().is_none());
+    let modes = arm.control_mode().expect("it has modes");
+    assert!(modes.available_control_modes(0.into()).is_err());
+    drop(arm);
+    stage.runtime.block_on(server.close());
 }
 
 #[test]
@@ -31,8 +61,8 @@ fn every_check_passes_through_a_relay() {
         yarp_wrappers::ControlBoardServer::open(&network, near, "/relay", options).await
     })
     .expect("it can be served again");
-    let options = yarp_wrappers::RemoteControlBoardOptions::new("/relay", "/far").carrier("tcp");
-    let far = yarp_wrappers::RemoteControlBoard::open(&stage.network, options).expect("reached");
+    let options = RemoteControlBoardOptions::new("/relay", "/far").carrier("tcp");
+    let far = RemoteControlBoard::open(&stage.network, options).expect("reached");
     for (name, check) in checks::ALL {
         println!("{name}");
         check(&far, PATIENCE);

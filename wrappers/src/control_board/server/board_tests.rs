@@ -53,7 +53,7 @@ fn a_session_goes_as_with_stock() {
     check("get icmd cmog 1 (1)", "[is] [cmog] ([pos]) [tsta] [ok]");
     check("[set] [icmd] [cmod] 2 [vel]", "[ok]");
     check("[get] [icmd] [cmod] 2", "[is] 2 [vel] [tsta] [ok]");
-    check("[set] [icmd] [cmod] 2 [torq]", "[fail]");
+    check("[set] [icmd] [cmod] 2 [mix]", "[fail]");
     check("[set] [vels] (9 9 9 9 9 9 9)", "[ok]");
     check("[set] [velg] 2 (1 0) (11 12.0)", "[ok]");
     check(
@@ -73,9 +73,42 @@ fn a_session_goes_as_with_stock() {
     check("[set] [stos]", "[ok]");
     check("[set] [vmo] 2 5.0", "[fail]");
     check("[get] [vmo] 2", "[is] [vmo] 0.0 [tsta] [ok]");
-    check("[get] [pid] [pid] [pos] 0", "[fail]");
-    check("[get] [mtnm]", "[fail]");
-    check("[cal] 0", "[fail]");
+    check("[get] [pid] [err] [pos] 0", "[is] [pid] 0.0 [ok]");
+    check("[get] [mtnm]", "[is] [mtnm] 7 [tsta] [ok]");
+    check("[get] [intm] [mode] 0", "[stif] [tsta] [ok]");
+    check("[get] [iimp] [ipr] 0", "[is] [iimp] (0.0 0.0) [tsta] [ok]");
+    check("[get] [ijfl] [jhfl] 0", "[is] 0 \"no fault\" [ok]");
+    check(
+        "[get] [ivar] [lvar]",
+        "[is] [ivar] (description friction) [ok]",
+    );
+    check(
+        "[get] [ivar] [mvar] description",
+        "[is] [ivar] (\"simulated axes\") [ok]",
+    );
+    check("[get] [reca] [isca]", "[is] [reca] 1 [ok]");
+    check("[get] [torq] [ref] 0", "[is] [torq] 0.0 [tsta] [ok]");
+    check("[set] [torq] [mtps] 0 (1 2 3 4)", "[ok]");
+    check(
+        "[get] [torq] [mtps] 0",
+        "[is] [torq] (1.0 2.0 3.0 4.0) [tsta] [ok]",
+    );
+    check("[set] [torq] [mtps] 0 (1 2 3 4 5 6 7 8 9)", "[ok]");
+    check(
+        "[get] [torq] [mtps] 0",
+        "[is] [torq] (1.0 2.0 3.0 4.0 5.0 6.0 7.0 8.0 9.0) [tsta] [ok]",
+    );
+    check(
+        "[set] [pid] [pid] [vel] 0 (1.0 2.0 3.0 4.0 5.0 6.0 7.0 8.0 9.0 10.0)",
+        "[ok]",
+    );
+    check(
+        "[get] [pid] [pid] [vel] 0",
+        "[is] [pid] (1.0 2.0 3.0 4.0 5.0 6.0 7.0 8.0 9.0 10.0) [ok]",
+    );
+    check("[cald] 0", "[ok]");
+    check("[cald] 7", "[fail]");
+    check("[abca] 0", "[ok]");
     let help = asked(&board, "help more");
     assert!(
         help.starts_with("[many] (\"help more\") ") && help.ends_with(" [ok]"),
