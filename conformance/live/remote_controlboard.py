@@ -279,8 +279,7 @@ def forces(arm, driver):
 
 def loops(driver):
     control = driver.viewIPidControl()
-    for kind in (yarp.VOCAB_PIDTYPE_POSITION, yarp.VOCAB_PIDTYPE_VELOCITY, yarp.VOCAB_PIDTYPE_TORQUE,
-                 yarp.VOCAB_PIDTYPE_CURRENT):
+    for kind in map(yarp.encode, ("pos", "vel", "trq", "cur")):
         pid = yarp.Pid()
         pid.setKp(1.5)
         pid.setKi(2.5)
@@ -298,7 +297,7 @@ def motors(arm, driver):
     encoders, motor = driver.viewIMotorEncoders(), driver.viewIMotor()
     check("getMotorEncoders", arm.read(encoders.getMotorEncoders) is not None)
     check("setMotorEncoder", encoders.setMotorEncoder(0, 100.0)
-          and eventually(lambda: abs((one(encoders.getMotorEncoder, 0) or 0.0) - 100.0) < 1e-6)[0])
+          and eventually(lambda: abs(encoders.getMotorEncoder(0) - 100.0) < 1e-6)[0])
     check("resetMotorEncoders", encoders.resetMotorEncoders())
     kept("counts per revolution", encoders.setMotorEncoderCountsPerRevolution,
          encoders.getMotorEncoderCountsPerRevolution, 1000.0, 0)

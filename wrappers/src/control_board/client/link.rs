@@ -12,8 +12,12 @@ use std::error::Error;
 use std::sync::Arc;
 use std::time::Duration;
 
+use tokio::task::JoinSet;
 use yarp_devices::DeviceError;
-use yarp_ports::{Network, Port, PortError, PortOptions, Received, blocking, remote};
+use yarp_ports::{
+    LinkState, Network, Port, PortError, PortOptions, Received, Supervised, Supervision, blocking,
+    remote,
+};
 use yarp_wire::message::{ReadObject, WireObject};
 use yarp_wire::{Bottle, Dialect, Value};
 
@@ -30,6 +34,10 @@ use crate::thrift::{ReturnCode, ServiceVersion};
 const RPC_CARRIER: &str = "tcp";
 /// How long closing may take.
 const CLOSING: Duration = Duration::from_secs(3);
+/// How often a lost connection is tried again.
+const PAUSES: (Duration, Duration) = (Duration::from_millis(100), Duration::from_secs(1));
+/// How often it is looked whether states still come; after twice as long without one they are asked for again.
+const WATCHING: Duration = Duration::from_millis(500);
 const RPC_3: (&str, &str) = ("rpc:o", "rpc:i");
 const RPC_4: (&str, &str) = ("nwc/rpc:o", "nws/rpc:i");
 
@@ -45,6 +53,10 @@ pub(super) struct Link {
     command_peer: String,
     deadline: Duration,
     pub(super) latest: Arc<Latest>,
+    /// The connections to the board, made again whenever they are lost.
+    kept: Vec<Supervised>,
+    /// Asks the board for its state again; ends with the link.
+    asking: JoinSet<()>,
 }
 
 /// What a board says of itself.
@@ -101,7 +113,7 @@ impl Link {
             }
         }
         let [rpc, command, feed]: [Port; 3] = opened.try_into().expect("three were asked for");
-        let link = Self {
+        let mut link = Self {
             generation,
             rpc,
             command,
@@ -111,6 +123,8 @@ impl Link {
             command_peer: remote_name("command:i"),
             deadline: options.deadline,
             latest,
+            kept: Vec::new(),
+            asking: JoinSet::new(),
         };
         match link.greet(network, options).await {
             Ok(about) => Ok((link, about)),
@@ -124,26 +138,35 @@ impl Link {
     /// Connects the ports in the order of stock; then the version of the protocol, the number of axes and, from 4.0,
     /// the interfaces.
     async fn greet(
-        &self,
+        &mut self,
         network: &Network,
         options: &RemoteControlBoardOptions,
     ) -> Result<About, OpenError> {
         let carrier = options.carrier.as_str();
         if self.generation == Dialect::V3 {
-            connect(&self.rpc, &self.rpc_peer, RPC_CARRIER).await?;
+            self.kept.push(self.call_port().await?);
         }
-        connect(&self.command, &self.command_peer, carrier).await?;
+        let command = keep(&self.command, &self.command_peer, carrier, self.deadline);
+        self.kept.push(command.await?);
         let state = format!("{}/stateExt:o", options.remote);
         remote::connect(network, &state, self.feed.name(), Some(carrier))
             .await
             .map_err(|source| OpenError::Connect {
-                from: state,
+                from: state.clone(),
                 to: self.feed.name().to_owned(),
                 carrier: carrier.to_owned(),
                 source: source.into(),
             })?;
+        let again = ask_again(
+            network.clone(),
+            state,
+            self.feed.name().to_owned(),
+            carrier.to_owned(),
+            self.latest.clone(),
+        );
+        self.asking.spawn(again);
         if self.generation == Dialect::V4 {
-            connect(&self.rpc, &self.rpc_peer, RPC_CARRIER).await?;
+            self.kept.push(self.call_port().await?);
         }
         if !options.ignores_protocol {
             self.check_version().await?;
@@ -162,6 +185,10 @@ impl Link {
             Dialect::V4 => Some(self.interfaces().await?),
         };
         Ok(About { axes, interfaces })
+    }
+
+    async fn call_port(&self) -> Result<Supervised, OpenError> {
+        keep(&self.rpc, &self.rpc_peer, RPC_CARRIER, self.deadline).await
     }
 
     async fn check_version(&self) -> Result<(), OpenError> {
@@ -353,7 +380,8 @@ impl Link {
     }
 
     /// Closes the ports; takes a few seconds at the most.
-    pub(super) async fn close(self) {
+    pub(super) async fn close(mut self) {
+        self.asking.shutdown().await;
         let closing = close_all([self.rpc, self.command, self.feed]);
         if tokio::time::timeout(CLOSING, closing).await.is_err() {
             tracing::warn!(remote = %self.remote, "closing took too long; names may be left behind");
@@ -402,22 +430,60 @@ fn no_message(request: &Request) -> DeviceError {
     }
 }
 
-async fn connect(port: &Port, to: &str, carrier: &str) -> Result<(), OpenError> {
-    port.connect_over(to, carrier)
-        .await
-        .map_err(|source| OpenError::Connect {
-            from: port.name().to_owned(),
-            to: to.to_owned(),
-            carrier: carrier.to_owned(),
-            source: source.into(),
-        })
+/// Connects a port, and again whenever the connection is lost. An error is that of the first try.
+async fn keep(
+    port: &Port,
+    to: &str,
+    carrier: &str,
+    deadline: Duration,
+) -> Result<Supervised, OpenError> {
+    let failed = |reason: &str| OpenError::Connect {
+        from: port.name().to_owned(),
+        to: to.to_owned(),
+        carrier: carrier.to_owned(),
+        source: reason.into(),
+    };
+    let (first, longest) = PAUSES;
+    let options = Supervision::new().pauses(first, longest).deadline(deadline);
+    let place = format!("{carrier}:/{to}");
+    let mut kept = port.supervise(&place, options);
+    loop {
+        match kept.state() {
+            LinkState::Up => return Ok(kept),
+            LinkState::Lost { reason } => {
+                kept.end().await;
+                return Err(failed(&reason));
+            }
+            LinkState::Ended => return Err(failed("the port closed")),
+            _ => drop(kept.changed().await),
+        }
+    }
+}
+
+/// Asks the board for its state again when none comes any more: it is the board that connects, so that nobody else
+/// notices when it comes back.
+async fn ask_again(
+    network: Network,
+    state: String,
+    feed: String,
+    carrier: String,
+    latest: Arc<Latest>,
+) {
+    loop {
+        tokio::time::sleep(WATCHING).await;
+        if latest.is_older_than(2 * WATCHING)
+            && let Err(error) = remote::connect(&network, &state, &feed, Some(&carrier)).await
+        {
+            tracing::debug!(%state, "cannot ask for the state: {error}");
+        }
+    }
 }
 
 fn failed(peer: &str, step: String, source: Option<Box<dyn Error + Send + Sync>>) -> DeviceError {
     DeviceError::Remote {
         peer: peer.to_owned(),
         step,
-        advice: format!("`yarp ping {peer}`; if it is there, open the remote control board again"),
+        advice: format!("`yarp ping {peer}`; when the board is back, it is connected again"),
         source,
     }
 }

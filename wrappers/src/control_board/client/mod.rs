@@ -51,7 +51,8 @@ pub use options::RemoteControlBoardOptions;
 /// * **What the protocol has no message for** is refused with [`DeviceError::NotSupported`]: in 3.x the lists of
 ///   available control modes and loops, in both setting the encoders of some joints by one call, in 4.0 setting the
 ///   encoder of one joint to anything but a whole number.
-/// * A connection that is lost is not made again: open another one.
+/// * **Connections that are lost** are made again when the board is back, as long as it is of the same generation.
+///   Until then calls fail.
 ///
 /// Dropping it closes its ports and unregisters their names; that takes a few seconds at the most.
 ///

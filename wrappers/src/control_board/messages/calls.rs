@@ -359,9 +359,11 @@ fn integer(axis: AxisIndex) -> i32 {
 }
 
 fn joint(axis: AxisIndex, short: bool) -> Item {
-    match (short, integer(axis)) {
-        (true, axis) => Item::I16(i16::try_from(axis).unwrap_or(i16::MAX)),
-        (false, axis) => Item::I32(axis),
+    let axis = integer(axis);
+    match i16::try_from(axis) {
+        Ok(axis) if short => Item::I16(axis),
+        // Stock reads an int32 there as well.
+        _ => Item::I32(axis),
     }
 }
 
