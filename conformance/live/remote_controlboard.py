@@ -281,8 +281,8 @@ def loops(driver):
     control = driver.viewIPidControl()
     for kind in map(yarp.encode, ("pos", "vel", "trq", "cur")):
         pid = yarp.Pid()
-        pid.setKp(1.5)
-        pid.setKi(2.5)
+        pid.kp = 1.5
+        pid.ki = 2.5
         pid.setMaxOut(6.5)
         found = yarp.Pid()
         good = control.setPid(kind, 0, pid) and control.getPid(kind, 0, found)
