@@ -16,13 +16,16 @@ use crate::stream::Socket;
 const LIMIT: Duration = Duration::from_micros(60);
 /// A wait this short makes the next one be spent awake.
 const SOON: Duration = Duration::from_micros(120);
-/// Bytes read in one look.
-const CHUNK: usize = 4096;
+/// Bytes read in one look, at first and at most.
+const CHUNK: usize = 4 * 1024;
+const LARGEST_CHUNK: usize = 64 * 1024;
 
 /// Whether a connection waits awake.
 #[derive(Debug)]
 pub(crate) struct BusyPoll {
     hot: bool,
+    /// Bytes to read in the next look; grows while looks are filled.
+    chunk: usize,
     asleep_since: Option<Instant>,
 }
 
@@ -31,6 +34,7 @@ impl BusyPoll {
     pub(crate) fn new() -> Self {
         Self {
             hot: false,
+            chunk: CHUNK,
             asleep_since: None,
         }
     }
@@ -44,14 +48,19 @@ impl BusyPoll {
         let begin = Instant::now();
         if self.hot {
             let length = buffer.len();
-            buffer.resize(length + CHUNK, 0);
+            buffer.resize(length + self.chunk, 0);
             while begin.elapsed() < LIMIT {
                 match (&*stream.raw()).read(&mut buffer[length..]) {
                     Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
                         tokio::task::yield_now().await;
                     }
                     read => {
-                        buffer.truncate(length + *read.as_ref().unwrap_or(&0));
+                        let count = *read.as_ref().unwrap_or(&0);
+                        buffer.truncate(length + count);
+                        self.chunk = match count == self.chunk {
+                            true => (4 * self.chunk).min(LARGEST_CHUNK),
+                            false => (self.chunk / 2).max(CHUNK),
+                        };
                         return Some(read);
                     }
                 }

@@ -82,6 +82,12 @@ pub enum PortError {
         /// What there is.
         known: String,
     },
+    /// `local` is for ports of one process.
+    #[error("{peer} is not in this process, which `local` is for: try `tcp` or another carrier")]
+    NotInProcess {
+        /// Who.
+        peer: String,
+    },
     /// The other side broke the protocol.
     #[error("{peer} broke the protocol")]
     Protocol {

@@ -5,7 +5,7 @@ use std::io::{self, IoSlice};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::time::Duration;
 
-use bytes::BytesMut;
+use bytes::{BufMut, BytesMut};
 use socket2::SockRef;
 use tokio::net::{TcpStream, UnixStream};
 
@@ -36,7 +36,7 @@ impl Socket {
         either!(self, stream => stream.writable().await)
     }
 
-    fn try_read_buf(&self, buffer: &mut BytesMut) -> io::Result<usize> {
+    fn try_read_buf(&self, buffer: &mut impl BufMut) -> io::Result<usize> {
         either!(self, stream => stream.try_read_buf(buffer))
     }
 
@@ -132,7 +132,13 @@ impl Inflow {
         let trusted = held.max(self.proven).max(LARGEST);
         let room = missing.min(trusted).max(self.chunk).max(FIRST);
         self.bytes.reserve(room);
-        let read = stream.try_read_buf(&mut self.bytes)?;
+        // A large message ends its buffer, so that the next one begins with a buffer of its own
+        // and what has been read of it need not be moved.
+        let most = match missing >= LARGEST {
+            true => missing,
+            false => usize::MAX,
+        };
+        let read = stream.try_read_buf(&mut (&mut self.bytes).limit(most))?;
         // A read that fills its room is followed by larger ones, others by smaller ones.
         self.chunk = if read >= room {
             (2 * room).min(LARGEST)

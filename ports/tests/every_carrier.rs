@@ -6,11 +6,12 @@ use common::{at, bottle, connect, next, open, within};
 use yarp_ports::{Answer, PortOptions, Queue};
 use yarp_wire::{Bottle, Stamp, Value};
 
-const STREAMS: [&str; 6] = [
+const STREAMS: [&str; 7] = [
     "tcp",
     "fast_tcp",
     "text",
     "text_ack",
+    "local",
     "unix_stream",
     "unix_stream+ack",
 ];
@@ -43,7 +44,7 @@ async fn messages_arrive_in_order() {
             reader.read().await.unwrap()
         };
         let (taken, last) = within(async { tokio::join!(writing, reading) }).await;
-        assert_eq!((taken, last.from.as_str()), (1, "/writer"), "{carrier}");
+        assert_eq!((taken, &*last.from), (1, "/writer"), "{carrier}");
         assert!(!last.wants_reply);
         assert_eq!(last.bottle().unwrap(), hard(), "{carrier}");
         within(writer.close()).await;

@@ -157,7 +157,7 @@ async fn a_reader_that_dies_is_dropped_and_the_rest_goes_on() {
 #[tokio::test]
 async fn a_handler_that_panics_ends_its_connection_only() {
     let options = PortOptions::new().handler(|request| {
-        assert_ne!(request.from, "/unlucky", "as the test wants it");
+        assert_ne!(&*request.from, "/unlucky", "as the test wants it");
         Answer::reply(bottle("ok"))
     });
     let server = open("/server", options).await;

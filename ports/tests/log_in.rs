@@ -30,7 +30,7 @@ async fn messages_are_forwarded_with_their_envelope() {
             within(writer.write_with(&message, Some("7 1.5".into()))).await;
             let copy = within(logger.read()).await.unwrap();
             assert_eq!(copy.bottle().unwrap(), message);
-            assert_eq!(copy.from, "/rd");
+            assert_eq!(&*copy.from, "/rd");
             if carrier != "text+log.in" && over == "tcp" {
                 assert_eq!(copy.stamp().unwrap().count, 7);
             }

@@ -83,7 +83,7 @@ async fn a_reader_pulls() {
         let image = plain(red, green, blue);
         assert_eq!(within(camera.write_with(&image, envelope)).await, 1);
         let received = within(reader.read()).await.unwrap();
-        assert_eq!(received.from, "/camera");
+        assert_eq!(&*received.from, "/camera");
         assert_eq!(received.stamp(), stamped.then_some(stamp));
         let image: Image = received.read().unwrap();
         assert_eq!((image.width(), image.height()), (64, 48));

@@ -122,7 +122,7 @@ async fn inputs_and_requests_are_served_meanwhile() {
 async fn a_slow_handler_holds_only_its_own_connection() {
     let (release, released) = tokio::sync::watch::channel(false);
     let server = PortOptions::new().handler(move |request| {
-        let slow = request.from == "/slow";
+        let slow = &*request.from == "/slow";
         let mut released = released.clone();
         Answer::Later(Box::pin(async move {
             if slow {

@@ -23,7 +23,7 @@ async fn messages_small_and_large_arrive_with_their_envelope() {
         let received = within(reader.read()).await.unwrap();
         assert_eq!(received.bottle().unwrap(), message);
         assert_eq!(received.stamp().unwrap().count, 7);
-        assert_eq!(received.from, "/writer");
+        assert_eq!(&*received.from, "/writer");
     }
     within(writer.close()).await;
     // The reader was told, though the connection itself could not say.

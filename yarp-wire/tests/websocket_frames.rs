@@ -221,3 +221,17 @@ fn a_request_without_a_key_is_refused() {
     }
     assert!(Carrier::by_name("websocket").is_some());
 }
+
+#[test]
+fn a_goodbye_is_told_once() {
+    // It was told for ever, to whoever went on asking.
+    let mut acceptor = Acceptor::new(1, Dialect::V3, Limits::DEFAULT);
+    let (mut input, mut output) = (BytesMut::from(REQUEST), BytesMut::new());
+    input.extend(frame(0x88, b""));
+    let mut events = Vec::new();
+    while let Some(event) = acceptor.poll(&mut input, &mut output).unwrap() {
+        events.push(event);
+        assert!(events.len() <= 2, "{events:?}");
+    }
+    assert_eq!(events.len(), 2, "{events:?}");
+}

@@ -82,7 +82,7 @@ impl WireObject for Same {
         let as_it_came = matches!(self.0.form(), Form::Binary(_)) && self.0.dialect() == dialect;
         match self.0.to_bottle() {
             Ok(bottle) if !as_it_came => bottle.write_binary(out, dialect),
-            _ => out.put_slice(self.0.bytes()),
+            _ => out.put_slice(&self.0.bytes()),
         }
     }
 

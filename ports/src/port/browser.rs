@@ -66,7 +66,7 @@ impl Connection {
         let received = Received {
             payload: Payload::new(Bytes::copy_from_slice(message), Form::Text),
             envelope: None,
-            from: self.sender.name.clone(),
+            from: self.from.clone(),
             address: self.address,
             wants_reply: true,
             responder: None,

@@ -11,6 +11,7 @@ use yarp_wire::{Bottle, Contact, Dialect, admin};
 use super::counters::{Ended, Meter};
 use super::group::Group;
 use super::inbox::Inbox;
+use super::local;
 use super::log;
 use super::options::{ConnectionChange, Input, Outputs, PortOptions};
 use super::output::{Output, Target};
@@ -35,7 +36,8 @@ pub(crate) struct Core {
     /// Given when the port begins to close; `cancelled` follows when its peers have been told.
     pub(crate) closing: Cancelled,
     close: Cancel,
-    outputs: Mutex<Vec<Arc<Output>>>,
+    /// Shared with whoever is sending, so that nobody sends under the lock.
+    outputs: Mutex<Arc<Vec<Arc<Output>>>>,
     group: Mutex<Option<Group>>,
     inputs: Mutex<Vec<InputEntry>>,
     properties: Mutex<Vec<(String, Bottle)>>,
@@ -110,18 +112,18 @@ impl Core {
         self.close.cancel();
     }
 
-    pub(super) fn outputs_mut(&self) -> MutexGuard<'_, Vec<Arc<Output>>> {
+    pub(super) fn outputs_mut(&self) -> MutexGuard<'_, Arc<Vec<Arc<Output>>>> {
         let lock = || self.outputs.lock().unwrap_or_else(PoisonError::into_inner);
         let mut outputs = lock();
-        let ended: Vec<_> = outputs
-            .extract_if(.., |output| {
-                // The end is told after the beginning.
-                output.outbox.is_closed() && output.reported.load(Ordering::Acquire)
-            })
-            .collect();
-        if ended.is_empty() {
+        // The end is told after the beginning.
+        let has_ended =
+            |output: &Output| output.outbox.is_closed() && output.reported.load(Ordering::Acquire);
+        if !outputs.iter().any(|output| has_ended(output)) {
             return outputs;
         }
+        let ended: Vec<_> = Arc::make_mut(&mut outputs)
+            .extract_if(.., |output| has_ended(output))
+            .collect();
         self.count_ended(&ended);
         // The owner may look at the connections when told.
         drop(outputs);
@@ -154,7 +156,7 @@ impl Core {
     }
 
     /// The outgoing connections that are up.
-    pub(crate) fn outputs(&self) -> Vec<Arc<Output>> {
+    pub(crate) fn outputs(&self) -> Arc<Vec<Arc<Output>>> {
         self.outputs_mut().clone()
     }
 
@@ -165,10 +167,10 @@ impl Core {
         senders
     }
 
-    /// Calls `visit` for each outgoing connection that transmits, without allocating.
+    /// Calls `visit` for each outgoing connection that transmits, under no lock.
     pub(crate) fn for_each_sender(&self, mut visit: impl FnMut(&Arc<Output>)) {
         let mut elected = false;
-        for output in self.outputs_mut().iter() {
+        for output in self.outputs().iter() {
             if output.logs || output.group.is_some() && std::mem::replace(&mut elected, true) {
                 continue;
             }
@@ -216,6 +218,12 @@ impl Core {
                 name: self.name.clone(),
             });
         }
+        if carrier.transport == Transport::Local {
+            let mut output = local::connect(self, &found, &spec, carrier)?;
+            output.logs = logs;
+            self.add_output(output);
+            return Ok(found.name);
+        }
         let address = (found.host.as_str(), found.port);
         let dialect = match carrier.framing {
             framing if framing.is_binary() => {
@@ -256,7 +264,7 @@ impl Core {
             if output.logs {
                 self.logged.store(true, Ordering::Relaxed);
             }
-            outputs.push(output.clone());
+            Arc::make_mut(&mut outputs).push(output.clone());
         }
         // Not before: who is told may write at once, and that must not miss the new reader.
         self.report_output(&output, true);
@@ -265,8 +273,7 @@ impl Core {
 
     /// Ends the outgoing connections to `name`; tells whether there was one.
     pub(crate) async fn disconnect(&self, name: &str) -> bool {
-        let gone: Vec<_> = self
-            .outputs_mut()
+        let gone: Vec<_> = Arc::make_mut(&mut self.outputs_mut())
             .extract_if(.., |output| output.to == name)
             .collect();
         self.count_ended(&gone);

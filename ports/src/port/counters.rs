@@ -247,7 +247,7 @@ impl Core {
                 age: age(stamp),
             });
         }
-        for output in outputs {
+        for output in outputs.iter() {
             let depth = output.outbox.depth();
             sent.add(depth.traffic);
             connections.push(ConnectionCounters {

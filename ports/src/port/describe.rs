@@ -39,7 +39,7 @@ impl Core {
         if outputs.is_empty() {
             out.push_str("There are no outgoing connections\r\n");
         }
-        for output in outputs {
+        for output in outputs.iter() {
             let (from, to, carrier) = (&self.name, &output.to, &output.carrier_text);
             let _ = write!(
                 out,

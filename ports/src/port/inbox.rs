@@ -52,41 +52,41 @@ impl Inbox {
     }
 
     /// Takes a message in; waits only under [`Queue::Wait`]. Tells whose message was dropped.
-    pub(crate) async fn push(&self, message: Received) -> Option<u64> {
-        let own = message.connection;
-        let mut message = Some(message);
+    pub(crate) async fn push(&self, mut message: Received) -> Option<u64> {
         loop {
             let room = self.room.notified();
             tokio::pin!(room);
             room.as_mut().enable();
-            {
-                let mut state = self.state();
-                if state.closed {
-                    return None;
-                }
-                let full = |limit: usize| state.messages.len() >= limit.max(1);
-                match self.queue {
-                    Queue::Wait(limit) if full(limit) => {}
-                    Queue::DropNewest(limit) if full(limit) => {
-                        state.dropped += 1;
-                        return Some(own);
-                    }
-                    queue => {
-                        let dropped = match queue {
-                            Queue::Latest if full(1) => state.messages.pop_front(),
-                            Queue::DropOldest(limit) if full(limit) => state.messages.pop_front(),
-                            _ => None,
-                        };
-                        state.dropped += u64::from(dropped.is_some());
-                        state.messages.extend(message.take());
-                        drop(state);
-                        self.arrived.notify_one();
-                        return dropped.map(|message| message.connection);
-                    }
-                }
+            match self.try_push(message) {
+                Ok(dropped) => return dropped,
+                Err(waiting) => message = waiting,
             }
             room.await;
         }
+    }
+
+    /// As [`Inbox::push`], but gives the message back where that would wait.
+    pub(crate) fn try_push(&self, message: Received) -> Result<Option<u64>, Received> {
+        let mut state = self.state();
+        if state.closed {
+            return Ok(None);
+        }
+        let full = |limit: usize| state.messages.len() >= limit.max(1);
+        let dropped = match self.queue {
+            Queue::Wait(limit) if full(limit) => return Err(message),
+            Queue::DropNewest(limit) if full(limit) => {
+                state.dropped += 1;
+                return Ok(Some(message.connection));
+            }
+            Queue::Latest if full(1) => state.messages.pop_front(),
+            Queue::DropOldest(limit) if full(limit) => state.messages.pop_front(),
+            _ => None,
+        };
+        state.dropped += u64::from(dropped.is_some());
+        state.messages.push_back(message);
+        drop(state);
+        self.arrived.notify_one();
+        Ok(dropped.map(|message| message.connection))
     }
 
     /// The oldest message kept, as soon as there is one; `None` once closed and empty.

@@ -17,7 +17,8 @@ use yarp_wire::{Bottle, Limits};
 use super::core::{Core, Entry, GOODBYE};
 use super::counters::Meter;
 use super::describe::{HELP, NOT_UNDERSTOOD};
-use super::log::Copied;
+use super::inbox::Inbox;
+use super::log::{self, Copied};
 use super::options::{Input, Serving};
 use super::output::{Output, Way};
 use super::qos::SocketHandle;
@@ -41,6 +42,7 @@ pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, address: IpAddr) {
         entry: None,
         cancel: Some(cancel),
         sender: Sender::plain(""),
+        from: "".into(),
         address,
         busy: BusyPoll::new(),
         meter: Arc::default(),
@@ -96,6 +98,8 @@ pub(super) struct Connection {
     /// Ends this connection; goes to the port's list with the entry.
     cancel: Option<Cancel>,
     pub(super) sender: Sender,
+    /// The sender's name, as its messages carry it.
+    pub(super) from: Arc<str>,
     pub(super) address: IpAddr,
     busy: BusyPoll,
     pub(super) meter: Arc<Meter>,
@@ -283,18 +287,18 @@ impl Connection {
         let id = core.add_input(&sender.name, carrier, text, socket, meter, cancel);
         let core = self.core.clone();
         self.entry = Some(Entry { id, core });
+        self.from = sender.name.as_str().into();
         self.sender = sender;
     }
 
     async fn message(&mut self, message: Message) -> Next {
         let next = match message.command {
             Command::Data { reply, envelope } => {
-                self.meter
-                    .count(message.payload.bytes().len(), envelope.as_deref());
+                self.meter.count(message.payload.len(), envelope.as_deref());
                 let received = Received {
                     payload: message.payload,
                     envelope,
-                    from: self.sender.name.clone(),
+                    from: self.from.clone(),
                     address: self.address,
                     wants_reply: reply,
                     responder: None,
@@ -324,18 +328,19 @@ impl Connection {
     /// Hands a message to the owner and waits for the reply, if there is to be one; tells whether
     /// the connection shall end with it.
     pub(super) async fn deliver(&mut self, received: Received) -> (Option<Reply>, bool) {
-        let core = self.core.clone();
-        let copy = (core.is_logged() && !self.brings_copies()).then(|| Copied::of(&received));
-        let (reply, last) = self.wait_for(core.deliver(received)).await;
-        if let Some(copy) = copy {
-            core.forward(&copy, reply.as_ref());
+        if self.core.is_logged() {
+            let core = self.core.clone();
+            let copies = log::are_brought_by(&self.sender);
+            return self.wait_for(core.take(received, copies)).await;
         }
-        (reply, last)
-    }
-
-    /// Whether what arrives are copies of what another port receives.
-    fn brings_copies(&self) -> bool {
-        self.sender.modifiers.iter().any(|(key, _)| key == "log")
+        match self.core.hand(received) {
+            // Most messages: nobody waits for anything.
+            Handed::Answered(Answer::Nothing) => (None, false),
+            handed => {
+                let core = self.core.clone();
+                self.wait_for(core.finish(handed)).await
+            }
+        }
     }
 
     /// Waits for what may take long. What was said so far goes out first: a peer that sends ahead
@@ -420,15 +425,35 @@ impl Connection {
     }
 }
 
+/// How far a message got without waiting.
+enum Handed {
+    Answered(Answer),
+    /// The owner has it, and will answer.
+    Asked(oneshot::Receiver<Answer>),
+    /// There is no room for it yet, and perhaps somebody waits for the answer.
+    NoRoom(Received, Option<oneshot::Receiver<Answer>>),
+}
+
 impl Core {
-    /// Hands a message to the owner and waits for the reply, if there is to be one; tells whether
-    /// the connection shall end with it.
+    /// Hands a message to the owner, and what came of it to those who look on, unless the message
+    /// is a copy already. Waits for the reply, if there is to be one; tells whether the connection
+    /// shall end with it.
+    pub(super) async fn take(&self, received: Received, copies: bool) -> (Option<Reply>, bool) {
+        let copy = (self.is_logged() && !copies).then(|| Copied::of(&received));
+        let (reply, last) = self.finish(self.hand(received)).await;
+        if let Some(copy) = copy {
+            self.forward(&copy, reply.as_ref());
+        }
+        (reply, last)
+    }
+
+    /// Hands a message to the owner.
     ///
     /// Messages that the queue drops are counted where they came from.
-    pub(super) async fn deliver(&self, mut received: Received) -> (Option<Reply>, bool) {
-        let mut answer = match &self.options.input {
-            Input::Discard => Answer::Nothing,
-            Input::Handler(handler) => handler(&mut received),
+    fn hand(&self, mut received: Received) -> Handed {
+        match &self.options.input {
+            Input::Discard => Handed::Answered(Answer::Nothing),
+            Input::Handler(handler) => Handed::Answered(handler(&mut received)),
             Input::Queue(_, serving) => {
                 let mut answer = None;
                 if received.wants_reply && *serving == Serving::Replies {
@@ -436,16 +461,37 @@ impl Core {
                     received.responder = Some(Responder(sender));
                     answer = Some(receiver);
                 }
-                let inbox = self.inbox.as_ref();
-                let inbox = inbox.expect("a port that queues has an inbox");
-                if let Some(id) = inbox.push(received).await {
-                    self.count_dropped(id);
-                }
-                match answer {
-                    Some(answer) => answer.await.unwrap_or(Answer::Nothing),
-                    None => Answer::Nothing,
+                match self.queue().try_push(received) {
+                    Ok(dropped) => {
+                        dropped.into_iter().for_each(|id| self.count_dropped(id));
+                        answer.map_or(Handed::Answered(Answer::Nothing), Handed::Asked)
+                    }
+                    Err(received) => Handed::NoRoom(received, answer),
                 }
             }
+        }
+    }
+
+    fn queue(&self) -> &Inbox {
+        let inbox = self.inbox.as_ref();
+        inbox.expect("a port that queues has an inbox")
+    }
+
+    /// Waits for what is left to wait for.
+    async fn finish(&self, handed: Handed) -> (Option<Reply>, bool) {
+        let asked = match handed {
+            Handed::Answered(answer) => Err(answer),
+            Handed::Asked(asked) => Ok(asked),
+            Handed::NoRoom(received, asked) => {
+                if let Some(id) = self.queue().push(received).await {
+                    self.count_dropped(id);
+                }
+                asked.ok_or(Answer::Nothing)
+            }
+        };
+        let mut answer = match asked {
+            Ok(asked) => asked.await.unwrap_or(Answer::Nothing),
+            Err(answer) => answer,
         };
         loop {
             match answer {

@@ -11,14 +11,15 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use bytes::{BufMut, Bytes, BytesMut};
-use yarp_wire::carrier::CarrierSpec;
+use yarp_wire::carrier::{CarrierSpec, Sender};
 use yarp_wire::message::{Command, Payload, WireObject};
 use yarp_wire::{Bottle, Dialect, Limits, Vocab32};
 
+use super::PortError;
 use super::core::Core;
+use super::encoded::Encoded;
 use super::output::Output;
 use super::received::{Received, Reply};
-use super::{Encoded, PortError};
 
 /// What a copy begins with that holds a request and its reply.
 const REQUEST: Vocab32 = Vocab32::new("rpc");
@@ -32,6 +33,11 @@ pub(super) fn is_wanted(spec: &CarrierSpec) -> Result<bool, PortError> {
             what: what.to_owned(),
         }),
     }
+}
+
+/// Whether what a sender brings are copies of what another port receives.
+pub(super) fn are_brought_by(sender: &Sender) -> bool {
+    sender.modifiers.iter().any(|(key, _)| key == "log")
 }
 
 /// Whether a carrier string asks for copies instead of messages.
@@ -103,19 +109,17 @@ impl Core {
         let answered = answered.map(|reply| message.with(reply));
         let mut encoded = Encoded::of(&command);
         for output in self.loggers() {
-            if !output.outbox.has_room() {
-                output.outbox.count_dropped();
-                continue;
-            }
-            let payload = match &answered {
+            let form = match &answered {
                 Some(transaction) => encoded.form(transaction, &output),
                 None => encoded.form(message, &output),
             };
-            let Some(payload) = payload else {
+            let Some(form) = form else {
                 continue;
             };
             // A connection that has ended is taken off the list by itself.
-            let _ = output.outbox.push(&command, &payload, false);
+            if output.outbox.try_push(&command, form).is_none() {
+                output.outbox.count_dropped();
+            }
         }
     }
 

@@ -6,6 +6,7 @@
 //! | `core` | what the tasks of a port share |
 //! | `input`, `inbox`, `received` | incoming connections, what arrived, one message of it |
 //! | `output`, `outbox`, `group` | outgoing connections, what is to be sent, multicast |
+//! | `encoded`, `batch` | a message in the forms that readers want, bytes on their way |
 //! | `pull`, `picture` | connections made to read from, images as browsers see them |
 //! | `admin`, `describe`, `browser` | what programs and people ask of the port itself |
 //! | `supervised` | connections that come back |
@@ -14,13 +15,16 @@
 //! | `qos` | how urgent the packets of a connection are |
 
 mod admin;
+mod batch;
 mod browser;
 mod core;
 mod counters;
 mod describe;
+mod encoded;
 mod group;
 mod inbox;
 mod input;
+mod local;
 mod log;
 mod options;
 mod outbox;
@@ -36,16 +40,16 @@ use std::sync::Arc;
 use std::task::Poll;
 use std::time::Duration;
 
-use bytes::{Bytes, BytesMut};
+use bytes::Bytes;
+use smallvec::SmallVec;
 use tokio::net::TcpListener;
 use tokio::task::{JoinHandle, JoinSet};
-use yarp_wire::carrier::Framing;
-use yarp_wire::connection::put_reply;
 use yarp_wire::message::{Command, Payload, ReadObject, WireObject};
 use yarp_wire::name_service::Registering;
-use yarp_wire::{Contact, Dialect, PortName, Stamp};
+use yarp_wire::{Contact, PortName, Stamp};
 
 use self::core::Core;
+use self::encoded::{Encoded, Form};
 use self::output::Output;
 use crate::cancel::Cancel;
 use crate::error::PortError;
@@ -157,6 +161,7 @@ impl Port {
             options,
             cancelled,
         ));
+        local::announce(&core);
         let listener = tokio::spawn(listen(core.clone(), listener));
         let port = Self {
             core,
@@ -298,25 +303,22 @@ impl Port {
         let command = data(false, envelope);
         let mut encoded = Encoded::of(&command);
         let mut taken = 0;
-        let mut waits = Vec::new();
         let mut late = Vec::new();
-        for output in self.core.senders() {
-            let Some(payload) = encoded.form(message, &output) else {
-                continue;
+        let mut sent = SmallVec::<[_; 4]>::new();
+        self.core.for_each_sender(|output| {
+            let Some(form) = encoded.form(message, output) else {
+                return;
             };
-            if !output.outbox.has_room() {
-                late.push((output, payload));
-                continue;
+            match output.outbox.try_push(&command, form) {
+                Some(Ok(ticket)) => sent.push((output.clone(), ticket)),
+                // It has ended.
+                Some(Err(_)) => {}
+                None => late.push((output.clone(), form.clone())),
             }
-            match output.outbox.push(&command, &payload, true) {
-                Ok(Some(waiting)) => waits.push(waiting),
-                Ok(None) => taken += 1,
-                Err(_) => {}
-            }
-        }
+        });
         taken += push_late(late, &command, true).await;
-        for waiting in waits {
-            taken += usize::from(matches!(waiting.await, Ok(Ok(_))));
+        for (output, ticket) in sent {
+            taken += usize::from(output.outbox.done(ticket).await.is_ok());
         }
         // Carriers without acknowledgements never wait here: let others run now and then.
         tokio::task::coop::consume_budget().await;
@@ -334,11 +336,10 @@ impl Port {
             if output.outbox.is_busy() {
                 output.outbox.count_dropped();
             } else {
-                let Some(payload) = encoded.form(message, output) else {
+                let Some(form) = encoded.form(message, output) else {
                     return;
                 };
-                let pushed = output.outbox.push(&command, &payload, false);
-                taken += usize::from(pushed.is_ok());
+                taken += usize::from(output.outbox.push(&command, form).is_ok());
             }
         });
         taken
@@ -355,16 +356,15 @@ impl Port {
         let mut encoded = Encoded::of(&command);
         let mut taken = 0;
         let mut late = Vec::new();
-        for output in self.core.senders() {
-            let Some(payload) = encoded.form(message, &output) else {
-                continue;
+        self.core.for_each_sender(|output| {
+            let Some(form) = encoded.form(message, output) else {
+                return;
             };
-            if output.outbox.has_room() {
-                taken += usize::from(output.outbox.push(&command, &payload, false).is_ok());
-            } else {
-                late.push((output, payload));
+            match output.outbox.try_push(&command, form) {
+                Some(pushed) => taken += usize::from(pushed.is_ok()),
+                None => late.push((output.clone(), form.clone())),
             }
-        }
+        });
         taken += push_late(late, &command, false).await;
         tokio::task::coop::consume_budget().await;
         taken
@@ -417,10 +417,12 @@ impl Port {
             reason: reason.to_string(),
         };
         let command = Command::data(true);
-        let payload = Encoded::of(&command).form(request, &output);
-        let payload = payload.expect("all but pictures can carry a request");
-        let pushed = output.outbox.push(&command, &payload, true);
-        let waiting = pushed.map_err(lost)?.expect("a request has an outcome");
+        let waiting = {
+            let mut encoded = Encoded::of(&command);
+            let form = encoded.form(request, &output);
+            let form = form.expect("all but pictures can carry a request");
+            output.outbox.request(&command, form).map_err(lost)?
+        };
         match waiting.await {
             Ok(Ok(Some(reply))) => Ok((output.to.clone(), reply)),
             Ok(Ok(None)) => Err(lost("it acknowledged without a reply".into())),
@@ -446,12 +448,14 @@ impl Port {
         self.interrupt();
         // What is taken down now shall not come back.
         self.core.close();
+        local::withdraw(&self.core);
         let (keep, _) = Cancel::new();
         let cancel = std::mem::replace(&mut self.cancel, keep);
         Some(async move {
             let goodbyes: JoinSet<()> = core
                 .outputs()
-                .into_iter()
+                .iter()
+                .cloned()
                 .map(|output| async move { output.close(core::GOODBYE).await })
                 .collect();
             goodbyes.join_all().await;
@@ -487,18 +491,19 @@ impl Drop for Port {
 }
 
 /// Sends to readers that had no room, to each as soon as it has; tells how many took it.
-async fn push_late(late: Vec<(Arc<Output>, Bytes)>, command: &Command, watched: bool) -> usize {
+async fn push_late(late: Vec<(Arc<Output>, Form)>, command: &Command, watched: bool) -> usize {
     if late.is_empty() {
         return 0;
     }
     let mut sends: Vec<_> = late
         .into_iter()
-        .map(|(output, payload)| {
+        .map(|(output, form)| {
             Box::pin(async move {
                 output.outbox.room().await?;
-                match output.outbox.push(command, &payload, watched)? {
-                    Some(waiting) => waiting.await.unwrap_or_else(|_| Err("closed here".into())),
-                    None => Ok(None),
+                let ticket = output.outbox.push(command, &form)?;
+                match watched {
+                    true => output.outbox.done(ticket).await,
+                    false => Ok(()),
                 }
             })
         })
@@ -542,75 +547,6 @@ impl From<&str> for Envelope {
     fn from(text: &str) -> Self {
         let end = text.find(|c: char| c.is_control()).unwrap_or(text.len());
         Self(Bytes::copy_from_slice(&text.as_bytes()[..end]))
-    }
-}
-
-/// A message in the forms that readers want, each written once.
-struct Encoded<'a> {
-    command: &'a Command,
-    text: Option<Bytes>,
-    page: Option<Bytes>,
-    v3: Option<Bytes>,
-    v4: Option<Bytes>,
-    /// Tried, and perhaps found to be no image.
-    picture: Option<Option<Bytes>>,
-}
-
-impl<'a> Encoded<'a> {
-    fn of(command: &'a Command) -> Self {
-        Self {
-            command,
-            text: None,
-            page: None,
-            v3: None,
-            v4: None,
-            picture: None,
-        }
-    }
-
-    /// The form for this reader; `None` if there is none: only images go to who watches pictures.
-    fn form(&mut self, message: &impl WireObject, output: &Output) -> Option<Bytes> {
-        if output.carrier.framing == Framing::Pictures {
-            return match &self.picture {
-                Some(picture) => picture.clone(),
-                None => {
-                    let binary = self.binary(message, Dialect::V3);
-                    let envelope = match self.command {
-                        Command::Data { envelope, .. } => envelope.as_ref(),
-                        _ => None,
-                    };
-                    let picture = picture::part(&binary, Dialect::V3, envelope);
-                    self.picture.insert(picture).clone()
-                }
-            };
-        }
-        if !output.is_text() {
-            return Some(self.binary(message, output.dialect));
-        }
-        // A page that is read on has text of its own.
-        let form = match output.carrier.framing {
-            Framing::Http => &mut self.page,
-            _ => &mut self.text,
-        };
-        let text = form.get_or_insert_with(|| {
-            let mut bytes = BytesMut::new();
-            put_reply(&mut bytes, output.carrier, message, output.dialect);
-            bytes.freeze()
-        });
-        Some(text.clone())
-    }
-
-    fn binary(&mut self, message: &impl WireObject, dialect: Dialect) -> Bytes {
-        let form = match dialect {
-            Dialect::V3 => &mut self.v3,
-            Dialect::V4 => &mut self.v4,
-        };
-        let payload = form.get_or_insert_with(|| {
-            let mut bytes = BytesMut::new();
-            message.write_binary(&mut bytes, dialect);
-            bytes.freeze()
-        });
-        payload.clone()
     }
 }
 

@@ -1,6 +1,7 @@
 //! What is to be sent over one connection, and who waits for it.
 
 use std::collections::VecDeque;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use bytes::{Bytes, BytesMut};
@@ -10,20 +11,23 @@ use yarp_wire::carrier::Transport;
 use yarp_wire::connection::{Initiator, Progress, ProtocolError};
 use yarp_wire::message::{Command, Payload};
 
+use super::batch::Batch;
 use super::counters::{Newest, Traffic};
+use super::encoded::Form;
 
-/// What becomes of a message that somebody waits for.
+/// What becomes of a request.
 pub(crate) type Outcome = Result<Option<Payload>, Arc<str>>;
 
+/// About the bytes in front of the payload of a datagram.
+const DATAGRAM_HEAD: usize = 64;
 /// Bytes that may be waiting before writers must.
 const HIGH_WATER: usize = 256 * 1024;
-/// Payloads from this size on are sent from where they are instead of being copied.
-const SHARED: usize = 16 * 1024;
 
-/// The queue between those who write to a connection and the task that owns its socket.
+/// The queue between those who write to a connection and the task that sends.
 ///
 /// Small messages are laid one behind the other, so that a writer that runs ahead costs few
-/// system calls; a message is never held back for others to follow.
+/// system calls; a message is never held back for others to follow. Sending small messages
+/// allocates nothing once the buffers have grown.
 #[derive(Debug)]
 pub(crate) struct Outbox {
     state: Mutex<State>,
@@ -31,19 +35,42 @@ pub(crate) struct Outbox {
     pub(crate) filled: Notify,
     /// Room was made, a message was finished, or the connection ended.
     changed: Notify,
+    /// Whether the connection has ended, for those who need no lock to ask.
+    over: AtomicBool,
 }
 
 #[derive(Debug)]
 struct State {
-    initiator: Initiator,
-    chunks: VecDeque<Bytes>,
-    tail: BytesMut,
+    line: Line,
     queued: usize,
     /// One entry per message that is not done with, where the peer says when it is.
     unfinished: VecDeque<Pending>,
+    /// Messages that the peer was to say so of, since the beginning.
+    begun: u64,
+    /// How many of those it has said so of.
+    finished: u64,
     closed: Option<Arc<str>>,
     traffic: Traffic,
     newest: Newest,
+}
+
+/// In what form messages wait.
+#[derive(Debug)]
+enum Line {
+    /// As bytes of a stream.
+    Stream(Initiator, Batch),
+    /// As bytes, each message by itself.
+    Datagrams(Initiator, VecDeque<Bytes>),
+    /// As they are, for a reader in this process.
+    Local(VecDeque<Parcel>),
+}
+
+/// A message for a reader in this process.
+#[derive(Debug)]
+pub(crate) struct Parcel {
+    pub(crate) payload: Payload,
+    pub(crate) envelope: Option<Bytes>,
+    pub(crate) wants_reply: bool,
 }
 
 /// What has been and is to be sent.
@@ -55,6 +82,11 @@ pub(crate) struct Depth {
     pub(crate) stamp: Option<Stamp>,
 }
 
+/// A message by its place among those that the reader says of when it is done with them; none
+/// where readers do not say.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Ticket(Option<u64>);
+
 #[derive(Debug)]
 struct Pending {
     reply: Option<Payload>,
@@ -62,20 +94,29 @@ struct Pending {
 }
 
 impl Outbox {
-    pub(crate) fn new(initiator: Initiator) -> Self {
+    /// For a connection over a socket, or to a reader in this process.
+    pub(crate) fn new(initiator: Option<Initiator>) -> Self {
+        let line = match initiator {
+            None => Line::Local(VecDeque::new()),
+            Some(initiator) => match initiator.carrier().transport {
+                Transport::Datagrams => Line::Datagrams(initiator, VecDeque::new()),
+                _ => Line::Stream(initiator, Batch::default()),
+            },
+        };
         Self {
             state: Mutex::new(State {
-                initiator,
-                chunks: VecDeque::new(),
-                tail: BytesMut::new(),
+                line,
                 queued: 0,
                 unfinished: VecDeque::new(),
+                begun: 0,
+                finished: 0,
                 closed: None,
                 traffic: Traffic::default(),
                 newest: Newest::default(),
             }),
             filled: Notify::new(),
             changed: Notify::new(),
+            over: AtomicBool::new(false),
         }
     }
 
@@ -83,66 +124,65 @@ impl Outbox {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Puts a message in; gives what to wait for if `watched` and the peer tells the outcome.
-    pub(crate) fn push(
+    /// Puts a message in; the answer serves to wait until the reader is done with it.
+    pub(crate) fn push(&self, command: &Command, form: &Form) -> Result<Ticket, Arc<str>> {
+        self.put(self.state(), command, form, None)
+    }
+
+    /// As [`Outbox::push`] if earlier messages leave room, else `None`.
+    pub(crate) fn try_push(
         &self,
         command: &Command,
-        payload: &Bytes,
-        watched: bool,
-    ) -> Result<Option<oneshot::Receiver<Outcome>>, Arc<str>> {
-        let mut state = self.state();
+        form: &Form,
+    ) -> Option<Result<Ticket, Arc<str>>> {
+        let state = self.state();
+        let has_room = state.queued < HIGH_WATER || state.closed.is_some();
+        has_room.then(|| self.put(state, command, form, None))
+    }
+
+    /// Puts a request in; gives what to wait for the reply with.
+    pub(crate) fn request(
+        &self,
+        command: &Command,
+        payload: &Form,
+    ) -> Result<oneshot::Receiver<Outcome>, Arc<str>> {
+        let (outcome, waiting) = oneshot::channel();
+        self.put(self.state(), command, payload, Some(outcome))?;
+        Ok(waiting)
+    }
+
+    fn put(
+        &self,
+        mut state: MutexGuard<'_, State>,
+        command: &Command,
+        form: &Form,
+        outcome: Option<oneshot::Sender<Outcome>>,
+    ) -> Result<Ticket, Arc<str>> {
         if let Some(reason) = &state.closed {
             return Err(reason.clone());
         }
-        let State {
-            initiator,
-            chunks,
-            tail,
-            queued,
-            unfinished,
-            traffic,
-            newest,
-            ..
-        } = &mut *state;
+        let pieces = &form.pieces;
         if let Command::Data { envelope, .. } = command {
-            traffic.messages += 1;
-            traffic.bytes += payload.len() as u64;
+            state.traffic.messages += 1;
+            state.traffic.bytes += pieces.len() as u64;
             if let Some(envelope) = envelope {
-                newest.keep(envelope);
+                state.newest.keep(envelope);
             }
         }
-        let before = tail.len();
-        let datagrams = initiator.carrier().transport == Transport::Datagrams;
-        initiator.send(command, payload.len(), tail);
-        if payload.len() < SHARED || datagrams {
-            tail.extend_from_slice(payload);
-            *queued += tail.len() - before;
-            if datagrams {
-                // Each chunk is one message.
-                chunks.push_back(tail.split().freeze());
-            }
-        } else {
-            *queued += tail.len() - before + payload.len();
-            chunks.push_back(tail.split().freeze());
-            chunks.push_back(payload.clone());
-        }
-        let answered = initiator.carrier().acknowledges
-            || matches!(command, Command::Admin | Command::Data { reply: true, .. });
-        let mut receiver = None;
+        let (more, answered) = state.line.put(command, form);
+        state.queued += more;
+        let mut ticket = Ticket(None);
         if answered {
-            let outcome = watched.then(|| {
-                let (sender, waiting) = oneshot::channel();
-                receiver = Some(waiting);
-                sender
-            });
-            unfinished.push_back(Pending {
+            state.begun += 1;
+            ticket = Ticket(Some(state.begun));
+            state.unfinished.push_back(Pending {
                 reply: None,
                 outcome,
             });
         }
         drop(state);
         self.filled.notify_one();
-        Ok(receiver)
+        Ok(ticket)
     }
 
     /// A message was not sent.
@@ -166,12 +206,6 @@ impl Outbox {
         state.queued > 0 || !state.unfinished.is_empty()
     }
 
-    /// Whether earlier messages leave room for another, or nothing is to be waited for any more.
-    pub(crate) fn has_room(&self) -> bool {
-        let state = self.state();
-        state.queued < HIGH_WATER || state.closed.is_some()
-    }
-
     /// Waits until earlier messages leave room for another.
     pub(crate) async fn room(&self) -> Result<(), Arc<str>> {
         self.wait_until(|state| state.queued < HIGH_WATER).await
@@ -181,6 +215,19 @@ impl Outbox {
     pub(crate) async fn drained(&self) -> Result<(), Arc<str>> {
         self.wait_until(|state| state.queued == 0 && state.unfinished.is_empty())
             .await
+    }
+
+    /// Waits until the reader is done with a message, where it says so.
+    pub(crate) async fn done(&self, Ticket(ticket): Ticket) -> Result<(), Arc<str>> {
+        let Some(ticket) = ticket else {
+            return Ok(());
+        };
+        let outcome = self.wait_until(|state| state.finished >= ticket).await;
+        // What was done before the connection ended was done.
+        match self.state().finished >= ticket {
+            true => Ok(()),
+            false => outcome,
+        }
     }
 
     /// Waits for the end of the connection; tells why it ended.
@@ -210,14 +257,39 @@ impl Outbox {
         }
     }
 
-    /// Moves all that is to be sent behind what `batch` still holds.
-    pub(crate) fn take(&self, batch: &mut VecDeque<Bytes>) {
-        let mut state = self.state();
-        batch.append(&mut state.chunks);
-        if !state.tail.is_empty() {
-            let tail = state.tail.split().freeze();
-            batch.push_back(tail);
+    /// Exchanges an empty batch for all that is to be sent.
+    pub(crate) fn take(&self, empty: &mut Batch) {
+        if let Line::Stream(_, batch) = &mut self.state().line {
+            std::mem::swap(batch, empty);
         }
+    }
+
+    /// Moves all messages that are to be sent behind those that `messages` holds.
+    pub(crate) fn take_datagrams(&self, messages: &mut VecDeque<Bytes>) {
+        if let Line::Datagrams(_, waiting) = &mut self.state().line {
+            messages.append(waiting);
+        }
+    }
+
+    /// The next message for a reader in this process.
+    pub(crate) fn take_parcel(&self) -> Option<Parcel> {
+        match &mut self.state().line {
+            Line::Local(waiting) => waiting.pop_front(),
+            _ => None,
+        }
+    }
+
+    /// A reader in this process is done with a message of this many bytes.
+    pub(crate) fn delivered(&self, bytes: usize, reply: Option<Payload>) {
+        let mut state = self.state();
+        state.queued = state.queued.saturating_sub(bytes);
+        if let Some(pending) = state.unfinished.front_mut() {
+            pending.reply = reply;
+        }
+        let done = &mut *state;
+        finish(&mut done.unfinished, &mut done.finished);
+        drop(state);
+        self.changed.notify_waiters();
     }
 
     /// Takes note that `bytes` have been handed to the socket.
@@ -234,30 +306,33 @@ impl Outbox {
     /// Takes what the peer said.
     pub(crate) fn receive(&self, input: &mut BytesMut) -> Result<(), ProtocolError> {
         let mut state = self.state();
+        let state = &mut *state;
+        let Line::Stream(initiator, batch) = &mut state.line else {
+            return Ok(());
+        };
         let mut finished = false;
-        while let Some(progress) = state.initiator.poll(input)? {
+        while let Some(progress) = initiator.poll(input)? {
             match progress {
                 Progress::Reply(payload) => {
-                    let last = !state.initiator.carrier().acknowledges;
+                    let last = !initiator.carrier().acknowledges;
                     if let Some(pending) = state.unfinished.front_mut() {
                         pending.reply = Some(payload);
                     }
                     if last {
-                        state.finish();
+                        finish(&mut state.unfinished, &mut state.finished);
                         finished = true;
                     }
                 }
                 Progress::Done => {
-                    state.finish();
+                    finish(&mut state.unfinished, &mut state.finished);
                     finished = true;
                 }
                 Progress::Ready | Progress::Lines(_) => {}
             }
         }
-        let said = state.initiator.said();
+        let said = initiator.said();
         state.queued += said.len();
-        state.tail.extend_from_slice(&said);
-        drop(state);
+        batch.buffer().extend_from_slice(&said);
         if finished {
             self.changed.notify_waiters();
         }
@@ -277,9 +352,9 @@ impl Outbox {
                 let _ = outcome.send(Err(reason.clone()));
             }
         }
-        state.chunks.clear();
-        state.tail.clear();
+        state.line.clear();
         drop(state);
+        self.over.store(true, Ordering::Release);
         self.changed.notify_waiters();
         self.filled.notify_one();
     }
@@ -291,18 +366,66 @@ impl Outbox {
     }
 
     pub(crate) fn is_closed(&self) -> bool {
-        self.state().closed.is_some()
+        self.over.load(Ordering::Acquire)
     }
 }
 
-impl State {
-    /// The oldest unfinished message is done with.
-    fn finish(&mut self) {
-        if let Some(pending) = self.unfinished.pop_front()
-            && let Some(outcome) = pending.outcome
-        {
-            // Whoever asked may have stopped waiting.
-            let _ = outcome.send(Ok(pending.reply));
+impl Line {
+    /// Appends a message; tells how many bytes that makes, and whether the reader will say when
+    /// it is done with it.
+    fn put(&mut self, command: &Command, form: &Form) -> (usize, bool) {
+        let pieces = &form.pieces;
+        let wants_reply = matches!(command, Command::Admin | Command::Data { reply: true, .. });
+        match self {
+            Self::Stream(initiator, batch) => {
+                let before = batch.len();
+                initiator.send(command, pieces.len(), batch.buffer());
+                batch.push(pieces);
+                let answered = initiator.carrier().acknowledges || wants_reply;
+                (batch.len() - before, answered)
+            }
+            Self::Datagrams(initiator, messages) => {
+                let mut message = BytesMut::with_capacity(DATAGRAM_HEAD + pieces.len());
+                initiator.send(command, pieces.len(), &mut message);
+                for piece in pieces.iter() {
+                    message.extend_from_slice(piece.as_bytes());
+                }
+                let length = message.len();
+                messages.push_back(message.freeze());
+                (length, initiator.carrier().acknowledges || wants_reply)
+            }
+            Self::Local(parcels) => {
+                // Commands are for peers elsewhere.
+                let Command::Data { envelope, .. } = command else {
+                    return (0, false);
+                };
+                parcels.push_back(Parcel {
+                    payload: Payload::of_pieces(pieces, form.dialect),
+                    envelope: envelope.clone(),
+                    wants_reply,
+                });
+                (pieces.len(), true)
+            }
         }
+    }
+
+    fn clear(&mut self) {
+        match self {
+            Self::Stream(_, batch) => batch.clear(),
+            Self::Datagrams(_, messages) => messages.clear(),
+            Self::Local(parcels) => parcels.clear(),
+        }
+    }
+}
+
+/// The oldest unfinished message is done with.
+fn finish(unfinished: &mut VecDeque<Pending>, finished: &mut u64) {
+    let Some(pending) = unfinished.pop_front() else {
+        return;
+    };
+    *finished += 1;
+    if let Some(outcome) = pending.outcome {
+        // Whoever asked may have stopped waiting.
+        let _ = outcome.send(Ok(pending.reply));
     }
 }

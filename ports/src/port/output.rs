@@ -9,14 +9,15 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use bytes::{Bytes, BytesMut};
+use bytes::BytesMut;
 use tokio::net::UdpSocket;
 use tokio::task::JoinHandle;
 use yarp_wire::carrier::{Carrier, CarrierSpec, Sender, Transport};
 use yarp_wire::connection::{Initiator, Progress, put_group};
-use yarp_wire::message::Command;
+use yarp_wire::message::{Command, Pieces};
 use yarp_wire::{Dialect, Limits};
 
+use super::encoded::Form;
 use super::group::Group;
 use super::outbox::Outbox;
 use super::qos::SocketHandle;
@@ -132,7 +133,7 @@ impl Output {
     ) -> Self {
         let carrier = initiator.carrier();
         let dialect = initiator.dialect();
-        let outbox = Arc::new(Outbox::new(initiator));
+        let outbox = Arc::new(Outbox::new(Some(initiator)));
         let peer = to.to_owned();
         let shared = outbox.clone();
         let socket = match &way {
@@ -147,6 +148,19 @@ impl Output {
             tracing::debug!(peer, reason, "output connection ended");
             shared.close(&reason);
         });
+        Self::over(to, carrier_text, carrier, dialect, outbox, socket, task)
+    }
+
+    /// A connection that `task` sends the messages of.
+    pub(crate) fn over(
+        to: &str,
+        carrier_text: String,
+        carrier: &'static Carrier,
+        dialect: Dialect,
+        outbox: Arc<Outbox>,
+        socket: SocketHandle,
+        task: JoinHandle<()>,
+    ) -> Self {
         Self {
             to: to.to_owned(),
             carrier_text,
@@ -162,19 +176,18 @@ impl Output {
         }
     }
 
-    /// Whether payloads go out in text.
-    pub(crate) fn is_text(&self) -> bool {
-        !self.carrier.framing.is_binary()
-    }
-
     /// Says goodbye and ends the connection; waits for the reader at most until `deadline`.
     pub(crate) async fn close(&self, deadline: Duration) {
         let goodbye = async {
             match &self.farewell {
                 Some(farewell) => farewell.say(deadline).await,
                 None => {
-                    if let Ok(Some(done)) = self.outbox.push(&Command::Quit, &Bytes::new(), true) {
-                        let _ = done.await;
+                    let nothing = Form {
+                        pieces: Pieces::new(),
+                        dialect: self.dialect,
+                    };
+                    if let Ok(ticket) = self.outbox.push(&Command::Quit, &nothing) {
+                        let _ = self.outbox.done(ticket).await;
                     }
                     let _ = self.outbox.drained().await;
                 }

@@ -2,8 +2,7 @@
 
 use bytes::{Bytes, BytesMut};
 use jpeg_encoder::{ColorType, Encoder};
-use yarp_wire::Dialect;
-use yarp_wire::message::ReadObject;
+use yarp_wire::message::{Payload, ReadObject};
 use yarp_wire::mjpeg;
 use yarp_wire::typed::{Image, ImageError, PixelCode};
 use zune_jpeg::JpegDecoder;
@@ -37,8 +36,8 @@ pub(crate) enum PictureError {
 
 /// The part of a stream that shows the image in this payload; `None` if it is no image, or one of
 /// a kind that pictures cannot show.
-pub(super) fn part(payload: &Bytes, dialect: Dialect, envelope: Option<&Bytes>) -> Option<Bytes> {
-    let image = Image::read_binary(payload, dialect).ok()?;
+pub(super) fn part(payload: &Payload, envelope: Option<&Bytes>) -> Option<Bytes> {
+    let image = Image::read(payload).ok()?;
     let mut jpeg = compress(&image)?;
     if let Some(envelope) = envelope {
         jpeg = mjpeg::with_comment(&jpeg, envelope);

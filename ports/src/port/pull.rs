@@ -170,13 +170,13 @@ impl Pull {
         let received = Received {
             payload: Payload::new(bytes, Form::Binary(Dialect::V3)),
             envelope,
-            from: self.from.clone(),
+            from: self.from.as_str().into(),
             address: self.address,
             connection: self.connection,
             wants_reply: false,
             responder: None,
         };
         // Nothing can be said back.
-        self.core.deliver(received).await;
+        self.core.take(received, false).await;
     }
 }

@@ -10,6 +10,7 @@ use std::os::fd::AsFd;
 use std::sync::{Arc, Weak};
 
 use socket2::SockRef;
+use tokio::net::TcpStream;
 use yarp_wire::qos::{Scheduling, type_of_service};
 use yarp_wire::{Bottle, Value, Vocab32};
 
@@ -32,6 +33,12 @@ impl SocketHandle {
     /// A handle that does not keep the socket open.
     pub(crate) fn of<S: AsFd + Send + Sync + 'static>(socket: &Arc<S>) -> Self {
         let weak: Weak<S> = Arc::downgrade(socket);
+        Self(weak)
+    }
+
+    /// For a connection that has no socket.
+    pub(crate) fn none() -> Self {
+        let weak: Weak<TcpStream> = Weak::new();
         Self(weak)
     }
 

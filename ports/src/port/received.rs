@@ -2,6 +2,7 @@
 
 use std::net::IpAddr;
 use std::pin::Pin;
+use std::sync::Arc;
 
 use bytes::Bytes;
 use tokio::sync::oneshot;
@@ -20,7 +21,7 @@ pub struct Received {
     /// What accompanied it, usually a [`Stamp`].
     pub envelope: Option<Bytes>,
     /// The name of the sender.
-    pub from: String,
+    pub from: Arc<str>,
     /// The address of the sender.
     pub address: IpAddr,
     /// Whether the sender waits for a reply.

@@ -5,6 +5,7 @@
 
 mod fast_tcp;
 mod http;
+mod local;
 mod mcast;
 mod mjpeg;
 mod name_ser;
@@ -61,6 +62,8 @@ pub enum Transport {
     UnixSocket,
     /// The connection of the header, in the frames of [`websocket`](crate::websocket).
     WebSocket,
+    /// Nothing: writer and reader are in one process.
+    Local,
     /// Datagrams to a multicast group that the initiator names behind its header.
     Group,
 }
@@ -89,9 +92,10 @@ pub struct Carrier {
 }
 
 /// Every carrier, in the order in which an acceptor tries them.
-pub static ALL: [&Carrier; 12] = [
+pub static ALL: [&Carrier; 13] = [
     &http::HTTP,
     &name_ser::NAME_SER,
+    &local::LOCAL,
     &tcp::TCP,
     &fast_tcp::FAST_TCP,
     &mcast::MCAST,
@@ -175,6 +179,7 @@ mod tests {
         check(b"GET /?ac", Some("mjpeg"));
         check(b"GET /?ws", Some("websocket"));
         check(b"GET /?wt", Some("http"));
+        check(b"LOCALITY", Some("local"));
         check(b"GARBAGE!", None);
         check(b"YA\0\0\0\x80RP", None);
         for carrier in ALL {

@@ -45,6 +45,8 @@ pub struct Acceptor {
     state: State,
     /// Where messages stand in frames.
     frames: Option<FrameReader>,
+    /// A peer that sends frames has said goodbye.
+    over: bool,
 }
 
 #[derive(Debug)]
@@ -75,6 +77,7 @@ impl Acceptor {
             limits,
             state: State::Magic,
             frames: None,
+            over: false,
         }
     }
 
@@ -111,6 +114,9 @@ impl Acceptor {
                     };
                     let carrier = Carrier::detect(magic)
                         .ok_or(ProtocolError::UnknownCarrier { magic: *magic })?;
+                    if carrier.transport == Transport::Local {
+                        return Err(ProtocolError::OtherProcess);
+                    }
                     if carrier.framing == Framing::Http {
                         // What selects the carrier is the beginning of the request.
                         self.state = State::Browser(carrier, RequestReader::default());
@@ -170,8 +176,11 @@ impl Acceptor {
                 State::Open(_, reader) => {
                     let message = match &mut self.frames {
                         None => reader.read(input)?,
+                        Some(_) if self.over => None,
                         Some(frames) => read_frames(frames, reader, input, output)?,
                     };
+                    let quits = |message: &Message| message.command == Command::Quit;
+                    self.over |= message.as_ref().is_some_and(quits);
                     if let Some(message) = &message {
                         self.learn(message);
                     }
@@ -261,7 +270,7 @@ impl Acceptor {
         if self.settled || !wants_reply || message.payload.form() == Form::Text {
             return;
         }
-        if let Some(dialect) = detect(message.payload.bytes(), self.limits) {
+        if let Some(dialect) = detect(&message.payload.bytes(), self.limits) {
             self.dialect = dialect;
             self.settled = true;
             if let State::Open(_, reader) = &mut self.state {

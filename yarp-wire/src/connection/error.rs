@@ -15,6 +15,9 @@ pub enum ProtocolError {
         /// The bytes.
         magic: [u8; MAGIC],
     },
+    /// A connection within a process that comes from another.
+    #[error("`local` serves ports of one process, and this peer is in another: try `tcp`")]
+    OtherProcess,
     /// The sender's name has an impossible length.
     #[error("the sender's name has {length} bytes, expected 1 to {limit}")]
     SenderLength {

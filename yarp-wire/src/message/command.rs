@@ -91,6 +91,12 @@ impl Command {
         if block[4] != b'~' {
             return Err(wrong());
         }
+        // The commonest ones without further ado.
+        match block[5] {
+            b'd' => return Ok((Self::data(true), BLOCK)),
+            b'D' => return Ok((Self::data(false), BLOCK)),
+            _ => {}
+        }
         if block[5] != 0 {
             let letter = message.slice(5..6);
             return Ok((Self::parse(&letter), BLOCK));

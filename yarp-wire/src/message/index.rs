@@ -86,15 +86,18 @@ impl Index {
     /// A message of one part is announced as one block, otherwise as two.
     pub fn put(out: &mut impl BufMut, command: usize, payload: usize) {
         let blocks = if payload == 0 { 1 } else { 2 };
-        number::put(out, HEADER as i32);
-        out.put_u8(blocks);
-        out.put_u8(1);
-        out.put_slice(&[0xff; 8]);
-        out.put_i32_le(command as i32);
+        let mut index = [0; FIXED + 12];
+        index[..number::LENGTH].copy_from_slice(&number::encode(HEADER as i32));
+        index[number::LENGTH..FIXED]
+            .copy_from_slice(&[blocks, 1, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff]);
+        index[FIXED..FIXED + 4].copy_from_slice(&(command as i32).to_le_bytes());
+        let mut end = FIXED + 4;
         if blocks == 2 {
-            out.put_i32_le(payload as i32);
+            index[end..end + 4].copy_from_slice(&(payload as i32).to_le_bytes());
+            end += 4;
         }
-        out.put_i32_le(0);
+        // The reply has one block, of unknown length.
+        out.put_slice(&index[..end + 4]);
     }
 }
 

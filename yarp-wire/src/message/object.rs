@@ -5,7 +5,7 @@ use bytes::{BufMut, Bytes, BytesMut};
 use crate::bottle::{Bottle, DecodeError};
 use crate::dialect::Dialect;
 use crate::limits::Limits;
-use crate::message::Payload;
+use crate::message::{Payload, Pieces};
 
 /// Something that can be sent and read: a [`Bottle`], a vector, a struct of your own.
 ///
@@ -14,6 +14,11 @@ use crate::message::Payload;
 pub trait WireObject {
     /// Appends the binary form for readers of `dialect`.
     fn write_binary(&self, out: &mut BytesMut, dialect: Dialect);
+
+    /// As [`WireObject::write_binary`]; to be overridden where a large part need not be copied.
+    fn write_pieces(&self, out: &mut Pieces, dialect: Dialect) {
+        self.write_binary(out.written(), dialect);
+    }
 
     /// Appends the text form with its line ends.
     ///

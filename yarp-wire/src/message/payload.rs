@@ -1,10 +1,13 @@
 //! The content of a message as it came.
 
+use std::sync::Arc;
+
 use bytes::Bytes;
 
 use crate::bottle::{Bottle, DecodeError, detect};
 use crate::dialect::Dialect;
 use crate::limits::Limits;
+use crate::message::Pieces;
 
 /// Which form a payload came in.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
@@ -16,21 +19,64 @@ pub enum Form {
 }
 
 /// The content of a message, unread.
-#[derive(Clone, Debug, Eq, PartialEq)]
+///
+/// What arrives from elsewhere is one piece. What another port of the same process wrote is as
+/// many as the writer had, so that large ones need not be copied.
+#[derive(Clone, Debug)]
 pub struct Payload {
-    bytes: Bytes,
+    content: Content,
     form: Form,
+}
+
+#[derive(Clone, Debug)]
+enum Content {
+    Whole(Bytes),
+    Pieces(Arc<[Bytes]>),
 }
 
 impl Payload {
     /// A payload of these bytes.
     pub const fn new(bytes: Bytes, form: Form) -> Self {
-        Self { bytes, form }
+        let content = Content::Whole(bytes);
+        Self { content, form }
     }
 
-    /// The bytes as they came.
-    pub fn bytes(&self) -> &Bytes {
-        &self.bytes
+    /// What a writer of this process wrote, in binary of exactly this generation.
+    pub fn of_pieces(pieces: &Pieces, dialect: Dialect) -> Self {
+        Self {
+            content: Content::Pieces(pieces.to_vec().into()),
+            form: Form::Binary(dialect),
+        }
+    }
+
+    /// The bytes as they came; joined, which copies them, if they came in several pieces.
+    pub fn bytes(&self) -> Bytes {
+        match &self.content {
+            Content::Whole(bytes) => bytes.clone(),
+            Content::Pieces(pieces) => match &pieces[..] {
+                [] => Bytes::new(),
+                [bytes] => bytes.clone(),
+                several => several.concat().into(),
+            },
+        }
+    }
+
+    /// The pieces that the bytes came in.
+    pub fn pieces(&self) -> &[Bytes] {
+        match &self.content {
+            Content::Whole(bytes) => std::slice::from_ref(bytes),
+            Content::Pieces(pieces) => pieces,
+        }
+    }
+
+    /// How many bytes there are.
+    pub fn len(&self) -> usize {
+        self.pieces().iter().map(Bytes::len).sum()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
     }
 
     /// The form they came in.
@@ -42,17 +88,19 @@ impl Payload {
     pub fn dialect(&self) -> Dialect {
         match self.form {
             Form::Text => Dialect::V3,
-            Form::Binary(assumed) => detect(&self.bytes, Limits::DEFAULT).unwrap_or(assumed),
+            Form::Binary(assumed) => match &self.content {
+                Content::Whole(bytes) => detect(bytes, Limits::DEFAULT).unwrap_or(assumed),
+                Content::Pieces(_) => assumed,
+            },
         }
     }
 
     /// The content as a bottle.
     pub fn to_bottle(&self) -> Result<Bottle, DecodeError> {
         match self.form {
-            Form::Binary(assumed) => {
-                Bottle::decode_any(&self.bytes, assumed, Limits::DEFAULT).map(|(bottle, _)| bottle)
-            }
-            Form::Text => Bottle::parse_bytes(&self.bytes).map_err(|_| DecodeError::TooDeep {
+            Form::Binary(assumed) => Bottle::decode_any(&self.bytes(), assumed, Limits::DEFAULT)
+                .map(|(bottle, _)| bottle),
+            Form::Text => Bottle::parse_bytes(&self.bytes()).map_err(|_| DecodeError::TooDeep {
                 limit: Limits::DEFAULT.depth,
             }),
         }
@@ -61,8 +109,16 @@ impl Payload {
     /// The content in binary: as it came, or translated from text.
     pub fn to_binary(&self, dialect: Dialect) -> Result<Bytes, DecodeError> {
         match self.form {
-            Form::Binary(_) => Ok(self.bytes.clone()),
+            Form::Binary(_) => Ok(self.bytes()),
             Form::Text => Ok(self.to_bottle()?.encode(dialect)),
         }
     }
 }
+
+impl PartialEq for Payload {
+    fn eq(&self, other: &Self) -> bool {
+        self.form == other.form && self.bytes() == other.bytes()
+    }
+}
+
+impl Eq for Payload {}

@@ -8,7 +8,7 @@ use super::pixel::PixelCode;
 use super::prefix::{Front, ReadPrefix, read_whole};
 use crate::bottle::DecodeError;
 use crate::dialect::Dialect;
-use crate::message::{ReadObject, WireObject};
+use crate::message::{Payload, Pieces, ReadObject, WireObject};
 
 /// An image of any kind of pixel, stock's `yarp::sig::Image`, `ImageOf<T>` and `FlexImage`.
 ///
@@ -276,14 +276,6 @@ impl Image {
     fn row_bytes(&self) -> usize {
         self.header.row().expect("checked when the image was made")
     }
-
-    /// The message in two blocks, header and pixels, for a writer that need not copy the pixels.
-    ///
-    /// One after the other they are what [`WireObject::write_binary`] writes.
-    pub fn blocks(&self, dialect: Dialect) -> [Bytes; 2] {
-        let header = Bytes::copy_from_slice(&self.header.to_bytes(dialect));
-        [header, self.pixels.clone()]
-    }
 }
 
 impl WireObject for Image {
@@ -292,11 +284,19 @@ impl WireObject for Image {
         out.put_slice(&self.header.to_bytes(dialect));
         out.put_slice(&self.pixels);
     }
+
+    fn write_pieces(&self, out: &mut Pieces, dialect: Dialect) {
+        out.written().put_slice(&self.header.to_bytes(dialect));
+        out.share(&self.pixels);
+    }
 }
+
+/// What is expected where an image begins.
+const WHOLE: &str = "an image whose header agrees with itself";
 
 impl ReadPrefix for Image {
     fn take(bytes: &mut Bytes, _dialect: Dialect) -> Result<Self, DecodeError> {
-        let mut front = Front::new(bytes, "an image whose header agrees with itself");
+        let mut front = Front::new(bytes, WHOLE);
         let (header, size) = Header::take(&mut front)?;
         let pixels = front.run(size, 1)?;
         Ok(Self { header, pixels })
@@ -306,5 +306,20 @@ impl ReadPrefix for Image {
 impl ReadObject for Image {
     fn read_binary(bytes: &Bytes, dialect: Dialect) -> Result<Self, DecodeError> {
         read_whole(bytes, dialect)
+    }
+
+    fn read(payload: &Payload) -> Result<Self, DecodeError> {
+        // A writer of the same process hands over header and pixels as it had them.
+        if let [head, pixels] = payload.pieces() {
+            let mut head = head.clone();
+            let mut front = Front::new(&mut head, WHOLE);
+            let (header, size) = Header::take(&mut front)?;
+            if head.is_empty() && size == pixels.len() {
+                let pixels = pixels.clone();
+                return Ok(Self { header, pixels });
+            }
+        }
+        let dialect = payload.dialect();
+        Self::read_binary(&payload.to_binary(dialect)?, dialect)
     }
 }

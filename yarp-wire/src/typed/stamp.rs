@@ -70,7 +70,7 @@ impl ReadObject for Stamp {
         match payload.form() {
             Form::Binary(_) => {
                 let dialect = payload.dialect();
-                Self::read_binary(payload.bytes(), dialect)
+                Self::read_binary(&payload.bytes(), dialect)
             }
             // A whole number of seconds is printed without a point, so that as a bottle it
             // would be an integer.

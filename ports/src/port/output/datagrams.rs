@@ -13,7 +13,7 @@ use crate::port::outbox::Outbox;
 pub(super) async fn run(socket: &UdpSocket, outbox: &Outbox, mut cancelled: Cancelled) -> String {
     let mut messages: VecDeque<Bytes> = VecDeque::new();
     loop {
-        outbox.take(&mut messages);
+        outbox.take_datagrams(&mut messages);
         for message in messages.drain(..) {
             for bytes in datagram::split(&message, datagram::LARGEST) {
                 match socket.send(&bytes).await {

@@ -1,12 +1,10 @@
 //! Sending over the connection itself.
 
-use std::collections::VecDeque;
 use std::io::{self, IoSlice};
-
-use bytes::{Buf, Bytes};
 
 use crate::busy::BusyPoll;
 use crate::cancel::Cancelled;
+use crate::port::batch::Batch;
 use crate::port::outbox::Outbox;
 use crate::stream::{Inflow, Socket};
 
@@ -20,7 +18,7 @@ pub(super) async fn run(
     mut input: Inflow,
     mut cancelled: Cancelled,
 ) -> String {
-    let mut batch: VecDeque<Bytes> = VecDeque::new();
+    let mut batch = Batch::default();
     let mut busy = BusyPoll::new();
     loop {
         if batch.is_empty() {
@@ -36,21 +34,21 @@ pub(super) async fn run(
         }
         if read.is_none() {
             tokio::select! {
-            biased;
-            ready = stream.readable() => {
-                read = Some(ready.and_then(|()| input.try_read(stream, 0)));
-            }
-            ready = stream.writable(), if !batch.is_empty() => {
-                if let Err(error) = ready {
-                    return format!("writing failed: {error}");
+                biased;
+                ready = stream.readable() => {
+                    read = Some(ready.and_then(|()| input.try_read(stream, 0)));
                 }
-            }
-            () = outbox.filled.notified(), if batch.is_empty() => {
-                if outbox.is_closed() {
-                    return "closed here".to_owned();
+                ready = stream.writable(), if !batch.is_empty() => {
+                    if let Err(error) = ready {
+                        return format!("writing failed: {error}");
+                    }
                 }
-            }
-            () = cancelled.cancelled() => return "the port closed".to_owned(),
+                () = outbox.filled.notified(), if batch.is_empty() => {
+                    if outbox.is_closed() {
+                        return "closed here".to_owned();
+                    }
+                }
+                () = cancelled.cancelled() => return "the port closed".to_owned(),
             }
         }
         match read {
@@ -70,29 +68,18 @@ pub(super) async fn run(
 }
 
 /// Writes as much of the batch as the socket takes now.
-fn write_batch(stream: &Socket, outbox: &Outbox, batch: &mut VecDeque<Bytes>) -> io::Result<()> {
+fn write_batch(stream: &Socket, outbox: &Outbox, batch: &mut Batch) -> io::Result<()> {
     while !batch.is_empty() {
         let mut vectors = [IoSlice::new(&[]); VECTORS];
-        let used = batch.len().min(VECTORS);
-        for (vector, chunk) in vectors.iter_mut().zip(batch.iter()) {
-            *vector = IoSlice::new(chunk);
-        }
-        let mut written = match stream.try_write_vectored(&vectors[..used]) {
+        let used = batch.fill(&mut vectors);
+        let written = match stream.try_write_vectored(&vectors[..used]) {
             Ok(0) => return Err(io::ErrorKind::WriteZero.into()),
             Ok(written) => written,
             Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(()),
             Err(error) => return Err(error),
         };
         outbox.sent(written);
-        while let Some(front) = batch.front_mut() {
-            let taken = front.len().min(written);
-            front.advance(taken);
-            written -= taken;
-            if !front.is_empty() {
-                break;
-            }
-            batch.pop_front();
-        }
+        batch.advance(written);
     }
     Ok(())
 }

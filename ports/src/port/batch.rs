@@ -1,0 +1,152 @@
+//! Bytes on their way to a socket.
+
+use std::collections::VecDeque;
+use std::io::IoSlice;
+
+use bytes::{Buf, Bytes, BytesMut};
+use yarp_wire::message::{Piece, Pieces};
+
+/// Room that is kept for the next bytes once all have been sent.
+const KEPT: usize = 64 * 1024;
+
+/// Bytes to be sent: what is small one behind the other in one buffer, what is large from where
+/// it is. Emptied batches keep their buffer.
+#[derive(Debug, Default)]
+pub(crate) struct Batch {
+    buffer: BytesMut,
+    /// Bytes of the buffer that have been sent.
+    sent: usize,
+    /// Large parts, each with the bytes of the buffer that come before it.
+    shared: VecDeque<(usize, Bytes)>,
+    /// Bytes in the large parts.
+    sharing: usize,
+}
+
+impl Batch {
+    /// Where to append what is small.
+    pub(crate) fn buffer(&mut self) -> &mut BytesMut {
+        &mut self.buffer
+    }
+
+    /// Appends a payload.
+    pub(crate) fn push(&mut self, pieces: &Pieces) {
+        if let Some(bytes) = pieces.as_written() {
+            self.buffer.extend_from_slice(bytes);
+            return;
+        }
+        for piece in pieces.iter() {
+            match piece {
+                Piece::Written(bytes) => self.buffer.extend_from_slice(bytes),
+                Piece::Shared(bytes) => {
+                    self.sharing += bytes.len();
+                    self.shared.push_back((self.buffer.len(), bytes.clone()));
+                }
+            }
+        }
+    }
+
+    /// Bytes to be sent.
+    pub(crate) fn len(&self) -> usize {
+        self.buffer.len() - self.sent + self.sharing
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Fills `slices` with what comes first; tells how many it took.
+    pub(crate) fn fill<'a>(&'a self, slices: &mut [IoSlice<'a>]) -> usize {
+        let mut used = 0;
+        let mut put = |bytes: &'a [u8]| {
+            if !bytes.is_empty()
+                && let Some(slice) = slices.get_mut(used)
+            {
+                *slice = IoSlice::new(bytes);
+                used += 1;
+            }
+        };
+        let mut from = self.sent;
+        for (at, bytes) in self.shared.iter().take(8) {
+            put(&self.buffer[from..*at]);
+            put(bytes);
+            from = *at;
+        }
+        if self.shared.len() <= 8 {
+            put(&self.buffer[from..]);
+        }
+        used
+    }
+
+    /// Takes note that this many bytes have been sent.
+    pub(crate) fn advance(&mut self, mut count: usize) {
+        while count > 0 {
+            let end = self.shared.front().map_or(self.buffer.len(), |(at, _)| *at);
+            let written = count.min(end - self.sent);
+            self.sent += written;
+            count -= written;
+            let Some((_, bytes)) = self.shared.front_mut() else {
+                break;
+            };
+            let shared = count.min(bytes.len());
+            bytes.advance(shared);
+            self.sharing -= shared;
+            count -= shared;
+            if bytes.is_empty() {
+                self.shared.pop_front();
+            }
+        }
+        if self.is_empty() {
+            self.clear();
+        }
+    }
+
+    /// Forgets all there is.
+    pub(crate) fn clear(&mut self) {
+        if self.buffer.capacity() > KEPT {
+            self.buffer = BytesMut::new();
+        }
+        self.buffer.clear();
+        self.sent = 0;
+        self.shared.clear();
+        self.sharing = 0;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn any_pace_sends_the_same_bytes() {
+        let large = |byte| Bytes::from(vec![byte; Pieces::WORTH_SHARING]);
+        for step in [1, 7, 1000, Pieces::WORTH_SHARING + 1, usize::MAX] {
+            let mut batch = Batch::default();
+            let mut expected = Vec::new();
+            for (i, part) in (0..12).map(|i| (i, large(i))) {
+                batch.buffer().extend_from_slice(&[i; 3]);
+                let mut pieces = Pieces::new();
+                pieces.share(&part);
+                pieces.written().extend_from_slice(b"end");
+                batch.push(&pieces);
+                expected.extend_from_slice(&[i; 3]);
+                expected.extend_from_slice(&part);
+                expected.extend_from_slice(b"end");
+            }
+            let mut sent = Vec::new();
+            while !batch.is_empty() {
+                let mut slices = [IoSlice::new(&[]); 16];
+                let used = batch.fill(&mut slices);
+                let whole = slices[..used]
+                    .iter()
+                    .flat_map(|slice| slice.iter().copied());
+                let whole: Vec<u8> = whole.collect();
+                let part = &whole[..whole.len().min(step)];
+                assert!(!part.is_empty());
+                sent.extend_from_slice(part);
+                let count = part.len();
+                batch.advance(count);
+            }
+            assert!(sent == expected, "in steps of {step}");
+        }
+    }
+}

@@ -1,0 +1,181 @@
+//! The carrier `local`: what the writer wrote is handed to a reader of the same process.
+//!
+//! No socket, no copy of what is large: an image that is read has the very pixels of the image
+//! that was written. Each connection has a task of its own, as all have, so that a slow reader
+//! holds nobody up; a writer that waits for its message waits until the reader is done with it.
+
+use std::collections::HashMap;
+use std::net::{IpAddr, Ipv4Addr};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+
+use yarp_wire::carrier::{Carrier, CarrierSpec, Sender};
+use yarp_wire::message::{Payload, Pieces, WireObject};
+use yarp_wire::{Bottle, Dialect};
+
+use super::core::{Core, Entry};
+use super::counters::Meter;
+use super::log;
+use super::outbox::{Outbox, Parcel};
+use super::output::Output;
+use super::qos::SocketHandle;
+use super::received::Received;
+use crate::cancel::{Cancel, Cancelled};
+use crate::error::PortError;
+use crate::network::Place;
+
+/// The ports of this process, by the number that they listen on.
+static PORTS: Mutex<Option<HashMap<u16, Weak<Core>>>> = Mutex::new(None);
+
+fn ports() -> MutexGuard<'static, Option<HashMap<u16, Weak<Core>>>> {
+    PORTS.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Makes a port known to the others of this process.
+pub(super) fn announce(core: &Arc<Core>) {
+    let known = Arc::downgrade(core);
+    ports().get_or_insert_default().insert(core.number, known);
+}
+
+/// Takes back [`announce`].
+pub(super) fn withdraw(core: &Core) {
+    if let Some(ports) = ports().as_mut() {
+        ports.remove(&core.number);
+    }
+}
+
+/// The port at a place, if it is in this process.
+fn find(place: &Place) -> Option<Arc<Core>> {
+    let core = ports().as_ref()?.get(&place.port)?.upgrade()?;
+    (core.name == place.name).then_some(core)
+}
+
+/// Connects a port to a reader of the same process.
+pub(super) fn connect(
+    writer: &Core,
+    to: &Place,
+    spec: &CarrierSpec,
+    carrier: &'static Carrier,
+) -> Result<Output, PortError> {
+    let reader = find(to).ok_or_else(|| PortError::NotInProcess {
+        peer: to.name.clone(),
+    })?;
+    let (cancel, displaced) = Cancel::new();
+    let meter = Arc::<Meter>::default();
+    let sender = Sender {
+        name: writer.name.clone(),
+        modifiers: spec.modifiers.clone(),
+    };
+    let id = reader.add_input(
+        &writer.name,
+        carrier,
+        spec.to_string(),
+        SocketHandle::none(),
+        meter.clone(),
+        cancel,
+    );
+    let outbox = Arc::new(Outbox::new(None));
+    let way = Local {
+        outbox: outbox.clone(),
+        entry: Entry {
+            id,
+            core: reader.clone(),
+        },
+        copies: log::are_brought_by(&sender),
+        from: sender.name.into(),
+        meter,
+        displaced,
+        closing: reader.cancelled.clone(),
+        cancelled: writer.cancelled.clone(),
+    };
+    let task = tokio::spawn(way.run());
+    Ok(Output::over(
+        &to.name,
+        spec.to_string(),
+        carrier,
+        Dialect::default(),
+        outbox,
+        SocketHandle::none(),
+        task,
+    ))
+}
+
+/// A connection within the process.
+struct Local {
+    outbox: Arc<Outbox>,
+    entry: Entry,
+    copies: bool,
+    from: Arc<str>,
+    meter: Arc<Meter>,
+    /// Another connection of the same name takes its place, or the reader drops it.
+    displaced: Cancelled,
+    /// The reader closes.
+    closing: Cancelled,
+    /// The writer closes.
+    cancelled: Cancelled,
+}
+
+impl Local {
+    /// Hands over messages until either end closes.
+    async fn run(self) {
+        let (mut displaced, mut closing) = (self.displaced.clone(), self.closing.clone());
+        let mut cancelled = self.cancelled.clone();
+        let reason = tokio::select! {
+            biased;
+            () = displaced.cancelled() => "the reader closed it",
+            () = closing.cancelled() => "the reader closed",
+            () = cancelled.cancelled() => "the port closed",
+            end = self.deliver() => end,
+        };
+        self.outbox.close(reason);
+    }
+
+    /// As [`Self::run`]; tells why it ended.
+    async fn deliver(&self) -> &'static str {
+        loop {
+            while let Some(parcel) = self.outbox.take_parcel() {
+                if self.hand_over(parcel).await {
+                    return "the reader closed it";
+                }
+                // Neither end need ever wait: let others run now and then.
+                tokio::task::coop::consume_budget().await;
+            }
+            if self.outbox.is_closed() {
+                return "closed here";
+            }
+            self.outbox.filled.notified().await;
+        }
+    }
+
+    /// Hands one message to the reader; tells whether the connection shall end with it.
+    async fn hand_over(&self, parcel: Parcel) -> bool {
+        let bytes = parcel.payload.len();
+        self.meter.count(bytes, parcel.envelope.as_deref());
+        let received = Received {
+            payload: parcel.payload,
+            envelope: parcel.envelope,
+            from: self.from.clone(),
+            address: IpAddr::V4(Ipv4Addr::LOCALHOST),
+            wants_reply: parcel.wants_reply,
+            responder: None,
+            connection: self.entry.id,
+        };
+        let (reply, last) = self.entry.core.take(received, self.copies).await;
+        let reply = parcel.wants_reply.then(|| {
+            let mut pieces = Pieces::new();
+            match reply {
+                Some(reply) => reply.write_pieces(&mut pieces, Dialect::default()),
+                None => Bottle::new().write_pieces(&mut pieces, Dialect::default()),
+            }
+            Payload::of_pieces(&pieces, Dialect::default())
+        });
+        self.outbox.delivered(bytes, reply);
+        last
+    }
+}
+
+impl Drop for Local {
+    fn drop(&mut self) {
+        // Also when what the reader does with a message panics.
+        self.outbox.close("the reader failed");
+    }
+}
