@@ -136,10 +136,6 @@ fn rest(checks: &mut Checks, robot: &Robot) {
     checks.check("motor readings", robot.motor_readings(Axes::All), |found| {
         found.len() == robot.encoder_readings(Axes::All).map_or(0, |all| all.len())
     });
-    checks.check("temperatures", robot.temperatures(FIRST), |_| true);
-    checks.check("temperature limit", robot.temperature_limit(JOINT), |_| {
-        true
-    });
     checks.check("gearbox ratio", robot.gearbox_ratio(JOINT), |_| true);
     checks.check("amplifier", robot.amplifier_status(FIRST), |_| true);
     let largest = robot.amplifier_limit(AmplifierLimit::MaxCurrent, JOINT);

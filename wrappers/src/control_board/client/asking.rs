@@ -188,7 +188,7 @@ impl RemoteControlBoard {
     }
 
     /// One value per joint from the newest state.
-    pub(super) fn from_state<T: Clone>(
+    pub(super) fn newest<T: Clone>(
         &self,
         what: &'static str,
         axes: Axes<'_>,

@@ -36,7 +36,7 @@ impl TorqueControl for RemoteControlBoard {
 
     /// From the newest state.
     fn torques(&self, axes: Axes<'_>) -> Outcome<Vec<f64>> {
-        self.from_state("torque", axes, |data| &data.torques)
+        self.newest("torque", axes, |data| &data.torques)
     }
 
     fn torque_ranges(&self, axes: Axes<'_>) -> Outcome<Vec<Limits>> {
@@ -80,7 +80,7 @@ impl TorqueControl for RemoteControlBoard {
 impl CurrentControl for RemoteControlBoard {
     /// From the newest state.
     fn currents(&self, axes: Axes<'_>) -> Outcome<Vec<f64>> {
-        self.from_state("current", axes, |data| &data.currents)
+        self.newest("current", axes, |data| &data.currents)
     }
 
     fn current_ranges(&self, axes: Axes<'_>) -> Outcome<Vec<Limits>> {
@@ -100,7 +100,7 @@ impl CurrentControl for RemoteControlBoard {
 impl PwmControl for RemoteControlBoard {
     /// From the newest state.
     fn duty_cycles(&self, axes: Axes<'_>) -> Outcome<Vec<f64>> {
-        self.from_state("duty cycle", axes, |data| &data.duty_cycles)
+        self.newest("duty cycle", axes, |data| &data.duty_cycles)
     }
 
     /// Sent and not waited for, but for one joint of a board of 4.0.
@@ -116,7 +116,7 @@ impl PwmControl for RemoteControlBoard {
 impl InteractionMode for RemoteControlBoard {
     /// From the newest state.
     fn interactions(&self, axes: Axes<'_>) -> Outcome<Vec<Interaction>> {
-        self.from_state("interaction mode", axes, |data| &data.interaction_modes)
+        self.newest("interaction mode", axes, |data| &data.interaction_modes)
     }
 
     fn set_interactions(&self, axes: Axes<'_>, interactions: &[Interaction]) -> Outcome<()> {

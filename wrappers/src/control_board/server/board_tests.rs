@@ -1,7 +1,7 @@
 use proptest::prelude::*;
 use yarp_devices::wam::SimulatedWam;
-use yarp_devices::{Axes, Device};
-use yarp_wire::{Dialect, Value, Vocab32};
+use yarp_devices::{Axes, Device, Encoders};
+use yarp_wire::{Dialect, Limits, Value, Vocab32};
 
 use super::*;
 
@@ -114,6 +114,74 @@ fn a_session_goes_as_with_stock() {
         help.starts_with("[many] (\"help more\") ") && help.ends_with(" [ok]"),
         "{help}"
     );
+}
+
+/// The answer to a call of 4.0.
+fn called(board: &Board, call: &Bottle) -> Bottle {
+    let Answer::Reply(reply) = board.answer_call(call, "/tester") else {
+        panic!("{call} is not answered");
+    };
+    let mut bytes = bytes::BytesMut::new();
+    reply.write_binary(&mut bytes, Dialect::V4);
+    Bottle::decode(&bytes.freeze(), Dialect::V4, Limits::DEFAULT).expect("a bottle")
+}
+
+#[test]
+fn a_session_of_4_goes_as_with_stock() {
+    let board = board();
+    let check = |call: &str, reply: &str| {
+        let call = Bottle::parse(call).expect("the test's own text");
+        assert_eq!(called(&board, &call).to_string(), reply, "{call}");
+    };
+    check("getAxesRPC", "([ok]) 7");
+    check("getAxisNameRPC 3", "([ok]) elbow");
+    check("getAxisNameRPC 7", "([err7]) \"\"");
+    check("positionMoveOneRPC 0 2.5", "[ok]");
+    check("getTargetPositionOneRPC 0", "([ok]) 2.5");
+    check("getTargetPositionGroupRPC (0 0)", "([ok]) (2.5 2.5)");
+    check("positionMoveOneRPC 0 1e6", "[err7]");
+    check("positionMoveOneRPC 7 1.0", "[err7]");
+    check("velocityMoveOneRPC 0 1.0", "[err5]");
+    check("positionMoveAllRPC (1.0 2.0)", "[err5]");
+    check(
+        "getPidRPC 862994288 0",
+        "([err2]) (0.0 0.0 0.0 0.0 0.0 0.0 0.0 0.0 0.0 0.0)",
+    );
+    check("stopAllRPC", "[ok]");
+    check("calibrationDoneRPC 0", "[ok]");
+    check("isJointBrakedRPC 0", "([ok]) [fail]");
+    check(
+        "getRemoteVariablesListRPC",
+        "([ok]) ((description friction))",
+    );
+    check("getLastJointFaultRPC 0", "([ok]) 0 \"no fault\"");
+    check("positionMoveOneRPC 0", "[fail]");
+    check("get axes", "[fail]");
+    check("", "[fail]");
+}
+
+#[test]
+fn what_the_device_does_not_have_is_refused_with_its_results() {
+    struct Shy(SimulatedWam);
+    impl Device for Shy {
+        fn encoders(&self) -> Option<&dyn Encoders> {
+            self.0.encoders()
+        }
+    }
+    let arm = Shy(SimulatedWam::start().expect("threads"));
+    let board = Board::new(Arc::new(arm), "/test").expect("it has axes");
+    let check = |call: &str, reply: &str| {
+        let call = Bottle::parse(call).expect("the test's own text");
+        assert_eq!(called(&board, &call).to_string(), reply, "{call}");
+    };
+    check("positionMoveOneRPC 0 1.0", "[err6]");
+    check("getTargetPositionOneRPC 0", "([err6]) 0.0");
+    check("getTargetPositionAllRPC", "([err6]) ()");
+    check("getTorqueRangeAllRPC", "([err6]) () ()");
+    check("checkMotionDoneAllRPC", "([err6]) [fail]");
+    check("getAmpStatusOneRPC 0", "([err6]) 0");
+    assert_eq!(asked(&board, "[get] [poss]"), "[fail]");
+    assert_eq!(asked(&board, "[set] [torq] [ref] 0 1.0"), "[fail]");
 }
 
 #[test]
@@ -241,8 +309,69 @@ fn spoiled() -> impl Strategy<Value = Bottle> {
     })
 }
 
+/// A good move as 4.0 says it, with one thing spoilt.
+fn spoiled_call() -> impl Strategy<Value = Bottle> {
+    let name = |word: Value| match word.to_plain_string().as_str() {
+        "poss" => "positionMoveAllRPC",
+        "rels" => "relativeMoveAllRPC",
+        _ => "relativeMoveOneRPC",
+    };
+    spoiled().prop_map(move |spoiled| {
+        let mut items = spoiled.into_items().into_iter();
+        items.next();
+        let name = items.next().map_or("relativeMoveOneRPC", name);
+        std::iter::once(Value::from(name)).chain(items).collect()
+    })
+}
+
+/// The names of functions that move, and some that do not.
+fn function() -> impl Strategy<Value = Value> {
+    let names = prop::sample::select(vec![
+        "positionMoveOneRPC",
+        "positionMoveGroupRPC",
+        "positionMoveAllRPC",
+        "relativeMoveOneRPC",
+        "velocityMoveGroupRPC",
+        "setRefTorqueAllRPC",
+        "setControlModeGroupRPC",
+        "setPidsRPC",
+        "getPidRPC",
+        "getTargetPositionGroupRPC",
+        "setRemoteVariableRPC",
+        "getRemoteProtocolVersion",
+        "parkRPC",
+        "fooRPC",
+        "help",
+    ]);
+    names.prop_map(Value::from)
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn arbitrary_calls_are_answered(calls in prop::collection::vec(
+        (function(), prop::collection::vec(value(), 0..6)), 1..40,
+    )) {
+        let board = board();
+        for (function, arguments) in calls {
+            let call: Bottle = std::iter::once(function).chain(arguments).collect();
+            let answer = board.answer_call(&call, "/tester");
+            prop_assert!(matches!(answer, Answer::Reply(_)), "{} is not answered", call);
+        }
+    }
+
+    #[test]
+    fn malformed_calls_move_nothing(calls in prop::collection::vec(spoiled_call(), 1..40)) {
+        let board = board();
+        let before = targets(&board);
+        for call in calls {
+            let reply = called(&board, &call).to_string();
+            prop_assert!(reply == "[fail]" || reply.starts_with("[err"), "{} was taken", call);
+            prop_assert_eq!(&targets(&board), &before, "{} moved it", call);
+        }
+        prop_assert!(board.position().unwrap().motion_done(Axes::All).unwrap());
+    }
 
     #[test]
     fn arbitrary_messages_are_answered(messages in prop::collection::vec(
