@@ -284,8 +284,9 @@ def loops(driver):
         pid.kp = 1.5
         pid.ki = 2.5
         pid.setMaxOut(6.5)
-        found = yarp.Pid()
-        good = control.setPid(kind, 0, pid) and control.getPid(kind, 0, found)
+        several = yarp.PidVector(1)
+        good = control.setPid(kind, 0, pid) and control.getPid(kind, 0, several)
+        found = several[0]
         check("setPid, getPid", good and (found.kp, found.ki, found.max_output, found.kd) == (1.5, 2.5, 6.5, 0.0))
         check("disablePid, enablePid", control.disablePid(kind, 0) and control.enablePid(kind, 0))
         check("resetPid, setPidOffset", control.resetPid(kind, 0) and control.setPidOffset(kind, 0, 0.5))
@@ -330,10 +331,14 @@ def impedance_and_interaction(driver):
 
 
 def calibration(driver):
-    calibrator, variables = driver.viewIRemoteCalibrator(), driver.viewIRemoteVariables()
+    calibrator = driver.viewIRemoteCalibrator()
     check("isCalibratorDevicePresent", calibrator.isCalibratorDevicePresent())
     check("calibrateSingleJoint", calibrator.calibrateSingleJoint(0))
     check("homingWholePart, quitPark", calibrator.homingWholePart() and calibrator.quitPark())
+
+
+def variables_kept(driver):
+    variables = driver.viewIRemoteVariables()
     names, value = yarp.Bottle(), yarp.Bottle()
     check("getRemoteVariablesList", variables.getRemoteVariablesList(names), names.toString())
     check("getRemoteVariable", variables.getRemoteVariable("friction", value), value.toString())
@@ -349,7 +354,8 @@ def further(arm, driver):
         (motors, (arm, driver), ["viewIMotorEncoders", "viewIMotor"]),
         (amplifiers, (arm, driver), ["viewIAmplifierControl"]),
         (impedance_and_interaction, (driver,), ["viewIImpedanceControl", "viewIInteractionMode"]),
-        (calibration, (driver,), ["viewIRemoteCalibrator", "viewIRemoteVariables"]),
+        (calibration, (driver,), ["viewIRemoteCalibrator"]),
+        (variables_kept, (driver,), ["viewIRemoteVariables"]),
     ]:
         missing = [view for view in views if not hasattr(driver, view)]
         if missing:
