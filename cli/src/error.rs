@@ -2,6 +2,7 @@
 
 use std::io;
 
+use yarp_demos::DemoError;
 use yarp_devices::DeviceError;
 use yarp_ports::PortError;
 use yarp_ports::config::ConfigError;
@@ -23,6 +24,9 @@ pub(crate) enum Failure {
     /// The simulated arm did not start.
     #[error(transparent)]
     Device(#[from] DeviceError),
+    /// A demo ended early.
+    #[error(transparent)]
+    Demo(DemoError),
     /// The ports of the arm were not opened.
     #[error(transparent)]
     Open(#[from] OpenError),
@@ -34,6 +38,15 @@ pub(crate) enum Failure {
         /// Where it should be.
         place: String,
     },
+}
+
+impl From<DemoError> for Failure {
+    fn from(error: DemoError) -> Self {
+        match error {
+            DemoError::Output(error) => Self::Output(error),
+            other => Self::Demo(other),
+        }
+    }
 }
 
 /// What running a command gives: its exit code.

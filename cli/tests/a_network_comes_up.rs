@@ -36,6 +36,18 @@ fn with_a_name_server_of_its_own() {
 }
 
 #[test]
+fn with_an_arm_that_has_masses_and_friction() {
+    let home = Home::new();
+    let up = home.start("up --simulation dynamic").see("Ctrl-C ends it.");
+    let modes = home
+        .run_with("rpc /wam/rpc:i", "[get] [icmd] [cmod] 0\n")
+        .with(0);
+    assert!(modes.says("[pos]"), "{modes:?}");
+    up.signal("TERM").finish().with(0);
+    home.run("up --simulation ghost").with(1);
+}
+
+#[test]
 fn on_a_name_server_that_is_there() {
     let home = Home::new();
     let _server = home.serve();

@@ -159,6 +159,14 @@ pub enum DeviceError {
         #[source]
         source: Option<Box<dyn Error + Send + Sync>>,
     },
+    /// A guard in front of the device does not let the command through.
+    #[error("the {guard} of the guard forbid it: {source}")]
+    Guarded {
+        /// Which guard, for instance `joint limits`.
+        guard: &'static str,
+        /// What is asked and what is allowed.
+        source: Box<DeviceError>,
+    },
     /// A resource of the machine, such as a thread or a bus, could not be had.
     #[error("could not start {what}")]
     Start {

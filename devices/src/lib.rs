@@ -3,11 +3,13 @@
 //! * [`iface`]: one trait per device interface, with its contract.
 //! * [`Device`]: which of the interfaces a device has.
 //! * [`fake`]: simulated axes, as pure models without clock or thread.
-//! * [`wam`]: the seven-joint WAM arm, for now simulated.
+//! * [`wam`]: the seven-joint WAM arm, for now simulated: ideal, or with masses, friction and control.
+//! * [`kinematics`], [`dynamics`], [`trajectory`], [`simulation`]: the mathematics of an arm, in radians.
+//! * [`guard`]: limits and a watchdog around any device.
 //! * [`checks`]: behaviours that every device with these interfaces must show.
 //!
 //! Values are degrees, deg/s and deg/s² for revolute joints, metres, m/s and m/s² for prismatic ones:
-//! the convention of the stock interfaces. No radians cross an interface. Nothing here knows a socket.
+//! the convention of the stock interfaces. No radians cross an interface; [`wam::units`] is the border. Nothing here knows a socket.
 //!
 //! ```
 //! use yarp_devices::wam::SimulatedWam;
@@ -26,9 +28,15 @@
 mod axes;
 pub mod checks;
 mod device;
+pub mod dynamics;
 mod error;
 pub mod fake;
+pub mod guard;
 pub mod iface;
+pub mod kinematics;
+mod random;
+pub mod simulation;
+pub mod trajectory;
 pub mod wam;
 
 pub use axes::{Axes, AxisIndex};

@@ -4,6 +4,7 @@ mod check;
 mod clean;
 mod conf;
 mod connect;
+mod demo;
 mod detect;
 mod disconnect;
 mod exists;
@@ -40,6 +41,7 @@ pub(crate) enum Command {
     Clean(clean::Args),
     Conf(conf::Args),
     Connect(connect::Args),
+    Demo(demo::Args),
     Detect(detect::Args),
     Disconnect(disconnect::Args),
     Exists(exists::Args),
@@ -70,6 +72,7 @@ impl Command {
             Self::Clean(args) => clean::run(args, out).await,
             Self::Conf(args) => conf::run(args, out),
             Self::Connect(args) => connect::run(args, out).await,
+            Self::Demo(args) => demo::run(args, out),
             Self::Detect(args) => detect::run(args, out).await,
             Self::Disconnect(args) => disconnect::run(args, out).await,
             Self::Exists(args) => exists::run(args, out).await,

@@ -4,7 +4,8 @@ use std::io::Write;
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use yarp_devices::wam::SimulatedWam;
+use yarp_devices::Device;
+use yarp_devices::wam::{DynamicWam, SimulatedWam};
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_ports::config::{self, Configuration, NameServer};
 use yarp_ports::{Network, PortError, addresses};
@@ -34,6 +35,26 @@ pub(crate) struct Args {
     /// What the ports of the arm have in front of their names
     #[arg(long, value_name = "PREFIX", default_value = "/wam")]
     name: String,
+    /// How the arm is simulated
+    #[arg(long, value_enum, default_value_t = Simulation::Ideal)]
+    simulation: Simulation,
+}
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Simulation {
+    /// Moves exactly as it is told
+    Ideal,
+    /// Has masses, friction, encoders and a controller: ends near its targets, sinks when idle
+    Dynamic,
+}
+
+impl Simulation {
+    fn start(self) -> Result<Arc<dyn Device>> {
+        Ok(match self {
+            Self::Ideal => Arc::new(SimulatedWam::start()?),
+            Self::Dynamic => Arc::new(DynamicWam::start()?),
+        })
+    }
 }
 
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
@@ -43,7 +64,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let opened = tokio::select! {
         biased;
         () = interrupt.heard() => None,
-        opened = open(&base.network, &args.name) => Some(opened),
+        opened = open(&base.network, &args.name, args.simulation) => Some(opened),
     };
     let board = match opened {
         Some(Ok(board)) => board,
@@ -126,10 +147,10 @@ fn is_here(host: &str) -> bool {
         || addresses::own().iter().any(|own| own == host)
 }
 
-async fn open(network: &Network, name: &str) -> Result<ControlBoardServer> {
-    let arm = SimulatedWam::start()?;
+async fn open(network: &Network, name: &str, simulation: Simulation) -> Result<ControlBoardServer> {
+    let arm = simulation.start()?;
     let options = ControlBoardOptions::new();
-    match ControlBoardServer::open(network, Arc::new(arm), name, options).await {
+    match ControlBoardServer::open(network, arm, name, options).await {
         Ok(board) => Ok(board),
         Err(OpenError::Port { source, .. }) => Err(source.into()),
         Err(error) => Err(error.into()),

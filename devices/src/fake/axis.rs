@@ -415,6 +415,11 @@ impl Axis {
         }
     }
 
+    /// Puts the axis to rest at a place inside its limits, whatever it does: as by hand.
+    pub(super) fn place(&mut self, position: f64) {
+        self.set_encoder(self.limits.clamp(position));
+    }
+
     pub(super) fn set_limits(&mut self, asked: Limits) -> Result<(), DeviceError> {
         let built = self.built.limits;
         self.check_inside("lower position limit", asked.min, built, "")?;

@@ -57,6 +57,14 @@ impl Model {
         Ok(self.axis(axis)?.state())
     }
 
+    /// Puts an axis to rest at the nearest place inside its limits, whatever it does: as by hand.
+    ///
+    /// Errors: [`DeviceError::NoSuchAxis`].
+    pub fn place(&mut self, axis: AxisIndex, position: f64) -> Result<(), DeviceError> {
+        self.axis_mut(axis)?.place(position);
+        Ok(())
+    }
+
     /// As [`AxisInfo::axes`](crate::AxisInfo::axes).
     pub fn axes(&self) -> usize {
         self.axes.len()

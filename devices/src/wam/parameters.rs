@@ -3,8 +3,10 @@
 //! Sources: D1001 is Barrett's *WAM Arm User's Manual* D1001 AH.00 (2008), tables 4 to 6; libbarrett and owd are the
 //! public drivers of that name. They count in radians, which end in [`parameters`].
 
+use super::WamModel;
+use super::units::limits_in_degrees;
+use crate::JointType;
 use crate::fake::AxisParameters;
-use crate::{JointType, Limits};
 
 /// The number of joints.
 pub const AXES: usize = 7;
@@ -19,20 +21,6 @@ const NAMES: [&str; AXES] = [
     "wrist_pitch",
     "palm_twist",
 ];
-
-/// Joint limits in rad: D1001 table 6, but 3.13 instead of 3.1 at the top of the elbow, so that home is inside.
-const LIMITS: [(f64, f64); AXES] = [
-    (-2.6, 2.6),
-    (-2.0, 2.0),
-    (-2.8, 2.8),
-    (-0.9, 3.13),
-    (-4.76, 1.24),
-    (-1.6, 1.6),
-    (-3.0, 3.0),
-];
-
-/// The folded pose the arm is put in before it starts, in rad (libbarrett, `zerocal.conf`).
-const HOME: [f64; AXES] = [0.0, -2.0, 0.0, 3.13, 0.0, 0.0, 0.0];
 
 /// The largest joint speed in rad/s (owd).
 const MAX_SPEED: f64 = 2.5;
@@ -52,18 +40,17 @@ const REFERENCE_ACCELERATION: f64 = 0.5;
 /// assert_eq!(elbow.limits.max, 3.13_f64.to_degrees());
 /// ```
 pub fn parameters() -> [AxisParameters; AXES] {
-    std::array::from_fn(|joint| {
-        let (min, max) = LIMITS[joint];
-        AxisParameters {
-            name: NAMES[joint].to_owned(),
-            joint_type: JointType::Revolute,
-            limits: Limits::new(min.to_degrees(), max.to_degrees()),
-            max_speed: MAX_SPEED.to_degrees(),
-            max_acceleration: MAX_ACCELERATION.to_degrees(),
-            reference_speed: REFERENCE_SPEED.to_degrees(),
-            reference_acceleration: REFERENCE_ACCELERATION.to_degrees(),
-            home: HOME[joint].to_degrees(),
-        }
+    let model = WamModel::<AXES>::new();
+    let limits = model.chain.limits().map(limits_in_degrees);
+    std::array::from_fn(|joint| AxisParameters {
+        name: NAMES[joint].to_owned(),
+        joint_type: JointType::Revolute,
+        limits: limits[joint],
+        max_speed: MAX_SPEED.to_degrees(),
+        max_acceleration: MAX_ACCELERATION.to_degrees(),
+        reference_speed: REFERENCE_SPEED.to_degrees(),
+        reference_acceleration: REFERENCE_ACCELERATION.to_degrees(),
+        home: model.home[joint].to_degrees(),
     })
 }
 

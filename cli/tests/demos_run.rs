@@ -1,0 +1,34 @@
+//! The thesis's experiments run without a network and print their tables.
+
+#![cfg(unix)]
+
+mod common;
+
+use common::Home;
+
+#[test]
+fn repeatability_prints_the_thesis_beside_ours() {
+    let home = Home::new();
+    let told = home.run("demo repeatability --repeat 2").with(0);
+    assert!(told.says("thesis: mean"), "{told:?}");
+    for point in 1..=4 {
+        assert!(told.says(&format!("Point {point}")), "{told:?}");
+    }
+    // The thesis's average error and spread.
+    assert!(told.says("7.08  0.2711"), "{told:?}");
+}
+
+#[test]
+fn sync_tells_how_far_joints_are_apart_and_how_straight_the_tool_goes() {
+    let home = Home::new();
+    let told = home.run("demo sync").with(0);
+    assert!(told.says("All joints together"), "{told:?}");
+    assert!(told.says("damped least squares"), "{told:?}");
+}
+
+#[test]
+fn what_is_no_demo_is_refused() {
+    let home = Home::new();
+    home.run("demo dance").with(1);
+    home.run("demo repeatability --repeat 0").with(1);
+}

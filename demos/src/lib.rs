@@ -1,0 +1,37 @@
+//! The experiments of the thesis on the simulated arm, as functions that write what they find.
+//!
+//! `yarp demo repeatability` and `yarp demo sync` run them; they need no network and no robot, and take seconds
+//! where the arm takes hours.
+
+pub mod repeatability;
+pub mod sync;
+
+use std::io;
+
+use yarp_devices::kinematics::{EulerXyz, Pose, Unsolved};
+use yarp_devices::simulation::MoveRefused;
+use yarp_devices::trajectory::LineRefused;
+
+/// Why a demo ends early.
+#[derive(Debug, thiserror::Error)]
+pub enum DemoError {
+    /// The output is gone.
+    #[error("cannot print")]
+    Output(#[from] io::Error),
+    /// The arm refuses a move.
+    #[error(transparent)]
+    Move(#[from] MoveRefused<7>),
+    /// A line cannot be followed.
+    #[error(transparent)]
+    Line(#[from] LineRefused<7>),
+    /// A pose cannot be reached.
+    #[error(transparent)]
+    Pose(#[from] Unsolved<7>),
+}
+
+/// A pose as the thesis writes it: millimetres, and Euler angles in rad (equation 4, convention of annex A.1).
+fn pose(millimetres: [f64; 3], angles: [f64; 3]) -> Pose {
+    let [x, y, z] = millimetres.map(|value| value / 1000.0);
+    let [roll, pitch, yaw] = angles;
+    Pose::from_parts([x, y, z].into(), EulerXyz::new(roll, pitch, yaw).rotation())
+}

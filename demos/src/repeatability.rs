@@ -1,0 +1,237 @@
+//! How exactly the arm comes back: table 5 of the thesis, repeated on the simulator.
+//!
+//! The thesis sent its arm to four poses 500 times and compared where the encoders said it ended with where it
+//! was sent. The simulated arm has the published gains, friction and masses, and a gravity compensation measured on another arm;
+//! nothing was fitted to the table, so the numbers resemble it in size only.
+
+use std::io::{self, Write};
+use std::time::{Duration, Instant};
+
+use nalgebra::Vector3;
+use yarp_devices::kinematics::{Joints, Pose, Redundancy, Solver, SolverOptions};
+use yarp_devices::simulation::{Arm, SimulatorOptions};
+use yarp_devices::trajectory::{JointLimits, LineOptions};
+use yarp_devices::wam::WamModel;
+
+use crate::{DemoError, pose};
+
+/// What the thesis sent its arm to, and what it found. Millimetres, and Euler angles in rad.
+struct Row {
+    place: [f64; 3],
+    angles: [f64; 3],
+    mean: [f64; 3],
+    error: f64,
+    spread: f64,
+}
+
+/// Equation 4 and table 5 of the thesis.
+const THESIS: [Row; 4] = [
+    Row {
+        place: [500.0, 150.0, 0.0],
+        angles: [-0.50, 1.57, 0.00],
+        mean: [497.69, 143.65, 12.44],
+        error: 14.1605,
+        spread: 0.5899,
+    },
+    Row {
+        place: [600.0, 150.0, 100.0],
+        angles: [-0.30, 1.30, 0.05],
+        mean: [598.30, 150.98, 99.54],
+        error: 2.1184,
+        spread: 0.0885,
+    },
+    Row {
+        place: [600.0, 0.0, 200.0],
+        angles: [-0.20, 1.00, 0.10],
+        mean: [599.90, 3.60, 194.57],
+        error: 6.5304,
+        spread: 0.3387,
+    },
+    Row {
+        place: [500.0, 0.0, 100.0],
+        angles: [-0.30, 1.30, 0.05],
+        mean: [504.94, -1.30, 101.98],
+        error: 5.5140,
+        spread: 0.0672,
+    },
+];
+
+/// The tool speed of the server the thesis used, m/s (MIT's `wamif`), and the same in m/s².
+const SPEED: f64 = 0.2;
+/// How long the arm may come to rest before it is measured.
+const SETTLE: Duration = Duration::from_millis(500);
+
+/// In millimetres.
+type Places = Vec<Vector3<f64>>;
+
+/// Sends the simulated arm to the four poses `repeat` times and writes the thesis's table beside its own.
+///
+/// Errors: what `out` says, or a pose the arm refuses.
+pub fn run(repeat: usize, out: &mut dyn Write) -> Result<(), DemoError> {
+    let began = Instant::now();
+    let (ends, simulated) = measure(repeat)?;
+    let took = began.elapsed();
+    writeln!(
+        out,
+        "Four poses, {repeat} times each: where the encoders say the tool came to rest."
+    )?;
+    writeln!(
+        out,
+        "{:.0} s of the simulated arm in {:.1} s, {:.0} times real time.\n",
+        simulated.as_secs_f64(),
+        took.as_secs_f64(),
+        simulated.as_secs_f64() / took.as_secs_f64()
+    )?;
+    table(&ends, out)?;
+    writeln!(
+        out,
+        "\nThe error is the mean of the distances to the target, the spread their standard deviation."
+    )?;
+    Ok(())
+}
+
+/// Where the tool ended, pose by pose, in millimetres; and how long the arm took.
+fn measure(repeat: usize) -> Result<(Vec<Places>, Duration), DemoError> {
+    let targets = THESIS.map(|row| pose(row.place, row.angles));
+    let model = WamModel::<7>::new();
+    let mut arm = Arm::new(model.clone(), SimulatorOptions::default());
+    arm.move_joints(
+        &comfortable(&model, &targets[0])?,
+        &JointLimits::uniform(0.75, 0.5),
+    )?;
+    arm.finish(SETTLE);
+    let line = LineOptions {
+        speed: SPEED,
+        acceleration: SPEED,
+        ..LineOptions::default()
+    };
+    let mut ends = vec![Vec::with_capacity(repeat); targets.len()];
+    for _ in 0..repeat {
+        // The first pose comes last, so that it too is reached from its neighbour.
+        for number in [1, 2, 3, 0] {
+            arm.move_line(&targets[number], &line)?;
+            arm.finish(SETTLE);
+            let end = arm.measured_tool().translation.vector;
+            ends[number].push(end * 1000.0);
+        }
+    }
+    Ok((ends, arm.simulator().time()))
+}
+
+/// Joint angles for a pose, away from the limits.
+fn comfortable(model: &WamModel<7>, target: &Pose) -> Result<Joints<7>, DemoError> {
+    let options = SolverOptions {
+        redundancy: Redundancy::AwayFromLimits,
+        ..SolverOptions::default()
+    };
+    let start = Joints::<7>::from([0.0, 0.5, 0.0, 1.8, 0.0, 0.0, 0.0]);
+    let solver = Solver::with_options(model.chain.clone(), options);
+    Ok(solver.solve(target, &start)?.joints)
+}
+
+fn table(ends: &[Places], out: &mut dyn Write) -> io::Result<()> {
+    writeln!(
+        out,
+        "{:<7}  {:<17} | {:<25} {:>6} {:>7} | {:<25} {:>6} {:>7}",
+        "[mm]", "target", "thesis: mean", "error", "spread", "here: mean", "error", "spread"
+    )?;
+    let mut sums = [0.0; 4];
+    for (number, (row, ends)) in THESIS.iter().zip(ends).enumerate() {
+        let found = Statistics::of(ends, &Vector3::from(row.place));
+        writeln!(
+            out,
+            "{:<7}  {:<17} | {:<25} {:>6.2} {:>7.4} | {:<25} {:>6.2} {:>7.4}",
+            format!("Point {}", number + 1),
+            place(&row.place, 0),
+            place(&row.mean, 2),
+            row.error,
+            row.spread,
+            place(&found.mean.into(), 2),
+            found.error,
+            found.spread
+        )?;
+        for (sum, value) in sums
+            .iter_mut()
+            .zip([row.error, row.spread, found.error, found.spread])
+        {
+            *sum += value / THESIS.len() as f64;
+        }
+    }
+    let [error, spread, our_error, our_spread] = sums;
+    writeln!(
+        out,
+        "{:<7}  {:<17} | {:<25} {error:>6.2} {spread:>7.4} | {:<25} {our_error:>6.2} {our_spread:>7.4}",
+        "Average", "", "", ""
+    )
+}
+
+fn place(millimetres: &[f64; 3], decimals: usize) -> String {
+    let [x, y, z] = millimetres;
+    format!("({x:.decimals$}, {y:.decimals$}, {z:.decimals$})")
+}
+
+/// What the thesis's table says of a point.
+struct Statistics {
+    mean: Vector3<f64>,
+    /// The mean of the distances to the target.
+    error: f64,
+    /// The standard deviation of the distances to the target.
+    spread: f64,
+}
+
+impl Statistics {
+    fn of(ends: &[Vector3<f64>], target: &Vector3<f64>) -> Self {
+        let count = ends.len().max(1) as f64;
+        let mean = ends.iter().sum::<Vector3<f64>>() / count;
+        let distances = || ends.iter().map(|end| (end - target).norm());
+        let average = distances().sum::<f64>() / count;
+        let variance = distances()
+            .map(|distance| (distance - average).powi(2))
+            .sum::<f64>()
+            / count;
+        Self {
+            mean,
+            error: average,
+            spread: variance.sqrt(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Checks our reading of the thesis's columns: the mean of distances is a little more than the distance of the mean.
+    #[test]
+    fn the_thesis_errors_are_mean_distances() {
+        for row in &THESIS {
+            let off = Vector3::from(row.mean) - Vector3::from(row.place);
+            let more = row.error - off.norm();
+            assert!((0.0..0.15).contains(&more), "{off}");
+        }
+    }
+
+    #[test]
+    fn statistics_of_known_points() {
+        let target = Vector3::zeros();
+        let ends = [Vector3::new(3.0, 0.0, 0.0), Vector3::new(5.0, 0.0, 0.0)];
+        let found = Statistics::of(&ends, &target);
+        assert_eq!((found.mean.x, found.error, found.spread), (4.0, 4.0, 1.0));
+    }
+
+    #[test]
+    fn the_arm_comes_near_each_pose_and_back_to_the_same_place() {
+        let mut out = Vec::new();
+        let (ends, _) = measure(4).unwrap();
+        table(&ends, &mut out).unwrap();
+        for (row, ends) in THESIS.iter().zip(&ends) {
+            assert_eq!(ends.len(), 4);
+            let found = Statistics::of(ends, &Vector3::from(row.place));
+            assert!(found.error < 15.0, "{} mm", found.error);
+            assert!(found.spread < 2.0, "{} mm", found.spread);
+        }
+        let table = String::from_utf8(out).unwrap();
+        assert_eq!(table.lines().count(), 6, "{table}");
+        assert!(table.contains("7.08"), "the thesis's average: {table}");
+    }
+}

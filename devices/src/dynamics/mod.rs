@@ -1,0 +1,17 @@
+//! What torques the joints need, and how they move under them.
+//!
+//! * [`Body`]: mass, centre of mass and inertia of a link or a load.
+//! * [`Dynamics`]: inverse dynamics by the recursive Newton-Euler method, mass matrix, gravity, energy, and
+//!   forward dynamics.
+//! * [`GravityCalibration`]: gravity compensation from moments measured on an arm, as libbarrett does it.
+//!
+//! Metres, kilograms, radians, seconds and newtons; nothing allocates, no clock, no friction: that is
+//! [`simulation`](crate::simulation).
+
+mod body;
+mod calibration;
+mod newton_euler;
+
+pub use body::Body;
+pub use calibration::GravityCalibration;
+pub use newton_euler::{Dynamics, MassMatrix};

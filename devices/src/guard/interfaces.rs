@@ -1,0 +1,274 @@
+//! The interfaces of a guarded device: check, then pass on.
+
+use super::{Guarded, pairs, unit};
+use crate::{
+    Axes, AxisIndex, AxisInfo, ControlLimits, ControlMode, Device, DeviceError, EncoderReading,
+    Encoders, JointType, Limits, Mode, MotionControl, PositionControl, VelocityControl,
+};
+
+impl Device for Guarded {
+    fn axis_info(&self) -> Option<&dyn AxisInfo> {
+        self.device().axis_info().map(|_| self as _)
+    }
+
+    fn position_control(&self) -> Option<&dyn PositionControl> {
+        self.device().position_control().map(|_| self as _)
+    }
+
+    fn velocity_control(&self) -> Option<&dyn VelocityControl> {
+        self.device().velocity_control().map(|_| self as _)
+    }
+
+    fn encoders(&self) -> Option<&dyn Encoders> {
+        self.device().encoders().map(|_| self as _)
+    }
+
+    fn control_mode(&self) -> Option<&dyn ControlMode> {
+        self.device().control_mode().map(|_| self as _)
+    }
+
+    fn control_limits(&self) -> Option<&dyn ControlLimits> {
+        self.device().control_limits().map(|_| self as _)
+    }
+}
+
+impl Guarded {
+    fn position(&self) -> Result<&dyn PositionControl, DeviceError> {
+        has(self.device().position_control(), "moving to positions")
+    }
+
+    fn velocity(&self) -> Result<&dyn VelocityControl, DeviceError> {
+        has(self.device().velocity_control(), "moving at velocities")
+    }
+
+    fn measured(&self) -> Result<&dyn Encoders, DeviceError> {
+        has(self.device().encoders(), "reading encoders")
+    }
+
+    fn modes(&self) -> Result<&dyn ControlMode, DeviceError> {
+        has(self.device().control_mode(), "control modes")
+    }
+
+    fn limits(&self) -> Result<&dyn ControlLimits, DeviceError> {
+        has(self.device().control_limits(), "limits")
+    }
+
+    fn info(&self) -> Result<&dyn AxisInfo, DeviceError> {
+        has(self.device().axis_info(), "information about axes")
+    }
+
+    /// The unit of a joint's position, or of its first or second derivative.
+    fn unit(&self, joint: AxisIndex, order: u8) -> &'static str {
+        let kind = self.info().and_then(|info| info.joint_type(joint));
+        unit(kind.unwrap_or(JointType::Unknown), order)
+    }
+
+    /// Where a joint is, if it has limits here: a driver without encoders can be guarded without.
+    fn where_limited(&self, joint: AxisIndex) -> Result<Option<f64>, DeviceError> {
+        if self.joint_limits.of(joint).is_none() {
+            return Ok(None);
+        }
+        let readings = self.measured()?.encoder_readings(joint.into())?;
+        Ok(readings.first().map(|now| now.position))
+    }
+
+    /// Either of the two, for what both can do.
+    fn motion<T>(
+        &self,
+        by_position: impl FnOnce(&dyn PositionControl) -> Result<T, DeviceError>,
+        by_velocity: impl FnOnce(&dyn VelocityControl) -> Result<T, DeviceError>,
+    ) -> Result<T, DeviceError> {
+        match self.device().position_control() {
+            Some(control) => by_position(control),
+            None => by_velocity(self.velocity()?),
+        }
+    }
+}
+
+fn has<'a, T: ?Sized>(interface: Option<&'a T>, what: &str) -> Result<&'a T, DeviceError> {
+    interface.ok_or_else(|| DeviceError::NotSupported {
+        what: what.to_owned(),
+    })
+}
+
+impl AxisInfo for Guarded {
+    fn axes(&self) -> usize {
+        self.total()
+    }
+
+    fn axis_name(&self, axis: AxisIndex) -> Result<String, DeviceError> {
+        self.info()?.axis_name(axis)
+    }
+
+    fn joint_type(&self, axis: AxisIndex) -> Result<JointType, DeviceError> {
+        self.info()?.joint_type(axis)
+    }
+}
+
+impl MotionControl for Guarded {
+    fn stop(&self, axes: Axes<'_>) -> Result<(), DeviceError> {
+        self.motion(|control| control.stop(axes), |control| control.stop(axes))?;
+        self.watch.ended(axes, self.total());
+        Ok(())
+    }
+
+    fn set_reference_accelerations(
+        &self,
+        axes: Axes<'_>,
+        accelerations: &[f64],
+    ) -> Result<(), DeviceError> {
+        for (joint, asked) in pairs(axes, self.total(), accelerations) {
+            let unit = self.unit(joint, 2);
+            self.rate_limits.check_acceleration(joint, asked, unit)?;
+        }
+        self.motion(
+            |control| control.set_reference_accelerations(axes, accelerations),
+            |control| control.set_reference_accelerations(axes, accelerations),
+        )
+    }
+
+    fn reference_accelerations(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
+        self.motion(
+            |control| control.reference_accelerations(axes),
+            |control| control.reference_accelerations(axes),
+        )
+    }
+}
+
+impl PositionControl for Guarded {
+    fn position_move(&self, axes: Axes<'_>, targets: &[f64]) -> Result<(), DeviceError> {
+        for (joint, asked) in pairs(axes, self.total(), targets) {
+            let unit = self.unit(joint, 0);
+            self.joint_limits.check_position(joint, asked, unit)?;
+        }
+        self.position()?.position_move(axes, targets)
+    }
+
+    fn relative_move(&self, axes: Axes<'_>, distances: &[f64]) -> Result<(), DeviceError> {
+        axes.check_command(self.total(), "distances", distances.len())?;
+        for (joint, distance) in pairs(axes, self.total(), distances) {
+            if let Some(here) = self.where_limited(joint)? {
+                let unit = self.unit(joint, 0);
+                self.joint_limits
+                    .check_position(joint, here + distance, unit)?;
+            }
+        }
+        self.position()?.relative_move(axes, distances)
+    }
+
+    fn motion_done(&self, axes: Axes<'_>) -> Result<bool, DeviceError> {
+        self.position()?.motion_done(axes)
+    }
+
+    fn target_positions(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
+        self.position()?.target_positions(axes)
+    }
+
+    fn set_reference_speeds(&self, axes: Axes<'_>, speeds: &[f64]) -> Result<(), DeviceError> {
+        for (joint, asked) in pairs(axes, self.total(), speeds) {
+            let unit = self.unit(joint, 1);
+            self.rate_limits.check_speed(joint, asked, unit)?;
+        }
+        self.position()?.set_reference_speeds(axes, speeds)
+    }
+
+    fn reference_speeds(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
+        self.position()?.reference_speeds(axes)
+    }
+}
+
+impl VelocityControl for Guarded {
+    fn velocity_move(&self, axes: Axes<'_>, velocities: &[f64]) -> Result<(), DeviceError> {
+        let total = self.total();
+        axes.check_command(total, "velocities", velocities.len())?;
+        for (joint, asked) in pairs(axes, total, velocities) {
+            let unit = self.unit(joint, 1);
+            self.rate_limits.check_velocity(joint, asked, unit)?;
+            if let Some(here) = self.where_limited(joint)? {
+                self.joint_limits.check_velocity(joint, asked, here, unit)?;
+            }
+        }
+        let control = self.velocity()?;
+        let accelerations = control.reference_accelerations(axes)?;
+        control.velocity_move(axes, velocities)?;
+        for ((joint, velocity), acceleration) in pairs(axes, total, velocities).zip(accelerations) {
+            self.watch.told(joint, velocity, acceleration);
+        }
+        Ok(())
+    }
+
+    fn reference_velocities(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
+        self.velocity()?.reference_velocities(axes)
+    }
+}
+
+impl Encoders for Guarded {
+    fn read_encoders(&self, axes: Axes<'_>, out: &mut [EncoderReading]) -> Result<(), DeviceError> {
+        self.measured()?.read_encoders(axes, out)
+    }
+
+    fn set_encoders(&self, axes: Axes<'_>, positions: &[f64]) -> Result<(), DeviceError> {
+        self.measured()?.set_encoders(axes, positions)
+    }
+}
+
+impl ControlMode for Guarded {
+    fn available_control_modes(&self, axis: AxisIndex) -> Result<Vec<Mode>, DeviceError> {
+        // Nothing can be commanded in the others from here.
+        let commanded = [Mode::Idle, Mode::Position, Mode::Velocity];
+        let mut modes = self.modes()?.available_control_modes(axis)?;
+        modes.retain(|mode| commanded.contains(mode));
+        Ok(modes)
+    }
+
+    fn read_control_modes(&self, axes: Axes<'_>, out: &mut [Mode]) -> Result<(), DeviceError> {
+        self.modes()?.read_control_modes(axes, out)
+    }
+
+    fn set_control_modes(&self, axes: Axes<'_>, modes: &[Mode]) -> Result<(), DeviceError> {
+        let total = self.total();
+        axes.check_command(total, "modes", modes.len())?;
+        for (joint, &mode) in axes.iter(total).zip(modes) {
+            if mode != Mode::ForceIdle && !self.available_control_modes(joint)?.contains(&mode) {
+                return Err(DeviceError::NoSuchMode { joint, mode });
+            }
+        }
+        self.modes()?.set_control_modes(axes, modes)?;
+        // A joint that is already in velocity mode goes on with what it does, and stays watched.
+        for (joint, mode) in axes.iter(total).zip(modes) {
+            if *mode != Mode::Velocity {
+                self.watch.ended(joint.into(), total);
+            }
+        }
+        Ok(())
+    }
+}
+
+impl ControlLimits for Guarded {
+    fn position_limits(&self, axis: AxisIndex) -> Result<Limits, DeviceError> {
+        let theirs = self.limits()?.position_limits(axis)?;
+        Ok(self.joint_limits.of(axis).map_or(theirs, |ours| {
+            Limits::new(ours.min.max(theirs.min), ours.max.min(theirs.max))
+        }))
+    }
+
+    fn set_position_limits(&self, axis: AxisIndex, limits: Limits) -> Result<(), DeviceError> {
+        let unit = self.unit(axis, 0);
+        self.joint_limits.check_limits(axis, limits, unit)?;
+        self.limits()?.set_position_limits(axis, limits)
+    }
+
+    fn velocity_limits(&self, axis: AxisIndex) -> Result<Limits, DeviceError> {
+        let theirs = self.limits()?.velocity_limits(axis)?;
+        Ok(self
+            .rate_limits
+            .speed(axis)
+            .map_or(theirs, |most| Limits::new(theirs.min, theirs.max.min(most))))
+    }
+
+    fn set_velocity_limits(&self, axis: AxisIndex, limits: Limits) -> Result<(), DeviceError> {
+        let unit = self.unit(axis, 1);
+        self.rate_limits.check_speed(axis, limits.max, unit)?;
+        self.limits()?.set_velocity_limits(axis, limits)
+    }
+}

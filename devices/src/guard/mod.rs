@@ -1,0 +1,73 @@
+//! Safety around any driver: a device that passes on what is safe and refuses the rest by name.
+//!
+//! * [`Guarded`]: a [`Device`](crate::Device) around another one, with any of the guards below.
+//! * [`JointLimits`]: joints stay inside limits that may be closer than the device's own.
+//! * [`RateLimits`]: joints are not told to move or speed up faster than this.
+//! * [`TorqueLimits`]: joints are not told to push harder than this.
+//! * A watchdog: joints whose stream of velocities stops hold where they are.
+//!
+//! A refusal is a [`DeviceError::Guarded`](crate::DeviceError::Guarded): it names the guard, the joint, what
+//! was asked and what is allowed. A refused command does not reach the device.
+
+mod guarded;
+mod interfaces;
+mod joint_limits;
+mod rate_limits;
+mod torque_limits;
+mod watch;
+
+pub use guarded::{Guarded, GuardedOptions};
+pub use joint_limits::JointLimits;
+pub use rate_limits::RateLimits;
+pub use torque_limits::TorqueLimits;
+
+use crate::{Axes, AxisIndex, DeviceError, JointType, Limits};
+
+/// The unit of a joint's position, velocity or acceleration.
+fn unit(kind: JointType, order: u8) -> &'static str {
+    let degrees = ["deg", "deg/s", "deg/s²"];
+    let metres = ["m", "m/s", "m/s²"];
+    let neither = ["units", "units/s", "units/s²"];
+    let row = match kind {
+        JointType::Revolute => degrees,
+        JointType::Prismatic => metres,
+        JointType::Unknown => neither,
+    };
+    row[usize::from(order).min(2)]
+}
+
+/// Checks a value against what a guard allows; `None` allows everything.
+///
+/// What is no number is left to the device, which refuses it.
+fn check(
+    guard: &'static str,
+    joint: AxisIndex,
+    quantity: &'static str,
+    asked: f64,
+    allowed: Option<Limits>,
+    unit: &'static str,
+) -> Result<(), DeviceError> {
+    match allowed {
+        Some(limits) if asked.is_finite() && !limits.contains(asked) => Err(DeviceError::Guarded {
+            guard,
+            source: Box::new(DeviceError::OutOfRange {
+                joint,
+                quantity,
+                asked,
+                min: limits.min,
+                max: limits.max,
+                unit,
+            }),
+        }),
+        _ => Ok(()),
+    }
+}
+
+/// The selected axes with their values; a selection that does not add up is left to the device, which refuses it.
+fn pairs<'a>(
+    axes: Axes<'a>,
+    total: usize,
+    values: &'a [f64],
+) -> impl Iterator<Item = (AxisIndex, f64)> + 'a {
+    axes.iter(total).zip(values.iter().copied())
+}

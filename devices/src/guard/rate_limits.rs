@@ -1,0 +1,71 @@
+//! Joints are not told to move or speed up too fast.
+
+use super::check;
+use crate::{AxisIndex, DeviceError, Limits};
+
+const NAME: &str = "rate limits";
+
+/// How fast each joint may be told to move and to speed up, per second and per second squared; joints beyond
+/// the end of a list are free.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RateLimits {
+    /// The largest speed, deg/s or m/s.
+    pub speeds: Vec<f64>,
+    /// The largest acceleration, deg/s² or m/s².
+    pub accelerations: Vec<f64>,
+}
+
+impl RateLimits {
+    /// Checks a velocity, signed.
+    ///
+    /// Errors: [`DeviceError::Guarded`].
+    pub fn check_velocity(
+        &self,
+        joint: AxisIndex,
+        asked: f64,
+        unit: &'static str,
+    ) -> Result<(), DeviceError> {
+        let allowed = self.speed(joint).map(|most| Limits::new(-most, most));
+        check(NAME, joint, "velocity", asked, allowed, unit)
+    }
+
+    /// Checks a reference speed or a velocity limit.
+    ///
+    /// Errors: [`DeviceError::Guarded`].
+    pub fn check_speed(
+        &self,
+        joint: AxisIndex,
+        asked: f64,
+        unit: &'static str,
+    ) -> Result<(), DeviceError> {
+        let allowed = self
+            .speed(joint)
+            .map(|most| Limits::new(f64::NEG_INFINITY, most));
+        check(NAME, joint, "speed", asked, allowed, unit)
+    }
+
+    /// Checks a reference acceleration.
+    ///
+    /// Errors: [`DeviceError::Guarded`].
+    pub fn check_acceleration(
+        &self,
+        joint: AxisIndex,
+        asked: f64,
+        unit: &'static str,
+    ) -> Result<(), DeviceError> {
+        let allowed = self
+            .acceleration(joint)
+            .map(|most| Limits::new(f64::NEG_INFINITY, most));
+        check(NAME, joint, "acceleration", asked, allowed, unit)
+    }
+
+    /// The largest speed of a joint, if it has one here.
+    pub fn speed(&self, joint: AxisIndex) -> Option<f64> {
+        self.speeds.get(joint.index()).copied()
+    }
+
+    /// The largest acceleration of a joint, if it has one here.
+    pub fn acceleration(&self, joint: AxisIndex) -> Option<f64> {
+        self.accelerations.get(joint.index()).copied()
+    }
+}

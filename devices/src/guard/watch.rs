@@ -1,0 +1,167 @@
+//! The thread that looks after joints in motion.
+
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use tracing::{error, warn};
+
+use super::JointLimits;
+use crate::{Axes, AxisIndex, Device, DeviceError};
+
+/// How often joints in motion are looked at.
+const PERIOD: Duration = Duration::from_millis(10);
+
+/// What the thread and the callers share.
+pub(super) struct Watch {
+    pub(super) device: Arc<dyn Device>,
+    /// Only limits that are closer than the device's own: it keeps those itself.
+    pub(super) limits: JointLimits,
+    pub(super) patience: Option<Duration>,
+    state: Mutex<State>,
+    woken: Condvar,
+}
+
+struct State {
+    /// One per axis: the velocity it was told last, if that is not 0.
+    streams: Vec<Option<Stream>>,
+    ending: bool,
+}
+
+#[derive(Clone, Copy)]
+struct Stream {
+    /// When the command came.
+    told: Instant,
+    /// How hard the joint can brake, per second squared.
+    acceleration: f64,
+}
+
+impl Watch {
+    pub(super) fn new(
+        device: Arc<dyn Device>,
+        limits: JointLimits,
+        patience: Option<Duration>,
+        axes: usize,
+    ) -> Self {
+        Self {
+            device,
+            limits,
+            patience,
+            state: Mutex::new(State {
+                streams: vec![None; axes],
+                ending: false,
+            }),
+            woken: Condvar::new(),
+        }
+    }
+
+    /// Takes note of a velocity that a joint was told; 0 ends its stream.
+    pub(super) fn told(&self, joint: AxisIndex, velocity: f64, acceleration: f64) {
+        if let Some(slot) = self.lock().streams.get_mut(joint.index()) {
+            *slot = (velocity != 0.0).then_some(Stream {
+                told: Instant::now(),
+                acceleration,
+            });
+        }
+        self.woken.notify_all();
+    }
+
+    /// Takes note that joints take no velocities any more.
+    pub(super) fn ended(&self, axes: Axes<'_>, total: usize) {
+        let mut state = self.lock();
+        for joint in axes.iter(total) {
+            if let Some(slot) = state.streams.get_mut(joint.index()) {
+                *slot = None;
+            }
+        }
+    }
+
+    pub(super) fn end(&self) {
+        self.lock().ending = true;
+        self.woken.notify_all();
+    }
+
+    /// What the thread does until [`end`](Self::end).
+    pub(super) fn run(&self) {
+        let mut state = self.lock();
+        while !state.ending {
+            if state.streams.iter().all(Option::is_none) {
+                state = self
+                    .woken
+                    .wait(state)
+                    .unwrap_or_else(PoisonError::into_inner);
+                continue;
+            }
+            let streams = state.streams.clone();
+            drop(state);
+            for (joint, stream) in streams.iter().enumerate() {
+                let Some(stream) = stream else { continue };
+                if let Some(why) = self.must_stop(joint.into(), stream) {
+                    self.stop(joint.into(), why, stream);
+                }
+            }
+            state = self.lock();
+            if !state.ending {
+                (state, _) = self
+                    .woken
+                    .wait_timeout(state, PERIOD)
+                    .unwrap_or_else(PoisonError::into_inner);
+            }
+        }
+    }
+
+    fn must_stop(&self, joint: AxisIndex, stream: &Stream) -> Option<&'static str> {
+        let over = |patience: Duration| stream.told.elapsed() > patience;
+        if self.patience.is_some_and(over) {
+            return Some("its stream of velocities has stopped");
+        }
+        let limits = self.limits.of(joint)?;
+        let reading = self
+            .device
+            .encoders()?
+            .encoder_readings(joint.into())
+            .and_then(|readings| readings.first().copied().ok_or(NO_READING));
+        let Ok(now) = reading else {
+            return Some("its position is not known");
+        };
+        // It goes on for two periods before a stop can take effect, and then brakes.
+        let going_on = now.speed * 2.0 * PERIOD.as_secs_f64();
+        let braking = now.speed * now.speed.abs() / (2.0 * stream.acceleration);
+        let rest = now.position + going_on + braking;
+        let leaves =
+            (now.speed > 0.0 && rest >= limits.max) || (now.speed < 0.0 && rest <= limits.min);
+        leaves.then_some("it comes to its limit")
+    }
+
+    /// Makes a joint hold; tried again in the next round if that fails.
+    fn stop(&self, joint: AxisIndex, why: &'static str, seen: &Stream) {
+        let stopped = match (
+            self.device.velocity_control(),
+            self.device.position_control(),
+        ) {
+            (Some(control), _) => control.stop(joint.into()),
+            (None, Some(control)) => control.stop(joint.into()),
+            (None, None) => return,
+        };
+        match stopped {
+            Ok(()) => {
+                warn!(%joint, why, "the guard stopped a joint");
+                let mut state = self.lock();
+                let slot = &mut state.streams[joint.index()];
+                // A command that came meanwhile is a stream of its own.
+                if slot.is_some_and(|now| now.told == seen.told) {
+                    *slot = None;
+                }
+            }
+            Err(error) => error!(%joint, why, %error, "the guard could not stop a joint"),
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        // Each stream is whole between any two calls.
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+const NO_READING: DeviceError = DeviceError::NoDataYet {
+    what: "encoder reading",
+};

@@ -1,0 +1,303 @@
+//! Torques in, encoder counts out.
+
+use std::time::Duration;
+
+use nalgebra::Vector3;
+
+use super::plant::{Load, Plant};
+use super::safety::SafetyMode;
+use super::{SafetyLimits, SafetyModule};
+use crate::Limits;
+use crate::kinematics::{Joints, Pose};
+use crate::random::Random;
+use crate::wam::WamModel;
+
+/// How far outside the joint limits the stops are, rad. Not published.
+const STOPS_OUTSIDE: f64 = 0.03;
+/// The joint whose frame is at the elbow, and how far beyond it the forearm ends, m: where velocity is judged.
+const ELBOW: usize = 3;
+const FOREARM: f64 = 0.35;
+/// The largest torque command there is room for on the bus: 13 bits and a sign.
+const LARGEST_COMMAND: f64 = 8191.0;
+
+/// What an arm is pushed with at most, N or Nm: a car, so that numbers stay numbers.
+const LARGEST_PUSH: f64 = 1e4;
+
+/// The value cut to a magnitude; 0 for what is no number.
+fn within(value: f64, most: f64) -> f64 {
+    if value.is_nan() {
+        0.0
+    } else {
+        value.clamp(-most, most)
+    }
+}
+
+/// How a [`Simulator`] runs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SimulatorOptions {
+    /// The control period: from one torque to the next.
+    pub period: Duration,
+    /// How many steps of the mechanics a period has, at least 1.
+    pub substeps: u32,
+    /// How much Coulomb friction varies from period to period, as a share of itself.
+    pub friction_noise: f64,
+    /// What the variation depends on: the same seed gives the same motion.
+    pub seed: u64,
+    /// The limits of the safety module.
+    pub safety: SafetyLimits,
+}
+
+/// 500 Hz as libbarrett, two steps of 1 ms each, friction that varies by a tenth, Barrett's safety limits.
+impl Default for SimulatorOptions {
+    fn default() -> Self {
+        Self {
+            period: Duration::from_millis(2),
+            substeps: 2,
+            friction_noise: 0.1,
+            seed: 0,
+            safety: SafetyLimits::default(),
+        }
+    }
+}
+
+/// An arm as its motors and encoders show it.
+///
+/// * Joint torques become motor torques, which become commands of whole units as on the bus, cut at what a motor
+///   follows; what comes back are counts of the motors' encoders.
+/// * Without power, and with idle motors, shorted windings brake each joint.
+/// * A stop at either end of each joint is a little outside its limits and takes all speed.
+/// * A force can push the tool, and torques the joints: the arm gives way.
+///
+/// Nothing allocates in a step.
+///
+/// ```
+/// use yarp_devices::kinematics::Joints;
+/// use yarp_devices::simulation::{Simulator, SimulatorOptions};
+/// use yarp_devices::wam::WamModel;
+///
+/// let mut arm = Simulator::new(WamModel::<7>::new(), SimulatorOptions::default());
+/// // Folded at home.
+/// assert_eq!(arm.counts(), [0, -36833, 36832, -36728, 0, 0, 0]);
+/// arm.safety_mut().press_activate();
+/// // Without torques gravity folds the elbow a little more, against its stop; its motor counts downward.
+/// let counts = arm.step(Some(&Joints::<7>::zeros()));
+/// assert!(counts[3] <= -36728);
+/// ```
+#[derive(Clone, Debug)]
+pub struct Simulator<const N: usize> {
+    model: WamModel<N>,
+    options: SimulatorOptions,
+    plant: Plant<N>,
+    safety: SafetyModule,
+    braking: Joints<N>,
+    idle: [bool; N],
+    commands: [f64; N],
+    push: Vector3<f64>,
+    twist: Joints<N>,
+    random: Random,
+    steps: u64,
+}
+
+impl<const N: usize> Simulator<N> {
+    /// An arm in its home pose, at rest, just switched on: idle.
+    pub fn new(model: WamModel<N>, options: SimulatorOptions) -> Self {
+        let stops = model
+            .chain
+            .limits()
+            .map(|limits| Limits::new(limits.min - STOPS_OUTSIDE, limits.max + STOPS_OUTSIDE));
+        let plant = Plant::new(model.dynamics(), stops, model.home);
+        // A brake on each motor, seen at the joints: J2Mᵀ B J2M. With equal motors at a differential it is diagonal.
+        let braking = Joints::from_fn(|joint, _| {
+            let mut unit = Joints::<N>::zeros();
+            unit[joint] = 1.0;
+            let motors = model.transmission.motors_of(&unit);
+            (0..N)
+                .map(|motor| model.motors[motor].braking * motors[motor] * motors[motor])
+                .sum()
+        });
+        Self {
+            plant,
+            braking,
+            safety: SafetyModule::new(options.safety),
+            idle: [false; N],
+            commands: [0.0; N],
+            push: Vector3::zeros(),
+            twist: Joints::zeros(),
+            random: Random::new(options.seed),
+            steps: 0,
+            model,
+            options,
+        }
+    }
+
+    /// Lets one control period pass and answers the encoder counts at its end.
+    ///
+    /// `torques`: what the joints shall be driven with, Nm; `None` if no command came, then the motors go on
+    /// with the last one, until the safety module misses the heartbeat.
+    pub fn step(&mut self, torques: Option<&Joints<N>>) -> [i32; N] {
+        if let Some(torques) = torques {
+            self.command(torques);
+        }
+        let seconds = self.options.period.as_secs_f64();
+        let came = torques.map(|_| self.commands.as_slice());
+        self.safety.watch(self.speed(), came, seconds);
+        let load = self.load();
+        let substeps = self.options.substeps.max(1);
+        for _ in 0..substeps {
+            let mut load = load;
+            load.torques += self.pushed();
+            self.plant.advance(&load, seconds / f64::from(substeps));
+        }
+        self.steps += 1;
+        self.counts()
+    }
+
+    /// What the encoders count now.
+    pub fn counts(&self) -> [i32; N] {
+        self.model.transmission.counts(&self.plant.angles)
+    }
+
+    /// How long it has run.
+    pub fn time(&self) -> Duration {
+        Duration::from_secs_f64(self.options.period.as_secs_f64() * self.steps as f64)
+    }
+
+    /// How it runs.
+    pub fn options(&self) -> &SimulatorOptions {
+        &self.options
+    }
+
+    /// What it is built like.
+    pub fn model(&self) -> &WamModel<N> {
+        &self.model
+    }
+
+    /// Where the joints truly are, rad: no encoder knows it so well.
+    pub fn angles(&self) -> Joints<N> {
+        self.plant.angles
+    }
+
+    /// How the joints truly move, rad/s.
+    pub fn velocities(&self) -> Joints<N> {
+        self.plant.velocities
+    }
+
+    /// Where the tool truly is.
+    pub fn tool(&self) -> Pose {
+        self.model.chain.forward(&self.plant.angles)
+    }
+
+    /// Puts the arm into another pose, at rest, as by hand; what is no number leaves its joint where it is.
+    pub fn place(&mut self, angles: &Joints<N>) {
+        let here = self.plant.angles;
+        let asked = Joints::from_fn(|joint, _| {
+            if angles[joint].is_nan() {
+                here[joint]
+            } else {
+                angles[joint]
+            }
+        });
+        self.plant.angles = self.model.chain.clamp(&asked);
+        self.plant.velocities = Joints::zeros();
+    }
+
+    /// The safety module.
+    pub fn safety(&self) -> &SafetyModule {
+        &self.safety
+    }
+
+    /// The safety module, to press its buttons.
+    pub fn safety_mut(&mut self) -> &mut SafetyModule {
+        &mut self.safety
+    }
+
+    /// Shorts the windings of a joint's motors, or ends that: `MODE` 0 or 2 of its pucks.
+    ///
+    /// A joint that does not exist is nobody's.
+    pub fn set_idle(&mut self, joint: usize, idle: bool) {
+        if let Some(slot) = self.idle.get_mut(joint) {
+            *slot = idle;
+        }
+    }
+
+    /// Pushes the tool with a force in the base frame, N, until told otherwise; what is no number does not push.
+    pub fn push(&mut self, force: Vector3<f64>) {
+        self.push = force.map(|value| within(value, LARGEST_PUSH));
+    }
+
+    /// Twists the joints from outside, Nm, until told otherwise; what is no number does not twist.
+    pub fn twist(&mut self, torques: Joints<N>) {
+        self.twist = torques.map(|value| within(value, LARGEST_PUSH));
+    }
+
+    /// The speed the safety module judges: of the elbow or of the end of the forearm, m/s.
+    pub fn speed(&self) -> f64 {
+        if N <= ELBOW {
+            return 0.0;
+        }
+        let chain = &self.model.chain;
+        let frames = chain.frames(&self.plant.angles);
+        let elbow = frames[ELBOW - 1].translation.vector;
+        let forearm = &frames[ELBOW];
+        let end = forearm.translation.vector + forearm.rotation * Vector3::new(0.0, 0.0, FOREARM);
+        let speed_of = |point: &Vector3<f64>, joints: usize| {
+            let velocity = chain.jacobian_of(&frames, point, joints) * self.plant.velocities;
+            velocity.fixed_rows::<3>(0).norm()
+        };
+        speed_of(&elbow, ELBOW).max(speed_of(&end, ELBOW + 1))
+    }
+
+    /// Whole units, as on the bus.
+    fn command(&mut self, torques: &Joints<N>) {
+        let motors = self.model.transmission.motor_torques(torques);
+        for (motor, command) in self.commands.iter_mut().enumerate() {
+            let units = self.model.motors[motor].units_per_newton_metre * motors[motor];
+            *command = within(units.floor(), LARGEST_COMMAND);
+        }
+    }
+
+    fn load(&mut self) -> Load<N> {
+        let active = self.safety.mode() == SafetyMode::Active;
+        let motors = Joints::from_fn(|motor, _| {
+            let Self {
+                model, commands, ..
+            } = &*self;
+            let limit = model.motors[motor].limit;
+            commands[motor].clamp(-limit, limit) / model.motors[motor].units_per_newton_metre
+        });
+        let mut torques = self.model.transmission.joint_torques(&motors);
+        let mut viscous = Joints::zeros();
+        let mut coulomb = Joints::zeros();
+        for joint in 0..N {
+            let friction = self.model.friction[joint];
+            viscous[joint] = friction.viscous;
+            let noise = self.options.friction_noise * self.random.between(-1.0, 1.0);
+            coulomb[joint] = friction.coulomb * (1.0 + noise);
+            if !active || self.idle[joint] {
+                torques[joint] = 0.0;
+                viscous[joint] += self.braking[joint];
+            }
+        }
+        Load {
+            torques,
+            coulomb,
+            viscous,
+        }
+    }
+
+    /// The joint torques of what pushes from outside.
+    fn pushed(&self) -> Joints<N> {
+        if self.push == Vector3::zeros() {
+            return self.twist;
+        }
+        let (_, jacobian) = self.model.chain.forward_and_jacobian(&self.plant.angles);
+        self.twist + jacobian.fixed_rows::<3>(0).transpose() * self.push
+    }
+
+    /// The energy of the whole arm, J: of motion and of height.
+    pub fn energy(&self) -> f64 {
+        let dynamics = self.plant.dynamics();
+        dynamics.kinetic_energy(&self.plant.angles, &self.plant.velocities)
+            + dynamics.potential_energy(&self.plant.angles)
+    }
+}
