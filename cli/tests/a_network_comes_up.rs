@@ -6,7 +6,7 @@ mod common;
 
 use common::Home;
 
-const PORTS: [&str; 4] = ["rpc:i", "command:i", "state:o", "stateExt:o"];
+const PORTS: [&str; 5] = ["rpc:i", "nws/rpc:i", "command:i", "state:o", "stateExt:o"];
 
 #[test]
 fn with_a_name_server_of_its_own() {

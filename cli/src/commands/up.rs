@@ -17,8 +17,9 @@ use crate::session;
 use crate::signals::Interrupt;
 
 /// What a port of the arm is for.
-const PORTS: [(&str, &str); 4] = [
-    ("rpc:i", "questions and orders"),
+const PORTS: [(&str, &str); 5] = [
+    ("rpc:i", "questions and orders of YARP 3.x"),
+    ("nws/rpc:i", "questions and orders of YARP 4.0"),
     ("command:i", "streams of orders"),
     ("state:o", "joint positions in degrees, 50 times a second"),
     ("stateExt:o", "the whole state, 50 times a second"),
