@@ -1,6 +1,11 @@
 //! What a device can do, asked at run time.
 
-use crate::{AxisInfo, ControlLimits, ControlMode, Encoders, PositionControl, VelocityControl};
+use crate::{
+    AmplifierControl, AxisInfo, ControlCalibration, ControlLimits, ControlMode, CurrentControl,
+    Encoders, ImpedanceControl, InteractionMode, JointBrake, JointFault, Motor, MotorEncoders,
+    PidControl, PositionControl, PositionDirect, PwmControl, RemoteCalibrator, RemoteVariables,
+    TorqueControl, VelocityControl, VelocityDirect,
+};
 
 /// A device, seen as the set of interfaces it has.
 ///
@@ -54,6 +59,86 @@ pub trait Device: Send + Sync {
 
     /// How far and how fast each joint may go (`IControlLimits`).
     fn control_limits(&self) -> Option<&dyn ControlLimits> {
+        None
+    }
+
+    /// Positions given step by step (`IPositionDirect`).
+    fn position_direct(&self) -> Option<&dyn PositionDirect> {
+        None
+    }
+
+    /// Velocities given step by step (`IVelocityDirect`).
+    fn velocity_direct(&self) -> Option<&dyn VelocityDirect> {
+        None
+    }
+
+    /// Torques at the joints (`ITorqueControl`).
+    fn torque_control(&self) -> Option<&dyn TorqueControl> {
+        None
+    }
+
+    /// Currents of the motors (`ICurrentControl`).
+    fn current_control(&self) -> Option<&dyn CurrentControl> {
+        None
+    }
+
+    /// Duty cycles of the motors (`IPWMControl`).
+    fn pwm_control(&self) -> Option<&dyn PwmControl> {
+        None
+    }
+
+    /// Whether joints yield (`IInteractionMode`).
+    fn interaction_mode(&self) -> Option<&dyn InteractionMode> {
+        None
+    }
+
+    /// How compliant joints yield (`IImpedanceControl`).
+    fn impedance_control(&self) -> Option<&dyn ImpedanceControl> {
+        None
+    }
+
+    /// The control loops (`IPidControl`).
+    fn pid_control(&self) -> Option<&dyn PidControl> {
+        None
+    }
+
+    /// Where the motors are (`IMotorEncoders`).
+    fn motor_encoders(&self) -> Option<&dyn MotorEncoders> {
+        None
+    }
+
+    /// The motors themselves (`IMotor`).
+    fn motor(&self) -> Option<&dyn Motor> {
+        None
+    }
+
+    /// The amplifiers (`IAmplifierControl`).
+    fn amplifier_control(&self) -> Option<&dyn AmplifierControl> {
+        None
+    }
+
+    /// Calibration by the board (`IControlCalibration`).
+    fn control_calibration(&self) -> Option<&dyn ControlCalibration> {
+        None
+    }
+
+    /// Calibration by a calibrator (`IRemoteCalibrator`).
+    fn remote_calibrator(&self) -> Option<&dyn RemoteCalibrator> {
+        None
+    }
+
+    /// Variables of its own (`IRemoteVariables`).
+    fn remote_variables(&self) -> Option<&dyn RemoteVariables> {
+        None
+    }
+
+    /// Faults of the joints (`IJointFault`).
+    fn joint_fault(&self) -> Option<&dyn JointFault> {
+        None
+    }
+
+    /// Brakes (`IJointBrake`).
+    fn joint_brake(&self) -> Option<&dyn JointBrake> {
         None
     }
 }

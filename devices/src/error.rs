@@ -96,6 +96,16 @@ pub enum DeviceError {
         /// The mode refused.
         mode: Mode,
     },
+    /// Something holds the joint.
+    #[error("joint {joint} is held by {by}; {remedy}")]
+    Held {
+        /// The joint asked.
+        joint: AxisIndex,
+        /// What holds it, for instance `its brake`.
+        by: &'static str,
+        /// What to try next.
+        remedy: &'static str,
+    },
     /// The joint moves, and this may only be done at rest.
     #[error("joint {joint} is moving, stop it to {what}")]
     Moving {

@@ -43,8 +43,12 @@ pub use axes::{Axes, AxisIndex};
 pub use device::Device;
 pub use error::DeviceError;
 pub use iface::{
-    AxisInfo, ControlLimits, ControlMode, EncoderReading, Encoders, JointType, Limits, Mode,
-    MotionControl, PositionControl, VelocityControl,
+    AmplifierControl, AmplifierLimit, AxisInfo, CalibrationParameters, ControlCalibration,
+    ControlLimits, ControlMode, CurrentControl, EncoderReading, Encoders, Fault, Impedance,
+    ImpedanceControl, ImpedanceLimits, Interaction, InteractionMode, JointBrake, JointFault,
+    JointType, Limits, Mode, MotionControl, Motor, MotorEncoders, MotorTorqueParameters, Pid,
+    PidControl, PidKind, PidValue, PositionControl, PositionDirect, PwmControl, RemoteCalibrator,
+    RemoteVariables, TorqueControl, VariableValue, VelocityControl, VelocityDirect,
 };
 
 /// Compiles the example of the README.

@@ -82,11 +82,8 @@ fn velocities() {
 #[test]
 fn modes() {
     for mode in [
-        Mode::Torque,
-        Mode::PositionDirect,
-        Mode::Current,
-        Mode::Pwm,
         Mode::Mixed,
+        Mode::Calibrating,
         Mode::HardwareFault,
         Mode::Configured,
         Mode::from(0x6f706d69),

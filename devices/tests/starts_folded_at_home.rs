@@ -26,7 +26,16 @@ fn the_pose_the_mode_and_the_references_are_the_published_ones() {
     assert_eq!(modes.control_modes(Axes::All).unwrap(), [Mode::Position; 7]);
     assert_eq!(
         modes.available_control_modes(0.into()).unwrap(),
-        [Mode::Idle, Mode::Position, Mode::Velocity]
+        [
+            Mode::Idle,
+            Mode::Position,
+            Mode::PositionDirect,
+            Mode::Velocity,
+            Mode::VelocityDirect,
+            Mode::Torque,
+            Mode::Current,
+            Mode::Pwm,
+        ]
     );
 
     let position = arm.position_control().expect("it moves");

@@ -19,16 +19,25 @@
 //! ```
 
 mod board;
+mod motors;
 
 use std::time::Duration;
 
 use self::board::{Board, CLOSE, DISTANCE};
+pub use self::motors::{
+    a_joint_that_works_has_no_fault, amplifiers_switch_joints_off, brakes_hold,
+    calibration_is_done, control_loops_keep_what_they_are_told, currents_push_joints,
+    direct_positions_are_followed, direct_velocities_are_followed, duty_cycles_push_joints,
+    homing_brings_joints_home, impedance_is_kept, interactions_are_kept,
+    modes_and_loops_are_listed, motor_encoders_follow_the_joints, motor_torque_parameters_are_kept,
+    motors_tell_what_they_are, torques_push_joints, variables_are_kept,
+};
 use crate::{Axes, AxisIndex, Device, EncoderReading, Limits, Mode};
 
 /// A check: a device, and how long it may take until something becomes true.
 pub type Check = fn(&dyn Device, Duration);
 
-/// Every check with its name, for running all of them.
+/// Every check with its name, for running all of them; those of [`SINCE_4`] are apart.
 pub const ALL: &[(&str, Check)] = &[
     ("axes_have_names", axes_have_names),
     ("readings_carry_fresh_times", readings_carry_fresh_times),
@@ -66,6 +75,46 @@ pub const ALL: &[(&str, Check)] = &[
         a_velocity_ends_at_the_position_limit,
     ),
     ("limits_are_kept", limits_are_kept),
+    (
+        "direct_positions_are_followed",
+        direct_positions_are_followed,
+    ),
+    ("torques_push_joints", torques_push_joints),
+    (
+        "motor_torque_parameters_are_kept",
+        motor_torque_parameters_are_kept,
+    ),
+    ("currents_push_joints", currents_push_joints),
+    ("duty_cycles_push_joints", duty_cycles_push_joints),
+    ("interactions_are_kept", interactions_are_kept),
+    ("impedance_is_kept", impedance_is_kept),
+    (
+        "control_loops_keep_what_they_are_told",
+        control_loops_keep_what_they_are_told,
+    ),
+    (
+        "motor_encoders_follow_the_joints",
+        motor_encoders_follow_the_joints,
+    ),
+    ("motors_tell_what_they_are", motors_tell_what_they_are),
+    ("amplifiers_switch_joints_off", amplifiers_switch_joints_off),
+    ("calibration_is_done", calibration_is_done),
+    ("homing_brings_joints_home", homing_brings_joints_home),
+    ("variables_are_kept", variables_are_kept),
+    (
+        "a_joint_that_works_has_no_fault",
+        a_joint_that_works_has_no_fault,
+    ),
+];
+
+/// What only devices show that are here, or behind a network that speaks as YARP 4.0 does: 3.x has no words for it.
+pub const SINCE_4: &[(&str, Check)] = &[
+    (
+        "direct_velocities_are_followed",
+        direct_velocities_are_followed,
+    ),
+    ("brakes_hold", brakes_hold),
+    ("modes_and_loops_are_listed", modes_and_loops_are_listed),
 ];
 
 /// There is at least one axis, each has a name of its own and a kind, and none comes after the last.

@@ -1,5 +1,7 @@
 //! One simulated axis: its mode, its limits, its references, and the path it is on.
 
+use super::drive::Drive;
+use super::motor::{Motor, TORQUE_CONSTANT};
 use super::{MotionState, Profile};
 use crate::{AxisIndex, DeviceError, JointType, Limits, Mode};
 
@@ -9,7 +11,16 @@ const MIN_REFERENCE_SPEED: f64 = 0.001;
 const MIN_REFERENCE_ACCELERATION: f64 = 0.1;
 
 /// The modes the simulation has.
-pub(super) const MODES: [Mode; 3] = [Mode::Idle, Mode::Position, Mode::Velocity];
+pub(super) const MODES: [Mode; 8] = [
+    Mode::Idle,
+    Mode::Position,
+    Mode::PositionDirect,
+    Mode::Velocity,
+    Mode::VelocityDirect,
+    Mode::Torque,
+    Mode::Current,
+    Mode::Pwm,
+];
 
 /// What an axis was built like. Degrees or metres, and seconds.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,10 +53,17 @@ pub(super) struct Axis {
     max_speed: f64,
     mode: Mode,
     path: Profile,
+    /// In the place of the path where the axis is pushed.
+    drive: Option<Drive>,
+    /// Per second.
+    friction: f64,
     target: f64,
     velocity: f64,
+    /// Torque, current or duty cycle asked for, as the mode says.
+    effort: f64,
     reference_speed: f64,
     reference_acceleration: f64,
+    motor: Motor,
 }
 
 impl Axis {
@@ -56,20 +74,132 @@ impl Axis {
             max_speed: built.max_speed,
             mode: Mode::Position,
             path: Profile::at_rest(built.home),
+            drive: None,
+            friction: built.max_acceleration / built.max_speed,
             target: built.home,
             velocity: 0.0,
+            effort: 0.0,
             reference_speed: built.reference_speed,
             reference_acceleration: built.reference_acceleration,
+            motor: Motor::new(largest_torque(&built) / TORQUE_CONSTANT),
             built,
         }
     }
 
     pub(super) fn step(&mut self, seconds: f64) {
-        self.path.advance(seconds);
+        match &mut self.drive {
+            Some(drive) => drive.advance(seconds),
+            None => self.path.advance(seconds),
+        }
     }
 
     pub(super) fn state(&self) -> MotionState {
-        self.path.state()
+        match &self.drive {
+            Some(drive) => drive.state(),
+            None => self.path.state(),
+        }
+    }
+
+    pub(super) fn motor(&self) -> &Motor {
+        &self.motor
+    }
+
+    pub(super) fn motor_mut(&mut self) -> &mut Motor {
+        &mut self.motor
+    }
+
+    /// The torque at the joint, Nm or N: what is asked for, or what the path takes.
+    pub(super) fn torque(&self) -> f64 {
+        let push = match &self.drive {
+            Some(drive) => drive.pushed(),
+            None => {
+                let state = self.path.state();
+                state.acceleration + self.friction * state.velocity
+            }
+        };
+        push / push_per_torque(self.built.joint_type)
+    }
+
+    pub(super) fn largest_torque(&self) -> f64 {
+        largest_torque(&self.built)
+    }
+
+    pub(super) fn largest_current(&self) -> f64 {
+        self.largest_torque() / TORQUE_CONSTANT
+    }
+
+    pub(super) fn current(&self) -> f64 {
+        self.torque() / TORQUE_CONSTANT
+    }
+
+    /// Percent.
+    pub(super) fn duty_cycle(&self) -> f64 {
+        100.0 * self.current() / self.largest_current()
+    }
+
+    /// What was asked for in `mode`; 0 in another.
+    pub(super) fn effort(&self, mode: Mode) -> f64 {
+        if self.mode == mode { self.effort } else { 0.0 }
+    }
+
+    /// `asked`: torque, current or duty cycle, as `mode` says.
+    pub(super) fn check_effort(&self, mode: Mode, asked: f64) -> Result<(), DeviceError> {
+        let (command, quantity, largest, unit) = match mode {
+            Mode::Torque => (
+                "torque reference",
+                "torque",
+                self.largest_torque(),
+                torque_unit(self.built.joint_type),
+            ),
+            Mode::Current => ("current reference", "current", self.largest_current(), "A"),
+            _ => ("duty cycle reference", "duty cycle", 100.0, "%"),
+        };
+        self.check_mode(command, mode)?;
+        let allowed = Limits::new(-largest, largest);
+        self.check_allowed(quantity, asked, allowed, unit)
+    }
+
+    pub(super) fn set_effort(&mut self, mode: Mode, asked: f64) {
+        self.effort = asked;
+        let torque = match mode {
+            Mode::Torque => asked,
+            Mode::Current => asked * TORQUE_CONSTANT,
+            _ => asked / 100.0 * self.largest_torque(),
+        };
+        let push = torque * push_per_torque(self.built.joint_type);
+        if let Some(drive) = &mut self.drive {
+            drive.push(push);
+        }
+    }
+
+    pub(super) fn friction(&self) -> f64 {
+        self.friction
+    }
+
+    pub(super) fn set_friction(&mut self, friction: f64) {
+        self.friction = friction;
+        if let Some(drive) = &mut self.drive {
+            drive.set_friction(friction);
+        }
+    }
+
+    pub(super) fn set_amplifier(&mut self, on: bool) {
+        self.motor.amplifier_on = on;
+        if !on {
+            self.change_mode(Mode::Idle);
+        }
+    }
+
+    pub(super) fn is_braked(&self) -> bool {
+        self.motor.manual_brake || self.motor.auto_brake && self.mode == Mode::Idle
+    }
+
+    /// A brake that goes on brings the axis to rest.
+    pub(super) fn set_manual_brake(&mut self, active: bool) {
+        if active && !self.motor.manual_brake {
+            self.stop();
+        }
+        self.motor.manual_brake = active;
     }
 
     pub(super) fn built(&self) -> &AxisParameters {
@@ -81,7 +211,10 @@ impl Axis {
     }
 
     pub(super) fn is_done(&self) -> bool {
-        self.path.is_done()
+        match &self.drive {
+            Some(drive) => drive.is_done(),
+            None => self.path.is_done(),
+        }
     }
 
     pub(super) fn target(&self) -> f64 {
@@ -139,8 +272,40 @@ impl Axis {
         self.check_inside("velocity", velocity, allowed, "/s")
     }
 
-    /// Moving at a velocity is moving to the limit that lies ahead, at that speed.
     pub(super) fn velocity_move(&mut self, velocity: f64) {
+        self.move_at(velocity, self.reference_acceleration);
+    }
+
+    pub(super) fn check_direct_position(&self, position: f64) -> Result<(), DeviceError> {
+        self.check_mode("direct position", Mode::PositionDirect)?;
+        self.check_inside("position", position, self.limits, "")
+    }
+
+    /// As fast as the axis can.
+    pub(super) fn direct_position(&mut self, position: f64) {
+        self.target = position;
+        self.path = Profile::towards(
+            self.state(),
+            position,
+            self.max_speed,
+            self.built.max_acceleration,
+            self.limits,
+        );
+    }
+
+    pub(super) fn check_direct_velocity(&self, velocity: f64) -> Result<(), DeviceError> {
+        self.check_mode("direct velocity", Mode::VelocityDirect)?;
+        let allowed = Limits::new(-self.max_speed, self.max_speed);
+        self.check_inside("velocity", velocity, allowed, "/s")
+    }
+
+    /// As hard as the axis can.
+    pub(super) fn direct_velocity(&mut self, velocity: f64) {
+        self.move_at(velocity, self.built.max_acceleration);
+    }
+
+    /// Moving at a velocity is moving to the limit that lies ahead, at that speed.
+    fn move_at(&mut self, velocity: f64, acceleration: f64) {
         if velocity == 0.0 {
             return self.stop();
         }
@@ -154,7 +319,7 @@ impl Axis {
             self.state(),
             ahead,
             velocity.abs(),
-            self.reference_acceleration,
+            acceleration,
             self.limits,
         );
     }
@@ -165,18 +330,29 @@ impl Axis {
             return;
         }
         self.velocity = 0.0;
-        self.come_to_rest(self.reference_acceleration);
+        self.effort = 0.0;
+        match &mut self.drive {
+            Some(drive) => drive.push(0.0),
+            None => self.come_to_rest(self.reference_acceleration),
+        }
     }
 
     pub(super) fn check_mode_change(&self, mode: Mode) -> Result<(), DeviceError> {
-        if MODES.contains(&mode) || mode == Mode::ForceIdle {
-            return Ok(());
-        }
         let joint = self.index;
-        Err(DeviceError::NoSuchMode { joint, mode })
+        match mode {
+            Mode::Idle | Mode::ForceIdle => Ok(()),
+            mode if !MODES.contains(&mode) => Err(DeviceError::NoSuchMode { joint, mode }),
+            _ if !self.motor.amplifier_on => Err(DeviceError::Held {
+                joint,
+                by: "its amplifier, which is off",
+                remedy: "switch it on",
+            }),
+            _ => Ok(()),
+        }
     }
 
-    /// Idle brakes as hard as the axis can, as shorted windings do; the other modes as in a stop.
+    /// Idle brakes as hard as the axis can, as shorted windings do; where it is pushed it coasts; the other modes
+    /// brake as in a stop.
     pub(super) fn change_mode(&mut self, mode: Mode) {
         let mode = match mode {
             Mode::ForceIdle => Mode::Idle,
@@ -186,18 +362,21 @@ impl Axis {
             return;
         }
         self.mode = mode;
+        self.velocity = 0.0;
+        self.effort = 0.0;
         match mode {
-            Mode::Idle => {
-                self.velocity = 0.0;
-                self.come_to_rest(self.built.max_acceleration);
+            Mode::Idle => self.come_to_rest(self.built.max_acceleration),
+            Mode::Torque | Mode::Current | Mode::Pwm => {
+                self.drive = Some(Drive::new(self.state(), self.friction, self.limits));
             }
-            _ => self.stop(),
+            _ => self.come_to_rest(self.reference_acceleration),
         }
     }
 
     fn come_to_rest(&mut self, acceleration: f64) {
         self.path = Profile::stopping(self.state(), acceleration, self.limits);
         self.target = self.path.target();
+        self.drive = None;
     }
 
     pub(super) fn check_reference_speed(&self, speed: f64) -> Result<(), DeviceError> {
@@ -230,6 +409,10 @@ impl Axis {
         self.path = Profile::at_rest(position);
         self.target = position;
         self.velocity = 0.0;
+        if self.drive.is_some() {
+            self.effort = 0.0;
+            self.drive = Some(Drive::new(self.path.state(), self.friction, self.limits));
+        }
     }
 
     /// Puts the axis to rest at a place inside its limits, whatever it does: as by hand.
@@ -245,6 +428,9 @@ impl Axis {
         self.check_at_rest("change its limits")?;
         self.check_inside("present position", self.state().position, asked, "")?;
         self.limits = asked;
+        if let Some(drive) = &mut self.drive {
+            drive.set_limits(asked);
+        }
         Ok(())
     }
 
@@ -260,26 +446,38 @@ impl Axis {
     }
 
     fn check_mode(&self, command: &'static str, needed: Mode) -> Result<(), DeviceError> {
-        if self.mode == needed {
-            return Ok(());
+        let joint = self.index;
+        if self.mode != needed {
+            return Err(DeviceError::WrongMode {
+                joint,
+                command,
+                mode: self.mode,
+                needed,
+            });
         }
-        Err(DeviceError::WrongMode {
-            joint: self.index,
-            command,
-            mode: self.mode,
-            needed,
-        })
+        if self.motor.manual_brake {
+            return Err(DeviceError::Held {
+                joint,
+                by: "its brake",
+                remedy: "take the brake off",
+            });
+        }
+        Ok(())
     }
 
-    fn check_at_rest(&self, what: &'static str) -> Result<(), DeviceError> {
-        if self.path.is_done() {
+    pub(super) fn check_at_rest(&self, what: &'static str) -> Result<(), DeviceError> {
+        if self.is_done() {
             return Ok(());
         }
         let joint = self.index;
         Err(DeviceError::Moving { joint, what })
     }
 
-    fn check_finite(&self, quantity: &'static str, asked: f64) -> Result<(), DeviceError> {
+    pub(super) fn check_finite(
+        &self,
+        quantity: &'static str,
+        asked: f64,
+    ) -> Result<(), DeviceError> {
         if asked.is_finite() {
             return Ok(());
         }
@@ -298,6 +496,17 @@ impl Axis {
         allowed: Limits,
         per: &'static str,
     ) -> Result<(), DeviceError> {
+        let unit = unit(self.built.joint_type, per);
+        self.check_allowed(quantity, asked, allowed, unit)
+    }
+
+    pub(super) fn check_allowed(
+        &self,
+        quantity: &'static str,
+        asked: f64,
+        allowed: Limits,
+        unit: &'static str,
+    ) -> Result<(), DeviceError> {
         self.check_finite(quantity, asked)?;
         if allowed.contains(asked) {
             return Ok(());
@@ -308,7 +517,7 @@ impl Axis {
             asked,
             min: allowed.min,
             max: allowed.max,
-            unit: unit(self.built.joint_type, per),
+            unit,
         })
     }
 }
@@ -322,5 +531,26 @@ fn unit(joint_type: JointType, per: &str) -> &'static str {
         (JointType::Prismatic, "/s") => "m/s",
         (JointType::Prismatic, _) => "m/s²",
         (JointType::Unknown, _) => "units",
+    }
+}
+
+/// The acceleration that one newton metre, or newton, gives to a joint of one unit of inertia.
+fn push_per_torque(joint_type: JointType) -> f64 {
+    match joint_type {
+        JointType::Revolute => 1_f64.to_degrees(),
+        JointType::Prismatic | JointType::Unknown => 1.0,
+    }
+}
+
+/// The torque that gives the largest acceleration.
+fn largest_torque(built: &AxisParameters) -> f64 {
+    built.max_acceleration / push_per_torque(built.joint_type)
+}
+
+fn torque_unit(joint_type: JointType) -> &'static str {
+    match joint_type {
+        JointType::Revolute => "Nm",
+        JointType::Prismatic => "N",
+        JointType::Unknown => "units",
     }
 }

@@ -5,7 +5,10 @@
 //! [`SimulatedWam`](crate::wam::SimulatedWam) runs one in real time; a test can step one as it likes.
 
 mod axis;
+mod drive;
 mod model;
+mod model_motors;
+mod motor;
 mod profile;
 
 pub use axis::AxisParameters;

@@ -8,8 +8,8 @@ use crate::{Axes, AxisIndex, DeviceError, JointType, Limits, Mode};
 
 /// A set of axes that takes the commands of the device interfaces and moves when it is stepped.
 ///
-/// The methods are those of the interfaces in [`iface`](crate::iface) and keep their contracts. The model has
-/// idle, position and velocity mode and starts in position mode, as the stock `fakeMotionControl` does. It is
+/// The methods are those of the interfaces in [`iface`](crate::iface) and keep their contracts. The model starts
+/// in position mode, as the stock `fakeMotionControl` does; what its motors are like is told in `motor`. It is
 /// deterministic: the same commands and steps give the same numbers.
 ///
 /// ```
@@ -256,7 +256,7 @@ impl Model {
     }
 
     /// Checks a command for every selected axis, and only then carries it out for each.
-    fn command<T: Copy>(
+    pub(super) fn command<T: Copy>(
         &mut self,
         axes: Axes<'_>,
         what: &'static str,
@@ -275,7 +275,7 @@ impl Model {
         Ok(())
     }
 
-    fn selected<'a>(
+    pub(super) fn selected<'a>(
         &'a self,
         axes: Axes<'a>,
     ) -> Result<impl Iterator<Item = &'a Axis> + 'a, DeviceError> {
@@ -283,13 +283,13 @@ impl Model {
         Ok(axes.iter(self.axes()).map(|axis| &self.axes[axis.index()]))
     }
 
-    fn axis(&self, asked: AxisIndex) -> Result<&Axis, DeviceError> {
+    pub(super) fn axis(&self, asked: AxisIndex) -> Result<&Axis, DeviceError> {
         let axes = self.axes();
         let missing = DeviceError::NoSuchAxis { asked, axes };
         self.axes.get(asked.index()).ok_or(missing)
     }
 
-    fn axis_mut(&mut self, asked: AxisIndex) -> Result<&mut Axis, DeviceError> {
+    pub(super) fn axis_mut(&mut self, asked: AxisIndex) -> Result<&mut Axis, DeviceError> {
         let axes = self.axes();
         let missing = DeviceError::NoSuchAxis { asked, axes };
         self.axes.get_mut(asked.index()).ok_or(missing)

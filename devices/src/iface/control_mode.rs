@@ -61,6 +61,8 @@ pub enum Mode {
     PositionDirect,
     /// `[vel]`: follows velocities.
     Velocity,
+    /// `[veld]`: follows velocities given by the caller step by step (4.0).
+    VelocityDirect,
     /// `[icur]`: follows motor currents.
     Current,
     /// `[ipwm]`: follows motor duty cycles.
@@ -85,13 +87,14 @@ pub enum Mode {
 
 /// Every mode with a name: the word on the wire and the name for people.
 ///
-/// Source: `ControlBoardVocabs.h` of YARP 3.5 to 3.12.
-const NAMED: [(Mode, u32, &str); 14] = [
+/// Source: `ControlBoardVocabs.h` of YARP 3.5 to 4.0.
+const NAMED: [(Mode, u32, &str); 15] = [
     (Mode::Idle, code(b"idl"), "idle"),
     (Mode::Torque, code(b"torq"), "torque"),
     (Mode::Position, code(b"pos"), "position"),
     (Mode::PositionDirect, code(b"posd"), "position direct"),
     (Mode::Velocity, code(b"vel"), "velocity"),
+    (Mode::VelocityDirect, code(b"veld"), "velocity direct"),
     (Mode::Current, code(b"icur"), "current"),
     (Mode::Pwm, code(b"ipwm"), "pwm"),
     (Mode::Mixed, code(b"mix"), "mixed"),
@@ -182,6 +185,7 @@ mod tests {
         check(Mode::Idle, 7103593, "idle");
         check(Mode::Torque, 1903325044, "torque");
         check(Mode::PositionDirect, 1685286768, "position direct");
+        check(Mode::VelocityDirect, 1684825462, "velocity direct");
         check(Mode::Current, 1920295785, "current");
         check(Mode::Pwm, 1836544105, "pwm");
         check(Mode::Mixed, 7891309, "mixed");

@@ -6,18 +6,50 @@
 //! are one method with an [`Axes`](crate::Axes) selector. A command for several joints is checked completely
 //! before anything moves: all of it happens, or none.
 
+mod amplifier_control;
 mod axis_info;
+mod control_calibration;
 mod control_limits;
 mod control_mode;
+mod current_control;
 mod encoders;
+mod impedance_control;
+mod interaction_mode;
+mod joint_brake;
+mod joint_fault;
 mod motion_control;
+mod motor;
+mod motor_encoders;
+mod pid_control;
 mod position_control;
+mod position_direct;
+mod pwm_control;
+mod remote_calibrator;
+mod remote_variables;
+mod torque_control;
 mod velocity_control;
+mod velocity_direct;
 
+pub use amplifier_control::{AmplifierControl, AmplifierLimit};
 pub use axis_info::{AxisInfo, JointType};
+pub use control_calibration::{CalibrationParameters, ControlCalibration};
 pub use control_limits::{ControlLimits, Limits};
 pub use control_mode::{ControlMode, Mode};
+pub use current_control::CurrentControl;
 pub use encoders::{EncoderReading, Encoders};
+pub use impedance_control::{Impedance, ImpedanceControl, ImpedanceLimits};
+pub use interaction_mode::{Interaction, InteractionMode};
+pub use joint_brake::JointBrake;
+pub use joint_fault::{Fault, JointFault};
 pub use motion_control::MotionControl;
+pub use motor::Motor;
+pub use motor_encoders::MotorEncoders;
+pub use pid_control::{Pid, PidControl, PidKind, PidValue};
 pub use position_control::PositionControl;
+pub use position_direct::PositionDirect;
+pub use pwm_control::PwmControl;
+pub use remote_calibrator::RemoteCalibrator;
+pub use remote_variables::{RemoteVariables, VariableValue};
+pub use torque_control::{MotorTorqueParameters, TorqueControl};
 pub use velocity_control::VelocityControl;
+pub use velocity_direct::VelocityDirect;

@@ -6,6 +6,7 @@
 mod dynamic;
 mod dynamic_arm;
 mod model;
+mod motors;
 mod parameters;
 mod simulated;
 mod transmission;

@@ -10,8 +10,11 @@ use tracing::{debug, info};
 use super::parameters;
 use crate::fake::Model;
 use crate::{
-    Axes, AxisIndex, AxisInfo, ControlLimits, ControlMode, Device, DeviceError, EncoderReading,
-    Encoders, JointType, Limits, Mode, MotionControl, PositionControl, VelocityControl,
+    AmplifierControl, Axes, AxisIndex, AxisInfo, ControlCalibration, ControlLimits, ControlMode,
+    CurrentControl, Device, DeviceError, EncoderReading, Encoders, ImpedanceControl,
+    InteractionMode, JointBrake, JointFault, JointType, Limits, Mode, MotionControl, Motor,
+    MotorEncoders, PidControl, PositionControl, PositionDirect, PwmControl, RemoteCalibrator,
+    RemoteVariables, TorqueControl, VelocityControl, VelocityDirect,
 };
 
 /// The control period of the arm: 500 Hz, as libbarrett runs it.
@@ -27,8 +30,10 @@ const LONGEST_STEP: Duration = Duration::from_millis(100);
 /// * A thread of its own steps the [`Model`] at 500 Hz; all axes carry the wall-clock time of the newest step.
 ///   Dropping the arm ends and joins the thread.
 /// * Calls wait for nothing longer than one step of the model, some microseconds.
-/// * It has idle, position and velocity mode, and refuses others by name. Nothing times out: a velocity
-///   stays in force until the next command.
+/// * It has all modes but mixed, and refuses others by name. Nothing times out: a velocity or a torque stays in
+///   force until the next command. Pushed by torque, current or duty cycle an axis is a mass with friction: there is
+///   no gravity and no coupling.
+/// * Gains, impedance, limits of amplifiers and motors are kept and told, and change nothing.
 ///
 /// ```
 /// use yarp_devices::wam::SimulatedWam;
@@ -55,10 +60,10 @@ struct Shared {
 }
 
 #[derive(Debug)]
-struct Arm {
-    model: Model,
+pub(super) struct Arm {
+    pub(super) model: Model,
     /// Of the newest step, in seconds since the start of 1970.
-    time: f64,
+    pub(super) time: f64,
 }
 
 impl SimulatedWam {
@@ -88,7 +93,7 @@ impl SimulatedWam {
         })
     }
 
-    fn arm(&self) -> MutexGuard<'_, Arm> {
+    pub(super) fn arm(&self) -> MutexGuard<'_, Arm> {
         self.shared.lock()
     }
 }
@@ -164,6 +169,70 @@ impl Device for SimulatedWam {
     }
 
     fn control_limits(&self) -> Option<&dyn ControlLimits> {
+        Some(self)
+    }
+
+    fn position_direct(&self) -> Option<&dyn PositionDirect> {
+        Some(self)
+    }
+
+    fn velocity_direct(&self) -> Option<&dyn VelocityDirect> {
+        Some(self)
+    }
+
+    fn torque_control(&self) -> Option<&dyn TorqueControl> {
+        Some(self)
+    }
+
+    fn current_control(&self) -> Option<&dyn CurrentControl> {
+        Some(self)
+    }
+
+    fn pwm_control(&self) -> Option<&dyn PwmControl> {
+        Some(self)
+    }
+
+    fn interaction_mode(&self) -> Option<&dyn InteractionMode> {
+        Some(self)
+    }
+
+    fn impedance_control(&self) -> Option<&dyn ImpedanceControl> {
+        Some(self)
+    }
+
+    fn pid_control(&self) -> Option<&dyn PidControl> {
+        Some(self)
+    }
+
+    fn motor_encoders(&self) -> Option<&dyn MotorEncoders> {
+        Some(self)
+    }
+
+    fn motor(&self) -> Option<&dyn Motor> {
+        Some(self)
+    }
+
+    fn amplifier_control(&self) -> Option<&dyn AmplifierControl> {
+        Some(self)
+    }
+
+    fn control_calibration(&self) -> Option<&dyn ControlCalibration> {
+        Some(self)
+    }
+
+    fn remote_calibrator(&self) -> Option<&dyn RemoteCalibrator> {
+        Some(self)
+    }
+
+    fn remote_variables(&self) -> Option<&dyn RemoteVariables> {
+        Some(self)
+    }
+
+    fn joint_fault(&self) -> Option<&dyn JointFault> {
+        Some(self)
+    }
+
+    fn joint_brake(&self) -> Option<&dyn JointBrake> {
         Some(self)
     }
 }

@@ -284,6 +284,16 @@ impl Initiator {
                 _ => {}
             }
         }
+        if is_version_struct(input) {
+            if input.len() < VERSION_STRUCT {
+                return Ok(None);
+            }
+            self.scanner = None;
+            self.waiting.pop_front();
+            let bytes = input.split_to(VERSION_STRUCT).freeze();
+            let payload = Payload::new(bytes, Form::Binary(self.dialect));
+            return Ok(Some(Progress::Reply(payload)));
+        }
         let scanner = self
             .scanner
             .get_or_insert_with(|| Scanner::new(self.dialect, self.limits));
@@ -385,12 +395,38 @@ impl Initiator {
     }
 }
 
+/// The bytes of the answer to `getRemoteProtocolVersion`: a list head and four bare int16.
+const VERSION_STRUCT: usize = 16;
+
+/// Whether a reply begins as the version of a 4.0 service does, the one reply that is no bottle.
+///
+/// After the head of a list of one come protocol and major version, where a bottle has a code below 1024.
+/// Source: bytes written by 4.0.0.
+fn is_version_struct(input: &[u8]) -> bool {
+    let Some((head, [_, _, major @ ..])) = input.first_chunk::<12>().map(|head| head.split_at(8))
+    else {
+        return false;
+    };
+    head == [0, 1, 0, 0, 1, 0, 0, 0] && *major != [0, 0]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     /// A call to a stock port that only reads ended the connection: its acknowledgement, where a
     /// reply was due, was taken for a broken bottle.
+    #[test]
+    fn the_version_of_a_service_is_a_reply() {
+        // Recorded from a 4.0.0 control board, with the acknowledgement behind it.
+        let recorded = b"\x00\x01\x00\x00\x01\x00\x00\x00\x00\x00\x04\x00\x00\x00\x00\x00YA\0\0\0\0RP";
+        assert!((0..12).all(|end| !is_version_struct(&recorded[..end])));
+        assert!(is_version_struct(recorded));
+        // A list of one integer, and one of a nested list.
+        assert!(!is_version_struct(b"\x00\x01\x00\x00\x01\x00\x00\x00\x01\x00\x00\x00\x07\x00\x00\x00"));
+        assert!(!is_version_struct(b"\x00\x01\x00\x00\x01\x00\x00\x00\x00\x01\x00\x00\x00\x00\x00\x00"));
+    }
+
     #[test]
     fn an_acknowledgement_instead_of_a_reply_is_an_empty_reply() {
         let tcp = Carrier::by_name("tcp").unwrap();

@@ -1,0 +1,60 @@
+//! Calibration by the board itself.
+
+use crate::{AxisIndex, AxisInfo, DeviceError};
+
+/// Finding out where the joints are (stock: `IControlCalibration`).
+pub trait ControlCalibration: AxisInfo {
+    /// Starts to calibrate a joint (`calibrateAxisWithParams`).
+    ///
+    /// * `method`, `parameters`: the device's own.
+    /// * Errors: [`DeviceError::NoSuchAxis`], [`DeviceError::NotFinite`], [`DeviceError::Moving`].
+    fn calibrate_axis(
+        &self,
+        axis: AxisIndex,
+        method: u32,
+        parameters: [f64; 3],
+    ) -> Result<(), DeviceError>;
+
+    /// Keeps how a joint is calibrated (`setCalibrationParameters`).
+    ///
+    /// Errors: [`DeviceError::NoSuchAxis`], [`DeviceError::NotFinite`].
+    fn set_calibration_parameters(
+        &self,
+        axis: AxisIndex,
+        parameters: CalibrationParameters,
+    ) -> Result<(), DeviceError>;
+
+    /// Whether a joint has been calibrated (`calibrationDone`).
+    ///
+    /// Errors: [`DeviceError::NoSuchAxis`].
+    fn calibration_done(&self, axis: AxisIndex) -> Result<bool, DeviceError>;
+
+    /// Starts to calibrate all joints (`calibrateRobot`).
+    ///
+    /// Errors: [`DeviceError::Moving`].
+    fn calibrate_robot(&self) -> Result<(), DeviceError>;
+
+    /// Sends all joints to where they are parked (`park`).
+    ///
+    /// With `wait` it returns when they are there, or cannot get there.
+    ///
+    /// Errors: [`DeviceError::WrongMode`] of a joint that does not take moves.
+    fn park_robot(&self, wait: bool) -> Result<(), DeviceError>;
+
+    /// Ends a calibration that is under way (`abortCalibration`).
+    fn abort_calibration(&self) -> Result<(), DeviceError>;
+
+    /// Ends parking: the joints stop (`abortPark`).
+    fn abort_park(&self) -> Result<(), DeviceError>;
+}
+
+/// How a joint is calibrated, in the device's own terms (stock: `CalibrationParameters`).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CalibrationParameters {
+    /// The method.
+    pub method: u32,
+    /// Its parameters.
+    pub parameters: [f64; 5],
+    /// Where zero is.
+    pub zero: f64,
+}

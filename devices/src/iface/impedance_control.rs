@@ -1,0 +1,49 @@
+//! How a compliant joint yields.
+
+use crate::{AxisIndex, AxisInfo, DeviceError, Limits};
+
+/// Stiffness and damping of compliant joints (stock: `IImpedanceControl`, one axis at a time).
+pub trait ImpedanceControl: AxisInfo {
+    /// Stiffness and damping of a joint (`getImpedance`).
+    ///
+    /// Errors: [`DeviceError::NoSuchAxis`].
+    fn impedance(&self, axis: AxisIndex) -> Result<Impedance, DeviceError>;
+
+    /// Sets stiffness and damping of a joint (`setImpedance`).
+    ///
+    /// Errors: [`DeviceError::NoSuchAxis`], [`DeviceError::NotFinite`], [`DeviceError::OutOfRange`].
+    fn set_impedance(&self, axis: AxisIndex, impedance: Impedance) -> Result<(), DeviceError>;
+
+    /// The torque that is added to that of the spring, Nm (`getImpedanceOffset`).
+    ///
+    /// Errors: [`DeviceError::NoSuchAxis`].
+    fn impedance_offset(&self, axis: AxisIndex) -> Result<f64, DeviceError>;
+
+    /// Sets the torque that is added to that of the spring, Nm (`setImpedanceOffset`).
+    ///
+    /// Errors: as [`set_impedance`](Self::set_impedance).
+    fn set_impedance_offset(&self, axis: AxisIndex, offset: f64) -> Result<(), DeviceError>;
+
+    /// What stiffness and damping may be (`getCurrentImpedanceLimit`).
+    ///
+    /// Errors: [`DeviceError::NoSuchAxis`].
+    fn impedance_limits(&self, axis: AxisIndex) -> Result<ImpedanceLimits, DeviceError>;
+}
+
+/// A spring and a damper.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Impedance {
+    /// Nm/deg, N/m.
+    pub stiffness: f64,
+    /// Nm s/deg, N s/m.
+    pub damping: f64,
+}
+
+/// What an [`Impedance`] may be.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ImpedanceLimits {
+    /// Nm/deg, N/m.
+    pub stiffness: Limits,
+    /// Nm s/deg, N s/m.
+    pub damping: Limits,
+}

@@ -1,0 +1,56 @@
+//! Whether joints yield to a push.
+
+use crate::{Axes, AxisInfo, DeviceError};
+
+/// How joints meet the world (stock: `IInteractionMode`).
+pub trait InteractionMode: AxisInfo {
+    /// Whether the joints are stiff or compliant (`getInteractionMode(s)`).
+    ///
+    /// Errors: [`DeviceError::NoSuchAxis`]; behind a network also [`DeviceError::NoDataYet`] and
+    /// [`DeviceError::Stale`].
+    fn interactions(&self, axes: Axes<'_>) -> Result<Vec<Interaction>, DeviceError>;
+
+    /// Makes the joints stiff or compliant (`setInteractionMode(s)`).
+    ///
+    /// Errors: [`DeviceError::NotSupported`] for [`Interaction::Unknown`], or what is wrong with the selection; then
+    /// none changes.
+    fn set_interactions(
+        &self,
+        axes: Axes<'_>,
+        interactions: &[Interaction],
+    ) -> Result<(), DeviceError>;
+}
+
+/// How a joint meets the world (stock: `InteractionModeEnum`).
+#[derive(Clone, Copy, Debug, Eq, Hash, PartialEq)]
+pub enum Interaction {
+    /// `[stif]`: holds its place.
+    Stiff,
+    /// `[comp]`: yields as its impedance says.
+    Compliant,
+    /// Any other word, kept as it came.
+    Unknown(u32),
+}
+
+const STIFF: u32 = u32::from_le_bytes(*b"stif");
+const COMPLIANT: u32 = u32::from_le_bytes(*b"comp");
+
+impl From<u32> for Interaction {
+    fn from(code: u32) -> Self {
+        match code {
+            STIFF => Self::Stiff,
+            COMPLIANT => Self::Compliant,
+            other => Self::Unknown(other),
+        }
+    }
+}
+
+impl From<Interaction> for u32 {
+    fn from(interaction: Interaction) -> Self {
+        match interaction {
+            Interaction::Stiff => STIFF,
+            Interaction::Compliant => COMPLIANT,
+            Interaction::Unknown(code) => code,
+        }
+    }
+}

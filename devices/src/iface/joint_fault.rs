@@ -1,0 +1,20 @@
+//! Why a joint is out of order.
+
+use crate::{AxisIndex, AxisInfo, DeviceError};
+
+/// The last fault of each joint (stock: `IJointFault`, 3.6 and later).
+pub trait JointFault: AxisInfo {
+    /// The last fault of a joint (`getLastJointFault`).
+    ///
+    /// Errors: [`DeviceError::NoSuchAxis`].
+    fn last_fault(&self, axis: AxisIndex) -> Result<Fault, DeviceError>;
+}
+
+/// A fault in the device's own code; 0 is none.
+#[derive(Clone, Debug, Default, Eq, PartialEq)]
+pub struct Fault {
+    /// The code.
+    pub code: i32,
+    /// What it means.
+    pub message: String,
+}

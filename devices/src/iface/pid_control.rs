@@ -1,0 +1,119 @@
+//! The control loops of the joints.
+
+use crate::{Axes, AxisIndex, AxisInfo, DeviceError};
+
+/// Gains, references and errors of the control loops (stock: `IPidControl`).
+///
+/// A joint has a loop for each [`PidKind`] it is available for; another kind is
+/// [`DeviceError::NotSupported`].
+pub trait PidControl: AxisInfo {
+    /// The loops that a joint has (4.0: `getAvailablePids`).
+    ///
+    /// Errors: [`DeviceError::NoSuchAxis`].
+    fn available_pids(&self, axis: AxisIndex) -> Result<Vec<PidKind>, DeviceError>;
+
+    /// The gains (`getPid(s)`).
+    ///
+    /// Errors: [`DeviceError::NoSuchAxis`], [`DeviceError::NotSupported`].
+    fn pids(&self, kind: PidKind, axes: Axes<'_>) -> Result<Vec<Pid>, DeviceError>;
+
+    /// Sets the gains (`setPid(s)`).
+    ///
+    /// Errors: [`DeviceError::NotSupported`], [`DeviceError::NotFinite`], or what is wrong with the selection; then
+    /// none changes.
+    fn set_pids(&self, kind: PidKind, axes: Axes<'_>, pids: &[Pid]) -> Result<(), DeviceError>;
+
+    /// A number of each loop, in the unit of the loop (`getPidReference(s)`, `getPidErrorLimit(s)`, `getPidError(s)`,
+    /// `getPidOutput(s)`, `getPidOffset`, `getPidFeedforward`).
+    ///
+    /// Errors: as [`pids`](Self::pids).
+    fn pid_values(
+        &self,
+        kind: PidKind,
+        value: PidValue,
+        axes: Axes<'_>,
+    ) -> Result<Vec<f64>, DeviceError>;
+
+    /// Sets a number of each loop (`setPidReference(s)`, `setPidErrorLimit(s)`, `setPidOffset`, `setPidFeedforward`).
+    ///
+    /// Errors: as [`set_pids`](Self::set_pids); errors and outputs cannot be set.
+    fn set_pid_values(
+        &self,
+        kind: PidKind,
+        value: PidValue,
+        axes: Axes<'_>,
+        values: &[f64],
+    ) -> Result<(), DeviceError>;
+
+    /// Whether the loops are closed (`isPidEnabled`).
+    ///
+    /// Errors: as [`pids`](Self::pids).
+    fn pids_enabled(&self, kind: PidKind, axes: Axes<'_>) -> Result<Vec<bool>, DeviceError>;
+
+    /// Closes or opens the loops (`enablePid`, `disablePid`).
+    ///
+    /// Errors: as [`pids`](Self::pids).
+    fn enable_pids(&self, kind: PidKind, axes: Axes<'_>, enabled: bool) -> Result<(), DeviceError>;
+
+    /// Forgets the integrals of the loops (`resetPid`).
+    ///
+    /// Errors: as [`pids`](Self::pids).
+    fn reset_pids(&self, kind: PidKind, axes: Axes<'_>) -> Result<(), DeviceError>;
+}
+
+/// What a loop controls (stock: `PidControlTypeEnum`).
+#[derive(Clone, Copy, Debug, Eq, Hash, PartialEq)]
+pub enum PidKind {
+    /// `[pos]`, in 4.0 `[pos1]`.
+    Position,
+    /// `[vel]`, in 4.0 `[vel1]`.
+    Velocity,
+    /// `[trq]`, in 4.0 `[trq1]`.
+    Torque,
+    /// `[cur]`, in 4.0 `[cur1]`.
+    Current,
+    /// Any other word, as it came: the second and third loops of 4.0.
+    Other(u32),
+}
+
+/// A number of a loop.
+#[derive(Clone, Copy, Debug, Eq, Hash, PartialEq)]
+pub enum PidValue {
+    /// What it steers to.
+    Reference,
+    /// How large the error may become.
+    ErrorLimit,
+    /// Reference minus measurement. Read only.
+    Error,
+    /// What it gives out. Read only.
+    Output,
+    /// What is added to the output.
+    Offset,
+    /// What is added to the output, as the caller foresees it.
+    Feedforward,
+}
+
+/// The gains of a loop, in its own units (stock: `Pid`).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Pid {
+    /// Proportional gain.
+    pub kp: f64,
+    /// Derivative gain.
+    pub kd: f64,
+    /// Integral gain.
+    pub ki: f64,
+    /// The largest integral.
+    pub max_integral: f64,
+    /// Scale of the output.
+    pub scale: f64,
+    /// The largest output.
+    pub max_output: f64,
+    /// What is added to the output.
+    pub offset: f64,
+    /// Friction overcome when moving up.
+    pub stiction_up: f64,
+    /// Friction overcome when moving down.
+    pub stiction_down: f64,
+    /// Gain of the feed-forward term.
+    pub kff: f64,
+}

@@ -1,0 +1,43 @@
+//! Variables of the device's own.
+
+use crate::{AxisInfo, DeviceError};
+
+/// Numbers and words that a device offers by name (stock: `IRemoteVariables`).
+pub trait RemoteVariables: AxisInfo {
+    /// The names, in a fixed order (`getRemoteVariablesList`).
+    fn variables(&self) -> Result<Vec<String>, DeviceError>;
+
+    /// The value of a variable (`getRemoteVariable`).
+    ///
+    /// Errors: [`DeviceError::NotSupported`] for a name that is not in the list.
+    fn variable(&self, name: &str) -> Result<Vec<VariableValue>, DeviceError>;
+
+    /// Sets a variable (`setRemoteVariable`).
+    ///
+    /// Errors: [`DeviceError::NotSupported`] for a name that is not in the list or a value it cannot have.
+    fn set_variable(&self, name: &str, value: &[VariableValue]) -> Result<(), DeviceError>;
+}
+
+/// A part of the value of a variable.
+#[derive(Clone, Debug, PartialEq)]
+pub enum VariableValue {
+    /// A whole number.
+    Integer(i64),
+    /// A number.
+    Number(f64),
+    /// Characters.
+    Text(String),
+    /// Several.
+    List(Vec<VariableValue>),
+}
+
+impl VariableValue {
+    /// The value as a number, if it is one.
+    pub fn as_number(&self) -> Option<f64> {
+        match self {
+            Self::Integer(value) => Some(*value as f64),
+            Self::Number(value) => Some(*value),
+            _ => None,
+        }
+    }
+}

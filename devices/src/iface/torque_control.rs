@@ -1,0 +1,114 @@
+//! Torques at the joints.
+
+use crate::{Axes, AxisIndex, AxisInfo, DeviceError, Limits};
+
+/// Torques measured and asked for (stock: `ITorqueControl`).
+///
+/// Newton metres for joints that turn, newton for those that slide. References need
+/// [`Mode::Torque`](crate::Mode::Torque).
+pub trait TorqueControl: AxisInfo {
+    /// Makes the joints push with `torques` until told otherwise, and returns at once (`setRefTorque(s)`).
+    ///
+    /// Errors: [`DeviceError::OutOfRange`], [`DeviceError::NotFinite`], [`DeviceError::WrongMode`], or what is wrong
+    /// with the selection; then every joint goes on as before. A device behind a network may not hear of a refusal.
+    fn set_reference_torques(&self, axes: Axes<'_>, torques: &[f64]) -> Result<(), DeviceError>;
+
+    /// The torques last asked for; 0 after a change of mode (`getRefTorque(s)`).
+    ///
+    /// Errors: [`DeviceError::NoSuchAxis`].
+    fn reference_torques(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError>;
+
+    /// The torques measured now (`getTorque(s)`).
+    ///
+    /// Errors: [`DeviceError::NoSuchAxis`]; behind a network also [`DeviceError::NoDataYet`] and
+    /// [`DeviceError::Stale`].
+    fn torques(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError>;
+
+    /// The smallest and largest torque of each joint (`getTorqueRange(s)`).
+    ///
+    /// Errors: [`DeviceError::NoSuchAxis`].
+    fn torque_ranges(&self, axes: Axes<'_>) -> Result<Vec<Limits>, DeviceError>;
+
+    /// What the torque loop assumes of a motor (`getMotorTorqueParams`).
+    ///
+    /// Errors: [`DeviceError::NoSuchAxis`].
+    fn motor_torque_parameters(
+        &self,
+        axis: AxisIndex,
+    ) -> Result<MotorTorqueParameters, DeviceError>;
+
+    /// Sets what the torque loop assumes of a motor (`setMotorTorqueParams`).
+    ///
+    /// Errors: [`DeviceError::NoSuchAxis`], [`DeviceError::NotFinite`].
+    fn set_motor_torque_parameters(
+        &self,
+        axis: AxisIndex,
+        parameters: MotorTorqueParameters,
+    ) -> Result<(), DeviceError>;
+}
+
+/// What a torque loop assumes of its motor, in the device's own units (stock: `MotorTorqueParameters`).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MotorTorqueParameters {
+    /// Back electromotive force.
+    pub bemf: f64,
+    /// Scale of the above.
+    pub bemf_scale: f64,
+    /// Torque constant.
+    pub ktau: f64,
+    /// Scale of the above.
+    pub ktau_scale: f64,
+    /// Viscous friction, moving up (3.7 and later, as all below).
+    pub viscous_up: f64,
+    /// Viscous friction, moving down.
+    pub viscous_down: f64,
+    /// Coulomb friction, moving up.
+    pub coulomb_up: f64,
+    /// Coulomb friction, moving down.
+    pub coulomb_down: f64,
+    /// Below this velocity a joint counts as standing.
+    pub velocity_threshold: f64,
+}
+
+impl MotorTorqueParameters {
+    /// The numbers in the order of the wire.
+    pub fn to_array(self) -> [f64; 9] {
+        [
+            self.bemf,
+            self.bemf_scale,
+            self.ktau,
+            self.ktau_scale,
+            self.viscous_up,
+            self.viscous_down,
+            self.coulomb_up,
+            self.coulomb_down,
+            self.velocity_threshold,
+        ]
+    }
+
+    /// From the numbers in the order of the wire.
+    pub fn from_array(numbers: [f64; 9]) -> Self {
+        let [
+            bemf,
+            bemf_scale,
+            ktau,
+            ktau_scale,
+            viscous_up,
+            viscous_down,
+            coulomb_up,
+            coulomb_down,
+            velocity_threshold,
+        ] = numbers;
+        Self {
+            bemf,
+            bemf_scale,
+            ktau,
+            ktau_scale,
+            viscous_up,
+            viscous_down,
+            coulomb_up,
+            coulomb_down,
+            velocity_threshold,
+        }
+    }
+}
