@@ -419,12 +419,17 @@ mod tests {
     #[test]
     fn the_version_of_a_service_is_a_reply() {
         // Recorded from a 4.0.0 control board, with the acknowledgement behind it.
-        let recorded = b"\x00\x01\x00\x00\x01\x00\x00\x00\x00\x00\x04\x00\x00\x00\x00\x00YA\0\0\0\0RP";
+        let recorded =
+            b"\x00\x01\x00\x00\x01\x00\x00\x00\x00\x00\x04\x00\x00\x00\x00\x00YA\0\0\0\0RP";
         assert!((0..12).all(|end| !is_version_struct(&recorded[..end])));
         assert!(is_version_struct(recorded));
         // A list of one integer, and one of a nested list.
-        assert!(!is_version_struct(b"\x00\x01\x00\x00\x01\x00\x00\x00\x01\x00\x00\x00\x07\x00\x00\x00"));
-        assert!(!is_version_struct(b"\x00\x01\x00\x00\x01\x00\x00\x00\x00\x01\x00\x00\x00\x00\x00\x00"));
+        assert!(!is_version_struct(
+            b"\x00\x01\x00\x00\x01\x00\x00\x00\x01\x00\x00\x00\x07\x00\x00\x00"
+        ));
+        assert!(!is_version_struct(
+            b"\x00\x01\x00\x00\x01\x00\x00\x00\x00\x01\x00\x00\x00\x00\x00\x00"
+        ));
     }
 
     #[test]
