@@ -3,6 +3,8 @@
 #   make run        install what is missing, build, bring up a YARP network with a simulated arm
 #   make test       everything that needs no stock YARP
 #   make test-live  ours against stock YARP 3.5.0, which is built first if it is not there
+#   make soak       100 000 connections that come and go leave nothing behind
+#   make idle       what connections cost that are open and at rest
 #   make bench      ours beside stock YARP, with ratios
 #   make check      formatting and lints
 
@@ -10,7 +12,7 @@
 STOCK ?= $(HOME)/.cache/stock-yarp-3.5.0
 export STOCK
 
-.PHONY: run build test test-live bench check setup stock
+.PHONY: run build test test-live soak idle bench check setup stock
 
 run: build
 	target/release/yarp up
@@ -34,6 +36,13 @@ stock: setup
 
 test-live: build stock
 	conformance/live/run.sh
+
+soak: setup
+	cargo run --release -p yarp-conformance --bin soak
+
+idle: setup
+	cargo build --release -p yarp-conformance --bin idle
+	ulimit -n 8192 && target/release/idle
 
 bench: stock
 	cargo build --release -p yarp-conformance

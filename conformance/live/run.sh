@@ -64,10 +64,25 @@ g++ -O1 -std=c++17 -include cstdint conformance/live/typed_peer.cpp -I"$stock_pa
     -L"$stock_package/lib" -lYARP_os -lYARP_sig -lYARP_init -o "$work/typed_peer"
 suite "typed messages" "$with_stock" "$python" conformance/live/typed.py target/debug/examples/typed "$work/typed_peer"
 
+if ! command -v ip >/dev/null; then
+    echo "live: installing iproute2 for network namespaces"
+    if [ "$(id -u)" = 0 ]; then as_root=""; else as_root="sudo"; fi
+    $as_root apt-get update -q && $as_root apt-get install -y -q iproute2 </dev/null ||
+        echo "live: iproute2 is missing; the two hosts will fail" >&2
+fi
+suite "two hosts and a link that goes down and up" \
+    python3 conformance/live/two_hosts.py "$ours" target/release/hosts
+
 for server in ours stock; do
     suite "the yarp command, server: $server" "$python" conformance/live/cli.py \
         --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours" --server "$server"
+    suite "connections that last, server: $server" "$python" conformance/live/lasting.py \
+        --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours" --server "$server"
 done
+
+conformance/web/setup.sh
+suite "the page of the name server in a browser" "$python" conformance/web/name_server.py \
+    --yarp "$ours" --with-stock "$with_stock" --out target/web
 
 # An arm of ours, driven by the stock client, on a name server of ours and on one of stock's.
 port=15510

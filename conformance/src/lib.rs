@@ -2,10 +2,14 @@
 //!
 //! * [`board`]: the device behind the recorded control boards.
 //! * [`capture`]: recorded conversations.
+//! * [`counting`]: an allocator that counts.
 //! * [`mask`]: what legitimately differs between two runs, in one place.
 //! * [`replay`]: plays the connecting side of a conversation against a port of ours and compares.
+//! * [`soak`]: programs that come and go, and what they leave behind.
 
 pub mod board;
 pub mod capture;
+pub mod counting;
 pub mod mask;
 pub mod replay;
+pub mod soak;

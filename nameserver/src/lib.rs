@@ -1,10 +1,12 @@
 //! The YARP name server: who is where.
 //!
-//! [`registry`] is a plain state machine that answers requests; [`Server`] puts it behind a port.
+//! [`registry`] is a plain state machine that answers requests; [`Server`] puts it behind a port;
+//! `web` shows it to browsers.
 
 pub mod discovery;
 pub mod registry;
 mod server;
+mod web;
 
 pub use server::{Server, ServerOptions};
 

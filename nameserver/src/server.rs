@@ -17,6 +17,7 @@ use yarp_wire::{Bottle, Vocab32};
 
 use crate::discovery;
 use crate::registry::{Body, Effect, Link, Registry, Reply, Settings};
+use crate::web::{self, Survey, Web};
 
 /// How a name server is to be started.
 #[derive(Clone, Debug)]
@@ -30,6 +31,9 @@ pub struct ServerOptions {
     pub namespace: String,
     /// The UDP port on which it answers multicast detection, if it shall.
     pub multicast_port: Option<u16>,
+    /// The rest between two rounds in which all ports are asked for their connections, while
+    /// somebody looks at the page; none asks nobody.
+    pub survey: Option<Duration>,
 }
 
 impl Default for ServerOptions {
@@ -41,6 +45,7 @@ impl Default for ServerOptions {
             port: settings.port,
             namespace: settings.name,
             multicast_port: Some(settings.multicast_port),
+            survey: Some(SURVEY),
         }
     }
 }
@@ -51,6 +56,10 @@ const DEFAULT_PORT: u16 = 10000;
 const EFFECTS: usize = 4096;
 /// Longest datagram of a client that looks for us.
 const LONGEST_PACKET: usize = 8192;
+/// Rest between two rounds of questions to all ports.
+const SURVEY: Duration = Duration::from_secs(2);
+/// What a port may take for each answer, when all are asked.
+const PATIENCE: Duration = Duration::from_secs(2);
 /// Rest after a failure of the socket.
 const PAUSE: Duration = Duration::from_millis(100);
 
@@ -72,6 +81,13 @@ impl ServerOptions {
     /// The same options, found by multicast on UDP port `port`.
     pub fn multicast(mut self, port: u16) -> Self {
         self.multicast_port = Some(port);
+        self
+    }
+
+    /// The same options with another rest between two rounds of questions to all ports, while
+    /// somebody looks at the page; none asks nobody.
+    pub fn survey(mut self, interval: Option<Duration>) -> Self {
+        self.survey = interval;
         self
     }
 }
@@ -106,9 +122,18 @@ impl Server {
             let registry = registry.clone();
             move |message: &mut Received| answer(&registry, &effects, message)
         };
+        let survey = Arc::new(Survey::new(web::Settings {
+            interval: options.survey,
+            step: PATIENCE,
+        }));
+        let pages = Web {
+            registry: registry.clone(),
+            survey: survey.clone(),
+        };
         let port_options = PortOptions::new()
             .unregistered()
             .number(options.port)
+            .pages(move |request| pages.page(request))
             .handler(handler);
         let network = Network::at(&options.host, options.port);
         let port = Port::open(&network, &options.namespace, port_options).await?;
@@ -116,7 +141,10 @@ impl Server {
         *lock(&registry) = Registry::new(options.settings(port.number()));
         introduce(&registry, &options.namespace);
         let network = Network::at(&options.host, port.number());
-        let mut tasks = vec![tokio::spawn(see_to(waiting, port.clone(), network))];
+        let mut tasks = vec![
+            tokio::spawn(see_to(waiting, port.clone(), network)),
+            tokio::spawn(survey.run(registry.clone())),
+        ];
         if let Some(number) = options.multicast_port {
             tasks.extend(answer_detection(number, &registry));
         }
@@ -172,7 +200,7 @@ impl ServerOptions {
     }
 }
 
-fn lock(registry: &Mutex<Registry>) -> MutexGuard<'_, Registry> {
+pub(crate) fn lock(registry: &Mutex<Registry>) -> MutexGuard<'_, Registry> {
     registry.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -204,7 +232,8 @@ fn answer(
 
 /// The server says about its own port what any port says.
 fn introduce(registry: &Mutex<Registry>, name: &str) {
-    let carriers: Vec<String> = ALL.map(|carrier| carrier.name.to_owned()).to_vec();
+    let mut carriers: Vec<String> = ALL.map(|carrier| carrier.name.to_owned()).to_vec();
+    carriers.dedup();
     for (key, values) in [
         ("offers", carriers.clone()),
         ("accepts", carriers),

@@ -8,9 +8,7 @@
 use std::io::{self, Read};
 use std::time::{Duration, Instant};
 
-use bytes::BytesMut;
-
-use crate::stream::Socket;
+use crate::stream::{Inflow, Socket};
 
 /// Longest time awake per wait.
 const LIMIT: Duration = Duration::from_micros(60);
@@ -43,10 +41,12 @@ impl BusyPoll {
     pub(crate) async fn read(
         &mut self,
         stream: &Socket,
-        buffer: &mut BytesMut,
+        input: &mut Inflow,
     ) -> Option<io::Result<usize>> {
         let begin = Instant::now();
         if self.hot {
+            input.reserve(self.chunk);
+            let buffer = &mut input.bytes;
             let length = buffer.len();
             buffer.resize(length + self.chunk, 0);
             while begin.elapsed() < LIMIT {

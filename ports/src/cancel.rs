@@ -1,6 +1,12 @@
 //! A signal that ends tasks.
 
 use tokio::sync::watch;
+use tokio::task::JoinSet;
+
+/// Waits for the end of all tasks. One that panicked, or that went with the runtime, has ended.
+pub(crate) async fn join(mut tasks: JoinSet<()>) {
+    while tasks.join_next().await.is_some() {}
+}
 
 /// Ends every task that holds a [`Cancelled`] of it, when told or when dropped.
 #[derive(Debug)]

@@ -1,5 +1,6 @@
 //! Sockets for datagrams.
 
+use std::cell::RefCell;
 use std::io;
 use std::net::{Ipv4Addr, SocketAddrV4};
 
@@ -7,7 +8,7 @@ use socket2::{Domain, Protocol, Socket, Type};
 use tokio::net::UdpSocket;
 
 /// What UDP carries at the most.
-pub(crate) const LARGEST: usize = 65_536;
+const LARGEST: usize = 65_536;
 /// Room for datagrams that wait to be read, in bytes; the system may grant less.
 const RECEIVE_BUFFER: usize = 8 << 20;
 /// Room for datagrams that wait to be sent, in bytes; the system may grant less.
@@ -16,6 +17,26 @@ const SEND_BUFFER: usize = 4 << 20;
 /// A socket to read from, on a port that the system chooses.
 pub(crate) fn reader() -> io::Result<UdpSocket> {
     bound(SocketAddrV4::new(Ipv4Addr::UNSPECIFIED, 0), |_| Ok(()))
+}
+
+thread_local! {
+    /// Where datagrams arrive: a connection at rest needs none of its own.
+    static ARRIVING: RefCell<Vec<u8>> = const { RefCell::new(Vec::new()) };
+}
+
+/// Hands the next datagram to `take`; `None` if there is none now.
+pub(crate) fn receive<T>(
+    socket: &UdpSocket,
+    take: impl FnOnce(&[u8]) -> T,
+) -> io::Result<Option<T>> {
+    ARRIVING.with_borrow_mut(|buffer| {
+        buffer.resize(LARGEST, 0);
+        match socket.try_recv(buffer) {
+            Ok(length) => Ok(Some(take(&buffer[..length]))),
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => Ok(None),
+            Err(error) => Err(error),
+        }
+    })
 }
 
 /// A socket that reads what is sent to a group, on the interface with address `local`.

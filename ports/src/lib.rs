@@ -24,8 +24,9 @@ pub use dialogue::Dialogue;
 pub use error::{PortError, story};
 pub use network::{Network, Place};
 pub use port::{
-    AdminHandler, Answer, ConnectionChange, ConnectionCounters, Envelope, Handler, LinkState, Port,
-    PortCounters, PortOptions, Queue, Received, Reply, Supervised, Supervision, Traffic, Watcher,
+    AdminHandler, Answer, ConnectionChange, ConnectionCounters, Envelope, Handler, LinkState, Page,
+    Pages, Port, PortCounters, PortOptions, Queue, Received, Reply, Supervised, Supervision,
+    Traffic, Watcher,
 };
 
 /// Compiles the example of the README.

@@ -6,7 +6,7 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::time::Duration;
 
 use bytes::{BufMut, BytesMut};
-use socket2::SockRef;
+use socket2::{SockRef, TcpKeepalive};
 use tokio::net::{TcpStream, UnixStream};
 
 use crate::error::{PortError, resolve};
@@ -68,6 +68,23 @@ impl AsFd for Socket {
     }
 }
 
+/// A silent connection asks after this long whether the other host is still there, and again after
+/// each [`ASK_AGAIN`]; after [`ASK_TIMES`] questions without an answer it ends. A program that is
+/// merely busy or stopped is answered for by its system.
+const ASK_FIRST: Duration = Duration::from_secs(60);
+const ASK_AGAIN: Duration = Duration::from_secs(15);
+const ASK_TIMES: u32 = 4;
+
+/// Small messages go out at once, and a host that vanished is noticed.
+pub(crate) fn prepare(stream: &TcpStream) -> io::Result<()> {
+    stream.set_nodelay(true)?;
+    let asking = TcpKeepalive::new()
+        .with_time(ASK_FIRST)
+        .with_interval(ASK_AGAIN)
+        .with_retries(ASK_TIMES);
+    SockRef::from(stream).set_tcp_keepalive(&asking)
+}
+
 /// Connects to a port with a deadline; small messages go out at once.
 pub(crate) async fn connect(
     peer: &str,
@@ -78,7 +95,7 @@ pub(crate) async fn connect(
     let address = format!("{host}:{port}");
     let connecting = async {
         let stream = TcpStream::connect(resolve(host, port).await?).await?;
-        stream.set_nodelay(true)?;
+        prepare(&stream)?;
         Ok(stream)
     };
     match tokio::time::timeout(deadline, connecting).await {
@@ -105,6 +122,8 @@ const LARGEST: usize = 64 * 1024;
 pub(crate) struct Inflow {
     /// The bytes.
     pub(crate) bytes: BytesMut,
+    /// Takes turns with `bytes`.
+    spare: BytesMut,
     /// Room offered to the next read.
     chunk: usize,
     /// The most that has been waiting here at once.
@@ -125,13 +144,22 @@ impl Inflow {
         }
     }
 
+    /// Makes room for so many bytes more. Two buffers take turns, so that a small message that is
+    /// still being used does not cost a new one.
+    pub(crate) fn reserve(&mut self, room: usize) {
+        if self.bytes.is_empty() && room <= LARGEST && !self.bytes.try_reclaim(room) {
+            std::mem::swap(&mut self.bytes, &mut self.spare);
+        }
+        self.bytes.reserve(room);
+    }
+
     /// As [`Inflow::read`] without waiting.
     pub(crate) fn try_read(&mut self, stream: &Socket, missing: usize) -> io::Result<usize> {
         let held = self.bytes.len();
         self.proven = self.proven.max(held);
         let trusted = held.max(self.proven).max(LARGEST);
         let room = missing.min(trusted).max(self.chunk).max(FIRST);
-        self.bytes.reserve(room);
+        self.reserve(room);
         // A large message ends its buffer, so that the next one begins with a buffer of its own
         // and what has been read of it need not be moved.
         let most = match missing >= LARGEST {

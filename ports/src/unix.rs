@@ -14,6 +14,8 @@ const PATIENCE: Duration = Duration::from_secs(5);
 /// Pause between the initiator's tries, and how many there are; stock has 5.
 const PAUSE: Duration = Duration::from_millis(20);
 const TRIES: usize = 50;
+/// Tries that are left once the header's connection has ended: most likely the acceptor has died.
+const LAST_TRIES: usize = 5;
 
 /// Goes on as acceptor of the connection that `header` began.
 pub(crate) async fn accept(header: &TcpStream) -> io::Result<UnixStream> {
@@ -37,17 +39,22 @@ pub(crate) async fn accept(header: &TcpStream) -> io::Result<UnixStream> {
 /// Goes on as initiator of the connection that `header` began.
 pub(crate) async fn connect(header: &TcpStream) -> io::Result<UnixStream> {
     let path = path(header.peer_addr()?.port(), header.local_addr()?.port())?;
-    let mut tries = 0;
+    let mut tries = TRIES;
     loop {
         match UnixStream::connect(&path).await {
             Ok(stream) => return Ok(stream),
-            Err(error) if tries >= TRIES => {
+            Err(error) if tries == 0 => {
                 let message = format!("no socket at {}: {error}", path.display());
                 return Err(io::Error::new(error.kind(), message));
             }
-            Err(_) => tries += 1,
+            Err(_) => tries -= 1,
         }
         tokio::time::sleep(PAUSE).await;
+        let mut nothing = [0];
+        match header.try_read(&mut nothing) {
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
+            _ => tries = tries.min(LAST_TRIES),
+        }
     }
 }
 

@@ -3,7 +3,8 @@
 mod common;
 
 use common::{Raw, bottle, open, within};
-use yarp_ports::{Answer, PortOptions, Queue};
+use yarp_ports::{Answer, Page, PortOptions, Queue};
+use yarp_wire::http::Response;
 
 async fn ask(mut raw: Raw, request: &str) -> String {
     raw.send(request.as_bytes()).await;
@@ -70,6 +71,24 @@ async fn a_page_goes_on_with_what_the_port_writes() {
         page.contains("<pre>1 &quot;&lt;2&gt;&quot;</pre>"),
         "{page}"
     );
+}
+
+#[tokio::test]
+async fn an_owner_may_have_pages_of_its_own() {
+    let options = PortOptions::new().pages(|request| {
+        let page = Response::new("text/css", format!("/* {} */", request.target));
+        (request.target == "own").then(|| Box::pin(std::future::ready(page)) as Page)
+    });
+    let port = open("/port", options).await;
+    let own = ask(Raw::to(&port).await, "GET /own HTTP/1.1\r\n\r\n").await;
+    assert!(
+        own.starts_with("HTTP/1.1 200 OK\r\nContent-Type: text/css; charset=utf-8\r\n"),
+        "{own}"
+    );
+    assert!(own.ends_with("\r\n\r\n/* own */"), "{own}");
+    let other = ask(Raw::to(&port).await, "GET / HTTP/1.1\r\n\r\n").await;
+    assert!(other.contains("yarp port <code>/port</code>"), "{other}");
+    within(port.close()).await;
 }
 
 #[tokio::test]

@@ -178,3 +178,50 @@ async fn a_reply_given_before_closing_arrives() {
         assert_eq!(caller.ended().await, expected);
     }
 }
+
+/// A handler that panicked while the port closed ended all other connections at once, and with
+/// them replies that were about to be given.
+#[tokio::test]
+async fn a_handler_that_panics_while_closing_takes_no_reply_from_others() {
+    // The patience of a closing port is short, and this machine may be slow.
+    for _ in 0..20 {
+        let (release, released) = tokio::sync::watch::channel(0);
+        let options = PortOptions::new().handler(move |request| {
+            let turn = if &*request.from == "unlucky" { 1 } else { 2 };
+            let mut released = released.clone();
+            Answer::Later(Box::pin(async move {
+                released.wait_for(|now| *now >= turn).await.unwrap();
+                assert_ne!(turn, 1, "as the test wants it");
+                Answer::reply(bottle("answer"))
+            }))
+        });
+        let server = open("/server", options).await;
+        let mut unlucky = Raw::tcp(&server, "unlucky").await;
+        unlucky.send(tcp_message(b'd', &bottle("x"))).await;
+        let mut lucky = Raw::tcp(&server, "lucky").await;
+        lucky.send(tcp_message(b'd', &bottle("x"))).await;
+        let count = || server.counters().received.messages;
+        until(|| count() == 2).await;
+        let number = server.number();
+        let closing = tokio::spawn(server.close());
+        let refused = async {
+            while tokio::net::TcpStream::connect(("127.0.0.1", number))
+                .await
+                .is_ok()
+            {}
+        };
+        within(refused).await;
+        release.send_replace(1);
+        unlucky.ended().await;
+        release.send_replace(2);
+        let answer = lucky.ended().await;
+        within(closing).await.unwrap();
+        if !answer.is_empty() {
+            let mut expected = bottle("answer").encode(yarp_wire::Dialect::V3).to_vec();
+            expected.extend_from_slice(ACK);
+            assert_eq!(answer, expected);
+            return;
+        }
+    }
+    panic!("no reply ever came");
+}

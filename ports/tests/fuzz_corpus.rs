@@ -8,16 +8,22 @@ mod fuzz;
 
 #[test]
 fn every_corpus_file_passes_also_with_a_byte_changed() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus/configuration");
+    replay("configuration", fuzz::configuration);
+    replay("counters", fuzz::counters);
+}
+
+fn replay(target: &str, run: fn(&[u8])) {
+    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus");
+    let folder = corpus.join(target);
     let mut count = 0;
     for file in std::fs::read_dir(&folder).expect("a corpus") {
         let original = std::fs::read(file.unwrap().path()).unwrap();
-        fuzz::configuration(&original);
+        run(&original);
         for at in 0..original.len() {
             for byte in [0, b'\n', b'[', b'"', 0xff, original[at] ^ 1] {
                 let mut changed = original.clone();
                 changed[at] = byte;
-                fuzz::configuration(&changed);
+                run(&changed);
             }
         }
         count += 1;

@@ -117,6 +117,11 @@ pub fn remove(name: &str) -> Bottle {
     Bottle::from_iter([word("del"), name.into()])
 }
 
+/// `[prop] [get] "KEY"`: asks for a property; the port's own name stands for what it is part of.
+pub fn property(key: &str) -> Bottle {
+    Bottle::from_iter([word("prop"), word("get"), key.into()])
+}
+
 /// `[ver]`.
 pub fn version() -> Bottle {
     Bottle::of(Vocab32::new("ver"))

@@ -222,6 +222,24 @@ fn a_request_without_a_key_is_refused() {
     assert!(Carrier::by_name("websocket").is_some());
 }
 
+/// A message was lost if a malformed frame came in the same packet, and not if it came later.
+#[test]
+fn a_message_before_a_malformed_frame_is_read() {
+    let mut acceptor = Acceptor::new(1, Dialect::V3, Limits::DEFAULT);
+    let (mut input, mut output) = (BytesMut::from(REQUEST), BytesMut::new());
+    acceptor.poll(&mut input, &mut output).unwrap().unwrap();
+    let content = Bottle::of("good").encode(Dialect::V3);
+    input.extend(frame(0x82, &[&block(b'D')[..], &content].concat()));
+    input.extend(frame(0xc2, b""));
+    let event = acceptor.poll(&mut input, &mut output).unwrap();
+    let Some(Event::Message(message)) = event else {
+        panic!("{event:?}");
+    };
+    assert_eq!(message.payload.to_bottle().unwrap(), Bottle::of("good"));
+    let error = acceptor.poll(&mut input, &mut output).unwrap_err();
+    assert_eq!(error, ProtocolError::WebSocket(WebSocketError::Extension));
+}
+
 #[test]
 fn a_goodbye_is_told_once() {
     // It was told for ever, to whoever went on asking.

@@ -141,7 +141,27 @@ pub(crate) struct Running {
 impl Running {
     /// Waits until a line of standard output holds `text`; tells whether one does before the end.
     pub(crate) fn sees(&mut self, text: &str) -> bool {
-        self.out.wait(|line| line.contains(text))
+        self.sees_within(text, PATIENCE)
+    }
+
+    /// As [`Running::sees`], for no longer than `patience`.
+    pub(crate) fn sees_within(&mut self, text: &str, patience: Duration) -> bool {
+        self.out.wait(|line| line.contains(text), patience)
+    }
+
+    /// Types `text` as a line again and again until `reader` prints it.
+    #[track_caller]
+    pub(crate) fn reaches(&mut self, reader: &mut Self, text: &str) {
+        let deadline = Instant::now() + PATIENCE;
+        while !reader.sees_within(text, Duration::from_millis(300)) {
+            let (out, err) = (reader.out.lines(), reader.err.lines());
+            assert!(
+                Instant::now() < deadline,
+                "{}: {out:?} {err:?}",
+                reader.line
+            );
+            self.type_text(&format!("{text}\n"));
+        }
     }
 
     /// As [`Running::sees`], and insists.
@@ -160,6 +180,12 @@ impl Running {
         let _ = input
             .write_all(text.as_bytes())
             .and_then(|()| input.flush());
+    }
+
+    /// Kills it as it is: it says no goodbye.
+    pub(crate) fn kill(mut self) {
+        self.child.kill().unwrap();
+        self.child.wait().unwrap();
     }
 
     /// Sends a signal.
@@ -239,10 +265,10 @@ impl Watched {
         }
     }
 
-    fn wait(&self, matches: impl Fn(&str) -> bool) -> bool {
+    fn wait(&self, matches: impl Fn(&str) -> bool, patience: Duration) -> bool {
         let (collected, changed) = &*self.state;
         let found = |lines: &[String]| lines.iter().any(|line| matches(line));
-        let waiting = changed.wait_timeout_while(collected.lock().unwrap(), PATIENCE, |state| {
+        let waiting = changed.wait_timeout_while(collected.lock().unwrap(), patience, |state| {
             !state.ended && !found(&state.lines)
         });
         found(&waiting.unwrap().0.lines)

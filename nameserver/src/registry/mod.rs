@@ -177,4 +177,10 @@ impl Registry {
     pub fn registrations(&self) -> impl Iterator<Item = &Registration> {
         self.ports.values().map(|entry| &entry.registration)
     }
+
+    /// The values of a property of a port, sorted; none if port or property is not known.
+    pub fn values(&self, name: &str, key: &str) -> &[String] {
+        let entry = self.ports.get(name);
+        entry.map_or(&[], |entry| entry.properties.get(key))
+    }
 }

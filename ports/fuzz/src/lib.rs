@@ -1,10 +1,25 @@
-//! Configuration files, whatever stands in them: what is understood prints, and is understood again.
+//! Configuration files and the counters of other ports, whatever stands in them: what is understood
+//! prints, and is understood again.
 //!
-//! The same function is replayed over the committed corpus by `tests/fuzz_corpus.rs`.
+//! The same functions are replayed over the committed corpus by `tests/fuzz_corpus.rs`.
 
 use std::path::Path;
 
+use yarp_ports::PortCounters;
 use yarp_ports::config::{NameServer, file_name, parse_namespaces, print_namespaces};
+use yarp_wire::Bottle;
+
+/// An answer to `[prop] [get] counters`, as text.
+pub fn counters(data: &[u8]) {
+    let Ok(answer) = Bottle::parse(&String::from_utf8_lossy(data)) else {
+        return;
+    };
+    if let Some(counters) = PortCounters::from_bottle(&answer) {
+        let told = counters.to_bottle();
+        let again = PortCounters::from_bottle(&told).expect("our own words");
+        assert_eq!(again.to_bottle().to_string(), told.to_string());
+    }
+}
 
 /// One file, read as `yarp.conf` and as a list of namespaces.
 pub fn configuration(data: &[u8]) {

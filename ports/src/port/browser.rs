@@ -6,12 +6,18 @@ use yarp_wire::message::{Form, Payload};
 use yarp_wire::{Bottle, Value};
 
 use super::input::{Connection, End, Next};
+use super::options::Page;
 use super::received::Received;
 
 impl Connection {
     /// Answers what a browser asks for; the connection ends with the answer, or goes on as one
     /// that the port writes to.
     pub(super) async fn browse(&mut self, request: Request) -> Next {
+        if let Some(page) = self.own_page(&request) {
+            let response = self.wait_for(page).await;
+            self.output.extend_from_slice(response.to_text().as_bytes());
+            return Next::Stop(End::Closed);
+        }
         let response = match Action::of(&request) {
             Action::Describe => self.page(&request, "", &self.core.describe()),
             Action::Send(text) => {
@@ -31,7 +37,7 @@ impl Connection {
             }
             Action::Web(message) => {
                 let reply = self.ask_owner(message.to_string().as_bytes()).await;
-                own_page(&reply)
+                page_in(&reply)
             }
             Action::Read => {
                 let head = page::stream_head(&self.core.name);
@@ -41,6 +47,11 @@ impl Connection {
         };
         self.output.extend_from_slice(response.as_bytes());
         Next::Stop(End::Closed)
+    }
+
+    /// What the owner has at that address, if it has pages of its own.
+    fn own_page(&self, request: &Request) -> Option<Page> {
+        self.core.options.pages.as_ref()?(request)
     }
 
     fn page(&self, request: &Request, data: &str, text: &str) -> String {
@@ -82,8 +93,8 @@ impl Connection {
     }
 }
 
-/// An owner's own page: key `web` is its body, `mime` its type.
-fn own_page(reply: &str) -> String {
+/// A page in the words of stock: key `web` is its body, `mime` its type.
+fn page_in(reply: &str) -> String {
     let bottle = Bottle::parse(reply).unwrap_or_default();
     let text = |key: &str| bottle.find(key).map(Value::to_plain_string);
     match text("web") {

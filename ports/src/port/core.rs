@@ -16,7 +16,7 @@ use super::log;
 use super::options::{ConnectionChange, Input, Outputs, PortOptions};
 use super::output::{Output, Target};
 use super::qos::SocketHandle;
-use crate::cancel::{Cancel, Cancelled};
+use crate::cancel::{Cancel, Cancelled, join};
 use crate::error::PortError;
 use crate::network::Network;
 use crate::probe;
@@ -347,7 +347,7 @@ impl Core {
                 async move { drop(tokio::time::timeout(GOODBYE, asking).await) }
             })
             .collect();
-        asking.join_all().await;
+        join(asking).await;
     }
 
     /// Takes note of an incoming connection. An older one from the same port ends.
@@ -403,7 +403,7 @@ impl Core {
             let mut pulls = self.pulls.lock().unwrap_or_else(PoisonError::into_inner);
             std::mem::take(&mut *pulls)
         };
-        pulls.join_all().await;
+        join(pulls).await;
     }
 
     /// Takes note that an incoming connection ended.

@@ -97,7 +97,35 @@ impl PortCounters {
     }
 }
 
+impl PortCounters {
+    /// Reads what [`PortCounters::to_bottle`] wrote; `None` if it is something else.
+    ///
+    /// Stamps do not travel. What is missing or makes no sense is zero.
+    pub fn from_bottle(bottle: &Bottle) -> Option<Self> {
+        let port = bottle.find_group("port")?;
+        let traffic = |key| {
+            let group = port.find_group(key);
+            group.map(Traffic::of).unwrap_or_default()
+        };
+        let groups = bottle.iter().filter_map(Value::as_list);
+        Some(Self {
+            received: traffic("received"),
+            sent: traffic("sent"),
+            waiting: number(port, "waiting"),
+            connections: groups.filter_map(ConnectionCounters::of).collect(),
+        })
+    }
+}
+
 impl Traffic {
+    fn of(group: &Bottle) -> Self {
+        Self {
+            messages: number(group, "messages"),
+            bytes: number(group, "bytes"),
+            dropped: number(group, "dropped"),
+        }
+    }
+
     fn pairs(self) -> [Value; 3] {
         [
             pair("messages", self.messages as i64),
@@ -113,7 +141,32 @@ impl Traffic {
     }
 }
 
+/// The number at `key`.
+fn number<N: TryFrom<i64> + Default>(group: &Bottle, key: &str) -> N {
+    let found = group.find(key).and_then(Value::as_i64);
+    found.and_then(|n| n.try_into().ok()).unwrap_or_default()
+}
+
 impl ConnectionCounters {
+    fn of(group: &Bottle) -> Option<Self> {
+        let (incoming, key) = match group.get(0)?.as_str()? {
+            "in" => (true, "from"),
+            "out" => (false, "to"),
+            _ => return None,
+        };
+        let text = |key: &str| group.find(key).map(Value::to_plain_string);
+        Some(Self {
+            peer: text(key)?,
+            carrier: text("carrier")?,
+            incoming,
+            traffic: Traffic::of(group),
+            queued: number(group, "queued"),
+            unanswered: number(group, "unanswered"),
+            stamp: None,
+            age: group.find("age").and_then(Value::as_f64),
+        })
+    }
+
     fn group(&self) -> Bottle {
         let (kind, key) = match self.incoming {
             true => ("in", "from"),
@@ -282,6 +335,34 @@ impl Core {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_a_port_tells_is_read_again() {
+        let told = "(port (received (messages 3) (bytes 36) (dropped 1)) \
+            (sent (messages 2) (bytes 24) (dropped 0)) (waiting 1)) \
+            (in (from \"/a b\") (carrier tcp) (messages 3) (bytes 36) (dropped 1) (age 0.5)) \
+            (out (to /c) (carrier udp) (messages 2) (bytes 24) (dropped 0) (queued 7) (unanswered 1))";
+        let told = Bottle::parse(told).unwrap();
+        let read = PortCounters::from_bottle(&told).unwrap();
+        assert_eq!(read.connections[0].peer, "/a b");
+        assert_eq!(
+            read.to_bottle(),
+            PortCounters::from_bottle(&read.to_bottle())
+                .unwrap()
+                .to_bottle()
+        );
+        assert_eq!(read.to_bottle().to_string(), told.to_string());
+    }
+
+    #[test]
+    fn what_others_tell_is_no_trouble() {
+        let read = |text: &str| PortCounters::from_bottle(&Bottle::parse(text).unwrap());
+        assert_eq!(read(""), None);
+        assert_eq!(read("[fail] \"what?\""), None);
+        assert_eq!(read("(port)"), Some(PortCounters::default()));
+        let odd = "(port (waiting -1) (sent 5)) (in) (out (to)) (in (from /a)) 7 (x (from /a))";
+        assert_eq!(read(odd), Some(PortCounters::default()));
+    }
 
     #[test]
     fn only_stamps_have_an_age() {

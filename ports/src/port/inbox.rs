@@ -66,6 +66,10 @@ impl Inbox {
     }
 
     /// As [`Inbox::push`], but gives the message back where that would wait.
+    #[expect(
+        clippy::result_large_err,
+        reason = "what is no error need not be small"
+    )]
     pub(crate) fn try_push(&self, message: Received) -> Result<Option<u64>, Received> {
         let mut state = self.state();
         if state.closed {

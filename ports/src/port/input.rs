@@ -118,17 +118,19 @@ pub(super) enum Next {
 }
 
 impl Connection {
+    /// What comes seldom and takes much room while it runs stands in boxes here, so that a
+    /// connection at rest is small.
     async fn run(&mut self) -> End {
         loop {
             loop {
                 match self.acceptor.poll(&mut self.input.bytes, &mut self.output) {
                     Ok(Some(event)) => match self.take(event).await {
                         Next::Go => {}
-                        Next::UnixSocket => match self.go_unix().await {
+                        Next::UnixSocket => match Box::pin(self.go_unix()).await {
                             Ok(()) => {}
                             Err(error) => return error.into(),
                         },
-                        Next::Datagrams(group) => return self.run_datagrams(group).await,
+                        Next::Datagrams(group) => return Box::pin(self.run_datagrams(group)).await,
                         Next::Stop(end) => {
                             // The last words; the peer may be gone.
                             let _ = stream::write_all(&self.stream, &mut self.output).await;
@@ -147,7 +149,7 @@ impl Connection {
             }
             let missing = self.acceptor.missing(&self.input.bytes);
             if missing == 0
-                && let Some(read) = self.busy.read(&self.stream, &mut self.input.bytes).await
+                && let Some(read) = self.busy.read(&self.stream, &mut self.input).await
             {
                 match read {
                     Ok(0) => return End::Closed,
@@ -210,18 +212,23 @@ impl Connection {
             return error.into();
         }
         let mut reader = DatagramReader::new(self.acceptor.dialect(), Limits::DEFAULT);
-        let mut buffer = vec![0; datagram::LARGEST];
         loop {
-            let received = tokio::select! {
+            let ready = tokio::select! {
                 biased;
                 () = self.closing.cancelled() => return End::Closed,
-                received = socket.recv(&mut buffer) => received,
+                ready = socket.readable() => ready,
             };
-            let length = match received {
-                Ok(length) => length,
+            let dropped = reader.dropped();
+            let received = ready
+                .and_then(|()| datagram::receive(&socket, |datagram| reader.receive(datagram)));
+            let message = match received {
+                Ok(message) => message.unwrap_or(Ok(None)),
                 Err(error) => return error.into(),
             };
-            match reader.receive(&buffer[..length]) {
+            for _ in dropped..reader.dropped() {
+                self.meter.drop_one();
+            }
+            match message {
                 Ok(None) => {}
                 Ok(Some(message)) => {
                     if let Next::Stop(end) = self.message(message).await {
@@ -231,7 +238,6 @@ impl Connection {
                     self.output.clear();
                 }
                 Err(error) => {
-                    self.meter.drop_one();
                     let from = &self.sender.name;
                     tracing::debug!(port = %self.core.name, from, "a message is dropped: {error}");
                 }
@@ -266,7 +272,7 @@ impl Connection {
                 }
             }
             Event::Message(message) => self.message(message).await,
-            Event::Browser(request) => self.browse(request).await,
+            Event::Browser(request) => Box::pin(self.browse(request)).await,
         }
     }
 
@@ -310,7 +316,7 @@ impl Connection {
             Command::Admin => {
                 let request = message.payload.to_bottle().unwrap_or_default();
                 let core = self.core.clone();
-                let answer = self.wait_for(core.administer(&request)).await;
+                let answer = self.wait_for(Box::pin(core.administer(&request))).await;
                 self.acceptor.reply(&answer, &mut self.output);
                 Next::Go
             }
@@ -345,7 +351,7 @@ impl Connection {
 
     /// Waits for what may take long. What was said so far goes out first: a peer that sends ahead
     /// must not wait for one answer because the next is not there yet.
-    async fn wait_for<T>(&mut self, waiting: impl Future<Output = T>) -> T {
+    pub(super) async fn wait_for<T>(&mut self, waiting: impl Future<Output = T>) -> T {
         tokio::pin!(waiting);
         tokio::select! {
             biased;
@@ -394,12 +400,14 @@ impl Connection {
             Command::Reverse => {
                 return Next::Stop(End::Reversed);
             }
-            Command::AddOutput(destination) => {
-                either(self.wait_for(core.add_output_in_words(&destination)).await)
-            }
-            Command::RemoveOutput(name) => {
-                either(self.wait_for(core.remove_output_in_words(&name)).await)
-            }
+            Command::AddOutput(destination) => either(
+                self.wait_for(Box::pin(core.add_output_in_words(&destination)))
+                    .await,
+            ),
+            Command::RemoveOutput(name) => either(
+                self.wait_for(Box::pin(core.remove_output_in_words(&name)))
+                    .await,
+            ),
             Command::RemoveInput(name) => either(self.core.remove_input_in_words(&name)),
             Command::Describe => self.core.describe(),
             Command::Help => HELP.to_owned(),

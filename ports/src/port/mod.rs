@@ -51,13 +51,14 @@ use yarp_wire::{Contact, PortName, Stamp};
 use self::core::Core;
 use self::encoded::{Encoded, Form};
 use self::output::Output;
-use crate::cancel::Cancel;
+use crate::cancel::{Cancel, join};
 use crate::error::PortError;
 use crate::network::Network;
+use crate::stream;
 
 pub use counters::{ConnectionCounters, PortCounters, Traffic};
 pub use inbox::Queue;
-pub use options::{AdminHandler, ConnectionChange, Handler, PortOptions, Watcher};
+pub use options::{AdminHandler, ConnectionChange, Handler, Page, Pages, PortOptions, Watcher};
 pub use received::{Answer, Received, Reply};
 pub use supervised::{LinkState, Supervised, Supervision};
 
@@ -458,7 +459,7 @@ impl Port {
                 .cloned()
                 .map(|output| async move { output.close(core::GOODBYE).await })
                 .collect();
-            goodbyes.join_all().await;
+            join(goodbyes).await;
             core.dismiss_sources().await;
             core.release_group().await;
             cancel.cancel();
@@ -573,7 +574,7 @@ async fn listen(core: Arc<Core>, listener: TcpListener) {
             accepted = listener.accept() => match accepted {
                 Ok((stream, peer)) => {
                     // Without it small messages are late, but they come.
-                    let _ = stream.set_nodelay(true);
+                    let _ = stream::prepare(&stream);
                     connections.spawn(input::serve(core.clone(), stream, peer.ip()));
                 }
                 Err(error) => {
@@ -587,5 +588,5 @@ async fn listen(core: Arc<Core>, listener: TcpListener) {
         }
     }
     drop(listener);
-    connections.join_all().await;
+    join(connections).await;
 }

@@ -1,7 +1,9 @@
 //! How a port is to be opened.
 
+use std::pin::Pin;
 use std::sync::Arc;
 
+use yarp_wire::http::{Request, Response};
 use yarp_wire::{Bottle, Dialect};
 
 use super::{Answer, Queue, Received};
@@ -11,6 +13,12 @@ pub type Handler = Arc<dyn Fn(&mut Received) -> Answer + Send + Sync>;
 
 /// Called for admin requests that the port itself does not know.
 pub type AdminHandler = Arc<dyn Fn(&Bottle) -> Option<Bottle> + Send + Sync>;
+
+/// Called for what browsers ask of a port; `None` leaves the answer to the port.
+pub type Pages = Arc<dyn Fn(&Request) -> Option<Page> + Send + Sync>;
+
+/// A page that is being made.
+pub type Page = Pin<Box<dyn Future<Output = Response> + Send>>;
 
 /// Called when a connection begins or ends.
 pub type Watcher = Arc<dyn Fn(&ConnectionChange) + Send + Sync>;
@@ -55,6 +63,7 @@ pub struct PortOptions {
     pub(crate) registered: bool,
     pub(crate) dialect: Dialect,
     pub(crate) admin: Option<AdminHandler>,
+    pub(crate) pages: Option<Pages>,
     pub(crate) watcher: Option<Watcher>,
     pub(crate) type_name: Option<String>,
 }
@@ -76,6 +85,7 @@ impl Default for PortOptions {
             registered: true,
             dialect: Dialect::default(),
             admin: None,
+            pages: None,
             watcher: None,
             type_name: None,
         }
@@ -155,6 +165,16 @@ impl PortOptions {
         handler: impl Fn(&Bottle) -> Option<Bottle> + Send + Sync + 'static,
     ) -> Self {
         self.admin = Some(Arc::new(handler));
+        self
+    }
+
+    /// Answers browsers with pages of the owner's own; what `pages` does not know, the port answers
+    /// as any port does.
+    pub fn pages(
+        mut self,
+        pages: impl Fn(&Request) -> Option<Page> + Send + Sync + 'static,
+    ) -> Self {
+        self.pages = Some(Arc::new(pages));
         self
     }
 

@@ -99,7 +99,9 @@ impl Outbox {
         let line = match initiator {
             None => Line::Local(VecDeque::new()),
             Some(initiator) => match initiator.carrier().transport {
-                Transport::Datagrams => Line::Datagrams(initiator, VecDeque::new()),
+                Transport::Datagrams | Transport::Group => {
+                    Line::Datagrams(initiator, VecDeque::new())
+                }
                 _ => Line::Stream(initiator, Batch::default()),
             },
         };

@@ -8,8 +8,9 @@ use std::fmt;
 use std::io;
 use std::os::fd::AsFd;
 use std::sync::{Arc, Weak};
+use std::time::Duration;
 
-use socket2::SockRef;
+use socket2::{SockRef, TcpKeepalive};
 use tokio::net::TcpStream;
 use yarp_wire::qos::{Scheduling, type_of_service};
 use yarp_wire::{Bottle, Value, Vocab32};
@@ -54,6 +55,18 @@ impl SocketHandle {
         self.with(|socket, six| match six {
             true => socket.set_tclass_v6(value),
             false => socket.set_tos_v4(value),
+        })
+    }
+
+    /// Lets the system end a TCP connection whose other host has not been heard of for this long.
+    pub(crate) fn give_up_after(&self, silence: Duration) -> io::Result<()> {
+        let second = Duration::from_secs(1);
+        let asking = TcpKeepalive::new()
+            .with_time((silence / 2).max(second))
+            .with_interval((silence / 4).max(second));
+        self.with(|socket, _| {
+            socket.set_tcp_user_timeout(Some(silence))?;
+            socket.set_tcp_keepalive(&asking)
         })
     }
 

@@ -25,15 +25,21 @@ pub struct Supervision {
     pub longest_pause: Duration,
     /// How long one try may take.
     pub deadline: Duration,
+    /// A reader from whose host nothing has been heard for so long, though it was asked or sent
+    /// something, is lost: whole seconds count. So is one that has taken nothing of what was
+    /// sent for so long. Only TCP connections can tell.
+    pub silence: Duration,
 }
 
 impl Default for Supervision {
-    /// A quarter of a second to ten seconds between tries, each of ten seconds at the most.
+    /// A quarter of a second to ten seconds between tries, each of ten seconds at the most; lost
+    /// after twenty seconds of silence.
     fn default() -> Self {
         Self {
             first_pause: Duration::from_millis(250),
             longest_pause: Duration::from_secs(10),
             deadline: Duration::from_secs(10),
+            silence: Duration::from_secs(20),
         }
     }
 }
@@ -51,6 +57,12 @@ impl Supervision {
     pub fn pauses(mut self, first: Duration, longest: Duration) -> Self {
         self.first_pause = first;
         self.longest_pause = longest;
+        self
+    }
+
+    /// Takes a reader for lost after this long a silence; see [`Supervision::silence`].
+    pub fn silence(mut self, silence: Duration) -> Self {
+        self.silence = silence;
         self
     }
 
@@ -220,6 +232,8 @@ impl Supervisor {
             let outputs = self.core.outputs();
             let mut outputs = outputs.iter();
             let found = outputs.find(|output| output.to == name && output.logs == self.logs)?;
+            // Connections that are not TCP cannot.
+            let _ = found.socket.give_up_after(self.options.silence);
             Some(found.outbox.clone())
         };
         // Somebody else may have connected the two in the meantime.

@@ -6,8 +6,10 @@
 use bytes::{Bytes, BytesMut};
 use yarp_wire::admin::AdminRequest;
 use yarp_wire::bottle::{Balance, Scan, Scanner, detect};
-use yarp_wire::carrier::{Carrier, CarrierSpec, Framing, Sender};
-use yarp_wire::connection::{Acceptor, DatagramReader, Event, Initiator, MessageReader, Progress};
+use yarp_wire::carrier::{ALL, Carrier, CarrierSpec, Framing, Sender, Transport};
+use yarp_wire::connection::{
+    Acceptor, DatagramReader, Event, Initiator, MessageReader, Progress, put_group,
+};
 use yarp_wire::http::page::Page;
 use yarp_wire::http::{Action, RequestReader, json};
 use yarp_wire::message::{Command, Form, Index, Payload, ReadObject, WireObject};
@@ -21,7 +23,7 @@ use yarp_wire::{Bottle, Contact, Dialect, Limits, PortName, Stamp, datagram, typ
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All targets.
-pub const TARGETS: [Target; 15] = [
+pub const TARGETS: [Target; 17] = [
     ("bottle_binary", bottle_binary),
     ("bottle_text", bottle_text),
     ("acceptor", acceptor),
@@ -37,6 +39,8 @@ pub const TARGETS: [Target; 15] = [
     ("typed", typed),
     ("mjpeg", mjpeg),
     ("websocket", websocket),
+    ("framing", framing),
+    ("reversed", reversed),
 ];
 
 const DIALECTS: [Dialect; 2] = [Dialect::V3, Dialect::V4];
@@ -136,6 +140,10 @@ fn accept(data: &[u8], step: usize) -> (Vec<String>, BytesMut) {
                 Ok(Some(event)) => {
                     events.push(format!("{event:?}"));
                     if let Event::Message(message) = event {
+                        if message.command == Command::Quit {
+                            // Nothing behind it is read.
+                            return (events, output);
+                        }
                         if matches!(message.command, Command::Data { reply: true, .. }) {
                             acceptor.reply(&Bottle::of("ok"), &mut output);
                         }
@@ -173,6 +181,12 @@ fn initiate(carrier: &str, dialect: Dialect, sends: u8, data: &[u8], step: usize
     let sender = Sender::plain("/fuzz");
     let carrier = Carrier::by_name(carrier).expect("a carrier of the table");
     let mut initiator = Initiator::new(carrier, &sender, dialect, LIMITS, &mut output);
+    take_progress(&mut initiator, sends, data, step)
+}
+
+/// Lets an initiator send, and take `step` bytes at a time; its progress in words.
+fn take_progress(initiator: &mut Initiator, sends: u8, data: &[u8], step: usize) -> Vec<String> {
+    let mut output = BytesMut::new();
     for shift in [0, 2, 4, 6] {
         let command = match sends >> shift & 3 {
             0 => continue,
@@ -450,4 +464,78 @@ pub fn websocket(data: &[u8]) {
         (reader.stream.split(), output, None)
     };
     assert_eq!(run(data.len().max(1)), run(1));
+}
+
+/// What comes behind a good header, on every carrier that there is: any split gives the same
+/// events and answers.
+pub fn framing(data: &[u8]) {
+    let [carrier, step, data @ ..] = data else {
+        return;
+    };
+    let conversation = [&header(on_the_wire(*carrier))[..], data].concat();
+    let whole = accept(&conversation, conversation.len());
+    assert_eq!(accept(&conversation, usize::from(*step).max(1)), whole);
+}
+
+/// What readers say to a port that writes to them over a connection that they made, on every
+/// carrier: any split gives the same progress and the same answers.
+pub fn reversed(data: &[u8]) {
+    let [carrier, sends, step, data @ ..] = data else {
+        return;
+    };
+    let carrier = on_the_wire(*carrier);
+    let whole = reverse(carrier, *sends, data, data.len().max(1));
+    let stepped = reverse(carrier, *sends, data, usize::from(*step).max(1));
+    assert_eq!(stepped, whole);
+}
+
+/// One of the carriers that bytes travel on.
+fn on_the_wire(place: u8) -> &'static Carrier {
+    let mut all = ALL
+        .into_iter()
+        .filter(|carrier| carrier.transport != Transport::Local);
+    let place = usize::from(place) % all.clone().count();
+    all.nth(place).expect("there are so many")
+}
+
+/// A header that an acceptor takes.
+fn header(carrier: &'static Carrier) -> BytesMut {
+    let mut bytes = BytesMut::new();
+    match (carrier.framing, carrier.transport) {
+        // The rest of the request is what comes behind.
+        (Framing::Http, _) => bytes.extend_from_slice(&carrier.magic),
+        (Framing::Pictures, _) => {
+            bytes.extend_from_slice(b"GET /?action=stream HTTP/1.1\r\nHost: h\r\n\r\n");
+        }
+        (_, Transport::WebSocket) => bytes.extend_from_slice(
+            b"GET /?ws HTTP/1.1\r\nHost: h\r\nUpgrade: websocket\r\n\
+              Connection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\
+              Sec-WebSocket-Version: 13\r\n\r\n",
+        ),
+        (_, transport) => {
+            let sender = Sender::plain("/fuzz");
+            Initiator::new(carrier, &sender, Dialect::V3, LIMITS, &mut bytes);
+            if transport == Transport::Group {
+                put_group("224.2.1.1:11000".parse().expect("a group"), &mut bytes);
+            }
+        }
+    }
+    bytes
+}
+
+/// As [`initiate`], for the writing end of a connection that the other side made; also what it
+/// answered by itself.
+fn reverse(
+    carrier: &'static Carrier,
+    sends: u8,
+    data: &[u8],
+    step: usize,
+) -> (Vec<String>, BytesMut) {
+    let mut acceptor = Acceptor::new(10002, Dialect::V3, LIMITS);
+    let (mut input, mut output) = (header(carrier), BytesMut::new());
+    let opened = acceptor.poll(&mut input, &mut output);
+    assert!(matches!(opened, Ok(Some(Event::Opened { .. }))));
+    let mut initiator = acceptor.reversed().expect("its header is complete");
+    let progress = take_progress(&mut initiator, sends, data, step);
+    (progress, initiator.said())
 }

@@ -287,20 +287,23 @@ fn read_frames(
     input: &mut BytesMut,
     output: &mut BytesMut,
 ) -> Result<Option<Message>, ProtocolError> {
-    frames.read(input, output)?;
-    let message = reader.read(&mut frames.stream)?;
-    match &message {
-        Some(message) if message.command == Command::Quit && !frames.is_closed() => {
-            put_close(output);
+    loop {
+        // What came before is used before what is behind it: it may be broken.
+        if let Some(message) = reader.read(&mut frames.stream)? {
+            if message.command == Command::Quit && !frames.is_closed() {
+                put_close(output);
+            }
+            return Ok(Some(message));
         }
-        None if frames.is_closed() => {
+        if frames.is_closed() {
             let payload = Payload::new(Bytes::new(), Form::Text);
             let command = Command::Quit;
             return Ok(Some(Message { command, payload }));
         }
-        _ => {}
+        if !frames.step(input, output)? {
+            return Ok(None);
+        }
     }
-    Ok(message)
 }
 
 /// Appends the header reply of a binary carrier: the port to go on with.

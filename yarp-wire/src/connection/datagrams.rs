@@ -17,8 +17,10 @@ pub struct DatagramReader {
     limits: Limits,
     reader: MessageReader,
     bytes: BytesMut,
-    /// The number of the datagram that goes on with the message in progress.
+    /// The number of the datagram that goes on with the message in progress; 0 if there is none.
     next: i32,
+    /// Datagrams from this number on belong to a message that has been given up already.
+    skipping: i32,
     dropped: u64,
 }
 
@@ -31,6 +33,7 @@ impl DatagramReader {
             reader: MessageReader::new(Framing::Indexed, dialect, limits),
             bytes: BytesMut::new(),
             next: 0,
+            skipping: i32::MAX,
             dropped: 0,
         }
     }
@@ -41,18 +44,28 @@ impl DatagramReader {
     pub fn receive(&mut self, bytes: &[u8]) -> Result<Option<Message>, ProtocolError> {
         let datagram = match datagram::decode(bytes) {
             Ok(datagram) if datagram.number == datagram::WAKE_UP => return Ok(None),
-            Ok(datagram) if datagram.number == 0 || datagram.number == self.next => datagram,
-            _ => {
-                self.restart();
-                self.dropped += 1;
+            Ok(datagram) => datagram,
+            Err(_) => {
+                self.give_up(1);
                 return Ok(None);
             }
         };
-        if datagram.number == 0 {
+        let number = datagram.number;
+        if number == 0 {
+            if self.next != 0 {
+                self.dropped += 1;
+            }
             self.restart();
+        } else if number != self.next {
+            if self.next == 0 && number >= self.skipping {
+                self.skipping = number.wrapping_add(1);
+            } else {
+                self.give_up(number.wrapping_add(1));
+            }
+            return Ok(None);
         }
         self.bytes.extend_from_slice(datagram.data);
-        self.next = datagram.number.wrapping_add(1);
+        self.next = number.wrapping_add(1);
         match self.reader.read(&mut self.bytes) {
             Ok(None) => Ok(None),
             Ok(Some(message)) => {
@@ -60,22 +73,30 @@ impl DatagramReader {
                 Ok(Some(message))
             }
             Err(error) => {
-                self.restart();
-                self.dropped += 1;
+                self.give_up(self.next);
                 Err(error)
             }
         }
     }
 
-    /// Datagrams that belonged to no message that could be completed.
+    /// Messages that were given up because not all of them came, or came damaged. One of which
+    /// nothing came is not noticed.
     pub fn dropped(&self) -> u64 {
         self.dropped
+    }
+
+    /// The message in progress cannot be completed; its datagrams from `skipping` on are of no use.
+    fn give_up(&mut self, skipping: i32) {
+        self.dropped += 1;
+        self.restart();
+        self.skipping = skipping;
     }
 
     /// Forgets the message in progress and waits for the start of another.
     fn restart(&mut self) {
         self.bytes.clear();
         self.next = 0;
+        self.skipping = i32::MAX;
         self.reader = MessageReader::new(Framing::Indexed, self.dialect, self.limits);
     }
 }
@@ -133,5 +154,29 @@ mod tests {
             "one damaged"
         );
         assert_eq!(read(&all), [long]);
+    }
+
+    /// Every datagram behind a lost one counted.
+    #[test]
+    fn each_message_that_is_given_up_counts_once() {
+        let long = Bottle::of("x".repeat(200));
+        let cut: Vec<Vec<u8>> = datagram::split(&message(&long), 50).collect();
+        let (first, last) = (&cut[0], cut.len() - 1);
+        let mut damaged = cut[2].clone();
+        damaged[20] ^= 1;
+        let check = |datagrams: &[&[Vec<u8>]], dropped| {
+            let mut reader = DatagramReader::new(Dialect::V3, Limits::DEFAULT);
+            for bytes in datagrams.concat() {
+                reader.receive(&bytes).unwrap();
+            }
+            assert_eq!(reader.dropped(), dropped);
+        };
+        check(&[&cut, &cut], 0);
+        check(&[&cut[1..]], 1);
+        check(&[&cut[1..], &cut[1..], &cut], 2);
+        check(&[&cut[..2], &cut[3..], &cut], 1);
+        check(&[&cut[..last], &cut], 1);
+        check(&[&cut[..2], &[damaged], &cut[3..], &cut], 1);
+        check(&[std::slice::from_ref(first), &cut], 1);
     }
 }

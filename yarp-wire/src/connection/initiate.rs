@@ -194,13 +194,16 @@ impl Initiator {
         mut frames: FrameReader,
         input: &mut BytesMut,
     ) -> Result<Option<Progress>, ProtocolError> {
-        frames.read(input, &mut self.said)?;
-        let progress = self.poll_binary(&mut frames.stream)?;
-        if progress.is_none() && frames.is_closed() {
-            return Err(WebSocketError::Closed.into());
+        loop {
+            let progress = self.poll_binary(&mut frames.stream)?;
+            if progress.is_none() && frames.is_closed() {
+                return Err(WebSocketError::Closed.into());
+            }
+            if progress.is_some() || !frames.step(input, &mut self.said)? {
+                self.frames = Some(frames);
+                return Ok(progress);
+            }
         }
-        self.frames = Some(frames);
-        Ok(progress)
     }
 
     fn poll_header(&mut self, input: &mut BytesMut) -> Result<Option<Progress>, ProtocolError> {

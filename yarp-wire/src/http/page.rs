@@ -17,11 +17,29 @@ pub struct Page<'a> {
     pub text: &'a str,
 }
 
+/// The look of the name server's page, for those who are one link away from it.
 const STYLE: &str = "\
-body{font:15px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#1b2733}\
-h1{font-size:1.4rem}h1 code{background:#eef3f7;padding:.1rem .4rem;border-radius:4px}\
-nav a{margin-right:1rem}a{color:#0b62a4}pre{background:#f6f8fa;padding:1rem;border-radius:6px;overflow:auto}\
-form{display:flex;gap:.5rem;margin:1rem 0}input[name=data]{flex:1;font:inherit;padding:.3rem .5rem}";
+:root{color-scheme:light dark;--line:light-dark(#dde3ea,#2a3642);--accent:light-dark(#0b62a4,#69b3ee);\
+--surface:light-dark(#fff,#161e27);--tint:light-dark(#e5f0f9,#17324a)}\
+body{font:15px/1.5 system-ui,sans-serif;max-width:64rem;margin:0 auto;padding:1.2rem;\
+background:light-dark(#f3f5f8,#0e141a);color:light-dark(#17222d,#dfe7ee)}\
+h1{font-size:1.25rem;margin:.3rem 0 1rem;overflow-wrap:anywhere}\
+h1 code{background:var(--tint);color:var(--accent);padding:.1rem .45rem;border-radius:6px}\
+a{color:var(--accent);text-decoration:none}a:hover{text-decoration:underline}\
+nav{display:flex;flex-wrap:wrap;gap:.5rem}nav a{background:var(--surface);border:1px solid var(--line);\
+border-radius:99px;padding:.15rem .8rem}nav a:hover{border-color:var(--accent);text-decoration:none}\
+pre{font:.9rem/1.6 ui-monospace,monospace;background:var(--surface);border:1px solid var(--line);\
+border-radius:12px;padding:1rem;margin:1rem 0;overflow:auto}\
+form{display:flex;gap:.5rem;margin:1rem 0 0}input{font:inherit;color:inherit;background:var(--surface);\
+border:1px solid var(--line);border-radius:10px;padding:.4rem .8rem}input[name=data]{flex:1;min-width:0}\
+input[type=submit]{cursor:pointer;font-weight:600;background:light-dark(#0b62a4,#2a6ea6);color:#fff;\
+border-color:transparent}:focus-visible{outline:2px solid var(--accent);outline-offset:1px}";
+
+/// What a browser needs besides: no script runs here, whatever a port is called.
+const META: &str = "<meta charset=\"utf-8\">\
+    <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">";
+const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src 'self'; \
+    base-uri 'none'; form-action 'self'";
 
 impl Page<'_> {
     /// The whole response; the connection ends with it.
@@ -29,7 +47,8 @@ impl Page<'_> {
         let body = self.html();
         format!(
             "HTTP/1.1 200 OK\r\nContent-Type: text/html; charset=utf-8\r\n\
-             Content-Length: {}\r\nConnection: close\r\n\r\n{body}",
+             Content-Length: {}\r\nConnection: close\r\n\
+             Content-Security-Policy: {POLICY}\r\n\r\n{body}",
             body.len()
         )
     }
@@ -39,8 +58,8 @@ impl Page<'_> {
         let host = escape(self.host);
         let data = escape(self.data);
         let mut out = format!(
-            "<!DOCTYPE html>\n<html><head><title>{port}</title><style>{STYLE}</style></head>\
-             <body><h1>yarp port <code>{port}</code></h1>\n<nav>"
+            "<!DOCTYPE html>\n<html lang=\"en\"><head>{META}<title>{port}</title>\
+             <style>{STYLE}</style></head><body><h1>yarp port <code>{port}</code></h1>\n<nav>"
         );
         if let Some(server) = self.name_server {
             let server = escape(server);
@@ -53,7 +72,7 @@ impl Page<'_> {
              <a href=\"http://{host}/data=help\">help</a>\
              <a href=\"http://{host}/r\">read</a></nav>\n\
              <form method=\"post\" action=\"http://{host}/form\">\
-             <input name=\"data\" value=\"{data}\" autofocus>\
+             <input name=\"data\" value=\"{data}\" aria-label=\"message\" autofocus>\
              <input type=\"submit\" value=\"send data\"></form>\n<pre>\n"
         );
         for line in self.text.lines() {
@@ -111,8 +130,8 @@ pub fn own_response(body: &str, mime: &str) -> String {
 /// The head of a page that goes on: each message follows as a [`chunk`].
 pub fn stream_head(port: &str) -> String {
     let head = format!(
-        "<!DOCTYPE html>\n<html><head><title>{0}</title><style>{STYLE}</style></head>\
-         <body><h1>reading <code>{0}</code></h1>\n",
+        "<!DOCTYPE html>\n<html lang=\"en\"><head>{META}<title>{0}</title>\
+         <style>{STYLE}</style></head><body><h1>reading <code>{0}</code></h1>\n",
         escape(port)
     );
     // Browsers show nothing before they have a fair amount.

@@ -88,55 +88,65 @@ impl FrameReader {
         input: &mut BytesMut,
         output: &mut BytesMut,
     ) -> Result<(), WebSocketError> {
-        loop {
-            if self.closed {
-                input.clear();
-                return Ok(());
+        while self.step(input, output)? {}
+        Ok(())
+    }
+
+    /// As [`FrameReader::read`], a step at a time, so that what came can be used before what is
+    /// behind it is looked at; `false` while bytes are missing.
+    pub(crate) fn step(
+        &mut self,
+        input: &mut BytesMut,
+        output: &mut BytesMut,
+    ) -> Result<bool, WebSocketError> {
+        if self.closed {
+            input.clear();
+            return Ok(false);
+        }
+        match &mut self.state {
+            State::Head => match self.head(input)? {
+                Some(head) => self.begin(&head)?,
+                None => return Ok(false),
+            },
+            State::Data { left: 0, .. } => self.state = State::Head,
+            State::Data { left, mask, at } => {
+                if input.is_empty() {
+                    return Ok(false);
+                }
+                let here = usize::try_from(*left).unwrap_or(usize::MAX);
+                let mut piece = input.split_to(here.min(input.len()));
+                unmask(&mut piece, *mask, *at);
+                *left -= piece.len() as u64;
+                *at = (*at + piece.len()) % MASK;
+                match self.stream.is_empty() {
+                    true => self.stream = piece,
+                    false => self.stream.extend_from_slice(&piece),
+                }
             }
-            match &mut self.state {
-                State::Head => match self.head(input)? {
-                    Some(head) => self.begin(&head)?,
-                    None => return Ok(()),
-                },
-                State::Data { left: 0, .. } => self.state = State::Head,
-                State::Data { left, mask, at } => {
-                    if input.is_empty() {
-                        return Ok(());
-                    }
-                    let here = usize::try_from(*left).unwrap_or(usize::MAX);
-                    let mut piece = input.split_to(here.min(input.len()));
-                    unmask(&mut piece, *mask, *at);
-                    *left -= piece.len() as u64;
-                    *at = (*at + piece.len()) % MASK;
-                    match self.stream.is_empty() {
-                        true => self.stream = piece,
-                        false => self.stream.extend_from_slice(&piece),
-                    }
+            State::Control { kind, length, mask } => {
+                if input.len() < *length {
+                    return Ok(false);
                 }
-                State::Control { kind, length, mask } => {
-                    if input.len() < *length {
-                        return Ok(());
+                let mut body = input.split_to(*length);
+                unmask(&mut body, *mask, 0);
+                match *kind {
+                    kind::PING => {
+                        output.put_slice(&[FIN | kind::PONG, body.len() as u8]);
+                        output.put_slice(&body);
                     }
-                    let mut body = input.split_to(*length);
-                    unmask(&mut body, *mask, 0);
-                    match *kind {
-                        kind::PING => {
-                            output.put_slice(&[FIN | kind::PONG, body.len() as u8]);
-                            output.put_slice(&body);
-                        }
-                        kind::CLOSE => {
-                            // The reason of the page, without its words.
-                            let code = body.get(..2).unwrap_or_default();
-                            output.put_slice(&[FIN | kind::CLOSE, code.len() as u8]);
-                            output.put_slice(code);
-                            self.closed = true;
-                        }
-                        _ => {}
+                    kind::CLOSE => {
+                        // The reason of the page, without its words.
+                        let code = body.get(..2).unwrap_or_default();
+                        output.put_slice(&[FIN | kind::CLOSE, code.len() as u8]);
+                        output.put_slice(code);
+                        self.closed = true;
                     }
-                    self.state = State::Head;
+                    _ => {}
                 }
+                self.state = State::Head;
             }
         }
+        Ok(true)
     }
 
     /// Takes the head of a frame; `None` while bytes are missing.

@@ -1,7 +1,8 @@
 //! What the fuzzer starts from: good input of every kind, and bad input of every kind we know.
 
 use bytes::BytesMut;
-use yarp_wire::connection::put_message;
+use yarp_wire::carrier::{ALL, Carrier, Framing, Transport};
+use yarp_wire::connection::{put_acknowledgement, put_message, put_reply};
 use yarp_wire::message::Command;
 use yarp_wire::mjpeg::{RESPONSE, put_part};
 use yarp_wire::{Bottle, Dialect, Value};
@@ -27,6 +28,8 @@ pub(crate) fn all() -> Vec<(&'static str, Vec<Vec<u8>>)> {
         ("typed", typed_messages()),
         ("mjpeg", streams()),
         ("websocket", frames()),
+        ("framing", behind_headers()),
+        ("reversed", from_readers()),
     ]
 }
 
@@ -272,4 +275,62 @@ fn frames() -> Vec<Vec<u8>> {
         b"\x82\x88\0\0\0\0\0\0\0\0~d\0\x01\x88\x82\0\0\0\0\x03\xe8".to_vec(),
         b"\x82\xff\0\0\0\xff\0\0\0\0\0\0\0\0".to_vec(),
     ]
+}
+
+fn on_the_wire() -> impl Iterator<Item = &'static Carrier> {
+    let all = ALL.into_iter();
+    all.filter(|carrier| carrier.transport != Transport::Local)
+}
+
+/// For each carrier of the table what writers send behind their header; in front its place and
+/// the step.
+fn behind_headers() -> Vec<Vec<u8>> {
+    let content = Bottle::parse("1 0.5 (a \"b\")").unwrap();
+    let seed = |(place, carrier): (u8, &'static Carrier)| {
+        let mut bytes = BytesMut::from(&[place, 7][..]);
+        match (carrier.framing, carrier.transport) {
+            (Framing::Http, _) => {
+                bytes.extend_from_slice(b"TP/1.1\r\nHost: h\r\n\r\n");
+            }
+            (Framing::NameService, _) => {
+                bytes.extend_from_slice(b"query /x\nNAME_SERVER list\n");
+            }
+            (Framing::Pictures, _) => bytes.extend_from_slice(b"whatever\r\n"),
+            (_, Transport::WebSocket) => bytes.extend_from_slice(&frames()[0]),
+            _ => {
+                for command in [Command::data(true), Command::Admin, Command::data(false)] {
+                    put_message(&mut bytes, carrier, &command, Some(&content), Dialect::V3);
+                }
+                put_message(&mut bytes, carrier, &Command::Quit, None, Dialect::V3);
+            }
+        }
+        bytes.to_vec()
+    };
+    (0..).zip(on_the_wire()).map(seed).collect()
+}
+
+/// For each carrier of the table what a reader answers to two requests and two messages; in front
+/// its place, what was sent and the step.
+fn from_readers() -> Vec<Vec<u8>> {
+    let content = Bottle::parse("1 0.5 (a \"b\")").unwrap();
+    let seed = |(place, carrier): (u8, &'static Carrier)| {
+        let mut answers = BytesMut::new();
+        for replies in [true, false, true, false] {
+            if replies {
+                put_reply(&mut answers, carrier, &content, Dialect::V3);
+                if carrier.framing == Framing::Lines {
+                    answers.extend_from_slice(b"\r\n");
+                }
+            }
+            put_acknowledgement(&mut answers, carrier);
+        }
+        let mut bytes = vec![place, 0b10_01_10_01, 5];
+        if carrier.transport == Transport::WebSocket {
+            // One frame, under a mask that changes nothing.
+            bytes.extend_from_slice(&[0x82, 0x80 | answers.len() as u8, 0, 0, 0, 0]);
+        }
+        bytes.extend_from_slice(&answers);
+        bytes
+    };
+    (0..).zip(on_the_wire()).map(seed).collect()
 }

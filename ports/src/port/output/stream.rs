@@ -30,7 +30,7 @@ pub(super) async fn run(
         }
         let mut read = None;
         if batch.is_empty() && outbox.awaits_answer() {
-            read = busy.read(stream, &mut input.bytes).await;
+            read = busy.read(stream, &mut input).await;
         }
         if read.is_none() {
             tokio::select! {

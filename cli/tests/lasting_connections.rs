@@ -1,0 +1,54 @@
+//! Persistent connections and topics are made again whenever one of their ends comes back.
+
+mod common;
+
+use common::{Home, Running};
+
+/// The writer, the reader and both die without a word and come back; each time messages flow.
+fn check(home: &Home, carrier: &str) {
+    let reader = || home.start("read /r").see("Port /r active at");
+    let writer = || home.start("write /w").see("Port /w active at");
+    let mut ends: (Running, Running) = (writer(), reader());
+    ends.0.reaches(&mut ends.1, "at first");
+    ends.1.kill();
+    ends.1 = reader();
+    ends.0.reaches(&mut ends.1, "the reader is back");
+    ends.0.kill();
+    ends.0 = writer();
+    ends.0.reaches(&mut ends.1, "the writer is back");
+    ends.0.kill();
+    ends.1.kill();
+    ends = (writer(), reader());
+    ends.0.reaches(&mut ends.1, "both are back");
+    // And after an end with goodbyes.
+    ends.1.signal("INT").finish().with(0);
+    ends.1 = reader();
+    ends.0.reaches(&mut ends.1, "once more");
+    home.run(&format!("exists /w {carrier}://r")).with(0);
+}
+
+#[test]
+fn a_persistent_connection_comes_back() {
+    let home = Home::new();
+    let _server = home.serve();
+    home.run("connect --persist /w /r").with(0);
+    check(&home, "tcp");
+}
+
+#[test]
+fn a_persistent_connection_keeps_its_carrier() {
+    let home = Home::new();
+    let _server = home.serve();
+    home.run("connect --persist /w /r fast_tcp").with(0);
+    check(&home, "fast_tcp");
+}
+
+#[test]
+fn a_topic_connects_whoever_comes() {
+    let home = Home::new();
+    let _server = home.serve();
+    home.run("topic /t").with(0);
+    home.run("connect /w topic://t").with(0);
+    home.run("connect topic://t /r").with(0);
+    check(&home, "tcp");
+}

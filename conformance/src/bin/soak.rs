@@ -1,0 +1,45 @@
+//! `soak [CYCLES]`: connects and disconnects, 100 000 times, and looks for what is left behind.
+//!
+//! Ends with 1 if a descriptor, a task or more than some bytes are.
+
+use std::process::ExitCode;
+use std::time::Instant;
+
+use yarp_conformance::counting::Counting;
+use yarp_conformance::soak;
+
+#[global_allocator]
+static COUNTING: Counting = Counting;
+
+/// A day in cycles.
+const CYCLES: usize = 100_000;
+
+#[tokio::main]
+async fn main() -> ExitCode {
+    let cycles = match std::env::args().nth(1).map(|word| word.parse()) {
+        None => CYCLES,
+        Some(Ok(cycles)) => cycles,
+        Some(Err(_)) => {
+            eprintln!("usage: soak [CYCLES]");
+            return ExitCode::FAILURE;
+        }
+    };
+    let begin = Instant::now();
+    let outcome = match soak::run(cycles).await {
+        Ok(outcome) => outcome,
+        Err(error) => {
+            eprintln!("soak: {error}");
+            return ExitCode::FAILURE;
+        }
+    };
+    println!("before {cycles} cycles: {}", outcome.before);
+    println!("after  {cycles} cycles: {}", outcome.after);
+    println!("{:.0} s", begin.elapsed().as_secs_f64());
+    match outcome.is_clean() {
+        true => ExitCode::SUCCESS,
+        false => {
+            eprintln!("soak: something is left behind");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,0 +1,13 @@
+//! Programs that come and go leave nothing behind; `make soak` does the same for longer.
+
+use yarp_conformance::counting::Counting;
+use yarp_conformance::soak;
+
+#[global_allocator]
+static COUNTING: Counting = Counting;
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn ten_thousand_cycles_leave_nothing() {
+    let outcome = soak::run(10_000).await.unwrap();
+    assert!(outcome.is_clean(), "{outcome:?}");
+}

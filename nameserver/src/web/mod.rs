@@ -1,0 +1,123 @@
+//! What the name server shows to browsers, and to programs that read JSON.
+//!
+//! | address | what is there |
+//! | --- | --- |
+//! | `/` | the page: ports, connections, and a graph of the network |
+//! | `/web/...` | its script and style; `/web/main.css` is the style that pages of stock's ports ask for |
+//! | `/api` | these addresses as JSON |
+//! | `/api/names` | every name with its place, state, carriers, type and process |
+//! | `/api/connections` | every connection with what passed over it, where the ports count |
+//!
+//! Nothing at these addresses changes anything. All other addresses are answered as any port
+//! answers them: `/form` is the plain page, `/data=list` the list of stock.
+//!
+//! States and connections are known from the ports themselves. They are asked only while somebody
+//! looks: an answer tells what was heard last and starts another round of questions, not sooner
+//! than [`Settings::interval`] after the last one. The first answer waits a little for the first
+//! round, two seconds unless the field `wait` says otherwise (`/api/names?wait=0`).
+
+mod ask;
+mod files;
+mod status;
+mod survey;
+mod view;
+
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use serde::Serialize;
+use yarp_ports::Page;
+use yarp_wire::http::{Request, Response};
+
+use crate::registry::Registry;
+use crate::server::lock;
+pub(crate) use survey::{Settings, Survey};
+
+/// How long an answer waits for the first round of questions, unless told otherwise.
+const FIRST_ROUND: Duration = Duration::from_secs(2);
+/// The longest that somebody may have an answer wait.
+const LONGEST_WAIT: f64 = 10.0;
+
+/// The pages, and what they show.
+#[derive(Clone)]
+pub(crate) struct Web {
+    pub(crate) registry: Arc<Mutex<Registry>>,
+    pub(crate) survey: Arc<Survey>,
+}
+
+impl Web {
+    /// The page at an address, if there is one of ours.
+    pub(crate) fn page(&self, request: &Request) -> Option<Page> {
+        let (path, _) = request
+            .target
+            .split_once('?')
+            .unwrap_or((&request.target, ""));
+        // `/?...` is stock's, `/?` nothing of anybody.
+        if path.is_empty() && !request.fields.is_empty() {
+            return None;
+        }
+        if let Some(file) = files::at(path) {
+            return Some(Box::pin(std::future::ready(file)));
+        }
+        let web = self.clone();
+        let wait = wait_of(request);
+        let revision = field(request, "revision").map(str::to_owned);
+        match path {
+            "api" => Some(Box::pin(async { view::addresses() })),
+            "api/names" => Some(Box::pin(async move {
+                web.survey.look(wait).await;
+                web.names(revision.as_deref())
+            })),
+            "api/connections" => Some(Box::pin(async move {
+                web.survey.look(wait).await;
+                json(&view::connections(&web.survey))
+            })),
+            other if other.starts_with("api/") => {
+                let words = format!("There is nothing at /{other}; /api lists what there is.\n");
+                Some(Box::pin(async { Response::not_found(words) }))
+            }
+            _ => None,
+        }
+    }
+
+    /// All names; less if the asker has seen them in this revision.
+    fn names(&self, revision: Option<&str>) -> Response {
+        let (names, server) = {
+            let registry = lock(&self.registry);
+            let names = status::names(&registry, &self.survey);
+            (names, view::Server::of(registry.settings()))
+        };
+        let names = to_json(&names);
+        let mut hasher = DefaultHasher::new();
+        names.hash(&mut hasher);
+        let current = format!("{:016x}", hasher.finish());
+        let server = to_json(&server);
+        let head = format!("{{\"revision\":\"{current}\",\"server\":{server}");
+        Response::json(match revision == Some(&current) {
+            true => format!("{head},\"unchanged\":true}}"),
+            false => format!("{head},\"names\":{names}}}"),
+        })
+    }
+}
+
+fn field<'a>(request: &'a Request, name: &str) -> Option<&'a str> {
+    let found = request.fields.iter().find(|(key, _)| key == name);
+    found.map(|(_, value)| value.as_str())
+}
+
+fn wait_of(request: &Request) -> Duration {
+    let asked = field(request, "wait").and_then(|text| text.parse::<f64>().ok());
+    match asked {
+        Some(seconds) if seconds >= 0.0 => Duration::from_secs_f64(seconds.min(LONGEST_WAIT)),
+        _ => FIRST_ROUND,
+    }
+}
+
+fn json(value: &impl Serialize) -> Response {
+    Response::json(to_json(value))
+}
+
+fn to_json(value: &impl Serialize) -> String {
+    serde_json::to_string(value).expect("keys are texts, and writing to memory succeeds")
+}

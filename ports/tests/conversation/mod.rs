@@ -1,0 +1,479 @@
+//! Conversations with ports, byte for byte, that end where a test wants: at any byte of any step.
+
+use std::path::PathBuf;
+
+use bytes::BytesMut;
+use socket2::SockRef;
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
+use tokio::net::{TcpStream, UnixListener, UnixStream};
+use yarp_wire::carrier::{Carrier, Framing, Sender, Transport};
+use yarp_wire::connection::{
+    Initiator, header_reply, put_acknowledgement, put_group, put_message, put_reply,
+};
+use yarp_wire::message::Command;
+use yarp_wire::mjpeg::{RESPONSE, put_part, request};
+use yarp_wire::{Bottle, Dialect, Limits};
+
+use super::common::within;
+
+/// The name of whoever dies.
+pub(crate) const NAME: &str = "/bad";
+
+/// One step, as the peer of a port sees it.
+#[derive(Clone, Debug)]
+enum Step {
+    Give(Vec<u8>),
+    Take(usize),
+    /// From here on over a socket of the file system.
+    ConnectUnix,
+    AcceptUnix,
+}
+
+impl Step {
+    /// Places at which it can be broken off, its beginning included.
+    fn length(&self) -> usize {
+        match self {
+            Self::Give(bytes) => bytes.len(),
+            Self::Take(count) => *count,
+            Self::ConnectUnix | Self::AcceptUnix => 1,
+        }
+    }
+}
+
+/// How a peer goes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Death {
+    /// What it had sent still arrives.
+    Closes,
+    /// The connection is reset.
+    Resets,
+}
+
+/// A whole conversation.
+#[derive(Debug)]
+pub(crate) struct Conversation {
+    pub(crate) carrier: &'static Carrier,
+    /// The carrier as it stands in a contact.
+    pub(crate) spelled: &'static str,
+    steps: Vec<(&'static str, Step)>,
+}
+
+impl Conversation {
+    fn on(spelled: &'static str) -> Self {
+        let carrier = Carrier::of(&spelled.parse().unwrap()).unwrap();
+        Self {
+            carrier,
+            spelled,
+            steps: Vec::new(),
+        }
+    }
+
+    fn give(&mut self, phase: &'static str, bytes: &[u8]) {
+        self.steps.push((phase, Step::Give(bytes.to_vec())));
+    }
+
+    fn take(&mut self, phase: &'static str, count: usize) {
+        self.steps.push((phase, Step::Take(count)));
+    }
+
+    /// Where to break it off so that it happens in `phase`; `"rest"` is behind its end.
+    pub(crate) fn cuts(&self, phase: &str) -> Vec<usize> {
+        let mut cuts = Vec::new();
+        let mut begin = 0;
+        for (name, step) in &self.steps {
+            let end = begin + step.length();
+            if *name == phase {
+                cuts.extend(begin..end);
+            }
+            begin = end;
+        }
+        if phase == "rest" {
+            cuts.push(begin);
+        }
+        cuts
+    }
+
+    /// Holds it until `cut`; what is left is the connection.
+    pub(crate) async fn hold(&self, stream: TcpStream, cut: usize) -> Peer {
+        let own = stream.local_addr().unwrap().port();
+        let other = stream.peer_addr().unwrap().port();
+        // Each step leaves at once.
+        stream.set_nodelay(true).unwrap();
+        let mut peer = Peer::Tcp(stream);
+        let mut left = cut;
+        for (_, step) in &self.steps {
+            let part = left.min(step.length());
+            left -= part;
+            match step {
+                Step::Give(bytes) => within(peer.give(&bytes[..part])).await,
+                Step::Take(_) => within(peer.take(part)).await,
+                Step::ConnectUnix if part == 1 => {
+                    peer = within(connect_unix(other, own)).await;
+                }
+                Step::AcceptUnix if part == 1 => {
+                    peer = within(accept_unix(own, other)).await;
+                }
+                Step::ConnectUnix | Step::AcceptUnix => {}
+            }
+            if left == 0 {
+                break;
+            }
+        }
+        assert_eq!(left, 0, "the conversation is longer");
+        peer
+    }
+
+    // ---- What they are made of ----------------------------------------------------------------
+
+    /// The header, as the side that connects.
+    fn opened_by_peer(mut self) -> Self {
+        let carrier = self.carrier;
+        let mut header = BytesMut::new();
+        let sender = Sender::plain(NAME);
+        Initiator::new(carrier, &sender, Dialect::V3, Limits::DEFAULT, &mut header);
+        self.give("magic", &header.split_to(8));
+        if carrier.framing != Framing::Lines {
+            self.give("length of the name", &header.split_to(4));
+        }
+        self.give("name", &header);
+        if carrier.transport == Transport::Group {
+            // A number that nobody has now, so that nothing else arrives.
+            let free = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+            let number = free.local_addr().unwrap().port();
+            let mut group = BytesMut::new();
+            put_group(
+                format!("239.255.77.1:{number}").parse().unwrap(),
+                &mut group,
+            );
+            self.give("group", &group);
+        }
+        match carrier.transport {
+            Transport::UnixSocket => self.steps.push(("other socket", Step::ConnectUnix)),
+            Transport::Group => {}
+            _ => self.take("header reply", welcome(carrier, NAME).len()),
+        }
+        self
+    }
+
+    /// The header, as the side that listens; `writer` is who connects.
+    fn opened_by_port(mut self, writer: &str) -> Self {
+        let carrier = self.carrier;
+        let mut header = BytesMut::new();
+        let sender = Sender::plain(writer);
+        Initiator::new(carrier, &sender, Dialect::V3, Limits::DEFAULT, &mut header);
+        self.take("magic", 8);
+        self.take("name", header.len() - 8);
+        match carrier.transport {
+            Transport::UnixSocket => self.steps.push(("other socket", Step::AcceptUnix)),
+            _ => self.give("header reply", &welcome(carrier, writer)),
+        }
+        self
+    }
+
+    fn give_message(&mut self, command: &Command, content: &Bottle) {
+        let carrier = self.carrier;
+        if carrier.transport == Transport::WebSocket {
+            let block = [0, 0, 0, 0, b'~', letter(command), 0, 1];
+            let content = content.encode(Dialect::V3);
+            let length = block.len() + content.len();
+            // Under a mask that changes nothing.
+            self.give("index", &[0x82, 0x80 | length as u8, 0, 0, 0, 0]);
+            self.give("command", &block);
+            self.give("payload", &content);
+            return;
+        }
+        for (phase, bytes) in parts(carrier, command, content) {
+            self.give(phase, &bytes);
+        }
+    }
+
+    fn take_message(&mut self, command: &Command, content: &Bottle) {
+        for (phase, bytes) in parts(self.carrier, command, content) {
+            self.take(phase, bytes.len());
+        }
+    }
+
+    fn acknowledgement(&self) -> BytesMut {
+        let mut bytes = BytesMut::new();
+        put_acknowledgement(&mut bytes, self.carrier);
+        bytes
+    }
+
+    fn reply(&self, content: &Bottle) -> BytesMut {
+        let mut bytes = BytesMut::new();
+        put_reply(&mut bytes, self.carrier, content, Dialect::V3);
+        bytes
+    }
+
+    fn give_acknowledgement(&mut self) {
+        let bytes = self.acknowledgement();
+        self.give("acknowledgement", &bytes);
+    }
+
+    fn take_acknowledgement(&mut self) {
+        let count = self.acknowledgement().len();
+        self.take("acknowledgement", count);
+    }
+
+    /// The request of a browser, and the beginning of the answer.
+    fn browsing(mut self, request: &str, answer: usize) -> Self {
+        self.give("magic", &request.as_bytes()[..8]);
+        self.give("request", &request.as_bytes()[8..]);
+        self.take("header reply", answer);
+        self
+    }
+}
+
+/// What the peers of a port that reads say: `content` on every carrier.
+pub(crate) fn writers(content: &Bottle) -> Vec<Conversation> {
+    let mut all: Vec<_> = STREAMS
+        .into_iter()
+        .map(|spelled| {
+            let mut conversation = Conversation::on(spelled).opened_by_peer();
+            conversation.give_message(&Command::data(false), content);
+            conversation.take_acknowledgement();
+            conversation
+        })
+        .collect();
+    let mut page = upgraded();
+    page.give_message(&Command::data(false), content);
+    all.push(page);
+    // Their messages do not come over the connection that ends.
+    all.extend(DATAGRAMS.map(|spelled| Conversation::on(spelled).opened_by_peer()));
+    all.push(Conversation::on("http").browsing("GET / HTTP/1.1\r\nHost: here:1\r\n\r\n", 12));
+    all
+}
+
+/// What callers say, and what they are told.
+pub(crate) fn callers(question: &Bottle, answer: &Bottle) -> Vec<Conversation> {
+    let mut all: Vec<_> = STREAMS
+        .into_iter()
+        .map(|spelled| {
+            let mut conversation = Conversation::on(spelled).opened_by_peer();
+            conversation.give_message(&Command::data(true), question);
+            conversation.take("reply", conversation.reply(answer).len());
+            conversation.take_acknowledgement();
+            conversation
+        })
+        .collect();
+    let mut page = upgraded();
+    page.give_message(&Command::data(true), question);
+    page.take("reply", 2 + answer.encode(Dialect::V3).len());
+    all.push(page);
+    let mut browser = Conversation::on("http").browsing("GET /?req=x HTTP/1.1\r\n\r\n", 0);
+    browser.take("reply", 12);
+    all.push(browser);
+    all
+}
+
+/// What readers say that connect themselves, and what they read: `content`, over `mjpeg` a picture.
+pub(crate) fn viewers(content: &Bottle) -> Vec<Conversation> {
+    let mut all: Vec<_> = STREAMS
+        .into_iter()
+        .filter(|spelled| !spelled.starts_with("unix_stream"))
+        .map(|spelled| {
+            let mut conversation = Conversation::on(spelled).opened_by_peer();
+            let turn = parts(conversation.carrier, &Command::Reverse, &Bottle::new());
+            for (_, bytes) in turn {
+                conversation.give("turn", &bytes);
+            }
+            let acknowledged = conversation.acknowledgement().len();
+            conversation.take("turn", acknowledged);
+            conversation.take_message(&Command::data(false), content);
+            conversation.give_acknowledgement();
+            conversation
+        })
+        .collect();
+    let mut page = upgraded();
+    page.give(
+        "turn",
+        &[0x82, 0x88, 0, 0, 0, 0, 0, 0, 0, 0, b'~', b'r', 0, 1],
+    );
+    page.take_message(&Command::data(false), content);
+    all.push(page);
+    let mut browser = Conversation::on("http").browsing("GET /r HTTP/1.1\r\n\r\n", 12);
+    browser.take("payload", 20);
+    all.push(browser);
+    let request = "GET /?action=stream HTTP/1.1\r\nHost: h\r\n\r\n";
+    let mut viewer = Conversation::on("mjpeg").browsing(request, RESPONSE.len());
+    viewer.take("payload", 100);
+    all.push(viewer);
+    all
+}
+
+/// What readers say to which the port `writer` connects.
+pub(crate) fn readers(writer: &str, content: &Bottle) -> Vec<Conversation> {
+    let mut all: Vec<_> = STREAMS
+        .into_iter()
+        .map(|spelled| {
+            let mut conversation = Conversation::on(spelled).opened_by_port(writer);
+            conversation.take_message(&Command::data(false), content);
+            conversation.give_acknowledgement();
+            conversation
+        })
+        .collect();
+    all.push(Conversation::on("udp").opened_by_port(writer));
+    all
+}
+
+/// What servers say to which the port `client` connects.
+pub(crate) fn servers(client: &str, question: &Bottle, answer: &Bottle) -> Vec<Conversation> {
+    STREAMS
+        .into_iter()
+        .map(|spelled| {
+            let mut conversation = Conversation::on(spelled).opened_by_port(client);
+            conversation.take_message(&Command::data(true), question);
+            let reply = conversation.reply(answer);
+            conversation.give("reply", &reply);
+            conversation.give_acknowledgement();
+            conversation
+        })
+        .collect()
+}
+
+/// A camera at TCP port `number`, which shows `picture` once.
+pub(crate) fn camera(number: u16, picture: &[u8]) -> Conversation {
+    let mut camera = Conversation::on("mjpeg");
+    let asked = request(None, &format!("127.0.0.1:{number}"));
+    camera.take("request", asked.len());
+    camera.give("header reply", RESPONSE.as_bytes());
+    let mut part = BytesMut::new();
+    put_part(&mut part, picture);
+    camera.give("payload", &part);
+    camera
+}
+
+/// Those whose messages come over the connection.
+const STREAMS: [&str; 6] = [
+    "tcp",
+    "fast_tcp",
+    "text",
+    "text_ack",
+    "unix_stream",
+    "unix_stream+ack",
+];
+const DATAGRAMS: [&str; 2] = ["udp", "mcast"];
+
+/// A page that has turned its request into a connection.
+fn upgraded() -> Conversation {
+    let request = "GET /?ws HTTP/1.1\r\nHost: h\r\nUpgrade: websocket\r\n\
+        Connection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\
+        Sec-WebSocket-Version: 13\r\n\r\n";
+    Conversation::on("websocket").browsing(request, 129)
+}
+
+/// What answers a header.
+fn welcome(carrier: &Carrier, name: &str) -> BytesMut {
+    let mut bytes = BytesMut::new();
+    match carrier.framing {
+        Framing::Lines => bytes.extend_from_slice(format!("Welcome {name}\r\n").as_bytes()),
+        _ => header_reply(9, &mut bytes),
+    }
+    bytes
+}
+
+fn letter(command: &Command) -> u8 {
+    match command {
+        Command::Data { reply: true, .. } => b'd',
+        _ => b'D',
+    }
+}
+
+/// The parts of a message as a port sends them.
+fn parts(carrier: &Carrier, command: &Command, content: &Bottle) -> Vec<(&'static str, BytesMut)> {
+    let mut bytes = BytesMut::new();
+    let has_payload = command.has_payload();
+    let content = has_payload.then_some(content as _);
+    put_message(&mut bytes, carrier, command, content, Dialect::V3);
+    let mut parts = Vec::new();
+    match carrier.framing {
+        Framing::Lines => {
+            let line = bytes.iter().position(|byte| *byte == b'\n').unwrap() + 1;
+            parts.push(("command", bytes.split_to(line)));
+        }
+        Framing::Indexed => {
+            let command_begins = bytes.windows(1).rposition(|byte| byte == b"~").unwrap() - 4;
+            parts.push(("index", bytes.split_to(command_begins)));
+            parts.push(("command", bytes.split_to(command.block_len())));
+        }
+        _ if carrier.transport == Transport::WebSocket => {
+            // Two frames with short heads.
+            parts.push(("index", bytes.split_to(2)));
+            parts.push(("command", bytes.split_to(command.block_len())));
+        }
+        _ => parts.push(("command", bytes.split_to(command.block_len()))),
+    }
+    if has_payload {
+        parts.push(("payload", bytes));
+    }
+    parts
+}
+
+/// The connection of somebody who is about to die.
+#[derive(Debug)]
+pub(crate) enum Peer {
+    Tcp(TcpStream),
+    Unix(UnixStream),
+}
+
+impl Peer {
+    fn stream(&mut self) -> &mut (dyn Both + Unpin + Send) {
+        match self {
+            Self::Tcp(stream) => stream,
+            Self::Unix(stream) => stream,
+        }
+    }
+
+    async fn give(&mut self, bytes: &[u8]) {
+        self.stream().write_all(bytes).await.unwrap();
+    }
+
+    async fn take(&mut self, count: usize) {
+        let mut bytes = vec![0; count];
+        self.stream().read_exact(&mut bytes).await.unwrap();
+    }
+
+    /// Ends the connection.
+    pub(crate) fn die(self, death: Death) {
+        if let (Self::Tcp(stream), Death::Resets) = (&self, death) {
+            let now = Some(std::time::Duration::ZERO);
+            SockRef::from(stream).set_linger(now).unwrap();
+        }
+    }
+}
+
+trait Both: AsyncRead + AsyncWrite {}
+
+impl<T: AsyncRead + AsyncWrite> Both for T {}
+
+/// Where the socket of a connection over `unix_stream` is; see `ports/src/unix.rs`.
+fn unix_path(acceptor: u16, initiator: u16) -> PathBuf {
+    let variable = |name| std::env::var(name).ok().filter(|value| !value.is_empty());
+    let folder = match (variable("YARP_RUNTIME_DIR"), variable("XDG_RUNTIME_DIR")) {
+        (Some(folder), _) => PathBuf::from(folder),
+        (None, Some(folder)) => PathBuf::from(folder).join("yarp"),
+        (None, None) => {
+            let user = variable("USER").unwrap_or_default();
+            PathBuf::from(format!("/tmp/runtime-{user}/yarp"))
+        }
+    };
+    folder.join(format!("{acceptor}_{initiator}.sock"))
+}
+
+async fn connect_unix(acceptor: u16, initiator: u16) -> Peer {
+    loop {
+        if let Ok(stream) = UnixStream::connect(unix_path(acceptor, initiator)).await {
+            return Peer::Unix(stream);
+        }
+        tokio::time::sleep(std::time::Duration::from_millis(1)).await;
+    }
+}
+
+async fn accept_unix(acceptor: u16, initiator: u16) -> Peer {
+    let path = unix_path(acceptor, initiator);
+    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+    let listener = UnixListener::bind(&path).unwrap();
+    let (stream, _) = listener.accept().await.unwrap();
+    let _ = std::fs::remove_file(&path);
+    Peer::Unix(stream)
+}
