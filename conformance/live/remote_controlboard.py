@@ -20,7 +20,11 @@ POSITION = yarp.encode("pos")
 VELOCITY = yarp.encode("vel")
 IDLE = yarp.encode("idl")
 REVOLUTE = yarp.encode("atrv")
-NO_MODE = yarp.encode("torq")
+NO_MODE = yarp.encode("mix")
+DIRECT = yarp.encode("posd")
+TORQUE = yarp.encode("torq")
+CURRENT = yarp.encode("icur")
+PWM = yarp.encode("ipwm")
 # How far from its target a joint may come to rest, degrees.
 CLOSE = 0.1
 # How far joints are moved, degrees.
@@ -218,15 +222,149 @@ def timed(arm):
     check("encoders are timed", good and -0.1 < age < 1.0, f"{1000 * age:.1f} ms old")
 
 
-def not_served(driver):
-    """Calls that the arm has no interface for fail at once."""
-    torque, motors = driver.viewITorqueControl(), driver.viewIMotor()
-    begun = time.monotonic()
-    refused = not torque.getTorqueRange(0, yarp.DVector(1), yarp.DVector(1))
-    refused = refused and not motors.getTemperature(0, yarp.DVector(1))
-    seconds = time.monotonic() - begun
-    check("torque range and temperature are refused at once", refused and seconds < 1.0,
-          f"{1000 * seconds:.1f} ms")
+def one(getter, *arguments):
+    """What a getter of one number gives, or None."""
+    vector = yarp.DVector(1)
+    return vector[0] if getter(*arguments, vector) else None
+
+
+def kept(what, setter, getter, value, *arguments):
+    """Whether a number comes back as it was set."""
+    found = one(getter, *arguments) if setter(*arguments, value) else None
+    check(what, found == value, found)
+
+
+def pushes(arm, what, mode, setter, asked, measured, push):
+    """A push moves the joint, and is told and measured."""
+    check(f"{what} mode", arm.set_mode(mode))
+    before = arm.positions()[0]
+    check(f"{what} of one", setter(0, push))
+    check("it moves", eventually(lambda: abs(arm.positions()[0] - before) > 1.0)[0])
+    check(f"{what} asked for", eventually(lambda: one(asked, 0) == push)[0], one(asked, 0))
+    check(f"{what} measured", eventually(lambda: abs((one(measured, 0) or 0.0) - push) < 1e-6)[0],
+          one(measured, 0))
+    check(f"{what} taken back", setter(0, 0.0) and rests(arm))
+    check("position mode", arm.set_mode(POSITION))
+
+
+def direct(arm, driver):
+    control = driver.viewIPositionDirect()
+    check("position direct mode", arm.set_mode(DIRECT))
+    here = arm.positions()
+    inward = arm.inward()[0]
+    target = here[0] + (1.0 if inward > here[0] else -1.0)
+    check("setPosition of one", control.setPosition(0, target))
+    check("it follows", eventually(lambda: abs(arm.positions()[0] - target) < 1e-6)[0])
+    check("getRefPosition", abs(one(control.getRefPosition, 0) - target) < 1e-9)
+    check("setPositions of all", control.setPositions(yarp.DVector(here)))
+    check("they follow", eventually(lambda: arm.is_at(here))[0])
+    check("position mode", arm.set_mode(POSITION))
+
+
+def forces(arm, driver):
+    torque, current, pwm = driver.viewITorqueControl(), driver.viewICurrentControl(), driver.viewIPWMControl()
+    low, high = yarp.DVector(1), yarp.DVector(1)
+    check("getTorqueRange", torque.getTorqueRange(0, low, high) and low[0] < high[0], high[0])
+    towards = 1.0 if arm.inward()[0] > arm.positions()[0] else -1.0
+    pushes(arm, "torque", TORQUE, torque.setRefTorque, torque.getRefTorque, torque.getTorque,
+           towards * high[0] / 8)
+    check("getCurrentRange", current.getCurrentRange(0, low, high) and low[0] < high[0], high[0])
+    pushes(arm, "current", CURRENT, current.setRefCurrent, current.getRefCurrent, current.getCurrent,
+           -towards * high[0] / 8)
+    pushes(arm, "duty cycle", PWM, pwm.setRefDutyCycle, pwm.getRefDutyCycle, pwm.getDutyCycle, towards * 12.5)
+    check("getTorques", arm.read(torque.getTorques) is not None)
+    check("getCurrents", arm.read(current.getCurrents) is not None)
+    check("getDutyCycles", arm.read(pwm.getDutyCycles) is not None)
+
+
+def loops(driver):
+    control = driver.viewIPidControl()
+    for kind in map(yarp.encode, ("pos", "vel", "trq", "cur")):
+        pid = yarp.Pid()
+        pid.kp = 1.5
+        pid.ki = 2.5
+        pid.setMaxOut(6.5)
+        several = yarp.PidVector(1)
+        good = control.setPid(kind, 0, pid) and control.getPid(kind, 0, several)
+        found = several[0]
+        check("setPid, getPid", good and (found.kp, found.ki, found.max_output, found.kd) == (1.5, 2.5, 6.5, 0.0))
+        check("disablePid, enablePid", control.disablePid(kind, 0) and control.enablePid(kind, 0))
+        check("resetPid, setPidOffset", control.resetPid(kind, 0) and control.setPidOffset(kind, 0, 0.5))
+        check("setPidReference", control.setPidReference(kind, 0, 12.0))
+        check("setPidErrorLimit", control.setPidErrorLimit(kind, 0, 3.0))
+
+
+def motors(arm, driver):
+    encoders, motor = driver.viewIMotorEncoders(), driver.viewIMotor()
+    check("getMotorEncoders", arm.read(encoders.getMotorEncoders) is not None)
+    check("setMotorEncoder", encoders.setMotorEncoder(0, 100.0)
+          and eventually(lambda: abs(encoders.getMotorEncoder(0) - 100.0) < 1e-6)[0])
+    check("resetMotorEncoders", encoders.resetMotorEncoders())
+    kept("counts per revolution", encoders.setMotorEncoderCountsPerRevolution,
+         encoders.getMotorEncoderCountsPerRevolution, 1000.0, 0)
+    check("getTemperature", one(motor.getTemperature, 0) is not None, one(motor.getTemperature, 0))
+    kept("temperature limit", motor.setTemperatureLimit, motor.getTemperatureLimit, 75.0, 0)
+    kept("gearbox ratio", motor.setGearboxRatio, motor.getGearboxRatio, 25.0, 0)
+
+
+def amplifiers(arm, driver):
+    control = driver.viewIAmplifierControl()
+    check("enableAmp", control.enableAmp(0))
+    for name in ("MaxCurrent", "NominalCurrent", "PeakCurrent", "PWMLimit"):
+        kept(name, getattr(control, f"set{name}"), getattr(control, f"get{name}"), 2.5, 0)
+    check("getPowerSupplyVoltage", (one(control.getPowerSupplyVoltage, 0) or 0.0) > 0.0)
+    check("disableAmp makes it idle", control.disableAmp(0)
+          and eventually(lambda: arm.modes.getControlMode(0) == IDLE)[0])
+    check("enableAmp again", control.enableAmp(0) and arm.set_mode(POSITION))
+
+
+def impedance_and_interaction(driver):
+    impedance, interaction = driver.viewIImpedanceControl(), driver.viewIInteractionMode()
+    stiffness, damping = yarp.DVector(1), yarp.DVector(1)
+    check("setImpedance, getImpedance", impedance.setImpedance(0, 1.5, 0.5)
+          and impedance.getImpedance(0, stiffness, damping) and (stiffness[0], damping[0]) == (1.5, 0.5))
+    kept("impedance offset", impedance.setImpedanceOffset, impedance.getImpedanceOffset, 0.25, 0)
+    mode = yarp.encode("comp")
+    check("setInteractionMode", interaction.setInteractionMode(0, mode)
+          and eventually(lambda: interaction.getInteractionMode(0) == mode)[0])
+    check("stiff again", interaction.setInteractionMode(0, yarp.encode("stif")))
+
+
+def calibration(driver):
+    calibrator = driver.viewIRemoteCalibrator()
+    check("isCalibratorDevicePresent", calibrator.isCalibratorDevicePresent())
+    check("calibrateSingleJoint", calibrator.calibrateSingleJoint(0))
+    check("homingWholePart, quitPark", calibrator.homingWholePart() and calibrator.quitPark())
+
+
+def variables_kept(driver):
+    variables = driver.viewIRemoteVariables()
+    names, value = yarp.Bottle(), yarp.Bottle()
+    check("getRemoteVariablesList", variables.getRemoteVariablesList(names), names.toString())
+    check("getRemoteVariable", variables.getRemoteVariable("friction", value), value.toString())
+    check("setRemoteVariable", variables.setRemoteVariable("friction", value))
+
+
+def further(arm, driver):
+    """The interfaces beside position and velocity, as far as the bindings have them."""
+    for section, arguments, views in [
+        (direct, (arm, driver), ["viewIPositionDirect"]),
+        (forces, (arm, driver), ["viewITorqueControl", "viewICurrentControl", "viewIPWMControl"]),
+        (loops, (driver,), ["viewIPidControl"]),
+        (motors, (arm, driver), ["viewIMotorEncoders", "viewIMotor"]),
+        (amplifiers, (arm, driver), ["viewIAmplifierControl"]),
+        (impedance_and_interaction, (driver,), ["viewIImpedanceControl", "viewIInteractionMode"]),
+        (calibration, (driver,), ["viewIRemoteCalibrator"]),
+        (variables_kept, (driver,), ["viewIRemoteVariables"]),
+    ]:
+        missing = [view for view in views if not hasattr(driver, view)]
+        if missing:
+            print(f"     not in these bindings: {' '.join(missing)}")
+            continue
+        try:
+            section(*arguments)
+        except (AttributeError, TypeError) as error:
+            check(section.__name__, False, error)
 
 
 def raw_requests(remote):
@@ -242,7 +380,7 @@ def raw_requests(remote):
         ("set pos 0", "[fail]"),
         ("set pos 0 [a]", "[fail]"),
         ("set poss (1.0)", "[fail]"),
-        ("get pid pid pos 0", "[fail]"),
+        ("get pid pid pos 9", "[fail]"),
         ("get icmd cmod 0", "[is] 0 [pos] [tsta]"),
         ("get axes", "[is] axes "),
     ]:
@@ -304,7 +442,7 @@ def main():
     limits_kept(arm)
     position_moves(arm)
     velocity_moves(arm)
-    not_served(driver)
+    further(arm, driver)
     raw_requests(remote)
     state_feed(remote, arm.axes, hertz)
     driver.close()

@@ -1,24 +1,32 @@
 //! The device behind the recorded control board conversations, as far as they show it.
 //!
 //! Stock's `fakeMotionControl` of seven axes: it takes every command and says its motion is never
-//! done. Positions stand still here; those of the recording are given.
+//! done. Positions stand still here; those of the recording are given. What the recordings do not ask about is
+//! left to a simulated arm.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use yarp_devices::wam::SimulatedWam;
 use yarp_devices::{
-    Axes, AxisIndex, AxisInfo, ControlLimits, ControlMode, Device, DeviceError, EncoderReading,
-    Encoders, JointType, Limits, Mode, MotionControl, PositionControl, VelocityControl,
+    AmplifierControl, Axes, AxisIndex, AxisInfo, ControlCalibration, ControlLimits, ControlMode,
+    CurrentControl, Device, DeviceError, EncoderReading, Encoders, ImpedanceControl,
+    InteractionMode, JointBrake, JointFault, JointType, Limits, Mode, MotionControl, Motor,
+    MotorEncoders, Pid, PidControl, PositionControl, PositionDirect, PwmControl, TorqueControl,
+    VelocityControl, VelocityDirect,
 };
 
 /// A board of axes that stand still and accept everything.
 #[derive(Debug)]
 pub struct RecordedBoard {
     positions: Vec<f64>,
+    pub(crate) largest_torque: f64,
+    pub(crate) arm: SimulatedWam,
     state: Mutex<State>,
 }
 
 #[derive(Debug)]
-struct State {
+pub(crate) struct State {
+    pub(crate) pids: Vec<Pid>,
     modes: Vec<Mode>,
     targets: Vec<f64>,
     speeds: Vec<f64>,
@@ -31,7 +39,10 @@ impl RecordedBoard {
     pub fn at(positions: Vec<f64>) -> Self {
         let axes = positions.len();
         Self {
+            largest_torque: 0.0,
+            arm: SimulatedWam::start().expect("the machine has threads"),
             state: Mutex::new(State {
+                pids: vec![Pid::default(); axes],
                 modes: vec![Mode::Position; axes],
                 targets: positions.clone(),
                 speeds: vec![0.0; axes],
@@ -42,7 +53,18 @@ impl RecordedBoard {
         }
     }
 
-    fn state(&self) -> MutexGuard<'_, State> {
+    /// The same with a range of torques, as 4.0 recorded it.
+    pub fn with_torques(mut self, largest: f64) -> Self {
+        self.largest_torque = largest;
+        self
+    }
+
+    /// The velocities last asked for.
+    pub fn velocities(&self) -> Vec<f64> {
+        self.state().velocities.clone()
+    }
+
+    pub(crate) fn state(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -97,6 +119,62 @@ impl Device for RecordedBoard {
 
     fn control_limits(&self) -> Option<&dyn ControlLimits> {
         Some(self)
+    }
+
+    fn pid_control(&self) -> Option<&dyn PidControl> {
+        Some(self)
+    }
+
+    fn torque_control(&self) -> Option<&dyn TorqueControl> {
+        Some(self)
+    }
+
+    fn amplifier_control(&self) -> Option<&dyn AmplifierControl> {
+        Some(self)
+    }
+
+    fn motor(&self) -> Option<&dyn Motor> {
+        Some(self)
+    }
+
+    fn position_direct(&self) -> Option<&dyn PositionDirect> {
+        Some(self)
+    }
+
+    fn velocity_direct(&self) -> Option<&dyn VelocityDirect> {
+        Some(&self.arm)
+    }
+
+    fn current_control(&self) -> Option<&dyn CurrentControl> {
+        Some(&self.arm)
+    }
+
+    fn pwm_control(&self) -> Option<&dyn PwmControl> {
+        Some(&self.arm)
+    }
+
+    fn interaction_mode(&self) -> Option<&dyn InteractionMode> {
+        Some(&self.arm)
+    }
+
+    fn impedance_control(&self) -> Option<&dyn ImpedanceControl> {
+        Some(&self.arm)
+    }
+
+    fn motor_encoders(&self) -> Option<&dyn MotorEncoders> {
+        Some(&self.arm)
+    }
+
+    fn control_calibration(&self) -> Option<&dyn ControlCalibration> {
+        Some(&self.arm)
+    }
+
+    fn joint_fault(&self) -> Option<&dyn JointFault> {
+        Some(&self.arm)
+    }
+
+    fn joint_brake(&self) -> Option<&dyn JointBrake> {
+        Some(&self.arm)
     }
 }
 
@@ -224,7 +302,13 @@ impl ControlLimits for RecordedBoard {
 
     fn velocity_limits(&self, axis: AxisIndex) -> Result<Limits, DeviceError> {
         Axes::One(axis).check(self.axes())?;
-        Ok(Limits::new(0.0, 50.0))
+        // 4.0 has a smallest velocity below zero.
+        let smallest = if self.largest_torque > 0.0 {
+            -50.0
+        } else {
+            0.0
+        };
+        Ok(Limits::new(smallest, 50.0))
     }
 
     fn set_velocity_limits(&self, axis: AxisIndex, _limits: Limits) -> Result<(), DeviceError> {

@@ -8,6 +8,7 @@
 //! * [`soak`]: programs that come and go, and what they leave behind.
 
 pub mod board;
+mod board_motors;
 pub mod capture;
 pub mod counting;
 pub mod mask;

@@ -10,13 +10,10 @@ use yarp_conformance::board::RecordedBoard;
 use yarp_conformance::capture::{Capture, Run};
 use yarp_conformance::mask;
 use yarp_nameserver::{Server, ServerOptions};
-use yarp_wire::{Bottle, Dialect, Limits, Vocab32};
+use yarp_wire::{Bottle, Dialect, Limits};
 use yarp_wrappers::{ControlBoardOptions, ControlBoardServer};
 
 const PATIENCE: Duration = Duration::from_secs(20);
-
-/// Interfaces that the board behind our server does not have: what is asked of them fails.
-const NOT_OFFERED: [&str; 8] = ["pid", "torq", "asts", "maxc", "intm", "mtnm", "tmp", "iimp"];
 
 /// The answer in a run: one bottle, and the acknowledgement after it.
 fn answer(bytes: &[u8]) -> Option<Bottle> {
@@ -30,13 +27,6 @@ fn question(run: &Run) -> Option<Bottle> {
     const HEAD: usize = 38;
     let bytes = Bytes::copy_from_slice(run.bytes.get(HEAD..)?);
     Bottle::decode(&bytes, Dialect::V3, Limits::DEFAULT).ok()
-}
-
-fn not_offered(question: &Bottle) -> bool {
-    let word = question.get(1).and_then(|item| item.as_vocab());
-    NOT_OFFERED
-        .iter()
-        .any(|name| word == Some(Vocab32::new(name)))
 }
 
 /// Reads a bottle and the eight bytes of the acknowledgement.
@@ -101,12 +91,8 @@ async fn play(scenario: &str, positions: Vec<f64>) -> usize {
                 continue;
             };
             let got = mask::bottle(&read_answer(&mut stream).await).to_string();
-            if not_offered(asked) {
-                assert_eq!(got, "[fail]", "{asked}");
-            } else {
-                assert_eq!(got, mask::bottle(&expected).to_string(), "{asked}");
-                compared += 1;
-            }
+            assert_eq!(got, mask::bottle(&expected).to_string(), "{asked}");
+            compared += 1;
         }
     }
     board.close().await;
@@ -136,5 +122,5 @@ async fn a_person_is_answered_as_by_stock() {
         .filter_map(|value| value.as_f64())
         .collect();
     let compared = play("controlboard_rpc", positions).await;
-    assert!(compared == 9, "{compared} answers compared");
+    assert!(compared >= 9, "{compared} answers compared");
 }

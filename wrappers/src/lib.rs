@@ -1,13 +1,16 @@
 //! Network wrappers: devices served on ports, and remote devices cast back.
 //!
 //! For each interface there is a server, which offers a device of [`yarp_devices`] on the ports that stock clients
-//! expect, and a client, which is that device again in another program. Both speak what YARP 3.5 to 3.12 speak.
+//! expect, and a client, which is that device again in another program. Both speak what YARP 3.5 to 3.12 speak, and
+//! what 4.0 speaks: a server both at once, a client what the server at the other end does.
 //!
 //! * [`control_board`]: joints that move. [`ControlBoardServer`], [`RemoteControlBoard`].
+//! * [`thrift`]: calls of services as 4.0 puts them on the wire.
 //!
 //! Units are those of the interfaces: degrees and metres. No radians cross a wrapper.
 
 pub mod control_board;
+pub mod thrift;
 
 pub use control_board::{
     ControlBoardOptions, ControlBoardServer, OpenError, RemoteControlBoard,

@@ -8,6 +8,8 @@ use support::{PATIENCE, Stage, eventually};
 use yarp_devices::{
     Axes, AxisInfo, ControlMode, DeviceError, Encoders, PositionControl, VelocityControl,
 };
+use yarp_wire::Dialect;
+use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions};
 
 #[test]
 fn its_state_grows_stale_and_calls_name_it() {
@@ -31,7 +33,7 @@ fn its_state_grows_stale_and_calls_name_it() {
     let message = |outcome: Result<(), DeviceError>| outcome.expect_err("gone").to_string();
     let error = message(arm.position_move(Axes::One(0.into()), &[1.0]));
     assert!(
-        error.starts_with("`[set] [pos] 0 1.0` with /wam/rpc:i failed; try "),
+        error.starts_with("`positionMoveOneRPC 0 1.0` with /wam/nws/rpc:i failed; try "),
         "{error}"
     );
     let error = message(arm.velocity_move(Axes::One(0.into()), &[1.0]));
@@ -56,4 +58,33 @@ fn a_server_that_is_dropped_lets_its_names_go() {
         "a drop waits for nothing"
     );
     eventually("the end of the names", || stage.registered().is_empty());
+}
+
+#[test]
+fn when_it_comes_back_it_is_connected_again() {
+    for generation in [Dialect::V3, Dialect::V4] {
+        let stage = Stage::new();
+        let server = stage.serve_arm();
+        let options = RemoteControlBoardOptions::new("/wam", "/me").generation(generation);
+        let arm = RemoteControlBoard::open(&stage.network, options).expect("it is there");
+        let sees = || arm.encoder_readings(Axes::All).is_ok();
+        eventually("a first state", sees);
+        stage.runtime.block_on(server.close());
+        eventually("distrust", || !sees());
+        assert!(arm.axis_name(0.into()).is_err());
+
+        let server = stage.serve_arm();
+        eventually("states again", sees);
+        eventually("answers again", || arm.axis_name(0.into()).is_ok());
+        arm.set_control_modes(Axes::One(0.into()), &[yarp_devices::Mode::Velocity])
+            .expect("it answers");
+        eventually("commands again", || {
+            let _ = arm.velocity_move(Axes::One(0.into()), &[3.0]);
+            arm.reference_velocities(Axes::One(0.into()))
+                .is_ok_and(|velocities| velocities == [3.0])
+        });
+        drop(arm);
+        stage.runtime.block_on(server.close());
+        assert!(stage.registered().is_empty());
+    }
 }

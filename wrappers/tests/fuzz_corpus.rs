@@ -58,6 +58,38 @@ const REQUESTS: [&str; 16] = [
     "[is] [encs] (0.0 12.5) [tsta] 3 100.02 [ok]",
 ];
 
+/// Calls of 4.0 of every shape, and some that are wrong.
+const CALLS: [&str; 16] = [
+    "getAxesRPC",
+    "getEncoderAllRPC",
+    "getPosLimitsRPC 0",
+    "checkMotionDoneGroupRPC (0 1)",
+    "getPidRPC 829648752 0",
+    "getRemoteProtocolVersion",
+    "positionMoveOneRPC 0 10.5",
+    "positionMoveAllRPC (1.0 2.0 3.0 4.0 5.0 6.0 7.0)",
+    "positionMoveGroupRPC (0 2) (10.0 -5.0)",
+    "setControlModeAllRPC (7565168 7103862)",
+    "setPidRPC 829648752 0 (1.0 2.0 3.0 4.0 5.0 6.0 7.0 8.0 9.0 10.0)",
+    "setRemoteVariableRPC friction (1.0 2.0)",
+    "positionMoveOneRPC 0 nan",
+    "positionMoveGroupRPC (0) (1.0 2.0)",
+    "positionMoveOneRPC 999999999999 1.0",
+    "([ok]) 0.5 (1.0 2.0)",
+];
+
+/// Heads of streamed commands of both generations.
+const HEADS: [&str; 8] = [
+    "[vmo] 0",
+    "[vmos]",
+    "[vmog] 2 (0 1)",
+    "[dpo] 0",
+    "[ivel] [vmo] 0",
+    "[ipod] [dpog] 2 (0 1)",
+    "[ipwm] [refs]",
+    "[ipid] [poff] [pos1] 0",
+];
+
 /// Writes the files of the corpora that are not finds of the fuzzer.
 ///
 /// `cargo test -p yarp-wrappers --test fuzz_corpus -- --ignored`
@@ -75,10 +107,10 @@ fn write_seeds() {
         for (number, text) in REQUESTS.iter().enumerate() {
             write("request", number, &Bottle::parse(text).unwrap(), dialect);
         }
-        for (number, text) in ["[vmo] 0", "[vmos]", "[vmog] 2 (0 1)", "[dpo] 0"]
-            .iter()
-            .enumerate()
-        {
+        for (number, text) in CALLS.iter().enumerate() {
+            write("call", number, &Bottle::parse(text).unwrap(), dialect);
+        }
+        for (number, text) in HEADS.iter().enumerate() {
             let command = Command {
                 head: Bottle::parse(text).unwrap(),
                 values: vec![1.0, -2.0],

@@ -86,14 +86,14 @@ fn a_client_whose_name_is_taken_says_so() {
     let first = remote(&stage).expect("the name is free");
     let error = remote(&stage).expect_err("the name is taken");
     assert!(
-        matches!(&error, OpenError::NameTaken { name } if name == "/me/rpc:o"),
+        matches!(&error, OpenError::NameTaken { name } if name == "/me/nwc/rpc:o"),
         "{error}"
     );
     // The first is not disturbed.
     assert!(yarp_devices::AxisInfo::axis_name(&first, 0.into()).is_ok());
-    assert_eq!(stage.registered().len(), 7);
+    assert_eq!(stage.registered().len(), 8);
     drop(first);
-    assert_eq!(stage.registered().len(), 4);
+    assert_eq!(stage.registered().len(), 5);
     drop(remote(&stage).expect("the name is free again"));
     stage.runtime.block_on(server.close());
     assert!(stage.registered().is_empty());

@@ -3,20 +3,133 @@
 mod support;
 
 use support::{PATIENCE, Stage};
-use yarp_devices::checks;
+use yarp_devices::checks::Check;
+use yarp_devices::{Device, checks};
+use yarp_wire::Dialect;
+use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions};
 
-#[test]
-fn every_check_passes_over_the_network() {
+/// Runs a check on an arm that is spoken to as `generation`.
+fn over_the_network(generation: Dialect, check: Check) {
     let stage = Stage::new();
     let server = stage.serve_arm();
-    let arm = stage.remote("/tester");
-    for (name, check) in checks::ALL {
-        println!("{name}");
-        check(&arm, PATIENCE);
-    }
+    let options = RemoteControlBoardOptions::new("/wam", "/tester").generation(generation);
+    let arm = RemoteControlBoard::open(&stage.network, options).expect("it can be reached");
+    assert_eq!(arm.generation(), generation);
+    check(&arm, PATIENCE);
     drop(arm);
     stage.runtime.block_on(server.close());
     assert_eq!(stage.registered(), Vec::<String>::new());
+}
+
+/// One test per check, in a module per generation.
+macro_rules! check_each {
+    ($module:ident, $generation:expr, $all:expr, $($name:ident),* $(,)?) => {
+        mod $module {
+            use super::*;
+
+            $(
+                #[test]
+                fn $name() {
+                    over_the_network($generation, checks::$name);
+                }
+            )*
+
+            #[test]
+            fn no_check_is_left_out() {
+                let here = [$(stringify!($name)),*];
+                let all: Vec<&str> = $all.map(|(name, _)| *name).collect();
+                assert_eq!(all, here);
+            }
+        }
+    };
+}
+
+check_each! {
+    over_3,
+    Dialect::V3,
+    checks::ALL.iter(),
+    axes_have_names,
+    readings_carry_fresh_times,
+    a_move_ends_at_its_target,
+    a_relative_move_adds_up,
+    a_group_move_leaves_the_others_alone,
+    a_new_target_replaces_the_old,
+    a_stop_ends_a_move,
+    a_bad_target_for_one_moves_none,
+    a_malformed_command_is_refused,
+    references_are_kept,
+    modes_are_kept,
+    position_moves_need_position_mode,
+    a_velocity_holds_until_told_otherwise,
+    a_velocity_ends_at_the_position_limit,
+    limits_are_kept,
+    direct_positions_are_followed,
+    torques_push_joints,
+    motor_torque_parameters_are_kept,
+    currents_push_joints,
+    duty_cycles_push_joints,
+    interactions_are_kept,
+    impedance_is_kept,
+    control_loops_keep_what_they_are_told,
+    motor_encoders_follow_the_joints,
+    motors_tell_what_they_are,
+    amplifiers_switch_joints_off,
+    calibration_is_done,
+    homing_brings_joints_home,
+    variables_are_kept,
+    a_joint_that_works_has_no_fault,
+}
+
+check_each! {
+    over_4,
+    Dialect::V4,
+    checks::ALL.iter().chain(checks::SINCE_4),
+    axes_have_names,
+    readings_carry_fresh_times,
+    a_move_ends_at_its_target,
+    a_relative_move_adds_up,
+    a_group_move_leaves_the_others_alone,
+    a_new_target_replaces_the_old,
+    a_stop_ends_a_move,
+    a_bad_target_for_one_moves_none,
+    a_malformed_command_is_refused,
+    references_are_kept,
+    modes_are_kept,
+    position_moves_need_position_mode,
+    a_velocity_holds_until_told_otherwise,
+    a_velocity_ends_at_the_position_limit,
+    limits_are_kept,
+    direct_positions_are_followed,
+    torques_push_joints,
+    motor_torque_parameters_are_kept,
+    currents_push_joints,
+    duty_cycles_push_joints,
+    interactions_are_kept,
+    impedance_is_kept,
+    control_loops_keep_what_they_are_told,
+    motor_encoders_follow_the_joints,
+    motors_tell_what_they_are,
+    amplifiers_switch_joints_off,
+    calibration_is_done,
+    homing_brings_joints_home,
+    variables_are_kept,
+    a_joint_that_works_has_no_fault,
+    direct_velocities_are_followed,
+    brakes_hold,
+    modes_and_loops_are_listed,
+}
+
+#[test]
+fn what_3_has_no_words_for_is_not_offered() {
+    let stage = Stage::new();
+    let server = stage.serve_arm();
+    let options = RemoteControlBoardOptions::new("/wam", "/tester").generation(Dialect::V3);
+    let arm = RemoteControlBoard::open(&stage.network, options).expect("it can be reached");
+    assert!(arm.velocity_direct().is_none() && arm.joint_brake().is_none());
+    let modes = arm.control_mode().expect("it has modes");
+    assert!(modes.available_control_modes(0.into()).is_err());
+    drop(arm);
+    stage.runtime.block_on(server.close());
 }
 
 #[test]
@@ -31,8 +144,8 @@ fn every_check_passes_through_a_relay() {
         yarp_wrappers::ControlBoardServer::open(&network, near, "/relay", options).await
     })
     .expect("it can be served again");
-    let options = yarp_wrappers::RemoteControlBoardOptions::new("/relay", "/far").carrier("tcp");
-    let far = yarp_wrappers::RemoteControlBoard::open(&stage.network, options).expect("reached");
+    let options = RemoteControlBoardOptions::new("/relay", "/far").carrier("tcp");
+    let far = RemoteControlBoard::open(&stage.network, options).expect("reached");
     for (name, check) in checks::ALL {
         println!("{name}");
         check(&far, PATIENCE);

@@ -7,7 +7,9 @@ use std::time::Duration;
 
 use support::{PATIENCE, Stage};
 use yarp_devices::wam::SimulatedWam;
-use yarp_devices::{AxisIndex, AxisInfo, ControlMode, Device, DeviceError, JointType, Mode};
+use yarp_devices::{
+    AxisIndex, AxisInfo, ControlMode, Device, DeviceError, Encoders, JointType, Mode,
+};
 use yarp_ports::{Port, PortOptions, Queue, Received, remote};
 use yarp_wire::vector::Vector;
 use yarp_wire::{Bottle, Stamp};
@@ -59,9 +61,29 @@ fn both_feeds_carry_one_stamp_that_counts() {
     let data: JointData = message.read().expect("joint data");
     assert!(data.positions.of(7).is_some() && data.velocities.of(7).is_some());
     assert_eq!(data.control_modes.of(7), Some(&[Mode::Position; 7][..]));
-    // The arm measures no torques: zeros, marked.
+    assert!(data.torques.valid && data.motor_positions.valid && data.interaction_modes.valid);
+    stage.runtime.block_on(server.close());
+}
+
+/// An arm that shows nothing but its positions.
+struct Shy(SimulatedWam);
+
+impl Device for Shy {
+    fn encoders(&self) -> Option<&dyn Encoders> {
+        self.0.encoders()
+    }
+}
+
+#[test]
+fn what_is_not_measured_is_zeros_that_are_marked() {
+    let stage = Stage::new();
+    let server = stage.serve("/wam", Shy(SimulatedWam::start().expect("threads")));
+    let extended = reader(&stage, "/a", "/wam/stateExt:o");
+    let data: JointData = next(&stage, &extended).read().expect("joint data");
+    assert!(data.positions.of(7).is_some());
     assert_eq!(data.torques.values, [0.0; 7]);
     assert!(!data.torques.valid && !data.motor_positions.valid && !data.interaction_modes.valid);
+    assert!(!data.control_modes.valid && !data.temperatures.valid && !data.currents.valid);
     stage.runtime.block_on(server.close());
 }
 

@@ -7,13 +7,15 @@ use bytes::{Bytes, BytesMut};
 use yarp_wire::message::{ReadObject, WireObject};
 use yarp_wire::{Bottle, Dialect, Limits};
 use yarp_wrappers::control_board::messages::{Command, JointData, Reply, Request};
+use yarp_wrappers::thrift::{ReturnCode, ServiceVersion};
 
 /// One fuzz target: its name, which is also that of its corpus, and what it does.
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All targets.
-pub const TARGETS: [Target; 3] = [
+pub const TARGETS: [Target; 4] = [
     ("request", request),
+    ("call", call),
     ("streamed", streamed),
     ("state", state),
 ];
@@ -35,13 +37,29 @@ pub fn request(data: &[u8]) {
             assert_eq!(format!("{again:?}"), format!("{understood:?}"), "{printed}");
         }
         let reply = Reply::from_bottle(bottle);
-        let _ = (
-            reply.is_ok(),
-            reply.is_refusal(),
-            reply.read_version(),
-            reply.value(),
-        );
-        let _ = (reply.float(), reply.count(), reply.floats(7), reply.pair());
+        let _ = (reply.is_ok(), reply.is_refusal(), reply.read_version());
+    }
+}
+
+/// Calls and replies of 4.0: what is understood is written, and is understood again.
+pub fn call(data: &[u8]) {
+    let bytes = Bytes::copy_from_slice(data);
+    for dialect in DIALECTS {
+        let Ok(bottle) = Bottle::decode(&bytes, dialect, Limits::DEFAULT) else {
+            continue;
+        };
+        if let Ok(understood) = Request::parse_call(&bottle)
+            && let Some(call) = understood.to_call()
+        {
+            written(&call, dialect, |bytes| {
+                let again = Bottle::decode(bytes, dialect, Limits::DEFAULT)?;
+                let again = Request::parse_call(&again).expect("our own call");
+                assert_eq!(format!("{again:?}"), format!("{understood:?}"));
+                Ok(())
+            });
+        }
+        let _ = ReturnCode::read(bottle);
+        let _ = ServiceVersion::read_binary(&bytes, dialect);
     }
 }
 

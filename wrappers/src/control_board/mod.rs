@@ -1,9 +1,11 @@
-//! Control boards: the server `controlBoard_nws_yarp` and the client `remote_controlboard` of stock.
+//! Control boards: the server `controlBoard_nws_yarp` of stock, and its clients `remote_controlboard` (3.x) and
+//! `controlBoard_nwc_yarp` (4.0).
 //!
 //! ```text
 //!   client                                       server, named /wam
-//!   /local/rpc:o      ── questions, orders ──▶   /wam/rpc:i        answered one by one
-//!   /local/command:o  ── velocities ─────────▶   /wam/command:i    never answered
+//!   /local/rpc:o      ── questions, orders ──▶   /wam/rpc:i        answered one by one (3.x)
+//!   /local/nwc/rpc:o  ── questions, orders ──▶   /wam/nws/rpc:i    the same (4.0)
+//!   /local/command:o  ── velocities … ───────▶   /wam/command:i    never answered
 //!   /local/stateExt:i ◀── whole state ────────   /wam/stateExt:o   every period
 //!                         joint positions ────   /wam/state:o      every period, for whoever connects
 //! ```

@@ -5,8 +5,13 @@ use yarp_devices::{
     JointType, Limits, Mode,
 };
 
-use super::super::messages::{Get, Reply, Selection, Set, Setting, joint_type_from_value};
+use yarp_wire::Value;
+
+use super::super::messages::{
+    Action, Question, Range, Selection, Set, Setting, joint_type_from_value,
+};
 use super::RemoteControlBoard;
+use super::asking::{codes, pair};
 
 impl AxisInfo for RemoteControlBoard {
     fn axes(&self) -> usize {
@@ -15,14 +20,14 @@ impl AxisInfo for RemoteControlBoard {
 
     fn axis_name(&self, axis: AxisIndex) -> Result<String, DeviceError> {
         Axes::One(axis).check(self.axes)?;
-        self.ask(Get::Name(axis))?
-            .read(|reply| Some(reply.value()?.to_plain_string()))
+        self.about(Question::Name, axis)?
+            .read(|values| values.first().map(Value::to_plain_string))
     }
 
     fn joint_type(&self, axis: AxisIndex) -> Result<JointType, DeviceError> {
         Axes::One(axis).check(self.axes)?;
-        self.ask(Get::Type(axis))?
-            .read(|reply| joint_type_from_value(reply.value()?))
+        self.about(Question::Type, axis)?
+            .read(|values| joint_type_from_value(values.first()?))
     }
 }
 
@@ -57,23 +62,17 @@ impl Encoders for RemoteControlBoard {
     }
 
     fn reset_encoders(&self, axes: Axes<'_>) -> Result<(), DeviceError> {
-        axes.check(self.axes)?;
-        if axes.len(self.axes) == 0 {
-            return Ok(());
-        }
-        let what = "reset the encoders of";
-        let selection = Set::RESET_ENCODERS.sayable(axes, self.axes, what)?;
-        self.order(Set::ResetEncoders(selection))
+        self.act(Action::ResetEncoders, "reset the encoders of", axes)
     }
 }
 
 impl ControlMode for RemoteControlBoard {
-    /// [`DeviceError::NotSupported`]: the protocol of 3.x has no question for it.
+    /// [`DeviceError::NotSupported`] from 3.x, which has no question for it.
     fn available_control_modes(&self, axis: AxisIndex) -> Result<Vec<Mode>, DeviceError> {
         Axes::One(axis).check(self.axes)?;
-        Err(DeviceError::NotSupported {
-            what: "listing control modes over a 3.x network".to_owned(),
-        })
+        self.asking_4("listing control modes")?;
+        self.about(Question::AvailableModes, axis)?
+            .read(|values| codes(values.first()?, Mode::from))
     }
 
     /// From the newest state.
@@ -102,22 +101,24 @@ impl ControlMode for RemoteControlBoard {
 impl ControlLimits for RemoteControlBoard {
     fn position_limits(&self, axis: AxisIndex) -> Result<Limits, DeviceError> {
         Axes::One(axis).check(self.axes)?;
-        self.ask(Get::PositionLimits(axis))?.read(limits)
+        self.about(Question::Range(Range::Position), axis)?
+            .read(limits)
     }
 
     fn set_position_limits(&self, axis: AxisIndex, limits: Limits) -> Result<(), DeviceError> {
         self.check_limits(axis, "position limit", limits)?;
-        self.order(Set::PositionLimits(axis, limits))
+        self.order(Set::Limits(Range::Position, axis, limits))
     }
 
     fn velocity_limits(&self, axis: AxisIndex) -> Result<Limits, DeviceError> {
         Axes::One(axis).check(self.axes)?;
-        self.ask(Get::VelocityLimits(axis))?.read(limits)
+        self.about(Question::Range(Range::Velocity), axis)?
+            .read(limits)
     }
 
     fn set_velocity_limits(&self, axis: AxisIndex, limits: Limits) -> Result<(), DeviceError> {
         self.check_limits(axis, "velocity limit", limits)?;
-        self.order(Set::VelocityLimits(axis, limits))
+        self.order(Set::Limits(Range::Velocity, axis, limits))
     }
 }
 
@@ -134,6 +135,6 @@ impl RemoteControlBoard {
     }
 }
 
-fn limits(reply: &Reply) -> Option<Limits> {
-    reply.pair().map(|(min, max)| Limits::new(min, max))
+fn limits(values: &[Value]) -> Option<Limits> {
+    pair(values).map(|(min, max)| Limits::new(min, max))
 }

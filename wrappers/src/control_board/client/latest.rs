@@ -13,6 +13,7 @@ use super::super::messages::JointData;
 pub(super) struct Latest {
     state: Mutex<Option<State>>,
     trusted: Duration,
+    begun: Instant,
 }
 
 #[derive(Debug)]
@@ -30,6 +31,7 @@ impl Latest {
         Self {
             state: Mutex::default(),
             trusted,
+            begun: Instant::now(),
         }
     }
 
@@ -56,6 +58,13 @@ impl Latest {
             arrived: Instant::now(),
         };
         *self.state.lock().unwrap_or_else(PoisonError::into_inner) = Some(state);
+    }
+
+    /// Whether no state has come for so long.
+    pub(super) fn is_older_than(&self, age: Duration) -> bool {
+        let state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        let arrived = state.as_ref().map_or(self.begun, |state| state.arrived);
+        arrived.elapsed() > age
     }
 
     /// Shows `read` the newest state and its time, if it is trusted.

@@ -1,27 +1,50 @@
 //! The three ports of a client, the conversation at opening, and calls.
+//!
+//! ```text
+//!              3.x                                      4.0
+//! calls        LOCAL/rpc:o      -> REMOTE/rpc:i         LOCAL/nwc/rpc:o  -> REMOTE/nws/rpc:i
+//! commands     LOCAL/command:o  -> REMOTE/command:i     the same
+//! state        LOCAL/stateExt:i <- REMOTE/stateExt:o    the same
+//! ```
 
+use std::collections::HashSet;
 use std::error::Error;
 use std::sync::Arc;
 use std::time::Duration;
 
+use tokio::task::JoinSet;
 use yarp_devices::DeviceError;
-use yarp_ports::{Network, Port, PortOptions, Received, blocking, remote};
-use yarp_wire::Bottle;
+use yarp_ports::{
+    LinkState, Network, Port, PortError, PortOptions, Received, Supervised, Supervision, blocking,
+    remote,
+};
+use yarp_wire::message::{ReadObject, WireObject};
+use yarp_wire::{Bottle, Dialect, Value};
 
 use super::super::OpenError;
-use super::super::messages::{Command, Get, ProtocolVersion, Reply, Request};
+use super::super::messages::{
+    Command, Get, ProtocolVersion, Question, Reply, Request, Selection, count,
+};
 use super::super::opening::{close_all, open};
 use super::latest::Latest;
 use super::options::RemoteControlBoardOptions;
+use crate::thrift::{ReturnCode, ServiceVersion};
 
 /// Questions and orders need answers, so their carrier is not a choice.
 const RPC_CARRIER: &str = "tcp";
 /// How long closing may take.
 const CLOSING: Duration = Duration::from_secs(3);
+/// How often a lost connection is tried again.
+const PAUSES: (Duration, Duration) = (Duration::from_millis(100), Duration::from_secs(1));
+/// How often it is looked whether states still come; after twice as long without one they are asked for again.
+const WATCHING: Duration = Duration::from_millis(500);
+const RPC_3: (&str, &str) = ("rpc:o", "rpc:i");
+const RPC_4: (&str, &str) = ("nwc/rpc:o", "nws/rpc:i");
 
 /// Ports connected to a board.
 #[derive(Debug)]
 pub(super) struct Link {
+    pub(super) generation: Dialect,
     rpc: Port,
     command: Port,
     feed: Port,
@@ -30,23 +53,42 @@ pub(super) struct Link {
     command_peer: String,
     deadline: Duration,
     pub(super) latest: Arc<Latest>,
+    /// The connections to the board, made again whenever they are lost.
+    kept: Vec<Supervised>,
+    /// Asks the board for its state again; ends with the link.
+    asking: JoinSet<()>,
+}
+
+/// What a board says of itself.
+#[derive(Debug)]
+pub(super) struct About {
+    pub(super) axes: usize,
+    /// The names of the interfaces it has. A board of 3.x does not say.
+    pub(super) interfaces: Option<HashSet<String>>,
+}
+
+/// Results of a request, and how it was said, for the errors.
+#[derive(Debug)]
+pub(super) struct Results {
+    pub(super) values: Vec<Value>,
+    pub(super) said: String,
 }
 
 impl Link {
-    /// Opens and connects the ports, and asks how many axes there are; on an error nothing stays open.
+    /// Opens and connects the ports, and asks what the board is; on an error nothing stays open.
     pub(super) async fn open(
         network: &Network,
         options: &RemoteControlBoardOptions,
-    ) -> Result<(Self, usize), OpenError> {
+    ) -> Result<(Self, About), OpenError> {
         let remote_name = |suffix: &str| format!("{}/{suffix}", options.remote);
         // Before anything of our own is opened: usually the board is just not running.
-        for suffix in ["rpc:i", "command:i", "stateExt:o"] {
-            let name = remote_name(suffix);
-            match remote::exists(network, &name).await {
-                Ok(true) => {}
-                Ok(false) => return Err(OpenError::NoRemote { name }),
-                Err(source) => return Err(OpenError::Port { name, source }),
-            }
+        let generation = generation(network, options).await?;
+        let (from, to) = match generation {
+            Dialect::V3 => RPC_3,
+            Dialect::V4 => RPC_4,
+        };
+        for suffix in ["command:i", "stateExt:o"] {
+            there(network, remote_name(suffix)).await?;
         }
         let latest = Arc::new(Latest::new(options.timeout));
         let newest = latest.clone();
@@ -55,13 +97,14 @@ impl Link {
             yarp_ports::Answer::Nothing
         };
         let wanted = [
-            ("rpc:o", PortOptions::new().calling()),
+            (from, PortOptions::new().calling()),
             ("command:o", PortOptions::new()),
             ("stateExt:i", PortOptions::new().handler(take).input_only()),
         ];
         let mut opened = Vec::new();
         for (suffix, port) in wanted {
-            match open(network, format!("{}/{suffix}", options.local), port).await {
+            let name = format!("{}/{suffix}", options.local);
+            match open(network, name, port.dialect(generation)).await {
                 Ok(port) => opened.push(port),
                 Err(error) => {
                     close_all(opened).await;
@@ -70,18 +113,21 @@ impl Link {
             }
         }
         let [rpc, command, feed]: [Port; 3] = opened.try_into().expect("three were asked for");
-        let link = Self {
+        let mut link = Self {
+            generation,
             rpc,
             command,
             feed,
             remote: options.remote.clone(),
-            rpc_peer: remote_name("rpc:i"),
+            rpc_peer: remote_name(to),
             command_peer: remote_name("command:i"),
             deadline: options.deadline,
             latest,
+            kept: Vec::new(),
+            asking: JoinSet::new(),
         };
         match link.greet(network, options).await {
-            Ok(axes) => Ok((link, axes)),
+            Ok(about) => Ok((link, about)),
             Err(error) => {
                 link.close().await;
                 Err(error)
@@ -89,36 +135,60 @@ impl Link {
         }
     }
 
-    /// Connects the ports; then the version of the protocol, and the number of axes.
+    /// Connects the ports in the order of stock; then the version of the protocol, the number of axes and, from 4.0,
+    /// the interfaces.
     async fn greet(
-        &self,
+        &mut self,
         network: &Network,
         options: &RemoteControlBoardOptions,
-    ) -> Result<usize, OpenError> {
+    ) -> Result<About, OpenError> {
         let carrier = options.carrier.as_str();
-        connect(&self.rpc, &self.rpc_peer, RPC_CARRIER).await?;
-        connect(&self.command, &self.command_peer, carrier).await?;
+        if self.generation == Dialect::V3 {
+            self.kept.push(self.call_port().await?);
+        }
+        let command = keep(&self.command, &self.command_peer, carrier, self.deadline);
+        self.kept.push(command.await?);
         let state = format!("{}/stateExt:o", options.remote);
         remote::connect(network, &state, self.feed.name(), Some(carrier))
             .await
             .map_err(|source| OpenError::Connect {
-                from: state,
+                from: state.clone(),
                 to: self.feed.name().to_owned(),
                 carrier: carrier.to_owned(),
                 source: source.into(),
             })?;
+        let again = ask_again(
+            network.clone(),
+            state,
+            self.feed.name().to_owned(),
+            carrier.to_owned(),
+            self.latest.clone(),
+        );
+        self.asking.spawn(again);
+        if self.generation == Dialect::V4 {
+            self.kept.push(self.call_port().await?);
+        }
         if !options.ignores_protocol {
             self.check_version().await?;
         }
         let question = "how many axes it has";
-        let asked = Request::Get(Get::Axes);
+        let asked = Request::Get(Get::About(Question::Axes, Selection::All));
         let failed = |source| OpenError::Question { question, source };
-        let (reply, request) = self.exchange(asked).await.map_err(failed)?;
-        match reply.count() {
-            Some(0) => Err(OpenError::NoAxes),
-            Some(axes) => Ok(axes),
-            None => Err(failed(self.unreadable(&request, reply))),
-        }
+        let results = self.exchange(&asked).await.map_err(failed)?;
+        let axes = match results.values.first().and_then(count) {
+            Some(0) => return Err(OpenError::NoAxes),
+            Some(axes) => axes,
+            None => return Err(failed(self.unreadable(&results))),
+        };
+        let interfaces = match self.generation {
+            Dialect::V3 => None,
+            Dialect::V4 => Some(self.interfaces().await?),
+        };
+        Ok(About { axes, interfaces })
+    }
+
+    async fn call_port(&self) -> Result<Supervised, OpenError> {
+        keep(&self.rpc, &self.rpc_peer, RPC_CARRIER, self.deadline).await
     }
 
     async fn check_version(&self) -> Result<(), OpenError> {
@@ -126,55 +196,151 @@ impl Link {
             question: "which version of the protocol it speaks",
             source,
         };
-        let asked = self.exchange(Request::ProtocolVersion).await;
-        let (reply, request) = asked.map_err(failed)?;
-        let expected = ProtocolVersion::CURRENT;
-        match reply.read_version() {
-            Some(found) if found.is_compatible(expected) => Ok(()),
-            Some(found) => Err(OpenError::ProtocolVersion {
-                peer: self.rpc_peer.clone(),
-                expected,
-                found,
-            }),
-            None => Err(failed(self.unreadable(&request, reply))),
+        let (expected, found) = match self.generation {
+            Dialect::V3 => {
+                let results = self.exchange(&Request::ProtocolVersion).await;
+                let results = results.map_err(failed)?;
+                let found = Reply::from_bottle(results.values.clone().into()).read_version();
+                let found = found.ok_or_else(|| failed(self.unreadable(&results)))?;
+                (ProtocolVersion::CURRENT, found)
+            }
+            Dialect::V4 => {
+                let call = Request::ProtocolVersion.to_call().unwrap_or_default();
+                let version = self.send::<ServiceVersion>(&call).await;
+                let found = version
+                    .map_err(|error| failed(self.lost(&call, error)))?
+                    .protocol;
+                let only = |protocol: i16| ProtocolVersion {
+                    major: protocol.into(),
+                    minor: 0,
+                    tweak: 0,
+                };
+                (only(ServiceVersion::CONTROL_BOARD.protocol), only(found))
+            }
+        };
+        if found.is_compatible(expected) {
+            return Ok(());
         }
+        Err(OpenError::ProtocolVersion {
+            peer: self.rpc_peer.clone(),
+            expected,
+            found,
+        })
+    }
+
+    async fn interfaces(&self) -> Result<HashSet<String>, OpenError> {
+        let question = "which interfaces it has";
+        let failed = |source| OpenError::Question { question, source };
+        let results = self.exchange(&Request::Interfaces).await.map_err(failed)?;
+        let named = |entry: &Value| {
+            let [name, there] = entry.as_list()?.as_slice() else {
+                return None;
+            };
+            let there = super::super::messages::read_flag(there)?;
+            Some((name.to_plain_string(), there))
+        };
+        let map = results.values.first().and_then(Value::as_list);
+        let entries: Option<Vec<_>> = map.and_then(|map| map.iter().map(named).collect());
+        let entries = entries.ok_or_else(|| failed(self.unreadable(&results)))?;
+        let there = entries.into_iter().filter(|(_, there)| *there);
+        Ok(there.map(|(name, _)| name).collect())
     }
 
     pub(super) fn remote(&self) -> &str {
         &self.remote
     }
 
-    /// Asks or orders, and waits for the answer; also gives the message that was sent.
-    pub(super) fn call(self: &Arc<Self>, request: Request) -> Result<(Reply, Bottle), DeviceError> {
+    /// Asks or orders, and waits for the answer.
+    pub(super) fn call(self: &Arc<Self>, request: Request) -> Result<Results, DeviceError> {
         let link = self.clone();
         blocking::wait(async move {
-            let answer = link.exchange(request).await;
+            let answer = link.exchange(&request).await;
             // Before anybody learns of the answer, so that dropping the board finds itself alone.
             drop(link);
             answer
         })
     }
 
-    async fn exchange(&self, request: Request) -> Result<(Reply, Bottle), DeviceError> {
-        let Some(message) = request.to_bottle() else {
-            return Err(DeviceError::NotSupported {
-                what: format!("{request:?} in one message"),
-            });
-        };
-        let calling = self.rpc.call_within::<Bottle>(&message, self.deadline);
-        match calling.await.map(Reply::from_bottle) {
-            Ok(reply) if reply.is_refusal() => Err(DeviceError::Refused {
-                peer: self.rpc_peer.clone(),
-                step: format!("`{message}`"),
-                advice: "the log of the control board, which has the reason".to_owned(),
-            }),
-            Ok(reply) => Ok((reply, message)),
-            Err(error) => Err(failed(
-                &self.rpc_peer,
-                format!("`{message}`"),
-                Some(Box::new(error)),
-            )),
+    async fn exchange(&self, request: &Request) -> Result<Results, DeviceError> {
+        match self.generation {
+            Dialect::V3 => self.exchange_words(request).await,
+            Dialect::V4 => self.exchange_call(request).await,
         }
+    }
+
+    async fn exchange_words(&self, request: &Request) -> Result<Results, DeviceError> {
+        let message = request.to_bottle().ok_or_else(|| no_message(request))?;
+        let reply = self.send::<Bottle>(&message).await;
+        let reply = Reply::from_bottle(reply.map_err(|error| self.lost(&message, error))?);
+        let said = message.to_string();
+        // Whether a joint is calibrated is answered by `[ok]` and `[fail]` themselves.
+        let done = matches!(
+            request,
+            Request::Get(Get::About(Question::CalibrationDone, _))
+        );
+        if reply.is_refusal() && !done {
+            return Err(self.refused(said, "the log of the control board, which has the reason"));
+        }
+        let values = match request {
+            Request::Get(get) => get.read_v3(&reply),
+            Request::Set(_) => reply.is_ok().then(Vec::new),
+            _ => Some(reply.clone().into_bottle().into_items()),
+        };
+        match values {
+            Some(values) => Ok(Results { values, said }),
+            None => Err(self.unreadable(&Results {
+                values: reply.into_bottle().into_items(),
+                said,
+            })),
+        }
+    }
+
+    async fn exchange_call(&self, request: &Request) -> Result<Results, DeviceError> {
+        let message = request.to_call().ok_or_else(|| no_message(request))?;
+        let reply = self.send::<Bottle>(&message).await;
+        let reply = reply.map_err(|error| self.lost(&message, error))?;
+        let said = said(&message);
+        let answer = reply.clone().into_items();
+        let done = matches!(
+            request,
+            Request::Get(Get::About(Question::CalibrationDone, _))
+        );
+        match ReturnCode::read(reply) {
+            Some((ReturnCode::Ok, _)) if done => Ok(Results {
+                values: vec![Value::Int32(1)],
+                said,
+            }),
+            Some((ReturnCode::Failed | ReturnCode::Generic, _)) if done => Ok(Results {
+                values: vec![Value::Int32(0)],
+                said,
+            }),
+            Some((ReturnCode::Ok, values)) => Ok(Results { values, said }),
+            Some((code, _)) => Err(self.refused(
+                said,
+                &format!("the log of the control board; it answered that {code}"),
+            )),
+            None => Err(self.unreadable(&Results {
+                values: answer,
+                said,
+            })),
+        }
+    }
+
+    async fn send<R: ReadObject>(&self, message: &impl WireObject) -> Result<R, PortError> {
+        self.rpc.call_within::<R>(message, self.deadline).await
+    }
+
+    fn refused(&self, said: String, advice: &str) -> DeviceError {
+        DeviceError::Refused {
+            peer: self.rpc_peer.clone(),
+            step: format!("`{said}`"),
+            advice: advice.to_owned(),
+        }
+    }
+
+    fn lost(&self, message: &impl WireObject, error: PortError) -> DeviceError {
+        let step = format!("`{}`", said(message));
+        failed(&self.rpc_peer, step, Some(Box::new(error)))
     }
 
     /// Sends a command that nobody answers. Commands arrive all, and in order.
@@ -202,18 +368,20 @@ impl Link {
     }
 
     /// What to say of an answer that is not of the kind expected.
-    pub(super) fn unreadable(&self, request: &Bottle, reply: Reply) -> DeviceError {
-        let answer = reply.into_bottle();
+    pub(super) fn unreadable(&self, results: &Results) -> DeviceError {
+        let answer = Bottle::from(results.values.clone());
+        let said = &results.said;
         DeviceError::Remote {
             peer: self.rpc_peer.clone(),
-            step: format!("understanding the answer `{answer}` to `{request}`"),
-            advice: "whether it is a control board of YARP 3.5 to 3.12".to_owned(),
+            step: format!("understanding the answer `{answer}` to `{said}`"),
+            advice: format!("whether it is a control board of YARP {}", self.generation),
             source: None,
         }
     }
 
     /// Closes the ports; takes a few seconds at the most.
-    pub(super) async fn close(self) {
+    pub(super) async fn close(mut self) {
+        self.asking.shutdown().await;
         let closing = close_all([self.rpc, self.command, self.feed]);
         if tokio::time::timeout(CLOSING, closing).await.is_err() {
             tracing::warn!(remote = %self.remote, "closing took too long; names may be left behind");
@@ -221,22 +389,101 @@ impl Link {
     }
 }
 
-async fn connect(port: &Port, to: &str, carrier: &str) -> Result<(), OpenError> {
-    port.connect_over(to, carrier)
-        .await
-        .map_err(|source| OpenError::Connect {
-            from: port.name().to_owned(),
-            to: to.to_owned(),
-            carrier: carrier.to_owned(),
-            source: source.into(),
-        })
+/// Which generation the board is of: that of the port it has for calls.
+async fn generation(
+    network: &Network,
+    options: &RemoteControlBoardOptions,
+) -> Result<Dialect, OpenError> {
+    let name = |(_, to): (&str, &str)| format!("{}/{to}", options.remote);
+    match options.generation {
+        Some(Dialect::V3) => there(network, name(RPC_3)).await.map(|()| Dialect::V3),
+        Some(Dialect::V4) => there(network, name(RPC_4)).await.map(|()| Dialect::V4),
+        None => match there(network, name(RPC_4)).await {
+            Ok(()) => Ok(Dialect::V4),
+            Err(OpenError::NoRemote { .. }) => {
+                there(network, name(RPC_3)).await.map(|()| Dialect::V3)
+            }
+            Err(error) => Err(error),
+        },
+    }
+}
+
+/// Sees to it that there is a port of that name.
+async fn there(network: &Network, name: String) -> Result<(), OpenError> {
+    match remote::exists(network, &name).await {
+        Ok(true) => Ok(()),
+        Ok(false) => Err(OpenError::NoRemote { name }),
+        Err(source) => Err(OpenError::Port { name, source }),
+    }
+}
+
+/// A message as a person would type it.
+fn said(message: &impl WireObject) -> String {
+    let mut text = bytes::BytesMut::new();
+    message.write_text(&mut text);
+    String::from_utf8_lossy(&text).trim_end().to_owned()
+}
+
+fn no_message(request: &Request) -> DeviceError {
+    DeviceError::NotSupported {
+        what: format!("{request:?} in one message"),
+    }
+}
+
+/// Connects a port, and again whenever the connection is lost. An error is that of the first try.
+async fn keep(
+    port: &Port,
+    to: &str,
+    carrier: &str,
+    deadline: Duration,
+) -> Result<Supervised, OpenError> {
+    let failed = |reason: &str| OpenError::Connect {
+        from: port.name().to_owned(),
+        to: to.to_owned(),
+        carrier: carrier.to_owned(),
+        source: reason.into(),
+    };
+    let (first, longest) = PAUSES;
+    let options = Supervision::new().pauses(first, longest).deadline(deadline);
+    let place = format!("{carrier}:/{to}");
+    let mut kept = port.supervise(&place, options);
+    loop {
+        match kept.state() {
+            LinkState::Up => return Ok(kept),
+            LinkState::Lost { reason } => {
+                kept.end().await;
+                return Err(failed(&reason));
+            }
+            LinkState::Ended => return Err(failed("the port closed")),
+            _ => drop(kept.changed().await),
+        }
+    }
+}
+
+/// Asks the board for its state again when none comes any more: it is the board that connects, so that nobody else
+/// notices when it comes back.
+async fn ask_again(
+    network: Network,
+    state: String,
+    feed: String,
+    carrier: String,
+    latest: Arc<Latest>,
+) {
+    loop {
+        tokio::time::sleep(WATCHING).await;
+        if latest.is_older_than(2 * WATCHING)
+            && let Err(error) = remote::connect(&network, &state, &feed, Some(&carrier)).await
+        {
+            tracing::debug!(%state, "cannot ask for the state: {error}");
+        }
+    }
 }
 
 fn failed(peer: &str, step: String, source: Option<Box<dyn Error + Send + Sync>>) -> DeviceError {
     DeviceError::Remote {
         peer: peer.to_owned(),
         step,
-        advice: format!("`yarp ping {peer}`; if it is there, open the remote control board again"),
+        advice: format!("`yarp ping {peer}`; when the board is back, it is connected again"),
         source,
     }
 }

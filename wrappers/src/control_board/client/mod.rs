@@ -5,44 +5,54 @@
 //! | `options` | whom to call, as whom, and how long to wait |
 //! | `link` | the three ports, the conversation at opening, calls |
 //! | `latest` | the newest state that has come |
-//! | `interfaces`, `motion` | the device interfaces, said in messages |
+//! | `asking` | one value per joint, whichever message says it |
+//! | `interfaces`, `motion`, `motors` | the device interfaces, said in messages |
 
+mod asking;
 mod interfaces;
 mod latest;
 mod link;
 mod motion;
+mod motors;
 mod options;
 
+use std::collections::HashSet;
 use std::sync::Arc;
 
 use yarp_devices::{
-    AxisInfo, ControlLimits, ControlMode, Device, DeviceError, Encoders, PositionControl,
-    VelocityControl,
+    AmplifierControl, AxisInfo, ControlCalibration, ControlLimits, ControlMode, CurrentControl,
+    Device, DeviceError, Encoders, ImpedanceControl, InteractionMode, JointBrake, JointFault,
+    Motor, MotorEncoders, PidControl, PositionControl, PositionDirect, PwmControl,
+    RemoteCalibrator, RemoteVariables, TorqueControl, VelocityControl, VelocityDirect,
 };
 use yarp_ports::{Network, blocking};
-use yarp_wire::Bottle;
+use yarp_wire::{Dialect, Value};
 
-use self::link::Link;
+use self::link::{Link, Results};
 use super::OpenError;
-use super::messages::{Get, Reply, Request, Set};
+use super::messages::{Get, Request, Set};
 pub use options::RemoteControlBoardOptions;
 
-/// A control board in another program, as stock's `remote_controlboard` casts it back.
+/// A control board in another program, as stock's `remote_controlboard` (3.x) and `controlBoard_nwc_yarp` (4.0) cast
+/// it back. Which of the two it is is found out: a board that serves both is spoken to as 4.0.
 ///
-/// It has all interfaces of a control board; what the board at the other end cannot do, or does not want to, it
-/// refuses with [`DeviceError::Refused`].
+/// It has the interfaces that a board of 4.0 says it has, or all that 3.x has words for; what the board at the other
+/// end cannot do, or does not want to, it refuses with [`DeviceError::Refused`].
 ///
-/// * **Where answers come from.** Positions, speeds, accelerations and control modes are those of the newest state
-///   that the board has published; such a call waits for nothing. It fails with [`DeviceError::NoDataYet`] before the
+/// * **Where answers come from.** Positions, speeds, accelerations, those of motors, torques, currents, duty cycles,
+///   control and interaction modes are those of the newest state that the board has published; such a call waits for nothing. It fails with [`DeviceError::NoDataYet`] before the
 ///   first state, and with [`DeviceError::Stale`] when the newest is older than the trusted age
 ///   ([`RemoteControlBoardOptions::timeout`]). So a mode that was just set is seen one period later. A speed or
 ///   acceleration that the board marks invalid is NaN.
 /// * **What blocks.** Every other question and order is a message and its answer, and waits for it at most until
 ///   [`RemoteControlBoardOptions::deadline`]. Calls may come from any thread, also from one that runs async code,
-///   which they then hold up. `velocity_move` is sent and not waited for: the board's refusal is not heard.
-/// * **What the protocol has no message for** is refused with [`DeviceError::NotSupported`]: the list of available
-///   control modes, and setting the encoders of some joints by one call.
-/// * A connection that is lost is not made again: open another one.
+///   which they then hold up. Velocities, direct positions and velocities, torques, currents and duty cycles are sent
+///   and not waited for: the board's refusal is not heard. (4.0 waits for a current or duty cycle of one joint.)
+/// * **What the protocol has no message for** is refused with [`DeviceError::NotSupported`]: in 3.x the lists of
+///   available control modes and loops, in both setting the encoders of some joints by one call, in 4.0 setting the
+///   encoder of one joint to anything but a whole number.
+/// * **Connections that are lost** are made again when the board is back, as long as it is of the same generation.
+///   Until then calls fail.
 ///
 /// Dropping it closes its ports and unregisters their names; that takes a few seconds at the most.
 ///
@@ -58,30 +68,35 @@ pub use options::RemoteControlBoardOptions;
 /// # Ok(()) }
 /// ```
 ///
-/// Source: `RemoteControlBoard.cpp` of YARP 3.12; recorded traffic of 3.12.3.
+/// Source: `RemoteControlBoard.cpp` of YARP 3.12, `ControlBoard_nwc_yarp.cpp` of 4.0; recorded traffic of 3.12.3 and
+/// 4.0.0.
 #[derive(Debug)]
 pub struct RemoteControlBoard {
     /// Taken only on drop.
     link: Option<Arc<Link>>,
     axes: usize,
+    /// Those of 4.0 that the board says it has.
+    interfaces: Option<HashSet<String>>,
 }
 
 impl RemoteControlBoard {
     /// Opens three ports of its own and connects them to the board.
     ///
-    /// * Ports: `LOCAL/rpc:o`, `LOCAL/command:o`, `LOCAL/stateExt:i`.
-    /// * Asks for the version of the protocol and for the number of axes. Does not wait for the first state.
+    /// * Ports: `LOCAL/rpc:o` (to 4.0 `LOCAL/nwc/rpc:o`), `LOCAL/command:o`, `LOCAL/stateExt:i`.
+    /// * Asks for the version of the protocol, for the number of axes and, of 4.0, for the interfaces. Does not wait for the first state.
     /// * Blocks for a few deadlines at the most.
     /// * Errors: [`OpenError::NoRemote`], [`OpenError::NameTaken`], [`OpenError::Port`], [`OpenError::Connect`],
     ///   [`OpenError::ProtocolVersion`], [`OpenError::Question`], [`OpenError::NoAxes`]; then nothing stays open.
     pub fn open(network: &Network, options: RemoteControlBoardOptions) -> Result<Self, OpenError> {
         let network = network.with_deadline(options.deadline);
         let opening = async move { Link::open(&network, &options).await };
-        let (link, axes) = blocking::wait(opening)?;
-        tracing::info!(remote = %link.remote(), axes, "remote control board connected");
+        let (link, about) = blocking::wait(opening)?;
+        let (remote, generation, axes) = (link.remote(), link.generation, about.axes);
+        tracing::info!(remote, %generation, axes, "remote control board connected");
         Ok(Self {
             link: Some(Arc::new(link)),
             axes,
+            interfaces: about.interfaces,
         })
     }
 
@@ -90,40 +105,45 @@ impl RemoteControlBoard {
         self.link().remote()
     }
 
+    /// The generation of YARP that is spoken with the board.
+    pub fn generation(&self) -> Dialect {
+        self.link().generation
+    }
+
     fn link(&self) -> &Arc<Link> {
         self.link.as_ref().expect("taken only on drop")
     }
 
+    /// Whether the board has the interface that 4.0 calls `name`; of a board of 3.x nothing speaks against it.
+    fn has(&self, name: &str) -> bool {
+        self.interfaces
+            .as_ref()
+            .is_none_or(|there| there.contains(name))
+    }
+
     fn ask(&self, get: Get) -> Result<Answered<'_>, DeviceError> {
-        let (reply, request) = self.link().call(Request::Get(get))?;
+        let results = self.link().call(Request::Get(get))?;
         Ok(Answered {
             link: self.link(),
-            reply,
-            request,
+            results,
         })
     }
 
     fn order(&self, set: Set) -> Result<(), DeviceError> {
-        let (reply, request) = self.link().call(Request::Set(set))?;
-        if reply.is_ok() {
-            Ok(())
-        } else {
-            Err(self.link().unreadable(&request, reply))
-        }
+        self.link().call(Request::Set(set)).map(drop)
     }
 }
 
-/// The answer to a question, with what is needed to say that it makes no sense.
+/// The results of a question, with what is needed to say that they make no sense.
 struct Answered<'a> {
     link: &'a Link,
-    reply: Reply,
-    request: Bottle,
+    results: Results,
 }
 
 impl Answered<'_> {
-    /// Reads the answer; one of another kind than expected is an error.
-    fn read<T>(self, read: impl FnOnce(&Reply) -> Option<T>) -> Result<T, DeviceError> {
-        read(&self.reply).ok_or_else(|| self.link.unreadable(&self.request, self.reply))
+    /// Reads the results; those of another kind than expected are an error.
+    fn read<T>(self, read: impl FnOnce(&[Value]) -> Option<T>) -> Result<T, DeviceError> {
+        read(&self.results.values).ok_or_else(|| self.link.unreadable(&self.results))
     }
 }
 
@@ -136,28 +156,46 @@ impl Drop for RemoteControlBoard {
     }
 }
 
-impl Device for RemoteControlBoard {
-    fn axis_info(&self) -> Option<&dyn AxisInfo> {
-        Some(self)
-    }
+/// Gives the interfaces that the board says it has.
+macro_rules! interfaces {
+    ($($name:ident: $trait:ident, $word:literal;)*) => {
+        impl Device for RemoteControlBoard {
+            $(fn $name(&self) -> Option<&dyn $trait> {
+                self.has($word).then_some(self as &dyn $trait)
+            })*
 
-    fn position_control(&self) -> Option<&dyn PositionControl> {
-        Some(self)
-    }
+            fn velocity_direct(&self) -> Option<&dyn VelocityDirect> {
+                let there = self.generation() == Dialect::V4 && self.has("iVelocityDirect");
+                there.then_some(self as &dyn VelocityDirect)
+            }
 
-    fn velocity_control(&self) -> Option<&dyn VelocityControl> {
-        Some(self)
-    }
+            fn joint_brake(&self) -> Option<&dyn JointBrake> {
+                let there = self.generation() == Dialect::V4 && self.has("iJointBrake");
+                there.then_some(self as &dyn JointBrake)
+            }
+        }
+    };
+}
 
-    fn encoders(&self) -> Option<&dyn Encoders> {
-        Some(self)
-    }
-
-    fn control_mode(&self) -> Option<&dyn ControlMode> {
-        Some(self)
-    }
-
-    fn control_limits(&self) -> Option<&dyn ControlLimits> {
-        Some(self)
-    }
+interfaces! {
+    axis_info: AxisInfo, "iAxisInfo";
+    position_control: PositionControl, "iPositionControl";
+    velocity_control: VelocityControl, "iVelocityControl";
+    encoders: Encoders, "iEncodersTimed";
+    control_mode: ControlMode, "iControlMode";
+    control_limits: ControlLimits, "iControlLimits";
+    position_direct: PositionDirect, "iPositionDirect";
+    torque_control: TorqueControl, "iTorqueControl";
+    current_control: CurrentControl, "iCurrentControl";
+    pwm_control: PwmControl, "iPWMControl";
+    interaction_mode: InteractionMode, "iInteractionMode";
+    impedance_control: ImpedanceControl, "iImpedanceControl";
+    pid_control: PidControl, "iPidControl";
+    motor_encoders: MotorEncoders, "iMotorEncoders";
+    motor: Motor, "iMotor";
+    amplifier_control: AmplifierControl, "iAmplifierControl";
+    control_calibration: ControlCalibration, "iControlCalibration";
+    remote_calibrator: RemoteCalibrator, "iRemoteCalibrator";
+    remote_variables: RemoteVariables, "iRemoteVariables";
+    joint_fault: JointFault, "iJointFault";
 }

@@ -1,17 +1,16 @@
 //! Position and velocity control.
 
-use yarp_devices::{Axes, DeviceError, MotionControl, PositionControl, VelocityControl};
+use yarp_devices::{
+    Axes, DeviceError, MotionControl, PositionControl, PositionDirect, VelocityControl,
+    VelocityDirect,
+};
 
-use super::super::messages::{Command, Get, Quantity, Selection, Set, Setting};
+use super::super::messages::{Action, Get, Quantity, Question, Selection, Setting, read_flag};
 use super::RemoteControlBoard;
 
 impl MotionControl for RemoteControlBoard {
     fn stop(&self, axes: Axes<'_>) -> Result<(), DeviceError> {
-        axes.check(self.axes)?;
-        if axes.len(self.axes) == 0 {
-            return Ok(());
-        }
-        self.order(Set::Stop(Selection::from(axes)))
+        self.act(Action::Stop, "stop", axes)
     }
 
     fn set_reference_accelerations(
@@ -42,8 +41,8 @@ impl PositionControl for RemoteControlBoard {
         if axes.len(self.axes) == 0 {
             return Ok(true);
         }
-        self.ask(Get::MotionDone(Selection::from(axes)))?
-            .read(|reply| reply.count().map(|done| done != 0))
+        self.ask(Get::About(Question::MotionDone, Selection::from(axes)))?
+            .read(|values| read_flag(values.first()?))
     }
 
     fn target_positions(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
@@ -62,13 +61,7 @@ impl PositionControl for RemoteControlBoard {
 impl VelocityControl for RemoteControlBoard {
     /// Sent and not waited for: what the board refuses is not heard of.
     fn velocity_move(&self, axes: Axes<'_>, velocities: &[f64]) -> Result<(), DeviceError> {
-        axes.check_command(self.axes, "velocities", velocities.len())?;
-        self.check_finite(axes, "velocity", velocities)?;
-        if velocities.is_empty() {
-            return Ok(());
-        }
-        let command = Command::velocity(&Selection::from(axes), velocities);
-        self.link().stream(command)
+        self.set(Setting::Velocity, "velocities", axes, velocities)
     }
 
     fn reference_velocities(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
@@ -76,57 +69,24 @@ impl VelocityControl for RemoteControlBoard {
     }
 }
 
-impl RemoteControlBoard {
-    /// Asks for one number per joint.
-    fn values(&self, quantity: Quantity, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
-        axes.check(self.axes)?;
-        let expected = axes.len(self.axes);
-        if expected == 0 {
-            return Ok(Vec::new());
-        }
-        let selection = quantity.words().sayable(axes, self.axes, "ask about")?;
-        let one = matches!(selection, Selection::One(_));
-        self.ask(Get::Values(quantity, selection))?.read(|reply| {
-            if one {
-                reply.float().map(|value| vec![value])
-            } else {
-                reply.floats(expected)
-            }
-        })
+impl PositionDirect for RemoteControlBoard {
+    /// Sent and not waited for: what the board refuses is not heard of.
+    fn set_direct_positions(&self, axes: Axes<'_>, positions: &[f64]) -> Result<(), DeviceError> {
+        self.set(Setting::DirectPosition, "positions", axes, positions)
     }
 
-    /// Orders one number per joint; `what` they are, for the errors.
-    pub(super) fn set(
-        &self,
-        setting: Setting,
-        what: &'static str,
-        axes: Axes<'_>,
-        values: &[f64],
-    ) -> Result<(), DeviceError> {
-        axes.check_command(self.axes, what, values.len())?;
-        self.check_finite(axes, what, values)?;
-        if values.is_empty() {
-            return Ok(());
-        }
-        let selection = setting.words().sayable(axes, self.axes, "set")?;
-        self.order(Set::Values(setting, selection, values.to_vec()))
+    fn direct_positions(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
+        self.values(Quantity::DirectPosition, axes)
+    }
+}
+
+impl VelocityDirect for RemoteControlBoard {
+    /// Sent and not waited for: what the board refuses is not heard of.
+    fn set_direct_velocities(&self, axes: Axes<'_>, velocities: &[f64]) -> Result<(), DeviceError> {
+        self.set(Setting::DirectVelocity, "velocities", axes, velocities)
     }
 
-    /// Not every board checks this, so nothing else leaves here.
-    pub(super) fn check_finite(
-        &self,
-        axes: Axes<'_>,
-        quantity: &'static str,
-        values: &[f64],
-    ) -> Result<(), DeviceError> {
-        let mut pairs = axes.iter(self.axes).zip(values);
-        match pairs.find(|(_, value)| !value.is_finite()) {
-            Some((joint, &asked)) => Err(DeviceError::NotFinite {
-                joint,
-                quantity,
-                asked,
-            }),
-            None => Ok(()),
-        }
+    fn direct_velocities(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
+        self.values(Quantity::DirectVelocity, axes)
     }
 }

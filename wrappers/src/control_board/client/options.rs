@@ -2,6 +2,8 @@
 
 use std::time::Duration;
 
+use yarp_wire::Dialect;
+
 /// How a remote control board is opened; the names are those of stock's parameters.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
@@ -12,6 +14,7 @@ pub struct RemoteControlBoardOptions {
     pub(super) timeout: Duration,
     pub(super) deadline: Duration,
     pub(super) ignores_protocol: bool,
+    pub(super) generation: Option<Dialect>,
 }
 
 impl RemoteControlBoardOptions {
@@ -26,6 +29,7 @@ impl RemoteControlBoardOptions {
             timeout: Duration::from_millis(500),
             deadline: Duration::from_secs(2),
             ignores_protocol: false,
+            generation: None,
         }
     }
 
@@ -50,6 +54,13 @@ impl RemoteControlBoardOptions {
     /// Goes on with a board that speaks another version of the protocol (stock: `ignoreProtocolCheck`).
     pub fn ignore_protocol_version(mut self) -> Self {
         self.ignores_protocol = true;
+        self
+    }
+
+    /// Speaks as this generation does, instead of finding out which the board is of. A board that serves both is
+    /// spoken to as 4.0 otherwise.
+    pub fn generation(mut self, generation: Dialect) -> Self {
+        self.generation = Some(generation);
         self
     }
 }

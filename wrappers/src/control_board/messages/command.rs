@@ -1,21 +1,26 @@
 //! Orders on `command:i`, which nobody answers.
 //!
 //! ```text
-//! int32 256   int32 2   bottle head   vector values        head = [word] SELECTION
+//! int32 256   int32 2   bottle head   vector values
+//!
+//! head = [word] SELECTION                 3.x
+//!      | [interface] [word] SELECTION     4.0; in both for currents and duty cycles
 //! ```
 //!
-//! Source: `StreamingMessagesParser.cpp` of YARP 3.12, and recorded traffic of 3.12.3.
+//! Source: `StreamingMessagesParser.cpp` of YARP 3.12 and 4.0, and recorded traffic of 3.12.3 and 4.0.0.
 
 use bytes::{BufMut, Bytes, BytesMut};
+use yarp_devices::{PidKind, PidValue};
 use yarp_wire::bottle::DecodeError;
 use yarp_wire::message::{ReadObject, WireObject};
 use yarp_wire::vector::put_float64s;
 use yarp_wire::{Bottle, Dialect, Limits, Value, Vocab32};
 
+use super::loops;
 use super::number;
-use super::quantity::VELOCITY;
+use super::quantity::Setting;
 use super::request::Malformed;
-use super::selection::Selection;
+use super::selection::{Forms, Selection, Words};
 use super::vocabulary as word;
 
 /// The code of a list whose items carry their own.
@@ -24,7 +29,7 @@ const LIST: i32 = 256;
 /// An order as it travels: what is to be done with which joints, and one value for each.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Command {
-    /// The word for the order, and the joints.
+    /// The words for the order, and the joints.
     pub head: Bottle,
     /// One value per joint.
     pub values: Vec<f64>,
@@ -32,48 +37,187 @@ pub struct Command {
 
 /// An order that is understood here.
 #[derive(Clone, Debug, Eq, PartialEq)]
-pub enum Streamed {
-    /// `[vmo]`, `[vmog]`, `[vmos]`: move at these velocities.
-    Velocity(Selection),
-    /// `[poss]`: all joints go there. Stock clients send it to `rpc:i` instead.
-    Positions,
+pub struct Streamed {
+    /// What is to be set.
+    pub setting: Setting,
+    /// Of which joints.
+    pub selection: Selection,
+}
+
+/// How a setting is streamed.
+struct Head {
+    setting: Setting,
+    /// In front of the other words in 3.x.
+    three: Option<Vocab32>,
+    /// In front of the other words in 4.0.
+    four: Vocab32,
+    words: Words,
+    /// Whether 3.x knows it.
+    old: bool,
+}
+
+const fn head(setting: Setting, four: Vocab32, words: Words) -> Head {
+    Head {
+        setting,
+        three: None,
+        four,
+        words,
+        old: true,
+    }
+}
+
+/// Settings of one interface in both generations.
+const fn both(setting: Setting, interface: Vocab32, words: Words) -> Head {
+    Head {
+        three: Some(interface),
+        ..head(setting, interface, words)
+    }
+}
+
+/// Settings that only 4.0 has.
+const fn new(setting: Setting, four: Vocab32, words: Words) -> Head {
+    Head {
+        old: false,
+        ..head(setting, four, words)
+    }
+}
+
+const HEADS: [Head; 9] = [
+    head(
+        Setting::Velocity,
+        word::VELOCITY_INTERFACE,
+        Words::three(word::VELOCITY, word::VELOCITY_GROUP, word::VELOCITIES),
+    ),
+    head(
+        Setting::DirectPosition,
+        word::POSITION_DIRECT_INTERFACE,
+        Words::three(
+            word::DIRECT_POSITION,
+            word::DIRECT_POSITION_GROUP,
+            word::DIRECT_POSITIONS,
+        ),
+    ),
+    new(
+        Setting::DirectVelocity,
+        word::VELOCITY_DIRECT_INTERFACE,
+        Words::three(
+            word::STREAMED_DIRECT_VELOCITY,
+            word::STREAMED_DIRECT_VELOCITY_GROUP,
+            word::STREAMED_DIRECT_VELOCITIES,
+        ),
+    ),
+    head(
+        Setting::Torque,
+        word::STREAMED_TORQUE_INTERFACE,
+        Words::three(
+            word::STREAMED_TORQUE,
+            word::STREAMED_TORQUE_GROUP,
+            word::STREAMED_TORQUES,
+        ),
+    ),
+    both(
+        Setting::Current,
+        word::CURRENT_INTERFACE,
+        Words::three(word::REFERENCE, word::REFERENCE_GROUP, word::REFERENCES),
+    ),
+    both(
+        Setting::DutyCycle,
+        word::PWM_INTERFACE,
+        Words::two(word::REFERENCE, word::REFERENCES),
+    ),
+    // Stock clients send these by `rpc:i` instead.
+    head(
+        Setting::Position,
+        word::POSITION_INTERFACE,
+        Words::only_all(word::POSITIONS),
+    ),
+    new(
+        Setting::Pid(PidKind::Position, PidValue::Offset),
+        word::STREAMED_PID_INTERFACE,
+        Words::only_one(word::STREAMED_PID_OFFSET),
+    ),
+    new(
+        Setting::Pid(PidKind::Position, PidValue::Feedforward),
+        word::STREAMED_PID_INTERFACE,
+        Words::only_one(word::STREAMED_PID_FEEDFORWARD),
+    ),
+];
+
+impl Setting {
+    /// The words it is streamed with to a board of `generation`; none where it is not streamed.
+    pub(crate) fn streamed(self, generation: Dialect) -> Words {
+        let plain = self.of_kind(PidKind::Position);
+        let found = HEADS.iter().find(|head| head.setting == plain);
+        match found {
+            Some(head) if head.old || generation == Dialect::V4 => head.words,
+            _ => Forms::NONE,
+        }
+    }
 }
 
 impl Command {
-    /// Moves joints at `velocities`, deg/s or m/s.
-    pub fn velocity(selection: &Selection, velocities: &[f64]) -> Self {
-        let word = VELOCITY.word(selection).unwrap_or_default();
-        let mut head = Bottle::of(word);
-        selection.write(&mut head);
-        Self {
-            head,
-            values: velocities.to_vec(),
+    /// The order to set joints, for a board of `generation`; `None` where there are no words for it.
+    pub fn new(
+        setting: Setting,
+        selection: &Selection,
+        values: &[f64],
+        generation: Dialect,
+    ) -> Option<Self> {
+        let said = setting.streamed(generation).of(selection)?;
+        let plain = setting.of_kind(PidKind::Position);
+        let found = HEADS.iter().find(|head| head.setting == plain)?;
+        let mut head = Bottle::new();
+        match generation {
+            Dialect::V3 => head.extend(found.three.map(Value::from)),
+            Dialect::V4 => head.push(found.four),
         }
+        head.push(said);
+        if let Some(kind) = setting.kind() {
+            head.push(loops::kind_word(kind, generation));
+        }
+        selection.write(&mut head);
+        Some(Self {
+            head,
+            values: values.to_vec(),
+        })
     }
 
-    /// What is to be done.
+    /// What is to be done, said in either generation.
     pub fn parse(&self) -> Result<Streamed, Malformed> {
-        let [word, rest @ ..] = self.head.as_slice() else {
-            return Err(Malformed::TooShort);
-        };
-        let word = word.as_vocab().unwrap_or_default();
-        let mut rest = rest;
-        let order = match VELOCITY.form(word) {
-            Some(form) => Selection::read(form, &mut rest).map(Streamed::Velocity),
-            None if word == word::POSITIONS => Some(Streamed::Positions),
-            None => return Err(unknown(word)),
-        };
-        order
-            .filter(|_| rest.is_empty())
-            .ok_or(Malformed::Values(word))
-    }
-}
-
-fn unknown(word: Vocab32) -> Malformed {
-    if word::INTERFACES_NOT_SERVED.contains(&word) {
-        Malformed::NotServed(word)
-    } else {
-        Malformed::UnknownWord(word)
+        let items = self.head.as_slice();
+        let vocab = |at: usize| items.get(at).and_then(Value::as_vocab);
+        let first = vocab(0).ok_or(Malformed::TooShort)?;
+        for head in &HEADS {
+            let said = if first == head.four {
+                1
+            } else if head.three.is_none() && head.old {
+                0
+            } else {
+                continue;
+            };
+            let Some(word) = vocab(said) else {
+                continue;
+            };
+            let Some(form) = head.words.form(word) else {
+                continue;
+            };
+            let mut rest = &items[said + 1..];
+            let mut setting = head.setting;
+            if setting.kind().is_some() {
+                let [kind, behind @ ..] = rest else {
+                    return Err(Malformed::Values(word));
+                };
+                let kind = kind.as_vocab().ok_or(Malformed::Values(word))?;
+                setting = setting.of_kind(loops::kind_of(kind, Dialect::V4));
+                rest = behind;
+            }
+            let selection = Selection::read(form, &mut rest).filter(|_| rest.is_empty());
+            return match selection {
+                Some(selection) => Ok(Streamed { setting, selection }),
+                None => Err(Malformed::Values(word)),
+            };
+        }
+        Err(Malformed::UnknownWord(first))
     }
 }
 
@@ -121,7 +265,8 @@ mod tests {
     #[test]
     fn bytes_are_those_recorded() {
         let check = |hex: &str, dialect: Dialect, selection: Selection, velocities: &[f64]| {
-            let command = Command::velocity(&selection, velocities);
+            let setting = Setting::Velocity;
+            let command = Command::new(setting, &selection, velocities, dialect).unwrap();
             let mut out = BytesMut::new();
             command.write_binary(&mut out, dialect);
             assert_eq!(out, bytes(hex));
@@ -129,7 +274,7 @@ mod tests {
                 Command::read_binary(&out.freeze(), dialect).as_ref(),
                 Ok(&command)
             );
-            assert_eq!(command.parse(), Ok(Streamed::Velocity(selection)));
+            assert_eq!(command.parse(), Ok(Streamed { setting, selection }));
         };
         // ([vmo] 0) (10.0), recorded from a 3.12.3 client.
         check(
@@ -146,8 +291,9 @@ mod tests {
             Selection::All,
             &[1.0, 2.0],
         );
+        // ([ivel] [vmo] 0) (10.0), recorded from a 4.0.0 client.
         check(
-            "0001000002000000 0001000002000000 09000000 766d6f00 01000000 00000000
+            "0001000002000000 0001000003000000 09000000 6976656c 09000000 766d6f00 01000000 00000000
              14010000 01000000 0000000000002440",
             Dialect::V4,
             Selection::One(0.into()),
@@ -155,21 +301,76 @@ mod tests {
         );
     }
 
+    fn read(text: &str) -> Command {
+        let bytes = Bottle::parse(text).unwrap().encode(Dialect::V3);
+        Command::read_binary(&bytes, Dialect::V3).unwrap()
+    }
+
+    #[test]
+    fn both_generations_are_understood() {
+        let one = Selection::One(1.into());
+        let check = |text: &str, setting: Setting, selection: &Selection| {
+            let streamed = Streamed {
+                setting,
+                selection: selection.clone(),
+            };
+            assert_eq!(read(text).parse(), Ok(streamed), "{text}");
+        };
+        let offset = Setting::Pid(PidKind::Torque, PidValue::Offset);
+        check("([dpo] 1) (2.0)", Setting::DirectPosition, &one);
+        check("([ipod] [dpo] 1) (2.0)", Setting::DirectPosition, &one);
+        check("([dtqs]) (2.0)", Setting::Torque, &Selection::All);
+        check("([itrq] [dtq] 1) (2.0)", Setting::Torque, &one);
+        check("([ived] [vdso] 1) (2.0)", Setting::DirectVelocity, &one);
+        check("([icur] [ref] 1) (2.0)", Setting::Current, &one);
+        check("([ipwm] [refs]) (2.0)", Setting::DutyCycle, &Selection::All);
+        check("([poss]) (2.0)", Setting::Position, &Selection::All);
+        check("([ipos] [poss]) (2.0)", Setting::Position, &Selection::All);
+        check("([ipid] [poff] [trq1] 1) (2.0)", offset, &one);
+    }
+
+    #[test]
+    fn what_is_written_is_understood() {
+        let selections = [
+            Selection::One(1.into()),
+            Selection::Group(vec![1.into(), 0.into()]),
+            Selection::All,
+        ];
+        let mut count = 0;
+        for generation in [Dialect::V3, Dialect::V4] {
+            for setting in Setting::all() {
+                for selection in &selections {
+                    let command = Command::new(setting, selection, &[1.0], generation);
+                    let Some(command) = command else { continue };
+                    let streamed = Streamed {
+                        setting,
+                        selection: selection.clone(),
+                    };
+                    assert_eq!(command.parse(), Ok(streamed), "{}", command.head);
+                    count += 1;
+                }
+            }
+        }
+        assert_eq!(count, 15 + 20);
+    }
+
     #[test]
     fn other_orders_are_named() {
         let check = |text: &str, why: Malformed| {
-            let bytes = Bottle::parse(text).unwrap().encode(Dialect::V3);
-            let command = Command::read_binary(&bytes, Dialect::V3).unwrap();
-            assert_eq!(command.parse(), Err(why), "{text}");
+            assert_eq!(read(text).parse(), Err(why), "{text}");
         };
         check("() (1.0)", Malformed::TooShort);
+        for unknown in ["foo", "vdso", "ref", "poff"] {
+            let why = Malformed::UnknownWord(Vocab32::new(unknown));
+            check(&format!("([{unknown}] 1) (2.0)"), why);
+        }
         check(
-            "([dpo] 1) (2.0)",
-            Malformed::UnknownWord(Vocab32::new("dpo")),
+            "([ivel] [dpo] 0) (1.0)",
+            Malformed::UnknownWord(word::VELOCITY_INTERFACE),
         );
         check(
-            "([ipwm] [ref] 0) (1.0)",
-            Malformed::NotServed(word::PWM_INTERFACE),
+            "([ivel]) (1.0)",
+            Malformed::UnknownWord(word::VELOCITY_INTERFACE),
         );
         check("([vmo]) (1.0)", Malformed::Values(word::VELOCITY));
         check("([vmo] 0 1) (1.0)", Malformed::Values(word::VELOCITY));

@@ -1,17 +1,21 @@
 //! The whole state of a board in one message, on `stateExt:o`.
 //!
 //! ```text
-//! int32 256   int32 22   11 x (values  valid)
+//! int32 256   int32 22   11 x (values  valid)                         3.x
+//! int32 256   int32 24   12 x (values  valid)                         4.0
 //! values = int32 256 + code of float64   int32 n   n x float64        (9 of them)
 //!        | int32 257                     int32 n   n x int32          (control and interaction modes)
 //! valid  = int32 9   vocab [ok] or [fail]
 //! ```
 //!
+//! 4.0 sends duty cycles as float32, and temperatures at the end, float32 as well. A reader of the other generation
+//! refuses the message, so each gets what its own dialect says.
+//!
 //! Stock names it `jointData` (`stateExt.thrift`). Every list has one entry per joint, also where it is not valid: a
 //! stock reader refuses an empty one, and then the whole message is lost.
 
 use bytes::{BufMut, Bytes, BytesMut};
-use yarp_devices::Mode;
+use yarp_devices::{Interaction, Mode};
 use yarp_wire::bottle::DecodeError;
 use yarp_wire::message::{ReadObject, WireObject};
 use yarp_wire::vector::put_float64s;
@@ -25,8 +29,14 @@ const LIST: i32 = 256;
 const INT32_LIST: i32 = 257;
 /// The code of a vocab, as which a truth value travels.
 const VOCAB: i32 = 9;
-/// Values and flags.
+/// Values and flags in 3.x.
 const ITEMS: usize = 22;
+/// The same with temperatures, in 4.0.
+const ITEMS_WITH_TEMPERATURES: usize = 24;
+/// The code of a list of float32 in 4.0.
+const FLOAT32_LIST: i32 = 256 + 10;
+/// The place of the duty cycles among the numbers.
+const DUTY_CYCLES: usize = 7;
 
 /// One quantity of all joints.
 #[derive(Clone, Debug, PartialEq)]
@@ -74,8 +84,10 @@ pub struct JointData {
     pub currents: Field<f64>,
     /// What kind of orders the joints take.
     pub control_modes: Field<Mode>,
-    /// `[stif]` or `[comp]`.
-    pub interaction_modes: Field<Vocab32>,
+    /// Whether joints yield.
+    pub interaction_modes: Field<Interaction>,
+    /// °C; does not travel in 3.x.
+    pub temperatures: Field<f64>,
 }
 
 impl JointData {
@@ -93,7 +105,8 @@ impl JointData {
             duty_cycles: zeros(),
             currents: zeros(),
             control_modes: Field::invalid(axes, Mode::Unknown(0)),
-            interaction_modes: Field::invalid(axes, Vocab32::default()),
+            interaction_modes: Field::invalid(axes, Interaction::Unknown(0)),
+            temperatures: zeros(),
         }
     }
 
@@ -115,18 +128,38 @@ impl JointData {
 impl WireObject for JointData {
     fn write_binary(&self, out: &mut BytesMut, dialect: Dialect) {
         out.put_i32_le(LIST);
-        out.put_i32_le(ITEMS as i32);
-        for field in self.floats() {
-            put_float64s(out, &field.values, dialect);
+        let items = match dialect {
+            Dialect::V3 => ITEMS,
+            Dialect::V4 => ITEMS_WITH_TEMPERATURES,
+        };
+        out.put_i32_le(items as i32);
+        for (place, field) in self.floats().into_iter().enumerate() {
+            if place == DUTY_CYCLES && dialect == Dialect::V4 {
+                put_float32s(out, &field.values);
+            } else {
+                put_float64s(out, &field.values, dialect);
+            }
             put_valid(out, field.valid);
         }
         let modes = &self.control_modes;
         put_words(out, modes.values.iter().map(|&mode| mode.into()));
         put_valid(out, modes.valid);
         let modes = &self.interaction_modes;
-        put_words(out, modes.values.iter().map(|mode| mode.code()));
+        put_words(out, modes.values.iter().map(|&mode| mode.into()));
         put_valid(out, modes.valid);
+        if dialect == Dialect::V4 {
+            put_float32s(out, &self.temperatures.values);
+            put_valid(out, self.temperatures.valid);
+        }
     }
+}
+
+fn put_float32s(out: &mut BytesMut, values: &[f64]) {
+    out.put_i32_le(FLOAT32_LIST);
+    out.put_i32_le(values.len() as i32);
+    values
+        .iter()
+        .for_each(|value| out.put_f32_le(*value as f32));
 }
 
 fn put_words(out: &mut BytesMut, words: impl ExactSizeIterator<Item = u32>) {
@@ -145,23 +178,18 @@ impl ReadObject for JointData {
     fn read_binary(bytes: &Bytes, dialect: Dialect) -> Result<Self, DecodeError> {
         let message = Bottle::decode(bytes, dialect, Limits::DEFAULT)?;
         read(&message).ok_or(DecodeError::Shape {
-            expected: "the state of a control board, 22 items",
+            expected: "the state of a control board, 22 or 24 items",
         })
     }
 }
 
 fn read(message: &Bottle) -> Option<JointData> {
-    if message.len() != ITEMS {
+    if message.len() != ITEMS && message.len() != ITEMS_WITH_TEMPERATURES {
         return None;
     }
     let mut items = message.iter();
-    let mut floats = || {
-        Some(Field {
-            values: number::floats(items.next()?.as_list()?)?,
-            valid: read_valid(items.next()?)?,
-        })
-    };
-    Some(JointData {
+    let mut floats = || read_floats(&mut items);
+    let mut data = JointData {
         positions: floats()?,
         velocities: floats()?,
         accelerations: floats()?,
@@ -172,7 +200,22 @@ fn read(message: &Bottle) -> Option<JointData> {
         duty_cycles: floats()?,
         currents: floats()?,
         control_modes: read_words(&mut items, |word| Mode::from(word.code()))?,
-        interaction_modes: read_words(&mut items, |word| word)?,
+        interaction_modes: read_words(&mut items, |word| Interaction::from(word.code()))?,
+        temperatures: Field {
+            values: Vec::new(),
+            valid: false,
+        },
+    };
+    if message.len() == ITEMS_WITH_TEMPERATURES {
+        data.temperatures = read_floats(&mut items)?;
+    }
+    Some(data)
+}
+
+fn read_floats<'a>(items: &mut impl Iterator<Item = &'a Value>) -> Option<Field<f64>> {
+    Some(Field {
+        values: number::floats(items.next()?.as_list()?)?,
+        valid: read_valid(items.next()?)?,
     })
 }
 

@@ -16,6 +16,23 @@ const RECORDED: &str = "
     010100000700000073746966000000000000000000000000000000000000000000000000 090000006f6b0000
 ";
 
+/// What a stock 4.0.0 board with seven fake joints sent.
+const RECORDED_4: &str = "
+    0001000018000000
+    14010000070000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000 090000006f6b0000
+    14010000070000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000 090000006f6b0000
+    14010000070000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000 090000006f6b0000
+    14010000070000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000 090000006f6b0000
+    14010000070000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000 090000006f6b0000
+    14010000070000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000 090000006f6b0000
+    14010000070000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000000 090000006f6b0000
+    0a01000007000000000004420000084200000c4200001042000014420000184200001c42 090000006f6b0000
+    14010000070000000000000000c8a940000000000090aa40000000000058ab40000000000020ac400000000000e8ac400000000000b0ad40000000000078ae40 090000006f6b0000
+    0101000007000000706f7300706f7300706f7300706f7300706f7300706f7300706f7300 090000006f6b0000
+    010100000700000000000000000000000000000000000000000000000000000000000000 090000006f6b0000
+    0a010000070000000000164200001a4200001e42000022420000264200002a4200002e42 090000006f6b0000
+";
+
 /// Spaces in the hexadecimal text are for people.
 fn bytes(hex: &str) -> Bytes {
     let digits: Vec<u8> = hex.bytes().filter(u8::is_ascii_hexdigit).collect();
@@ -35,7 +52,7 @@ fn one_joint_at_ten_degrees() -> JointData {
     let mut data = JointData::unknown(1);
     data.positions.values[0] = 10.0;
     data.control_modes.values[0] = Mode::Position;
-    data.interaction_modes.values[0] = Vocab32::new("stif");
+    data.interaction_modes.values[0] = Interaction::Stiff;
     for field in [
         &mut data.positions,
         &mut data.velocities,
@@ -46,6 +63,7 @@ fn one_joint_at_ten_degrees() -> JointData {
         &mut data.torques,
         &mut data.duty_cycles,
         &mut data.currents,
+        &mut data.temperatures,
     ] {
         field.valid = true;
     }
@@ -60,32 +78,64 @@ fn a_recorded_state_comes_out_as_it_went_in() {
     let data = JointData::read_binary(&recorded, Dialect::V3).unwrap();
     assert_eq!(data.positions.of(7).unwrap()[1..3], [1.0, 3.0]);
     assert_eq!(data.control_modes.of(7).unwrap(), [Mode::Position; 7]);
-    assert_eq!(data.interaction_modes.values[0], Vocab32::new("stif"));
+    assert_eq!(data.interaction_modes.values[0], Interaction::Stiff);
     assert_eq!(data.positions.of(6), None);
     assert_eq!(encoded(&data, Dialect::V3), recorded);
 }
 
 #[test]
+fn a_recorded_state_of_4_comes_out_as_it_went_in() {
+    let recorded = bytes(RECORDED_4);
+    let data = JointData::read_binary(&recorded, Dialect::V4).unwrap();
+    assert_eq!(data.duty_cycles.of(7).unwrap()[..2], [33.0, 34.0]);
+    assert_eq!(data.temperatures.of(7).unwrap()[0], 37.5);
+    assert_eq!(encoded(&data, Dialect::V4), recorded);
+}
+
+#[test]
 fn one_joint_is_these_bytes() {
-    for (dialect, floats) in [(Dialect::V3, "0a010000"), (Dialect::V4, "14010000")] {
-        let zero = format!("{floats} 01000000 0000000000000000 09000000 6f6b0000");
-        let drawn = format!(
-            "00010000 16000000 {floats} 01000000 0000000000002440 09000000 6f6b0000 {zeros}
-             01010000 01000000 706f7300 09000000 6f6b0000
-             01010000 01000000 73746966 09000000 6f6b0000",
-            zeros = zero.repeat(8),
-        );
-        let data = one_joint_at_ten_degrees();
-        assert_eq!(encoded(&data, dialect), bytes(&drawn));
-        assert_eq!(encoded(&data, dialect).len(), 264);
-        assert_eq!(JointData::read_binary(&bytes(&drawn), dialect), Ok(data));
-    }
+    let zeros = |floats: &str, count: usize| {
+        format!("{floats} 01000000 0000000000000000 09000000 6f6b0000").repeat(count)
+    };
+    let modes = "01010000 01000000 706f7300 09000000 6f6b0000
+                 01010000 01000000 73746966 09000000 6f6b0000";
+    let mut data = one_joint_at_ten_degrees();
+    data.temperatures.values[0] = 25.0;
+
+    let old = format!(
+        "00010000 16000000 0a010000 01000000 0000000000002440 09000000 6f6b0000 {} {modes}",
+        zeros("0a010000", 8),
+    );
+    assert_eq!(encoded(&data, Dialect::V3), bytes(&old));
+    assert_eq!(encoded(&data, Dialect::V3).len(), 264);
+
+    let new = format!(
+        "00010000 18000000 14010000 01000000 0000000000002440 09000000 6f6b0000 {}
+         0a010000 01000000 00000000 09000000 6f6b0000 {} {modes}
+         0a010000 01000000 0000c841 09000000 6f6b0000",
+        zeros("14010000", 6),
+        zeros("14010000", 1),
+    );
+    assert_eq!(encoded(&data, Dialect::V4), bytes(&new));
+    assert_eq!(encoded(&data, Dialect::V4).len(), 280);
+    assert_eq!(
+        JointData::read_binary(&bytes(&new), Dialect::V4).as_ref(),
+        Ok(&data)
+    );
+
+    // What 3.x does not carry is not known at the other end.
+    data.temperatures = Field {
+        values: Vec::new(),
+        valid: false,
+    };
+    assert_eq!(JointData::read_binary(&bytes(&old), Dialect::V3), Ok(data));
 }
 
 #[test]
 fn what_is_unknown_still_has_an_entry_for_each_joint() {
     let data = JointData::unknown(6);
     assert_eq!(encoded(&data, Dialect::V3).len(), 184 + 80 * 6);
+    assert_eq!(encoded(&data, Dialect::V4).len(), 200 + 80 * 6);
     assert_eq!(data.positions.of(6), None);
 }
 

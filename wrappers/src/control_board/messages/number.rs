@@ -3,11 +3,11 @@
 //! Stock takes anything for a number: a missing item is 0, a word is its code. So a request with a forgotten value
 //! sends a joint to 0. Here a number is a number, integer or floating, and all else makes the request malformed.
 
-use yarp_devices::AxisIndex;
+use yarp_devices::{AxisIndex, MotorTorqueParameters};
 use yarp_wire::{Bottle, Value};
 
 /// The value as a floating point number, if it is a number.
-pub(super) fn float(value: &Value) -> Option<f64> {
+pub(crate) fn float(value: &Value) -> Option<f64> {
     match value {
         Value::Int8(_)
         | Value::Int16(_)
@@ -20,24 +20,34 @@ pub(super) fn float(value: &Value) -> Option<f64> {
 }
 
 /// The value as a count, if it is a whole number from 0 up to `i32::MAX`.
-pub(super) fn count(value: &Value) -> Option<usize> {
+pub(crate) fn count(value: &Value) -> Option<usize> {
     let number = float(value)?;
     let whole = number.fract() == 0.0 && (0.0..=f64::from(i32::MAX)).contains(&number);
     whole.then_some(number as usize)
 }
 
 /// The value as an axis; whether there is such an axis is for the device to say.
-pub(super) fn axis(value: &Value) -> Option<AxisIndex> {
+pub(crate) fn axis(value: &Value) -> Option<AxisIndex> {
     count(value).map(AxisIndex::from)
 }
 
 /// All items of a list as floating point numbers.
-pub(super) fn floats(list: &Bottle) -> Option<Vec<f64>> {
+pub(crate) fn floats(list: &Bottle) -> Option<Vec<f64>> {
     list.iter().map(float).collect()
 }
 
+/// What a torque loop assumes of its motor: four numbers up to 3.6, nine later; those that do not come are 0.
+pub(super) fn motor_parameters(numbers: &[f64]) -> Option<MotorTorqueParameters> {
+    let mut all = [0.0; 9];
+    match numbers.len() {
+        4 | 9 => all[..numbers.len()].copy_from_slice(numbers),
+        _ => return None,
+    }
+    Some(MotorTorqueParameters::from_array(all))
+}
+
 /// An axis or a count as stock sends it.
-pub(super) fn integer(number: usize) -> Value {
+pub(crate) fn integer(number: usize) -> Value {
     // No device has more axes than this; a larger number names none of them either way.
     Value::Int32(i32::try_from(number).unwrap_or(i32::MAX))
 }

@@ -1,6 +1,9 @@
-//! The numbers that can be asked for and set, and the words for them.
+//! The numbers that can be asked for and set, one for each joint, and how each generation spells them.
 
-use super::selection::Words;
+use yarp_devices::{AmplifierLimit, PidKind, PidValue};
+use yarp_wire::Vocab32;
+
+use super::selection::{Forms, Functions, Words};
 use super::vocabulary as word;
 
 /// A number that can be asked for.
@@ -20,6 +23,46 @@ pub enum Quantity {
     Speed,
     /// Measured acceleration.
     Acceleration,
+    /// The position last sent step by step.
+    DirectPosition,
+    /// The velocity last sent step by step.
+    DirectVelocity,
+    /// Measured position of the motor.
+    MotorPosition,
+    /// Measured speed of the motor.
+    MotorSpeed,
+    /// Measured acceleration of the motor.
+    MotorAcceleration,
+    /// Counts of the motor's encoder per turn.
+    MotorCounts,
+    /// Temperature of the motor.
+    Temperature,
+    /// How hot the motor may become.
+    TemperatureLimit,
+    /// Turns of the motor per turn of the joint.
+    GearboxRatio,
+    /// Measured current.
+    Current,
+    /// A limit of the amplifier.
+    Amplifier(AmplifierLimit),
+    /// What the amplifier gives out.
+    AmplifierDutyCycle,
+    /// What feeds the amplifier.
+    SupplyVoltage,
+    /// Measured torque.
+    Torque,
+    /// The torque last asked for.
+    ReferenceTorque,
+    /// The current last asked for.
+    ReferenceCurrent,
+    /// The duty cycle last asked for.
+    ReferenceDutyCycle,
+    /// What the motor is given.
+    DutyCycle,
+    /// What is added to the torque of the spring.
+    ImpedanceOffset,
+    /// A number of a control loop.
+    Pid(PidKind, PidValue),
 }
 
 /// A number that can be set.
@@ -37,26 +80,58 @@ pub enum Setting {
     Velocity,
     /// Call the present position this.
     Encoder,
+    /// Be there now.
+    DirectPosition,
+    /// Have this velocity now.
+    DirectVelocity,
+    /// Push with this torque.
+    Torque,
+    /// Feed the motor this current.
+    Current,
+    /// Give the motor this duty cycle.
+    DutyCycle,
+    /// Call the present position of the motor this.
+    MotorEncoder,
+    /// Counts of the motor's encoder per turn.
+    MotorCounts,
+    /// How hot the motor may become.
+    TemperatureLimit,
+    /// Turns of the motor per turn of the joint.
+    GearboxRatio,
+    /// A limit of the amplifier.
+    Amplifier(AmplifierLimit),
+    /// What is added to the torque of the spring.
+    ImpedanceOffset,
+    /// A number of a control loop.
+    Pid(PidKind, PidValue),
 }
 
-pub(super) const QUANTITIES: [Quantity; 7] = [
-    Quantity::TargetPosition,
-    Quantity::ReferenceSpeed,
-    Quantity::ReferenceAcceleration,
-    Quantity::ReferenceVelocity,
-    Quantity::Position,
-    Quantity::Speed,
-    Quantity::Acceleration,
-];
+/// How a call is spelt.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Spelling {
+    /// In 3.x the word in front of the others, where there is one.
+    pub(crate) interface: Option<Vocab32>,
+    pub(crate) words: Words,
+    pub(crate) functions: Functions,
+}
 
-pub(super) const SETTINGS: [Setting; 6] = [
-    Setting::Position,
-    Setting::Distance,
-    Setting::ReferenceSpeed,
-    Setting::ReferenceAcceleration,
-    Setting::Velocity,
-    Setting::Encoder,
-];
+impl Spelling {
+    pub(super) const fn plain(words: Words, functions: Functions) -> Self {
+        Self {
+            interface: None,
+            words,
+            functions,
+        }
+    }
+
+    pub(super) const fn of(interface: Vocab32, words: Words, functions: Functions) -> Self {
+        Self {
+            interface: Some(interface),
+            words,
+            functions,
+        }
+    }
+}
 
 const POSITION: Words = Words::three(word::POSITION, word::POSITION_GROUP, word::POSITIONS);
 const DISTANCE: Words = Words::three(word::RELATIVE, word::RELATIVE_GROUP, word::RELATIVES);
@@ -66,46 +141,416 @@ const ACCELERATION: Words = Words::three(
     word::ACCELERATION_GROUP,
     word::ACCELERATIONS,
 );
-pub(super) const VELOCITY: Words =
-    Words::three(word::VELOCITY, word::VELOCITY_GROUP, word::VELOCITIES);
-pub(super) const DONE: Words = Words::three(word::DONE, word::DONE_GROUP, word::DONES);
-pub(super) const STOP: Words = Words::three(word::STOP, word::STOP_GROUP, word::STOPS);
-const ENCODER: Words = Words::two(word::ENCODER, word::ENCODERS);
-pub(super) const RESET: Words = Words::two(word::RESET_ENCODER, word::RESET_ENCODERS);
-pub(super) const MODE: Words = Words::three(
-    word::CONTROL_MODE,
-    word::CONTROL_MODE_GROUP,
-    word::CONTROL_MODES,
+const VELOCITY: Words = Words::three(word::VELOCITY, word::VELOCITY_GROUP, word::VELOCITIES);
+const DIRECT: Words = Words::three(
+    word::DIRECT_POSITION,
+    word::DIRECT_POSITION_GROUP,
+    word::DIRECT_POSITIONS,
 );
+const ENCODER: Words = Words::two(word::ENCODER, word::ENCODERS);
+const MOTOR: Words = Words::two(word::MOTOR_ENCODER, word::MOTOR_ENCODERS);
+const REFERENCE: Words = Words::two(word::REFERENCE, word::REFERENCES);
+
+/// The limits of amplifiers: their word, and their functions to ask and to set.
+const AMPLIFIERS: [(AmplifierLimit, Vocab32, &str, &str); 4] = [
+    (
+        AmplifierLimit::MaxCurrent,
+        word::MAX_CURRENT,
+        "getMaxCurrent",
+        "setMaxCurrent",
+    ),
+    (
+        AmplifierLimit::NominalCurrent,
+        word::NOMINAL_CURRENT,
+        "getNominalCurrent",
+        "setNominalCurrent",
+    ),
+    (
+        AmplifierLimit::PeakCurrent,
+        word::PEAK_CURRENT,
+        "getPeakCurrent",
+        "setPeakCurrent",
+    ),
+    (
+        AmplifierLimit::DutyCycle,
+        word::DUTY_CYCLE_LIMIT,
+        "getPWMLimit",
+        "setPWMLimit",
+    ),
+];
+
+fn amplifier(limit: AmplifierLimit) -> (Vocab32, &'static str, &'static str) {
+    let (_, word, get, set) = AMPLIFIERS[limit as usize];
+    (word, get, set)
+}
 
 impl Quantity {
-    /// The words that ask for it.
-    pub const fn words(self) -> Words {
+    /// Every quantity; those of control loops for positions, in the place of all kinds.
+    pub(super) fn all() -> impl Iterator<Item = Self> {
+        let plain = [
+            Self::TargetPosition,
+            Self::ReferenceSpeed,
+            Self::ReferenceAcceleration,
+            Self::ReferenceVelocity,
+            Self::Position,
+            Self::Speed,
+            Self::Acceleration,
+            Self::DirectPosition,
+            Self::DirectVelocity,
+            Self::MotorPosition,
+            Self::MotorSpeed,
+            Self::MotorAcceleration,
+            Self::MotorCounts,
+            Self::Temperature,
+            Self::TemperatureLimit,
+            Self::GearboxRatio,
+            Self::Current,
+            Self::AmplifierDutyCycle,
+            Self::SupplyVoltage,
+            Self::Torque,
+            Self::ReferenceTorque,
+            Self::ReferenceCurrent,
+            Self::ReferenceDutyCycle,
+            Self::DutyCycle,
+            Self::ImpedanceOffset,
+        ];
+        let amplifiers = AMPLIFIERS.map(|(limit, ..)| Self::Amplifier(limit));
+        let loops = PID_VALUES.map(|value| Self::Pid(PidKind::Position, value));
+        plain.into_iter().chain(amplifiers).chain(loops)
+    }
+
+    /// The kind of control loop it is about.
+    pub(super) fn kind(self) -> Option<PidKind> {
         match self {
-            Self::TargetPosition => POSITION,
-            Self::ReferenceSpeed => SPEED,
-            Self::ReferenceAcceleration => ACCELERATION,
-            Self::ReferenceVelocity => VELOCITY,
-            Self::Position => ENCODER,
-            Self::Speed => Words::two(word::ENCODER_SPEED, word::ENCODER_SPEEDS),
-            Self::Acceleration => {
-                Words::two(word::ENCODER_ACCELERATION, word::ENCODER_ACCELERATIONS)
+            Self::Pid(kind, _) => Some(kind),
+            _ => None,
+        }
+    }
+
+    /// The same of another kind of control loop.
+    pub(super) fn of_kind(self, other: PidKind) -> Self {
+        match self {
+            Self::Pid(_, value) => Self::Pid(other, value),
+            plain => plain,
+        }
+    }
+
+    /// How it is asked for.
+    pub(crate) fn spelling(self) -> Spelling {
+        use Spelling as S;
+        let three = Functions::three;
+        let two = Functions::two;
+        let one = Functions::only_one;
+        match self {
+            Self::TargetPosition => S::plain(
+                POSITION,
+                three(
+                    "getTargetPositionOne",
+                    "getTargetPositionGroup",
+                    "getTargetPositionAll",
+                ),
+            ),
+            Self::ReferenceSpeed => S::plain(
+                SPEED,
+                three("getTrajSpeedOne", "getTrajSpeedsGroup", "getTrajSpeedsAll"),
+            ),
+            Self::ReferenceAcceleration => S::plain(
+                ACCELERATION,
+                three(
+                    "getTrajAccelerationOne",
+                    "getTrajAccelerationGroup",
+                    "getTrajAccelerationAll",
+                ),
+            ),
+            Self::ReferenceVelocity => S::plain(
+                VELOCITY,
+                three(
+                    "getTargetVelocityOne",
+                    "getTargetVelocityGroup",
+                    "getTargetVelocityAll",
+                ),
+            ),
+            Self::Position => S::plain(ENCODER, two("getEncoderOne", "getEncoderAll")),
+            Self::Speed => S::plain(
+                Words::two(word::ENCODER_SPEED, word::ENCODER_SPEEDS),
+                two("getEncoderSpeedOne", "getEncoderSpeedAll"),
+            ),
+            Self::Acceleration => S::plain(
+                Words::two(word::ENCODER_ACCELERATION, word::ENCODER_ACCELERATIONS),
+                two("getEncoderAccelerationOne", "getEncoderAccelerationAll"),
+            ),
+            Self::DirectPosition => S::plain(
+                DIRECT,
+                three(
+                    "getRefPositionOne",
+                    "getRefPositionGroup",
+                    "getRefPositionAll",
+                ),
+            ),
+            Self::DirectVelocity => S::plain(
+                Forms::NONE,
+                three(
+                    "getRefVelocityOne",
+                    "getRefVelocityGroup",
+                    "getRefVelocityAll",
+                ),
+            ),
+            Self::MotorPosition => S::plain(MOTOR, two("getMotorEncoderOne", "getMotorEncoderAll")),
+            Self::MotorSpeed => S::plain(
+                Words::two(word::MOTOR_SPEED, word::MOTOR_SPEEDS),
+                two("getMotorEncoderSpeedOne", "getMotorEncoderSpeedAll"),
+            ),
+            Self::MotorAcceleration => S::plain(
+                Words::two(word::MOTOR_ACCELERATION, word::MOTOR_ACCELERATIONS),
+                two(
+                    "getMotorEncoderAccelerationOne",
+                    "getMotorEncoderAccelerationAll",
+                ),
+            ),
+            Self::MotorCounts => S::plain(
+                Words::only_one(word::MOTOR_COUNTS),
+                one("getMotorEncoderCountsPerRevolution"),
+            ),
+            Self::Temperature => S::plain(
+                Words::two(word::TEMPERATURE, word::TEMPERATURES),
+                two("getTemperatureOne", "getTemperatureAll"),
+            ),
+            Self::TemperatureLimit => S::plain(
+                Words::only_one(word::TEMPERATURE_LIMIT),
+                one("getTemperatureLimit"),
+            ),
+            Self::GearboxRatio => {
+                S::plain(Words::only_one(word::GEARBOX_RATIO), one("getGearboxRatio"))
+            }
+            Self::Current => S::plain(
+                Words::two(word::AMPLIFIER_CURRENT, word::AMPLIFIER_CURRENTS),
+                two("getCurrentOne", "getCurrentAll"),
+            ),
+            Self::Amplifier(limit) => {
+                let (word, get, _) = amplifier(limit);
+                S::plain(Words::only_one(word), one(get))
+            }
+            Self::AmplifierDutyCycle => S::plain(Words::only_one(word::DUTY_CYCLE), one("getPWM")),
+            Self::SupplyVoltage => S::plain(
+                Words::only_one(word::SUPPLY_VOLTAGE),
+                one("getPowerSupplyVoltage"),
+            ),
+            Self::Torque => S::of(
+                word::TORQUE_INTERFACE,
+                Words::two(word::TORQUE, word::TORQUES),
+                Forms::NONE,
+            ),
+            Self::ReferenceTorque => S::of(
+                word::TORQUE_INTERFACE,
+                REFERENCE,
+                three("getRefTorqueOne", "getRefTorqueGroup", "getRefTorqueAll"),
+            ),
+            Self::ReferenceCurrent => S::of(
+                word::CURRENT_INTERFACE,
+                REFERENCE,
+                two("getRefCurrentOne", "getRefCurrentAll"),
+            ),
+            Self::ReferenceDutyCycle => S::of(
+                word::PWM_INTERFACE,
+                REFERENCE,
+                two("getRefDutyCycleOne", "getRefDutyCycleAll"),
+            ),
+            Self::DutyCycle => S::of(
+                word::PWM_INTERFACE,
+                Words::two(word::DUTY_CYCLE, word::DUTY_CYCLES),
+                two("getDutyCycleOne", "getDutyCycleAll"),
+            ),
+            Self::ImpedanceOffset => S::of(
+                word::IMPEDANCE_INTERFACE,
+                Words::only_one(word::IMPEDANCE_OFFSET),
+                one("getImpedanceOffset"),
+            ),
+            Self::Pid(_, value) => {
+                let functions = match value {
+                    PidValue::Reference => two("getPidReference", "getPidReferences"),
+                    PidValue::ErrorLimit => two("getPidErrorLimit", "getPidErrorLimits"),
+                    PidValue::Error => two("getPidError", "getPidErrors"),
+                    PidValue::Output => two("getPidOutput", "getPidOutputs"),
+                    PidValue::Offset => one("getPidOffset"),
+                    PidValue::Feedforward => one("getPidFeedforward"),
+                };
+                let words = match value {
+                    // Can be set, not asked for.
+                    PidValue::Offset => Forms::NONE,
+                    other => loop_words(other),
+                };
+                S::of(word::PID_INTERFACE, words, functions)
             }
         }
     }
 }
 
+const PID_VALUES: [PidValue; 6] = [
+    PidValue::Reference,
+    PidValue::ErrorLimit,
+    PidValue::Error,
+    PidValue::Output,
+    PidValue::Offset,
+    PidValue::Feedforward,
+];
+
+fn loop_words(value: PidValue) -> Words {
+    match value {
+        PidValue::Reference => REFERENCE,
+        PidValue::ErrorLimit => Words::two(word::ERROR_LIMIT, word::ERROR_LIMITS),
+        PidValue::Error => Words::two(word::ERROR, word::ERRORS),
+        PidValue::Output => Words::two(word::OUTPUT, word::OUTPUTS),
+        PidValue::Offset => Words::only_one(word::OFFSET),
+        PidValue::Feedforward => Forms::NONE,
+    }
+}
+
 impl Setting {
-    /// The words that set it.
-    pub const fn words(self) -> Words {
+    /// Every setting; those of control loops for positions, in the place of all kinds.
+    pub(super) fn all() -> impl Iterator<Item = Self> {
+        let plain = [
+            Self::Position,
+            Self::Distance,
+            Self::ReferenceSpeed,
+            Self::ReferenceAcceleration,
+            Self::Velocity,
+            Self::Encoder,
+            Self::DirectPosition,
+            Self::DirectVelocity,
+            Self::Torque,
+            Self::Current,
+            Self::DutyCycle,
+            Self::MotorEncoder,
+            Self::MotorCounts,
+            Self::TemperatureLimit,
+            Self::GearboxRatio,
+            Self::ImpedanceOffset,
+        ];
+        let amplifiers = AMPLIFIERS.map(|(limit, ..)| Self::Amplifier(limit));
+        let loops = PID_VALUES.into_iter().filter_map(|value| match value {
+            PidValue::Error | PidValue::Output => None,
+            value => Some(Self::Pid(PidKind::Position, value)),
+        });
+        plain.into_iter().chain(amplifiers).chain(loops)
+    }
+
+    /// The kind of control loop it is about.
+    pub(super) fn kind(self) -> Option<PidKind> {
         match self {
-            Self::Position => POSITION,
-            Self::Distance => DISTANCE,
-            Self::ReferenceSpeed => SPEED,
-            Self::ReferenceAcceleration => ACCELERATION,
-            // Stock takes the others on `command:i` only, and answers `[fail]` here.
-            Self::Velocity => Words::only_all(word::VELOCITIES),
-            Self::Encoder => ENCODER,
+            Self::Pid(kind, _) => Some(kind),
+            _ => None,
+        }
+    }
+
+    /// The same of another kind of control loop.
+    pub(super) fn of_kind(self, other: PidKind) -> Self {
+        match self {
+            Self::Pid(_, value) => Self::Pid(other, value),
+            plain => plain,
+        }
+    }
+
+    /// How it is set, with an answer. Stock 3.x takes what has no words here on `command:i` only.
+    pub(crate) fn spelling(self) -> Spelling {
+        use Spelling as S;
+        let three = Functions::three;
+        let two = Functions::two;
+        let one = Functions::only_one;
+        match self {
+            Self::Position => S::plain(
+                POSITION,
+                three("positionMoveOne", "positionMoveGroup", "positionMoveAll"),
+            ),
+            Self::Distance => S::plain(
+                DISTANCE,
+                three("relativeMoveOne", "relativeMoveGroup", "relativeMoveAll"),
+            ),
+            Self::ReferenceSpeed => S::plain(
+                SPEED,
+                three("setTrajSpeedOne", "setTrajSpeedGroup", "setTrajSpeedAll"),
+            ),
+            Self::ReferenceAcceleration => S::plain(
+                ACCELERATION,
+                three(
+                    "setTrajAccelerationOne",
+                    "setTrajAccelerationsGroup",
+                    "setTrajAccelerationsAll",
+                ),
+            ),
+            Self::Velocity => S::plain(
+                // Stock answers `[fail]` to the others here.
+                Words::only_all(word::VELOCITIES),
+                three("velocityMoveOne", "velocityMoveGroup", "velocityMoveAll"),
+            ),
+            Self::Encoder => S::plain(ENCODER, two("setEncoderOne", "setEncoderAll")),
+            Self::DirectPosition => S::plain(
+                Forms::NONE,
+                three(
+                    "setRefPositionOne",
+                    "setRefPositionGroup",
+                    "setRefPositionAll",
+                ),
+            ),
+            Self::DirectVelocity => S::plain(
+                Forms::NONE,
+                three(
+                    "setRefVelocityOne",
+                    "setRefVelocityGroup",
+                    "setRefVelocityAll",
+                ),
+            ),
+            Self::Torque => S::of(
+                word::TORQUE_INTERFACE,
+                REFERENCE,
+                three("setRefTorqueOne", "setRefTorqueGroup", "setRefTorqueAll"),
+            ),
+            Self::Current => S::plain(
+                Forms::NONE,
+                three("setRefCurrentOne", "setRefCurrentGroup", "setRefCurrentAll"),
+            ),
+            Self::DutyCycle => S::plain(
+                Forms::NONE,
+                three(
+                    "setRefDutyCycleOne",
+                    "setRefDutyCycleGroup",
+                    "setRefDutyCycleAll",
+                ),
+            ),
+            Self::MotorEncoder => S::plain(MOTOR, two("setMotorEncoder", "setMotorEncodersAll")),
+            Self::MotorCounts => S::plain(
+                Words::only_one(word::MOTOR_COUNTS),
+                one("setMotorEncoderCountsPerRevolution"),
+            ),
+            Self::TemperatureLimit => S::plain(
+                Words::only_one(word::TEMPERATURE_LIMIT),
+                one("setTemperatureLimit"),
+            ),
+            Self::GearboxRatio => {
+                S::plain(Words::only_one(word::GEARBOX_RATIO), one("setGearboxRatio"))
+            }
+            Self::Amplifier(limit) => {
+                let (word, _, set) = amplifier(limit);
+                S::plain(Words::only_one(word), one(set))
+            }
+            Self::ImpedanceOffset => S::of(
+                word::IMPEDANCE_INTERFACE,
+                Words::only_one(word::IMPEDANCE_OFFSET),
+                one("setImpedanceOffset"),
+            ),
+            Self::Pid(_, value) => {
+                let functions = match value {
+                    PidValue::Reference => two("setPidReference", "setPidReferences"),
+                    PidValue::ErrorLimit => two("setPidErrorLimit", "setPidErrorLimits"),
+                    PidValue::Offset => one("setPidOffsetOne"),
+                    PidValue::Feedforward => one("setPidFeedforwardOne"),
+                    PidValue::Error | PidValue::Output => Forms::NONE,
+                };
+                let words = match value {
+                    PidValue::Error | PidValue::Output => Forms::NONE,
+                    other => loop_words(other),
+                };
+                S::of(word::PID_INTERFACE, words, functions)
+            }
         }
     }
 }

@@ -9,8 +9,8 @@
 use yarp_devices::JointType;
 use yarp_wire::{Bottle, Stamp, Value, Vocab32};
 
-use super::number;
 use super::vocabulary as word;
+use crate::thrift::Item;
 
 /// What a request is answered with, as it travels.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,6 +47,17 @@ impl Reply {
         reply.extend(values);
         reply.push(word::TIME_STAMP);
         reply.extend(stamp.to_bottle());
+        reply.push(Vocab32::OK);
+        Self(reply)
+    }
+
+    /// To the questions of some interfaces: without echo or time where `values` and `stamp` have none.
+    pub(super) fn bare(values: impl IntoIterator<Item = Value>, stamp: Option<Stamp>) -> Self {
+        let mut reply = Bottle::from_iter(values);
+        if let Some(stamp) = stamp {
+            reply.push(word::TIME_STAMP);
+            reply.extend(stamp.to_bottle());
+        }
         reply.push(Vocab32::OK);
         Self(reply)
     }
@@ -96,40 +107,16 @@ impl Reply {
         })
     }
 
-    /// The first value of the answer to a question.
-    pub fn value(&self) -> Option<&Value> {
-        self.values()?.first()
-    }
-
-    /// A number.
-    pub fn float(&self) -> Option<f64> {
-        self.value().and_then(number::float)
-    }
-
-    /// A number from 0.
-    pub fn count(&self) -> Option<usize> {
-        self.value().and_then(number::count)
-    }
-
-    /// A list of `expected` numbers.
-    pub fn floats(&self, expected: usize) -> Option<Vec<f64>> {
-        let list = self.value()?.as_list()?;
-        (list.len() == expected).then(|| number::floats(list))?
-    }
-
-    /// Two numbers, one behind the other.
-    pub fn pair(&self) -> Option<(f64, f64)> {
-        match self.values()? {
-            [first, second, ..] => number::float(first).zip(number::float(second)),
-            _ => None,
+    /// What an answer holds behind the first `skipped` items, without time and `[ok]`.
+    pub(super) fn results(&self, skipped: usize) -> Option<Vec<Value>> {
+        let items = self.0.as_slice().get(skipped..)?;
+        if skipped > 0 && self.word(0) != Some(word::IS) {
+            return None;
         }
-    }
-
-    fn values(&self) -> Option<&[Value]> {
-        match self.0.as_slice() {
-            [is, _, values @ ..] if is.as_vocab() == Some(word::IS) => Some(values),
-            _ => None,
-        }
+        let time = Value::from(word::TIME_STAMP);
+        let end = items.iter().position(|item| *item == time);
+        let end = end.or_else(|| items.len().checked_sub(1))?;
+        Some(items[..end].to_vec())
     }
 
     fn word(&self, index: usize) -> Option<Vocab32> {
@@ -169,13 +156,13 @@ impl std::fmt::Display for ProtocolVersion {
 }
 
 /// The kind of an axis as stock sends it: the code of a word, as an integer.
-pub(crate) fn joint_type_to_value(joint_type: JointType) -> Value {
+pub(crate) fn joint_type_to_value(joint_type: JointType) -> Item {
     let word = match joint_type {
         JointType::Revolute => word::REVOLUTE,
         JointType::Prismatic => word::PRISMATIC,
         _ => word::UNKNOWN_TYPE,
     };
-    Value::Int32(word.code() as i32)
+    Item::I32(word.code() as i32)
 }
 
 /// The kind of an axis; a word that we do not know is an unknown kind.
@@ -226,22 +213,29 @@ mod tests {
     #[test]
     fn answers_are_read() {
         let reply = |text: &str| Reply::from_bottle(Bottle::parse(text).unwrap());
-        assert_eq!(reply("[is] [axes] 2 [tsta] 7 1.5 [ok]").count(), Some(2));
-        let list = reply("[is] [encs] (1.0 2) [tsta] 7 1.5 [ok]");
-        assert_eq!(list.floats(2), Some(vec![1.0, 2.0]));
-        assert_eq!(list.floats(3), None);
+        let values = |text: &str, skipped| {
+            let values = reply(text).results(skipped)?;
+            Some(Bottle::from(values).to_string())
+        };
+        let limits = "[is] [llim] -1.0 1.0 [tsta] 7 1.5 [ok]";
+        assert_eq!(values(limits, 2).as_deref(), Some("-1.0 1.0"));
+        assert_eq!(values("[is] [pid] 1.0 [ok]", 2).as_deref(), Some("1.0"));
         assert_eq!(
-            reply("[is] [llim] -1.0 1.0 [tsta] 7 1.5 [ok]").pair(),
-            Some((-1.0, 1.0))
+            values("[stif] [tsta] 7 1.5 [ok]", 0).as_deref(),
+            Some("[stif]")
         );
+        assert_eq!(values("[ok]", 2), None);
+        assert_eq!(values("1 2 3", 2), None);
         assert!(reply("[fail]").is_refusal() && reply("[nak]").is_refusal());
         assert!(reply("[ok]").is_ok() && !reply("").is_ok());
-        assert_eq!(reply("[fail]").float(), None);
         assert_eq!(reply("[prot] 1 9 0").read_version(), None);
         let other = reply("[prot] 1 9 7 [ok]").read_version().unwrap();
         assert!(ProtocolVersion::CURRENT.is_compatible(other));
-        let kind = Value::Int32(1987212385);
-        assert_eq!(joint_type_to_value(JointType::Revolute), kind);
-        assert_eq!(joint_type_from_value(&kind), Some(JointType::Revolute));
+        let kind = joint_type_to_value(JointType::Revolute);
+        assert_eq!(kind, Item::I32(1987212385));
+        assert_eq!(
+            joint_type_from_value(&kind.into()),
+            Some(JointType::Revolute)
+        );
     }
 }

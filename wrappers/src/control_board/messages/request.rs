@@ -1,28 +1,26 @@
-//! Questions and orders on `rpc:i`.
+//! What clients want of a control board, in whichever generation they say it.
 //!
-//! ```text
-//! [get] [word] SELECTION              [get] [icmd] [word] SELECTION
-//! [set] [word] SELECTION VALUES       [set] [icmd] [word] SELECTION MODES
-//! ```
-//!
-//! Words are compared as vocabs, and a string counts as the vocab of its first four characters, so that a person can
-//! type them. Whatever is not wholly understood is refused, above all orders to move.
+//! `words` says it as 3.x does, `calls` as 4.0 does.
 
-use yarp_devices::{AxisIndex, Limits, Mode};
-use yarp_wire::{Bottle, Value, Vocab32};
+use yarp_devices::{
+    AxisIndex, CalibrationParameters, Impedance, Interaction, Limits, Mode, MotorTorqueParameters,
+    Pid, PidKind, VariableValue,
+};
+use yarp_wire::Vocab32;
 
-use super::number;
-use super::quantity::{DONE, MODE, QUANTITIES, Quantity, RESET, SETTINGS, STOP, Setting};
-use super::selection::{Form, Selection, Words};
+use super::quantity::{Quantity, Setting, Spelling};
+use super::selection::{Forms, Functions, Selection, Words};
 use super::vocabulary as word;
 
 /// What a client wants of a control board.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Request {
-    /// Usage for people (`help more`).
+    /// Usage for people (3.x: `help more`, 4.0: `help`).
     Help,
-    /// `[get] [prot]`.
+    /// The version of the protocol (3.x: `[get] [prot]`, 4.0: `getRemoteProtocolVersion`).
     ProtocolVersion,
+    /// Which interfaces there are (4.0).
+    Interfaces,
     /// A question.
     Get(Get),
     /// An order.
@@ -32,22 +30,82 @@ pub enum Request {
 /// A question.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Get {
+    /// A number for each joint.
+    Values(Quantity, Selection),
+    /// Anything else about joints. What is about the board is asked of [`Selection::All`].
+    About(Question, Selection),
+    /// The value of a variable.
+    Variable(String),
+}
+
+/// What is not one number for each joint.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub enum Question {
     /// Number of axes.
     Axes,
     /// Name of an axis.
-    Name(AxisIndex),
+    Name,
     /// Kind of an axis.
-    Type(AxisIndex),
-    /// A number for each joint.
-    Values(Quantity, Selection),
+    Type,
     /// Whether the joints are at rest.
-    MotionDone(Selection),
-    /// Position limits of an axis.
-    PositionLimits(AxisIndex),
-    /// Velocity limits of an axis.
-    VelocityLimits(AxisIndex),
-    /// Control modes.
-    ControlModes(Selection),
+    MotionDone,
+    /// Smallest and largest.
+    Range(Range),
+    /// Control modes (3.x; in 4.0 they are in the state only).
+    ControlModes,
+    /// The modes an axis can be set to (4.0).
+    AvailableModes,
+    /// Interaction modes.
+    Interactions,
+    /// Positions and when they were measured (4.0).
+    TimedPositions,
+    /// Positions of motors and when they were measured (4.0).
+    TimedMotorPositions,
+    /// Number of motors.
+    Motors,
+    /// Number of motor encoders.
+    MotorEncoders,
+    /// States of amplifiers.
+    AmplifierStatus,
+    /// Stiffness and damping of an axis.
+    Impedance,
+    /// What they may be.
+    ImpedanceLimits,
+    /// What the torque loop assumes of a motor.
+    MotorParameters,
+    /// Gains of control loops.
+    Pids(PidKind),
+    /// Whether a loop is closed.
+    PidEnabled(PidKind),
+    /// What the numbers of a loop mean (4.0).
+    PidInfo(PidKind),
+    /// The loops of an axis (4.0).
+    AvailablePids,
+    /// Whether an axis is calibrated.
+    CalibrationDone,
+    /// Whether there is a calibrator.
+    CalibratorPresent,
+    /// The names of the variables.
+    Variables,
+    /// The last fault of an axis.
+    Fault,
+    /// Whether an axis is braked (4.0).
+    Braked,
+    /// Whether its brake goes on by itself (4.0).
+    AutoBrake,
+}
+
+/// What has a smallest and a largest value.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub enum Range {
+    /// Positions.
+    Position,
+    /// Velocities.
+    Velocity,
+    /// Torques.
+    Torque,
+    /// Currents.
+    Current,
 }
 
 /// An order. Values are degrees or metres, per second, per second squared.
@@ -55,263 +113,387 @@ pub enum Get {
 pub enum Set {
     /// A number for each joint.
     Values(Setting, Selection, Vec<f64>),
-    /// Come to rest.
-    Stop(Selection),
-    /// Call the present positions 0.
-    ResetEncoders(Selection),
-    /// Position limits of an axis.
-    PositionLimits(AxisIndex, Limits),
-    /// Velocity limits of an axis.
-    VelocityLimits(AxisIndex, Limits),
+    /// Something without values. What is about the board is ordered of [`Selection::All`].
+    Act(Action, Selection),
+    /// Position or velocity limits of an axis.
+    Limits(Range, AxisIndex, Limits),
     /// Control modes.
     ControlModes(Selection, Vec<Mode>),
+    /// Interaction modes.
+    Interactions(Selection, Vec<Interaction>),
+    /// Gains of control loops.
+    Pids(PidKind, Selection, Vec<Pid>),
+    /// Stiffness and damping of an axis.
+    Impedance(AxisIndex, Impedance),
+    /// What the torque loop assumes of a motor, and how many of the nine numbers are said: up to 3.6 the first four.
+    MotorParameters(AxisIndex, MotorTorqueParameters, usize),
+    /// Start to calibrate an axis.
+    CalibrateAxis(AxisIndex, u32, [f64; 3]),
+    /// How an axis is calibrated.
+    CalibrationParameters(AxisIndex, CalibrationParameters),
+    /// The value of a variable.
+    Variable(String, Vec<VariableValue>),
+    /// The brake of an axis (4.0).
+    ManualBrake(AxisIndex, bool),
+    /// Whether it goes on by itself (4.0).
+    AutoBrake(AxisIndex, bool),
+}
+
+/// An order without values.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub enum Action {
+    /// Come to rest.
+    Stop,
+    /// Call the present positions 0.
+    ResetEncoders,
+    /// Call the present positions of the motors 0.
+    ResetMotorEncoders,
+    /// Switch amplifiers on.
+    EnableAmplifiers,
+    /// Switch amplifiers off.
+    DisableAmplifiers,
+    /// Forget the integrals of loops.
+    ResetPids(PidKind),
+    /// Close loops.
+    EnablePids(PidKind),
+    /// Open loops.
+    DisablePids(PidKind),
+    /// All joints to torque mode (3.x).
+    TorqueMode,
+    /// Calibrate by the calibrator.
+    Calibrate,
+    /// Go home by the calibrator.
+    Home,
+    /// Park by the calibrator.
+    Park,
+    /// End a calibration by the calibrator.
+    QuitCalibration,
+    /// End parking by the calibrator.
+    QuitPark,
+    /// Calibrate by the board.
+    CalibrateRobot,
+    /// Park by the board.
+    ParkRobot,
+    /// End a calibration by the board.
+    AbortCalibration,
+    /// End parking by the board.
+    AbortPark,
 }
 
 /// Why a message is no request.
-#[derive(Clone, Copy, Debug, Eq, PartialEq, thiserror::Error)]
+#[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Malformed {
-    /// Fewer than two items: stock does not even look at it.
+    /// Fewer than two items: stock 3.x does not even look at it.
     #[error("expected two items or more")]
     TooShort,
     /// A word that is none of the protocol, or not in this place.
     #[error("unknown word [{0}]")]
     UnknownWord(Vocab32),
-    /// An interface that is not served here.
-    #[error("interface [{0}] is not served")]
-    NotServed(Vocab32),
     /// Values are missing, too many, or of another kind.
     #[error("wrong number or kind of values for [{0}]")]
     Values(Vocab32),
+    /// A function that is none of the protocol.
+    #[error("unknown function {0}")]
+    UnknownFunction(String),
+    /// Arguments are missing, too many, or of another kind.
+    #[error("wrong number or kind of arguments for {0}")]
+    Arguments(String),
 }
 
-impl Set {
-    /// The words for stopping.
-    pub const STOP: Words = STOP;
-    /// The words for declaring positions 0.
-    pub const RESET_ENCODERS: Words = RESET;
-}
+impl Question {
+    /// Every question; those about control loops for positions, in the place of all kinds.
+    pub(super) const ALL: [Self; 29] = {
+        use PidKind::Position;
+        [
+            Self::Axes,
+            Self::Name,
+            Self::Type,
+            Self::MotionDone,
+            Self::Range(Range::Position),
+            Self::Range(Range::Velocity),
+            Self::Range(Range::Torque),
+            Self::Range(Range::Current),
+            Self::ControlModes,
+            Self::AvailableModes,
+            Self::Interactions,
+            Self::TimedPositions,
+            Self::TimedMotorPositions,
+            Self::Motors,
+            Self::MotorEncoders,
+            Self::AmplifierStatus,
+            Self::Impedance,
+            Self::ImpedanceLimits,
+            Self::MotorParameters,
+            Self::Pids(Position),
+            Self::PidEnabled(Position),
+            Self::PidInfo(Position),
+            Self::AvailablePids,
+            Self::CalibrationDone,
+            Self::CalibratorPresent,
+            Self::Variables,
+            Self::Fault,
+            Self::Braked,
+            Self::AutoBrake,
+        ]
+    };
 
-impl Request {
-    /// Reads a message; the order of the decisions is that of stock.
-    pub fn parse(message: &Bottle) -> Result<Self, Malformed> {
-        let [first, second, rest @ ..] = message.as_slice() else {
-            return Err(Malformed::TooShort);
-        };
-        let first = first.as_vocab().unwrap_or_default();
-        let second = second.as_vocab().unwrap_or_default();
-        // Item 1 decides before item 0 does.
-        match (first, second) {
-            (_, interface) if word::INTERFACES_NOT_SERVED.contains(&interface) => {
-                Err(Malformed::NotServed(interface))
+    /// How it is asked.
+    pub(crate) fn spelling(self) -> Spelling {
+        use Spelling as S;
+        let one = Words::only_one;
+        let whole = Words::only_all;
+        let one_call = Functions::only_one;
+        let whole_call = Functions::only_all;
+        match self {
+            Self::Axes => S::plain(whole(word::AXES), whole_call("getAxes")),
+            Self::Name => S::plain(one(word::NAME), one_call("getAxisName")),
+            Self::Type => S::plain(one(word::TYPE), one_call("getJointType")),
+            Self::MotionDone => S::plain(
+                Words::three(word::DONE, word::DONE_GROUP, word::DONES),
+                Functions::three(
+                    "checkMotionDoneOne",
+                    "checkMotionDoneGroup",
+                    "checkMotionDoneAll",
+                ),
+            ),
+            Self::Range(Range::Position) => {
+                S::plain(one(word::POSITION_LIMITS), one_call("getPosLimits"))
             }
-            (word::GET, word::PROTOCOL_VERSION) => Ok(Self::ProtocolVersion),
-            (word::GET, word::CONTROL_MODE_INTERFACE) => mode_question(rest).map(Self::Get),
-            (word::SET, word::CONTROL_MODE_INTERFACE) => mode_order(rest).map(Self::Set),
-            (word::GET, asked) => question(asked, rest).map(Self::Get),
-            (word::SET, ordered) => order(ordered, rest).map(Self::Set),
-            (word::HELP, word::MORE) => Ok(Self::Help),
-            (unknown, _) => Err(Malformed::UnknownWord(unknown)),
+            Self::Range(Range::Velocity) => {
+                S::plain(one(word::VELOCITY_LIMITS), one_call("getVelLimits"))
+            }
+            Self::Range(Range::Torque) => S::of(
+                word::TORQUE_INTERFACE,
+                Words::two(word::RANGE, word::RANGES),
+                Functions::two("getTorqueRangeOne", "getTorqueRangeAll"),
+            ),
+            Self::Range(Range::Current) => S::of(
+                word::CURRENT_INTERFACE,
+                Words::two(word::RANGE, word::RANGES),
+                Functions::two("getCurrentRangeOne", "getCurrentRangeAll"),
+            ),
+            Self::ControlModes => S::of(word::CONTROL_MODE_INTERFACE, MODES, Forms::NONE),
+            Self::AvailableModes => S::plain(Forms::NONE, one_call("getAvailableControlModes")),
+            Self::Interactions => S::of(
+                word::INTERACTION_MODE_INTERFACE,
+                INTERACTIONS,
+                Functions::three(
+                    "getInteractionModeOne",
+                    "getInteractionModesGroup",
+                    "getInteractionModesAll",
+                ),
+            ),
+            Self::TimedPositions => S::plain(
+                Forms::NONE,
+                Functions::two("getEncoderTimedOne", "getEncoderTimedAll"),
+            ),
+            Self::TimedMotorPositions => S::plain(
+                Forms::NONE,
+                Functions::two("getMotorEncoderTimedOne", "getMotorEncodersTimedAll"),
+            ),
+            Self::Motors => S::plain(whole(word::MOTORS), whole_call("getNumberOfMotors")),
+            Self::MotorEncoders => S::plain(
+                whole(word::MOTOR_ENCODER_COUNT),
+                whole_call("getNumberOfMotorEncoders"),
+            ),
+            Self::AmplifierStatus => S::plain(
+                Words::two(word::AMPLIFIER_STATUS, word::AMPLIFIER_STATUSES),
+                Functions::two("getAmpStatusOne", "getAmpStatusAll"),
+            ),
+            Self::Impedance => S::of(
+                word::IMPEDANCE_INTERFACE,
+                one(word::IMPEDANCE),
+                one_call("getImpedance"),
+            ),
+            Self::ImpedanceLimits => S::of(
+                word::IMPEDANCE_INTERFACE,
+                one(word::POSITION_LIMITS),
+                one_call("getCurrentImpedanceLimit"),
+            ),
+            Self::MotorParameters => S::of(
+                word::TORQUE_INTERFACE,
+                one(word::MOTOR_PARAMETERS),
+                one_call("getMotorTorqueParams"),
+            ),
+            Self::Pids(_) => S::of(
+                word::PID_INTERFACE,
+                Words::two(word::PID, word::PIDS),
+                Functions::two("getPid", "getPids"),
+            ),
+            Self::PidEnabled(_) => S::of(
+                word::PID_INTERFACE,
+                one(word::ENABLE),
+                one_call("isPidEnabled"),
+            ),
+            Self::PidInfo(_) => S::plain(
+                Forms::NONE,
+                Functions::two("getPidExtraInfo", "getPidExtraInfos"),
+            ),
+            Self::AvailablePids => S::plain(Forms::NONE, one_call("getAvailablePids")),
+            Self::CalibrationDone => S::plain(Forms::NONE, one_call("calibrationDone")),
+            Self::CalibratorPresent => S::of(
+                word::REMOTE_CALIBRATOR_INTERFACE,
+                whole(word::IS_CALIBRATOR),
+                whole_call("isCalibratorDevicePresent"),
+            ),
+            Self::Variables => S::of(
+                word::REMOTE_VARIABLES_INTERFACE,
+                whole(word::VARIABLES),
+                whole_call("getRemoteVariablesList"),
+            ),
+            Self::Fault => S::of(
+                word::FAULT_INTERFACE,
+                one(word::FAULT),
+                one_call("getLastJointFault"),
+            ),
+            Self::Braked => S::plain(Forms::NONE, one_call("isJointBraked")),
+            Self::AutoBrake => S::plain(Forms::NONE, one_call("getAutoBrakeEnabled")),
         }
     }
 
-    /// The message that says it, or `None` where the protocol has no word for this selection.
-    pub fn to_bottle(&self) -> Option<Bottle> {
-        Some(match self {
-            Self::Help => Bottle::from_iter(["help".into(), "more".into()]),
-            Self::ProtocolVersion => Bottle::of(word::GET).with(word::PROTOCOL_VERSION),
-            Self::Get(get) => get.to_bottle()?,
-            Self::Set(set) => set.to_bottle()?,
-        })
-    }
-}
-
-fn question(asked: Vocab32, items: &[Value]) -> Result<Get, Malformed> {
-    let wrong = Malformed::Values(asked);
-    // What comes after a question does no harm, and stock does not look at it.
-    let selection = |form| Selection::read(form, &mut &*items).ok_or(wrong);
-    if let Some((quantity, form)) = find(&QUANTITIES, Quantity::words, asked) {
-        return Ok(Get::Values(quantity, selection(form)?));
-    }
-    if let Some(form) = DONE.form(asked) {
-        return Ok(Get::MotionDone(selection(form)?));
-    }
-    let axis = || items.first().and_then(number::axis).ok_or(wrong);
-    match asked {
-        word::AXES => Ok(Get::Axes),
-        word::NAME => axis().map(Get::Name),
-        word::TYPE => axis().map(Get::Type),
-        word::POSITION_LIMITS => axis().map(Get::PositionLimits),
-        word::VELOCITY_LIMITS => axis().map(Get::VelocityLimits),
-        unknown => Err(Malformed::UnknownWord(unknown)),
-    }
-}
-
-fn order(ordered: Vocab32, items: &[Value]) -> Result<Set, Malformed> {
-    let wrong = Malformed::Values(ordered);
-    if let Some((setting, form)) = find(&SETTINGS, Setting::words, ordered) {
-        let order = setting_of(setting, form, items);
-        return order.ok_or(wrong);
-    }
-    if let Some(form) = STOP.form(ordered) {
-        return stop(form, items).map(Set::Stop).ok_or(wrong);
-    }
-    if let Some(form) = RESET.form(ordered) {
-        let mut rest = items;
-        let selection = Selection::read(form, &mut rest).filter(|_| rest.is_empty());
-        return selection.map(Set::ResetEncoders).ok_or(wrong);
-    }
-    match ordered {
-        word::POSITION_LIMITS => {
-            limits(items).map(|(axis, limits)| Set::PositionLimits(axis, limits))
+    /// The kind of control loop it is about.
+    pub(super) fn kind(self) -> Option<PidKind> {
+        match self {
+            Self::Pids(kind) | Self::PidEnabled(kind) | Self::PidInfo(kind) => Some(kind),
+            _ => None,
         }
-        word::VELOCITY_LIMITS => {
-            limits(items).map(|(axis, limits)| Set::VelocityLimits(axis, limits))
+    }
+
+    /// The same of another kind of control loop.
+    pub(super) fn of_kind(self, other: PidKind) -> Self {
+        match self {
+            Self::Pids(_) => Self::Pids(other),
+            Self::PidEnabled(_) => Self::PidEnabled(other),
+            Self::PidInfo(_) => Self::PidInfo(other),
+            plain => plain,
         }
-        unknown => return Err(Malformed::UnknownWord(unknown)),
     }
-    .ok_or(wrong)
 }
 
-/// Nothing may be missing, left over, or of another kind.
-fn setting_of(setting: Setting, form: Form, mut items: &[Value]) -> Option<Set> {
-    let selection = Selection::read(form, &mut items)?;
-    let values = match (&selection, items) {
-        (Selection::One(_), [value]) => vec![number::float(value)?],
-        (Selection::Group(_) | Selection::All, [list]) => number::floats(list.as_list()?)?,
-        _ => return None,
+/// The words behind the interface of control modes.
+pub(super) const MODES: Words = Words::three(
+    word::CONTROL_MODE,
+    word::CONTROL_MODE_GROUP,
+    word::CONTROL_MODES,
+);
+/// The words behind the interface of interaction modes.
+pub(super) const INTERACTIONS: Words = Words::three(
+    word::INTERACTION,
+    word::INTERACTION_GROUP,
+    word::INTERACTIONS,
+);
+
+impl Action {
+    /// Every action; those on control loops for positions, in the place of all kinds.
+    pub(super) const ALL: [Self; 18] = {
+        use PidKind::Position;
+        [
+            Self::Stop,
+            Self::ResetEncoders,
+            Self::ResetMotorEncoders,
+            Self::EnableAmplifiers,
+            Self::DisableAmplifiers,
+            Self::ResetPids(Position),
+            Self::EnablePids(Position),
+            Self::DisablePids(Position),
+            Self::TorqueMode,
+            Self::Calibrate,
+            Self::Home,
+            Self::Park,
+            Self::QuitCalibration,
+            Self::QuitPark,
+            Self::CalibrateRobot,
+            Self::ParkRobot,
+            Self::AbortCalibration,
+            Self::AbortPark,
+        ]
     };
-    Some(Set::Values(setting, selection, values))
-}
 
-/// A stop is not refused over a detail: with a wrong count, or words after it, it still is a stop.
-fn stop(form: Form, mut items: &[Value]) -> Option<Selection> {
-    match (form, items) {
-        (Form::Group, [_, list, ..]) => {
-            let axes = list.as_list()?.iter().map(number::axis);
-            axes.collect::<Option<_>>().map(Selection::Group)
+    /// How it is ordered. The words for what the board itself calibrates stand in the first place of a message.
+    pub(crate) fn spelling(self) -> Spelling {
+        use Spelling as S;
+        let loops = |word, function| {
+            S::of(
+                word::PID_INTERFACE,
+                Words::only_one(word),
+                Functions::only_one(function),
+            )
+        };
+        let calibrator =
+            |words, functions| S::of(word::REMOTE_CALIBRATOR_INTERFACE, words, functions);
+        let board = |function| S::plain(Forms::NONE, Functions::only_all(function));
+        match self {
+            Self::Stop => S::plain(
+                Words::three(word::STOP, word::STOP_GROUP, word::STOPS),
+                Functions::three("stopOne", "stopGroup", "stopAll"),
+            ),
+            Self::ResetEncoders => S::plain(
+                Words::two(word::RESET_ENCODER, word::RESET_ENCODERS),
+                Functions::two("resetEncoderOne", "resetEncoderAll"),
+            ),
+            Self::ResetMotorEncoders => S::plain(
+                Words::two(word::RESET_MOTOR_ENCODER, word::RESET_MOTOR_ENCODERS),
+                Functions::two("resetMotorEncoder", "resetMotorEncoders"),
+            ),
+            Self::EnableAmplifiers => S::plain(
+                Words::only_one(word::ENABLE_AMPLIFIER),
+                Functions::only_one("enableAmp"),
+            ),
+            Self::DisableAmplifiers => S::plain(
+                Words::only_one(word::DISABLE_AMPLIFIER),
+                Functions::only_one("disableAmp"),
+            ),
+            Self::ResetPids(_) => loops(word::RESET, "resetPid"),
+            Self::EnablePids(_) => loops(word::ENABLE, "enablePid"),
+            Self::DisablePids(_) => loops(word::DISABLE, "disablePid"),
+            Self::TorqueMode => S::of(
+                word::TORQUE_INTERFACE,
+                Words::only_all(word::ALL_TORQUE),
+                Forms::NONE,
+            ),
+            Self::Calibrate => calibrator(
+                Words::two(word::CALIBRATE, word::CALIBRATE_ALL),
+                Functions::two("calibrateSingleJoint", "calibrateWholePart"),
+            ),
+            Self::Home => calibrator(
+                Words::two(word::HOME, word::HOME_ALL),
+                Functions::two("homingSingleJoint", "homingWholePart"),
+            ),
+            Self::Park => calibrator(
+                Words::two(word::PARK_JOINT, word::PARK_ALL),
+                Functions::two("parkSingleJoint", "parkWholePart"),
+            ),
+            Self::QuitCalibration => calibrator(
+                Words::only_all(word::QUIT_CALIBRATION),
+                Functions::only_all("quitCalibrate"),
+            ),
+            Self::QuitPark => calibrator(
+                Words::only_all(word::QUIT_PARK),
+                Functions::only_all("quitPark"),
+            ),
+            Self::CalibrateRobot => board("calibrateRobot"),
+            Self::ParkRobot => board("park"),
+            Self::AbortCalibration => board("abortCalibration"),
+            Self::AbortPark => board("abortPark"),
         }
-        _ => Selection::read(form, &mut items),
+    }
+
+    /// The kind of control loop it is about.
+    pub(super) fn kind(self) -> Option<PidKind> {
+        match self {
+            Self::ResetPids(kind) | Self::EnablePids(kind) | Self::DisablePids(kind) => Some(kind),
+            _ => None,
+        }
+    }
+
+    /// The same on another kind of control loop.
+    pub(super) fn of_kind(self, other: PidKind) -> Self {
+        match self {
+            Self::ResetPids(_) => Self::ResetPids(other),
+            Self::EnablePids(_) => Self::EnablePids(other),
+            Self::DisablePids(_) => Self::DisablePids(other),
+            plain => plain,
+        }
     }
 }
-
-fn limits(items: &[Value]) -> Option<(AxisIndex, Limits)> {
-    let [axis, min, max] = items else {
-        return None;
-    };
-    let limits = Limits::new(number::float(min)?, number::float(max)?);
-    Some((number::axis(axis)?, limits))
-}
-
-fn mode_question(items: &[Value]) -> Result<Get, Malformed> {
-    let (word, form, mut rest) = mode_form(items)?;
-    let selection = Selection::read(form, &mut rest).ok_or(Malformed::Values(word))?;
-    Ok(Get::ControlModes(selection))
-}
-
-fn mode_order(items: &[Value]) -> Result<Set, Malformed> {
-    let (word, form, mut rest) = mode_form(items)?;
-    let wrong = Malformed::Values(word);
-    let selection = Selection::read(form, &mut rest).ok_or(wrong)?;
-    let mode = |value: &Value| value.as_vocab().map(|word| Mode::from(word.code()));
-    let modes = match (&selection, rest) {
-        (Selection::One(_), [value]) => mode(value).map(|mode| vec![mode]),
-        (Selection::Group(_) | Selection::All, [list]) => list
-            .as_list()
-            .and_then(|list| list.iter().map(mode).collect()),
-        _ => None,
-    };
-    Ok(Set::ControlModes(selection, modes.ok_or(wrong)?))
-}
-
-fn mode_form(items: &[Value]) -> Result<(Vocab32, Form, &[Value]), Malformed> {
-    let [first, rest @ ..] = items else {
-        return Err(Malformed::Values(word::CONTROL_MODE_INTERFACE));
-    };
-    // Stock tries items 3 and 4 as joint and mode when it does not know this word; a mode is not set on a guess.
-    let asked = first.as_vocab().unwrap_or_default();
-    let form = MODE.form(asked).ok_or(Malformed::UnknownWord(asked))?;
-    Ok((asked, form, rest))
-}
-
-fn find<T: Copy>(all: &[T], words: impl Fn(T) -> Words, word: Vocab32) -> Option<(T, Form)> {
-    all.iter()
-        .find_map(|&one| words(one).form(word).map(|form| (one, form)))
-}
-
-impl Get {
-    fn to_bottle(&self) -> Option<Bottle> {
-        let ask = |word: Vocab32| Bottle::of(word::GET).with(word);
-        let ask_axis =
-            |word: Vocab32, axis: &AxisIndex| ask(word).with(number::integer(axis.index()));
-        let ask_selection = |words: Words, selection: &Selection| {
-            let mut message = ask(words.word(selection)?);
-            selection.write(&mut message);
-            Some(message)
-        };
-        Some(match self {
-            Self::Axes => ask(word::AXES),
-            Self::Name(axis) => ask_axis(word::NAME, axis),
-            Self::Type(axis) => ask_axis(word::TYPE, axis),
-            Self::PositionLimits(axis) => ask_axis(word::POSITION_LIMITS, axis),
-            Self::VelocityLimits(axis) => ask_axis(word::VELOCITY_LIMITS, axis),
-            Self::Values(quantity, selection) => ask_selection(quantity.words(), selection)?,
-            Self::MotionDone(selection) => ask_selection(DONE, selection)?,
-            Self::ControlModes(selection) => {
-                let mut message = ask(word::CONTROL_MODE_INTERFACE).with(MODE.word(selection)?);
-                selection.write(&mut message);
-                message
-            }
-        })
-    }
-}
-
-impl Set {
-    fn to_bottle(&self) -> Option<Bottle> {
-        let order = |words: Words, selection: &Selection| {
-            let mut message = Bottle::of(word::SET).with(words.word(selection)?);
-            selection.write(&mut message);
-            Some(message)
-        };
-        let limit = |word: Vocab32, axis: &AxisIndex, limits: &Limits| {
-            Bottle::of(word::SET)
-                .with(word)
-                .with(number::integer(axis.index()))
-                .with(limits.min)
-                .with(limits.max)
-        };
-        Some(match self {
-            Self::Values(setting, selection, values) => {
-                let mut message = order(setting.words(), selection)?;
-                let items = values.iter().copied().map(Value::Float64);
-                push(&mut message, selection, items);
-                message
-            }
-            Self::Stop(selection) => order(STOP, selection)?,
-            Self::ResetEncoders(selection) => order(RESET, selection)?,
-            Self::PositionLimits(axis, limits) => limit(word::POSITION_LIMITS, axis, limits),
-            Self::VelocityLimits(axis, limits) => limit(word::VELOCITY_LIMITS, axis, limits),
-            Self::ControlModes(selection, modes) => {
-                let mut message = Bottle::of(word::SET)
-                    .with(word::CONTROL_MODE_INTERFACE)
-                    .with(MODE.word(selection)?);
-                selection.write(&mut message);
-                let words = modes.iter().map(|&mode| Vocab32::from_code(mode.into()));
-                push(&mut message, selection, words.map(Value::from));
-                message
-            }
-        })
-    }
-}
-
-/// Appends one value as it is, several as a list.
-fn push(message: &mut Bottle, selection: &Selection, values: impl Iterator<Item = Value>) {
-    match selection {
-        Selection::One(_) => message.extend(values),
-        Selection::Group(_) | Selection::All => message.push(values.collect::<Bottle>()),
-    }
-}
-
-#[cfg(test)]
-#[path = "request_tests.rs"]
-mod tests;

@@ -84,19 +84,27 @@ pub(super) enum Form {
     All,
 }
 
-/// The words for one call: for one joint, for several, for all. Not every call has all three.
+/// The spellings of one call: for one joint, for several, for all. Not every call has all three.
+///
+/// Those of 3.x are words, those of 4.0 the names of functions.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
-pub struct Words {
+pub struct Forms<T> {
     /// For a single joint.
-    pub one: Option<Vocab32>,
+    pub one: Option<T>,
     /// For several.
-    pub group: Option<Vocab32>,
+    pub group: Option<T>,
     /// For all.
-    pub all: Option<Vocab32>,
+    pub all: Option<T>,
 }
 
-impl Words {
-    pub(super) const fn three(one: Vocab32, group: Vocab32, all: Vocab32) -> Self {
+impl<T: Copy + PartialEq> Forms<T> {
+    pub(super) const NONE: Self = Self {
+        one: None,
+        group: None,
+        all: None,
+    };
+
+    pub(super) const fn three(one: T, group: T, all: T) -> Self {
         Self {
             one: Some(one),
             group: Some(group),
@@ -104,7 +112,7 @@ impl Words {
         }
     }
 
-    pub(super) const fn two(one: Vocab32, all: Vocab32) -> Self {
+    pub(super) const fn two(one: T, all: T) -> Self {
         Self {
             one: Some(one),
             group: None,
@@ -112,7 +120,15 @@ impl Words {
         }
     }
 
-    pub(super) const fn only_all(all: Vocab32) -> Self {
+    pub(super) const fn only_one(one: T) -> Self {
+        Self {
+            one: Some(one),
+            group: None,
+            all: None,
+        }
+    }
+
+    pub(super) const fn only_all(all: T) -> Self {
         Self {
             one: None,
             group: None,
@@ -120,8 +136,8 @@ impl Words {
         }
     }
 
-    /// The form that `word` announces, if it is one of these.
-    pub(super) fn form(self, word: Vocab32) -> Option<Form> {
+    /// The form that `spelt` announces, if it is one of these.
+    pub(super) fn form(self, spelt: T) -> Option<Form> {
         let named = [
             (self.one, Form::One),
             (self.group, Form::Group),
@@ -129,12 +145,12 @@ impl Words {
         ];
         named
             .into_iter()
-            .find(|(ours, _)| *ours == Some(word))
+            .find(|(ours, _)| *ours == Some(spelt))
             .map(|(_, form)| form)
     }
 
-    /// The word for a selection.
-    pub(super) fn word(self, selection: &Selection) -> Option<Vocab32> {
+    /// The spelling for a selection.
+    pub(super) fn of(self, selection: &Selection) -> Option<T> {
         match selection {
             Selection::One(_) => self.one,
             Selection::Group(_) => self.group,
@@ -142,30 +158,40 @@ impl Words {
         }
     }
 
-    /// The selection that says the same with a word that exists, or why there is none.
+    /// The selections that say what `axes` says with spellings that exist: usually one.
     ///
-    /// Where stock has no word for several joints, a group of one is said as one joint and a group of all in order
-    /// as all.
+    /// Where there is none for several joints, a group of one is said as one joint, a group of all in order as all,
+    /// and all of a board that has only spellings for one are said one by one if `each` allows it. Otherwise it is
+    /// not supported, which names `what` it was.
     pub(crate) fn sayable(
         self,
         axes: Axes<'_>,
         total: usize,
         what: &str,
-    ) -> Result<Selection, DeviceError> {
+        each: bool,
+    ) -> Result<Vec<Selection>, DeviceError> {
         let selection = Selection::from(axes);
-        if self.word(&selection).is_some() {
-            return Ok(selection);
+        if self.of(&selection).is_some() {
+            return Ok(vec![selection]);
         }
         if let Axes::Group(&[axis]) = axes
             && self.one.is_some()
         {
-            return Ok(Selection::One(axis));
+            return Ok(vec![Selection::One(axis)]);
         }
         if axes.iter(total).eq(Axes::All.iter(total)) && self.all.is_some() {
-            return Ok(Selection::All);
+            return Ok(vec![Selection::All]);
+        }
+        if each && self.one.is_some() {
+            return Ok(axes.iter(total).map(Selection::One).collect());
         }
         Err(DeviceError::NotSupported {
             what: format!("to {what} several joints by one message, but not all,"),
         })
     }
 }
+
+/// The words for one call in 3.x.
+pub type Words = Forms<Vocab32>;
+/// The functions for one call in 4.0, without the `RPC` at the end of their names.
+pub type Functions = Forms<&'static str>;

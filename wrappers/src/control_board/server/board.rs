@@ -1,18 +1,24 @@
 //! The device behind the ports, and what becomes of a message.
 
 use std::fmt::Display;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use yarp_devices::{
-    AxisInfo, ControlLimits, ControlMode, Device, DeviceError, Encoders, MotionControl,
-    PositionControl, VelocityControl,
+    AmplifierControl, AxisInfo, ControlCalibration, ControlLimits, ControlMode, CurrentControl,
+    Device, DeviceError, Encoders, ImpedanceControl, InteractionMode, JointBrake, JointFault,
+    MotionControl, Motor, MotorEncoders, PidControl, PositionControl, PositionDirect, PwmControl,
+    RemoteCalibrator, RemoteVariables, TorqueControl, VelocityControl, VelocityDirect,
 };
-use yarp_wire::{Bottle, Stamp};
+use yarp_ports::Answer;
+use yarp_wire::{Bottle, Stamp, Value, Vocab32};
 
-use super::super::messages::{Command, Malformed, ProtocolVersion, Reply, Request};
-use super::usage;
+use super::super::messages::{
+    Command, Get, Malformed, ProtocolVersion, Question, Reply, Request, Set,
+};
+use super::{interfaces, usage};
+use crate::thrift::{Item, Message, ReturnCode, ServiceVersion};
 
 /// A device with what its server must remember.
 pub(super) struct Board {
@@ -23,9 +29,11 @@ pub(super) struct Board {
     stamp: Mutex<Stamp>,
     /// Whether the last streamed command was refused: the first of a run is reported aloud.
     refusing: AtomicBool,
+    /// How many numbers about the torque of a motor 3.x clients speak of; see [`Board::answer`].
+    motor_parameters: AtomicUsize,
 }
 
-/// Why a request was not carried out. On the wire all of them are `[fail]`.
+/// Why a request was not carried out. In 3.x all of them are `[fail]`.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum Refusal {
     #[error(transparent)]
@@ -47,6 +55,7 @@ impl Board {
             // Answers are counted from 0.
             stamp: Mutex::new(Stamp::new(-1, 0.0)),
             refusing: AtomicBool::new(false),
+            motor_parameters: AtomicUsize::new(9),
         })
     }
 
@@ -54,38 +63,95 @@ impl Board {
         self.axes
     }
 
-    /// What a request is answered with, after it was carried out.
+    /// What a request of 3.x is answered with, after it was carried out.
+    ///
+    /// Up to 3.6 four numbers tell what is assumed of the torque of a motor, later nine, and nothing on the wire says
+    /// which a client is. It gets nine, unless the last that set them set four.
     pub(super) fn answer(&self, message: &Bottle, from: &str) -> Reply {
         let request = match Request::parse(message) {
             Ok(request) => request,
             Err(Malformed::TooShort) => return Reply::not_understood(),
             Err(error) => {
-                tracing::debug!(board = %self.name, from, %message, "refused: {error}");
+                self.report(None, message, from, &error);
                 return Reply::fail();
             }
         };
         let outcome = match &request {
             Request::Help => Ok(usage::reply()),
             Request::ProtocolVersion => Ok(Reply::version(ProtocolVersion::CURRENT)),
-            Request::Get(get) => {
-                let echo = message.get(1).cloned();
-                self.ask(get, echo).map(|(echo, values)| {
-                    let stamp = self.next_stamp();
-                    Reply::is(echo, values, stamp)
-                })
-            }
-            Request::Set(set) => self.order(set).map(|()| Reply::ok()),
+            Request::Interfaces => Ok(Reply::fail()),
+            Request::Get(get) => self.ask(get).map(|mut results| {
+                let echo = message.get(1).cloned().unwrap_or(Value::Int32(0));
+                results.truncate(self.shown(get));
+                get.answer_v3(echo, results, self.next_stamp())
+            }),
+            Request::Set(set) => self.order(set).map(|()| {
+                if let Set::MotorParameters(_, _, count) = set {
+                    self.motor_parameters.store(*count, Ordering::Relaxed);
+                }
+                Reply::ok()
+            }),
         };
         outcome.unwrap_or_else(|error| {
-            match request {
-                // What a person ordered in vain is worth a line; polling clients ask for what there is not.
-                Request::Set(_) => {
-                    tracing::info!(board = %self.name, from, %message, "refused: {error}");
-                }
-                _ => tracing::debug!(board = %self.name, from, %message, "refused: {error}"),
-            }
+            self.report(Some(&request), message, from, &error);
             Reply::fail()
         })
+    }
+
+    /// How many results of a question a 3.x client gets.
+    fn shown(&self, get: &Get) -> usize {
+        match get {
+            Get::About(Question::MotorParameters, _) => {
+                self.motor_parameters.load(Ordering::Relaxed)
+            }
+            _ => usize::MAX,
+        }
+    }
+
+    /// What a call of 4.0 is answered with, after it was carried out.
+    pub(super) fn answer_call(&self, message: &Bottle, from: &str) -> Answer {
+        let request = match Request::parse_call(message) {
+            Ok(request) => request,
+            Err(error) => {
+                self.report(None, message, from, &error);
+                // Stock gives no answer to a function it does not know with something behind it, and leaves the
+                // client to find out; this is what it answers otherwise.
+                return Answer::reply(Bottle::of(Vocab32::FAIL));
+            }
+        };
+        let items = match &request {
+            Request::Help => return Answer::reply(usage::functions()),
+            Request::ProtocolVersion => return Answer::reply(ServiceVersion::CONTROL_BOARD),
+            Request::Interfaces => ReturnCode::Ok.with([interfaces::list(self.device.as_ref())]),
+            Request::Get(get) => match self.ask(get) {
+                Ok(results) => answered(get, results),
+                Err(error) => {
+                    self.report(Some(&request), message, from, &error);
+                    let nothing = get.nothing();
+                    match nothing.is_empty() {
+                        true => error.code().alone(),
+                        false => error.code().with(nothing),
+                    }
+                }
+            },
+            Request::Set(set) => match self.order(set) {
+                Ok(()) => ReturnCode::Ok.alone(),
+                Err(error) => {
+                    self.report(Some(&request), message, from, &error);
+                    error.code().alone()
+                }
+            },
+        };
+        Answer::reply(Message(items))
+    }
+
+    fn report(&self, request: Option<&Request>, message: &Bottle, from: &str, error: &dyn Display) {
+        // What a person ordered in vain is worth a line; polling clients ask for what there is not.
+        if let Some(Request::Set(_)) = request {
+            tracing::info!(board = %self.name, from, %message, "refused: {error}");
+        } else {
+            tracing::debug!(board = %self.name, from, %message, "refused: {error}");
+        }
     }
 
     /// Carries out a streamed command, or leaves everything as it is.
@@ -114,24 +180,6 @@ impl Board {
         *stamp
     }
 
-    pub(super) fn info(&self) -> Result<&dyn AxisInfo, Refusal> {
-        self.device
-            .axis_info()
-            .ok_or(Refusal::NoInterface("axis information"))
-    }
-
-    pub(super) fn position(&self) -> Result<&dyn PositionControl, Refusal> {
-        self.device
-            .position_control()
-            .ok_or(Refusal::NoInterface("position control"))
-    }
-
-    pub(super) fn velocity(&self) -> Result<&dyn VelocityControl, Refusal> {
-        self.device
-            .velocity_control()
-            .ok_or(Refusal::NoInterface("velocity control"))
-    }
-
     /// What position and velocity control have in common, from whichever there is.
     pub(super) fn motion(&self) -> Result<&dyn MotionControl, Refusal> {
         match self.device.position_control() {
@@ -139,23 +187,70 @@ impl Board {
             None => Ok(self.velocity()?),
         }
     }
+}
 
-    pub(super) fn encoders(&self) -> Result<&dyn Encoders, Refusal> {
-        self.device
-            .encoders()
-            .ok_or(Refusal::NoInterface("encoders"))
+/// Gives the device's interfaces, or says that there is none.
+macro_rules! interfaces {
+    ($($short:ident: $name:ident, $trait:ident, $words:literal;)*) => {
+        impl Board {$(
+            pub(super) fn $short(&self) -> Result<&dyn $trait, Refusal> {
+                self.device.$name().ok_or(Refusal::NoInterface($words))
+            }
+        )*}
+    };
+}
+
+interfaces! {
+    info: axis_info, AxisInfo, "axis information";
+    position: position_control, PositionControl, "position control";
+    velocity: velocity_control, VelocityControl, "velocity control";
+    encoders: encoders, Encoders, "encoders";
+    modes: control_mode, ControlMode, "control modes";
+    limits: control_limits, ControlLimits, "control limits";
+    position_direct: position_direct, PositionDirect, "direct positions";
+    velocity_direct: velocity_direct, VelocityDirect, "direct velocities";
+    torque: torque_control, TorqueControl, "torque control";
+    current: current_control, CurrentControl, "current control";
+    pwm: pwm_control, PwmControl, "duty cycles";
+    interaction: interaction_mode, InteractionMode, "interaction modes";
+    impedance: impedance_control, ImpedanceControl, "impedance control";
+    pids: pid_control, PidControl, "control loops";
+    motor_encoders: motor_encoders, MotorEncoders, "motor encoders";
+    motor: motor, Motor, "motors";
+    amplifiers: amplifier_control, AmplifierControl, "amplifiers";
+    calibration: control_calibration, ControlCalibration, "calibration";
+    calibrator: remote_calibrator, RemoteCalibrator, "calibrator";
+    variables: remote_variables, RemoteVariables, "variables";
+    faults: joint_fault, JointFault, "joint faults";
+    brakes: joint_brake, JointBrake, "brakes";
+}
+
+/// The results of a question behind the code that all is well.
+fn answered(get: &Get, results: Vec<Item>) -> Vec<Item> {
+    if let Get::About(Question::CalibrationDone, _) = get {
+        // The code itself is the answer.
+        let code = match results[..] {
+            [Item::Bool(true)] => ReturnCode::Ok,
+            _ => ReturnCode::Failed,
+        };
+        return code.alone();
     }
+    ReturnCode::Ok.with(results)
+}
 
-    pub(super) fn modes(&self) -> Result<&dyn ControlMode, Refusal> {
-        self.device
-            .control_mode()
-            .ok_or(Refusal::NoInterface("control modes"))
-    }
-
-    pub(super) fn limits(&self) -> Result<&dyn ControlLimits, Refusal> {
-        self.device
-            .control_limits()
-            .ok_or(Refusal::NoInterface("control limits"))
+impl Refusal {
+    /// How 4.0 says it.
+    fn code(&self) -> ReturnCode {
+        match self {
+            Self::NoInterface(_) => ReturnCode::NotReady,
+            Self::Device(DeviceError::NotSupported { .. }) => ReturnCode::NotImplemented,
+            Self::Device(
+                DeviceError::OutOfRange { .. }
+                | DeviceError::NotFinite { .. }
+                | DeviceError::NoSuchAxis { .. },
+            ) => ReturnCode::OutOfBounds,
+            Self::Device(_) | Self::Malformed(_) => ReturnCode::Failed,
+        }
     }
 }
 

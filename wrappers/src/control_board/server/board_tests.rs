@@ -1,7 +1,7 @@
 use proptest::prelude::*;
 use yarp_devices::wam::SimulatedWam;
-use yarp_devices::{Axes, Device};
-use yarp_wire::{Dialect, Value, Vocab32};
+use yarp_devices::{Axes, Device, Encoders};
+use yarp_wire::{Dialect, Limits, Value, Vocab32};
 
 use super::*;
 
@@ -53,7 +53,7 @@ fn a_session_goes_as_with_stock() {
     check("get icmd cmog 1 (1)", "[is] [cmog] ([pos]) [tsta] [ok]");
     check("[set] [icmd] [cmod] 2 [vel]", "[ok]");
     check("[get] [icmd] [cmod] 2", "[is] 2 [vel] [tsta] [ok]");
-    check("[set] [icmd] [cmod] 2 [torq]", "[fail]");
+    check("[set] [icmd] [cmod] 2 [mix]", "[fail]");
     check("[set] [vels] (9 9 9 9 9 9 9)", "[ok]");
     check("[set] [velg] 2 (1 0) (11 12.0)", "[ok]");
     check(
@@ -73,14 +73,115 @@ fn a_session_goes_as_with_stock() {
     check("[set] [stos]", "[ok]");
     check("[set] [vmo] 2 5.0", "[fail]");
     check("[get] [vmo] 2", "[is] [vmo] 0.0 [tsta] [ok]");
-    check("[get] [pid] [pid] [pos] 0", "[fail]");
-    check("[get] [mtnm]", "[fail]");
-    check("[cal] 0", "[fail]");
+    check("[get] [pid] [err] [pos] 0", "[is] [pid] 0.0 [ok]");
+    check("[get] [mtnm]", "[is] [mtnm] 7 [tsta] [ok]");
+    check("[get] [intm] [mode] 0", "[stif] [tsta] [ok]");
+    check("[get] [iimp] [ipr] 0", "[is] [iimp] (0.0 0.0) [tsta] [ok]");
+    check("[get] [ijfl] [jhfl] 0", "[is] 0 \"no fault\" [ok]");
+    check(
+        "[get] [ivar] [lvar]",
+        "[is] [ivar] (description friction) [ok]",
+    );
+    check(
+        "[get] [ivar] [mvar] description",
+        "[is] [ivar] (\"simulated axes\") [ok]",
+    );
+    check("[get] [reca] [isca]", "[is] [reca] 1 [ok]");
+    check("[get] [torq] [ref] 0", "[is] [torq] 0.0 [tsta] [ok]");
+    check("[set] [torq] [mtps] 0 (1 2 3 4)", "[ok]");
+    check(
+        "[get] [torq] [mtps] 0",
+        "[is] [torq] (1.0 2.0 3.0 4.0) [tsta] [ok]",
+    );
+    check("[set] [torq] [mtps] 0 (1 2 3 4 5 6 7 8 9)", "[ok]");
+    check(
+        "[get] [torq] [mtps] 0",
+        "[is] [torq] (1.0 2.0 3.0 4.0 5.0 6.0 7.0 8.0 9.0) [tsta] [ok]",
+    );
+    check(
+        "[set] [pid] [pid] [vel] 0 (1.0 2.0 3.0 4.0 5.0 6.0 7.0 8.0 9.0 10.0)",
+        "[ok]",
+    );
+    check(
+        "[get] [pid] [pid] [vel] 0",
+        "[is] [pid] (1.0 2.0 3.0 4.0 5.0 6.0 7.0 8.0 9.0 10.0) [ok]",
+    );
+    check("[cald] 0", "[ok]");
+    check("[cald] 7", "[fail]");
+    check("[abca] 0", "[ok]");
     let help = asked(&board, "help more");
     assert!(
         help.starts_with("[many] (\"help more\") ") && help.ends_with(" [ok]"),
         "{help}"
     );
+}
+
+/// The answer to a call of 4.0.
+fn called(board: &Board, call: &Bottle) -> Bottle {
+    let Answer::Reply(reply) = board.answer_call(call, "/tester") else {
+        panic!("{call} is not answered");
+    };
+    let mut bytes = bytes::BytesMut::new();
+    reply.write_binary(&mut bytes, Dialect::V4);
+    Bottle::decode(&bytes.freeze(), Dialect::V4, Limits::DEFAULT).expect("a bottle")
+}
+
+#[test]
+fn a_session_of_4_goes_as_with_stock() {
+    let board = board();
+    let check = |call: &str, reply: &str| {
+        let call = Bottle::parse(call).expect("the test's own text");
+        assert_eq!(called(&board, &call).to_string(), reply, "{call}");
+    };
+    check("getAxesRPC", "([ok]) 7");
+    check("getAxisNameRPC 3", "([ok]) elbow");
+    check("getAxisNameRPC 7", "([err7]) \"\"");
+    check("positionMoveOneRPC 0 2.5", "[ok]");
+    check("getTargetPositionOneRPC 0", "([ok]) 2.5");
+    check("getTargetPositionGroupRPC (0 0)", "([ok]) (2.5 2.5)");
+    check("positionMoveOneRPC 0 1e6", "[err7]");
+    check("positionMoveOneRPC 7 1.0", "[err7]");
+    check("velocityMoveOneRPC 0 1.0", "[err5]");
+    check("positionMoveAllRPC (1.0 2.0)", "[err5]");
+    check(
+        "getPidRPC 862994288 0",
+        "([err2]) (0.0 0.0 0.0 0.0 0.0 0.0 0.0 0.0 0.0 0.0)",
+    );
+    check("stopAllRPC", "[ok]");
+    check("calibrationDoneRPC 0", "[ok]");
+    check("isJointBrakedRPC 0", "([ok]) [fail]");
+    check(
+        "getRemoteVariablesListRPC",
+        "([ok]) ((description friction))",
+    );
+    check("getLastJointFaultRPC 0", "([ok]) 0 \"no fault\"");
+    check("positionMoveOneRPC 0", "[fail]");
+    check("get axes", "[fail]");
+    check("", "[fail]");
+}
+
+#[test]
+fn what_the_device_does_not_have_is_refused_with_its_results() {
+    struct Shy(SimulatedWam);
+    impl Device for Shy {
+        fn encoders(&self) -> Option<&dyn Encoders> {
+            self.0.encoders()
+        }
+    }
+    let arm = Shy(SimulatedWam::start().expect("threads"));
+    let board = Board::new(Arc::new(arm), "/test").expect("it has axes");
+    let check = |call: &str, reply: &str| {
+        let call = Bottle::parse(call).expect("the test's own text");
+        assert_eq!(called(&board, &call).to_string(), reply, "{call}");
+    };
+    check("positionMoveOneRPC 0 1.0", "[err6]");
+    check("getTargetPositionOneRPC 0", "([err6]) 0.0");
+    check("getTargetPositionAllRPC", "([err6]) ()");
+    check("getTorqueRangeAllRPC", "([err6]) () ()");
+    check("checkMotionDoneAllRPC", "([err6]) [fail]");
+    check("getAmpStatusOneRPC 0", "([err6]) 0");
+    assert_eq!(asked(&board, "[get] [poss]"), "[fail]");
+    assert_eq!(asked(&board, "[set] [torq] [ref] 0 1.0"), "[fail]");
 }
 
 #[test]
@@ -208,8 +309,69 @@ fn spoiled() -> impl Strategy<Value = Bottle> {
     })
 }
 
+/// A good move as 4.0 says it, with one thing spoilt.
+fn spoiled_call() -> impl Strategy<Value = Bottle> {
+    let name = |word: Value| match word.to_plain_string().as_str() {
+        "poss" => "positionMoveAllRPC",
+        "rels" => "relativeMoveAllRPC",
+        _ => "relativeMoveOneRPC",
+    };
+    spoiled().prop_map(move |spoiled| {
+        let mut items = spoiled.into_items().into_iter();
+        items.next();
+        let name = items.next().map_or("relativeMoveOneRPC", name);
+        std::iter::once(Value::from(name)).chain(items).collect()
+    })
+}
+
+/// The names of functions that move, and some that do not.
+fn function() -> impl Strategy<Value = Value> {
+    let names = prop::sample::select(vec![
+        "positionMoveOneRPC",
+        "positionMoveGroupRPC",
+        "positionMoveAllRPC",
+        "relativeMoveOneRPC",
+        "velocityMoveGroupRPC",
+        "setRefTorqueAllRPC",
+        "setControlModeGroupRPC",
+        "setPidsRPC",
+        "getPidRPC",
+        "getTargetPositionGroupRPC",
+        "setRemoteVariableRPC",
+        "getRemoteProtocolVersion",
+        "parkRPC",
+        "fooRPC",
+        "help",
+    ]);
+    names.prop_map(Value::from)
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn arbitrary_calls_are_answered(calls in prop::collection::vec(
+        (function(), prop::collection::vec(value(), 0..6)), 1..40,
+    )) {
+        let board = board();
+        for (function, arguments) in calls {
+            let call: Bottle = std::iter::once(function).chain(arguments).collect();
+            let answer = board.answer_call(&call, "/tester");
+            prop_assert!(matches!(answer, Answer::Reply(_)), "{} is not answered", call);
+        }
+    }
+
+    #[test]
+    fn malformed_calls_move_nothing(calls in prop::collection::vec(spoiled_call(), 1..40)) {
+        let board = board();
+        let before = targets(&board);
+        for call in calls {
+            let reply = called(&board, &call).to_string();
+            prop_assert!(reply == "[fail]" || reply.starts_with("[err"), "{} was taken", call);
+            prop_assert_eq!(&targets(&board), &before, "{} moved it", call);
+        }
+        prop_assert!(board.position().unwrap().motion_done(Axes::All).unwrap());
+    }
 
     #[test]
     fn arbitrary_messages_are_answered(messages in prop::collection::vec(

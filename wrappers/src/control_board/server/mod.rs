@@ -4,10 +4,12 @@
 //! | --- | --- |
 //! | `board` | the device, and the decision what a request is |
 //! | `question`, `order` | what questions and orders mean for the device |
+//! | `interfaces` | which interfaces the device has |
 //! | `publisher` | the state, every period |
 //! | `usage` | help for people |
 
 mod board;
+mod interfaces;
 mod order;
 mod publisher;
 mod question;
@@ -19,6 +21,7 @@ use std::time::Duration;
 use tokio::runtime::Handle;
 use yarp_devices::Device;
 use yarp_ports::{Answer, Network, Port, PortOptions, Received};
+use yarp_wire::Dialect;
 
 use self::board::Board;
 use self::publisher::Publisher;
@@ -61,16 +64,18 @@ impl ControlBoardOptions {
     }
 }
 
-/// A device, served as stock's `controlBoard_nws_yarp` serves one.
+/// A device, served as stock's `controlBoard_nws_yarp` serves one, to clients of 3.x and of 4.0 at once.
 ///
-/// * `NAME/rpc:i` answers questions and carries out orders, one after the other for each client. The device is called
-///   on the task of the connection: a device that blocks holds up that client.
-/// * `NAME/command:i` takes velocities, in the order in which they come; none is dropped.
+/// * `NAME/rpc:i` answers questions and carries out orders of 3.x, `NAME/nws/rpc:i` those of 4.0, one after the other
+///   for each client. The device is called on the task of the connection: a device that blocks holds up that client.
+/// * `NAME/command:i` takes velocities, torques and the like as either generation says them, in the order in which
+///   they come; none is dropped.
 /// * `NAME/state:o` and `NAME/stateExt:o` send joint positions and the whole state every period, to each reader that
 ///   is done with the one before. Both carry one stamp: its count goes up by one, its time is the mean of the encoder
 ///   times. A period is left out when the time of a joint is more than a second from that of the first, as in stock.
-/// * A request that is malformed, or that the device has no interface for or refuses, is answered with `[fail]`, and
-///   nothing moves. Parts of the state that the device does not measure are zeros that are marked invalid; while it
+/// * Each reader of `NAME/stateExt:o` gets the layout of its own generation, which is found out before the first state.
+/// * A request that is malformed, or that the device has no interface for or refuses, is answered at once with `[fail]`
+///   in 3.x and with its code in 4.0, and nothing moves. Parking is never waited for. Parts of the state that the device does not measure are zeros that are marked invalid; while it
 ///   does not know its positions nothing is sent on `state:o`, which has no mark.
 /// * Whoever can connect can give orders. **Nothing times out**: a velocity stays in force when its sender is gone.
 ///
@@ -89,8 +94,8 @@ impl ControlBoardOptions {
 /// # Ok(()) }
 /// ```
 ///
-/// Source: `ControlBoard_nws_yarp.cpp` and `RPCMessagesParser.cpp` of YARP 3.12; answers of 3.5.0 and recorded traffic
-/// of 3.12.3.
+/// Source: `ControlBoard_nws_yarp.cpp` and `RPCMessagesParser.cpp` of YARP 3.12, `ControlBoardServerImpl.cpp` of 4.0;
+/// answers of 3.5.0 and 4.0.0, recorded traffic of 3.12.3 and 4.0.0.
 #[derive(Debug)]
 pub struct ControlBoardServer {
     name: String,
@@ -101,15 +106,16 @@ pub struct ControlBoardServer {
 
 #[derive(Debug)]
 struct Running {
-    inputs: [Port; 2],
+    inputs: [Port; 3],
     outputs: [Arc<Port>; 2],
     publisher: Publisher,
 }
 
 impl ControlBoardServer {
-    /// Opens the four ports and begins to publish.
+    /// Opens the five ports and begins to publish.
     ///
-    /// * `name`: begins with `/`; the ports are `NAME/rpc:i`, `NAME/command:i`, `NAME/state:o`, `NAME/stateExt:o`.
+    /// * `name`: begins with `/`; the ports are `NAME/rpc:i`, `NAME/nws/rpc:i`, `NAME/command:i`, `NAME/state:o`,
+    ///   `NAME/stateExt:o`.
     /// * Errors: [`OpenError::NoAxes`], [`OpenError::Period`], [`OpenError::NameTaken`], [`OpenError::Port`],
     ///   [`OpenError::Thread`]; then all that was opened is closed and unregistered again.
     ///
@@ -131,6 +137,7 @@ impl ControlBoardServer {
         let board = Arc::new(Board::new(device, name).ok_or(OpenError::NoAxes)?);
         let wanted = [
             ("rpc:i", answering(board.clone())),
+            ("nws/rpc:i", answering_calls(board.clone())),
             ("command:i", obeying(board.clone())),
             ("state:o", PortOptions::new()),
             ("stateExt:o", PortOptions::new()),
@@ -145,18 +152,18 @@ impl ControlBoardServer {
                 }
             }
         }
-        let [rpc, command, state, extended]: [Port; 4] =
-            opened.try_into().expect("four were asked for");
+        let [rpc, calls, command, state, extended]: [Port; 5] =
+            opened.try_into().expect("five were asked for");
         let outputs = [Arc::new(state), Arc::new(extended)];
         let axes = board.axes();
         let running = match Publisher::start(board, outputs.clone(), period) {
             Ok(publisher) => Running {
-                inputs: [rpc, command],
+                inputs: [rpc, calls, command],
                 outputs,
                 publisher,
             },
             Err(error) => {
-                close_all([rpc, command].into_iter().chain(owned(outputs))).await;
+                close_all([rpc, calls, command].into_iter().chain(owned(outputs))).await;
                 return Err(OpenError::Thread(error));
             }
         };
@@ -168,12 +175,12 @@ impl ControlBoardServer {
         })
     }
 
-    /// The name that the four ports have in common.
+    /// The name that the five ports have in common.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Ends publishing, closes the four ports and unregisters their names.
+    /// Ends publishing, closes the five ports and unregisters their names.
     ///
     /// Takes a few seconds at the most, whatever peers do. The device stays as it is: a joint that moves goes on.
     pub async fn close(mut self) {
@@ -211,6 +218,17 @@ fn answering(board: Arc<Board>) -> PortOptions {
         Answer::reply(reply.into_bottle())
     };
     PortOptions::new().handler(answer).input_only()
+}
+
+fn answering_calls(board: Arc<Board>) -> PortOptions {
+    let answer = move |received: &mut Received| {
+        let call = received.bottle().unwrap_or_default();
+        board.answer_call(&call, &received.from)
+    };
+    PortOptions::new()
+        .handler(answer)
+        .input_only()
+        .dialect(Dialect::V4)
 }
 
 fn obeying(board: Arc<Board>) -> PortOptions {

@@ -12,7 +12,7 @@ use yarp_ports::Port;
 use yarp_wire::Stamp;
 use yarp_wire::vector::Vector;
 
-use super::super::messages::JointData;
+use super::super::messages::{Field, JointData};
 use super::board::{Board, wall_clock};
 
 /// How far apart the times of joints may be, in seconds. Source: stock from 3.7 on.
@@ -127,6 +127,7 @@ impl Cycle {
             wall_clock()
         };
         self.read_modes();
+        self.read_motors();
         self.stamp = self.stamp.next(time);
         if measured {
             self.state
@@ -161,6 +162,52 @@ impl Cycle {
         read
     }
 
+    /// Reads what the motors tell; what the device does not have stays invalid.
+    fn read_motors(&mut self) {
+        let (board, data) = (&self.board, &mut self.data);
+        let axes = Axes::All;
+        let readings = board
+            .motor_encoders()
+            .ok()
+            .and_then(|motors| motors.motor_readings(axes).ok());
+        let part = |part: fn(&EncoderReading) -> f64| {
+            let readings = readings.as_ref()?;
+            Some(readings.iter().map(part).collect())
+        };
+        fill(&mut data.motor_positions, part(|reading| reading.position));
+        fill(&mut data.motor_velocities, part(|reading| reading.speed));
+        fill(
+            &mut data.motor_accelerations,
+            part(|reading| reading.acceleration),
+        );
+        let torques = board.torque().ok();
+        fill(
+            &mut data.torques,
+            torques.and_then(|torque| torque.torques(axes).ok()),
+        );
+        let pwm = board.pwm().ok();
+        fill(
+            &mut data.duty_cycles,
+            pwm.and_then(|pwm| pwm.duty_cycles(axes).ok()),
+        );
+        let currents = board.current().ok();
+        fill(
+            &mut data.currents,
+            currents.and_then(|current| current.currents(axes).ok()),
+        );
+        let motor = board.motor().ok();
+        fill(
+            &mut data.temperatures,
+            motor.and_then(|motor| motor.temperatures(axes).ok()),
+        );
+        let interaction = board.interaction().ok();
+        let interactions = interaction.and_then(|interaction| interaction.interactions(axes).ok());
+        data.interaction_modes.valid = interactions.is_some();
+        if let Some(interactions) = interactions {
+            data.interaction_modes.values = interactions;
+        }
+    }
+
     fn read_modes(&mut self) {
         let modes = &mut self.data.control_modes;
         modes.valid = self.board.modes().is_ok_and(|control| {
@@ -168,6 +215,19 @@ impl Cycle {
                 .read_control_modes(Axes::All, &mut modes.values)
                 .is_ok()
         });
+    }
+}
+
+/// Takes over what was measured; a part that is not known is zeros, and said to be invalid.
+fn fill(field: &mut Field<f64>, measured: Option<Vec<f64>>) {
+    let measured = measured.filter(|values| {
+        let known = values.iter().all(|value| !value.is_nan());
+        known && values.len() == field.values.len()
+    });
+    field.valid = measured.is_some();
+    match measured {
+        Some(values) => field.values = values,
+        None => field.values.fill(0.0),
     }
 }
 

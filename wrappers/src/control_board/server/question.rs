@@ -1,37 +1,171 @@
 //! What questions mean for the device.
 
-use yarp_devices::Limits;
-use yarp_wire::{Bottle, Value, Vocab32};
+use yarp_devices::{AxisIndex, EncoderReading, JointType, Limits, PidKind};
+use yarp_wire::{Bottle, Dialect};
 
-use super::super::messages::{Get, Quantity, Selection, joint_type_to_value, vocabulary as word};
+use super::super::messages::{
+    Get, PID_INFO, Quantity, Question, Range, Selection, gains, joint_type_to_value, kind_word,
+    variable_to_values,
+};
 use super::board::{Board, Refusal};
+use crate::thrift::Item;
+
+type Results = Result<Vec<Item>, Refusal>;
 
 impl Board {
-    /// The answer to a question: what stands in the place of the echo, and the values.
-    ///
-    /// `echo` is item 1 of the question as it came.
-    pub(super) fn ask(
-        &self,
-        get: &Get,
-        echo: Option<Value>,
-    ) -> Result<(Value, Vec<Value>), Refusal> {
-        let echo = echo.unwrap_or(Value::Int32(0));
-        let values = match get {
-            Get::Axes => vec![Value::Int32(self.axes() as i32)],
-            Get::Name(axis) => vec![self.info()?.axis_name(*axis)?.into()],
-            Get::Type(axis) => vec![joint_type_to_value(self.info()?.joint_type(*axis)?)],
+    /// The results of a question.
+    pub(super) fn ask(&self, get: &Get) -> Results {
+        match get {
             Get::Values(quantity, selection) => {
-                vec![as_selected(selection, self.quantity(*quantity, selection)?)]
+                let values = self.quantity(*quantity, selection)?;
+                Ok(vec![as_selected(selection, values)])
             }
-            Get::MotionDone(selection) => {
-                let done = self.position()?.motion_done(selection.axes())?;
-                vec![Value::Int32(i32::from(done))]
+            Get::About(question, Selection::One(axis)) => self.about_one(*question, *axis),
+            Get::About(question, selection) => self.about(*question, selection),
+            Get::Variable(name) => {
+                let value = self.variables()?.variable(name)?;
+                let value: Bottle = variable_to_values(&value).collect();
+                Ok(vec![Item::Bottle(value)])
             }
-            Get::PositionLimits(axis) => pair(self.limits()?.position_limits(*axis)?),
-            Get::VelocityLimits(axis) => pair(self.limits()?.velocity_limits(*axis)?),
-            Get::ControlModes(selection) => return self.control_modes(selection),
+        }
+    }
+
+    /// What is asked of one axis alone; the rest is asked of a selection.
+    fn about_one(&self, question: Question, axis: AxisIndex) -> Results {
+        Ok(match question {
+            Question::Name => vec![Item::Text(self.info()?.axis_name(axis)?)],
+            Question::Type => vec![joint_type_to_value(self.info()?.joint_type(axis)?)],
+            Question::Range(Range::Position) => pair(self.limits()?.position_limits(axis)?),
+            Question::Range(Range::Velocity) => pair(self.limits()?.velocity_limits(axis)?),
+            Question::AvailableModes => {
+                let modes = self.modes()?.available_control_modes(axis)?;
+                vec![Item::Enums(modes.into_iter().map(u32::from).collect())]
+            }
+            Question::Impedance => {
+                let impedance = self.impedance()?.impedance(axis)?;
+                vec![Item::F64(impedance.stiffness), Item::F64(impedance.damping)]
+            }
+            Question::ImpedanceLimits => {
+                let limits = self.impedance()?.impedance_limits(axis)?;
+                let mut items = pair(limits.stiffness);
+                items.extend(pair(limits.damping));
+                items
+            }
+            Question::MotorParameters => {
+                let parameters = self.torque()?.motor_torque_parameters(axis)?;
+                parameters.to_array().map(Item::F64).to_vec()
+            }
+            Question::PidInfo(kind) => vec![self.pid_info(kind, axis)?],
+            Question::AvailablePids => {
+                let kinds = self.pids()?.available_pids(axis)?.into_iter();
+                let words = kinds.map(|kind| kind_word(kind, Dialect::V4).code());
+                vec![Item::Enums(words.collect())]
+            }
+            Question::CalibrationDone => {
+                vec![Item::Bool(self.calibration()?.calibration_done(axis)?)]
+            }
+            Question::Fault => {
+                let fault = self.faults()?.last_fault(axis)?;
+                vec![Item::I32(fault.code), Item::Text(fault.message)]
+            }
+            Question::Braked => vec![Item::Bool(self.brakes()?.is_braked(axis)?)],
+            Question::AutoBrake => vec![Item::Bool(self.brakes()?.auto_brake(axis)?)],
+            of_many => return self.about(of_many, &Selection::One(axis)),
+        })
+    }
+
+    fn about(&self, question: Question, selection: &Selection) -> Results {
+        let axes = selection.axes();
+        // The length of an answer is bounded only once the axes are known to exist.
+        axes.check(self.axes())?;
+        let total = Item::I32(self.axes() as i32);
+        Ok(match question {
+            Question::Axes => vec![total],
+            Question::Motors => {
+                self.motor()?;
+                vec![total]
+            }
+            Question::MotorEncoders => {
+                self.motor_encoders()?;
+                vec![total]
+            }
+            Question::MotionDone => vec![Item::Bool(self.position()?.motion_done(axes)?)],
+            Question::ControlModes => {
+                let modes = self.modes()?.control_modes(axes)?;
+                vec![words(selection, modes)]
+            }
+            Question::Interactions => {
+                let interactions = self.interaction()?.interactions(axes)?;
+                vec![words(selection, interactions)]
+            }
+            Question::TimedPositions => timed(selection, &self.encoders()?.encoder_readings(axes)?),
+            Question::TimedMotorPositions => {
+                timed(selection, &self.motor_encoders()?.motor_readings(axes)?)
+            }
+            Question::AmplifierStatus => {
+                let status = self.amplifiers()?.amplifier_status(axes)?;
+                vec![match (selection, &status[..]) {
+                    (Selection::One(_), [one]) => Item::I32(*one),
+                    _ => Item::I32s(status),
+                }]
+            }
+            Question::Range(Range::Torque) => {
+                ranges(selection, &self.torque()?.torque_ranges(axes)?)
+            }
+            Question::Range(Range::Current) => {
+                ranges(selection, &self.current()?.current_ranges(axes)?)
+            }
+            Question::Pids(kind) => {
+                let mut lists: Vec<Item> =
+                    self.pids()?.pids(kind, axes)?.iter().map(gains).collect();
+                match selection {
+                    Selection::One(_) => lists,
+                    _ => vec![Item::List(std::mem::take(&mut lists))],
+                }
+            }
+            Question::PidEnabled(kind) => {
+                let enabled = self.pids()?.pids_enabled(kind, axes)?;
+                vec![Item::Bool(enabled.into_iter().all(|one| one))]
+            }
+            Question::PidInfo(kind) => {
+                let each = axes.iter(self.axes()).map(|axis| self.pid_info(kind, axis));
+                vec![Item::List(each.collect::<Result<_, _>>()?)]
+            }
+            Question::CalibratorPresent => {
+                vec![Item::Bool(self.calibrator()?.calibrator_present()?)]
+            }
+            Question::Variables => {
+                let names = self.variables()?.variables()?;
+                let names: Bottle = names.into_iter().map(Into::into).collect();
+                vec![Item::List(vec![Item::Bottle(names)])]
+            }
+            // Asked of one axis only, which both protocols see to.
+            _ => {
+                return Err(Refusal::NoInterface(
+                    "way to answer this for several joints",
+                ));
+            }
+        })
+    }
+
+    /// What the numbers of a loop mean: three descriptions, and the units of the gains. The interfaces do not say.
+    fn pid_info(&self, kind: PidKind, axis: AxisIndex) -> Result<Item, Refusal> {
+        self.pids()?.pids(kind, axis.into())?;
+        let unit = match self.info()?.joint_type(axis)? {
+            JointType::Revolute => "deg",
+            JointType::Prismatic => "m",
+            _ => "unknown",
         };
-        Ok((echo, values))
+        let (input, output) = match kind {
+            PidKind::Position => (unit.to_owned(), "percent"),
+            PidKind::Velocity => (format!("{unit}/s"), "percent"),
+            PidKind::Torque => ("Nm".to_owned(), "percent"),
+            PidKind::Current => ("A".to_owned(), "percent"),
+            PidKind::Other(_) => ("unknown".to_owned(), "unknown"),
+        };
+        let mut texts = vec![String::new(), input, output.to_owned()];
+        texts.resize(PID_INFO, "unknown".to_owned());
+        Ok(Item::List(texts.into_iter().map(Item::Text).collect()))
     }
 
     fn quantity(&self, quantity: Quantity, selection: &Selection) -> Result<Vec<f64>, Refusal> {
@@ -43,48 +177,97 @@ impl Board {
             Quantity::ReferenceSpeed => self.position()?.reference_speeds(axes)?,
             Quantity::ReferenceAcceleration => self.motion()?.reference_accelerations(axes)?,
             Quantity::ReferenceVelocity => self.velocity()?.reference_velocities(axes)?,
-            measured => {
+            Quantity::DirectPosition => self.position_direct()?.direct_positions(axes)?,
+            Quantity::DirectVelocity => self.velocity_direct()?.direct_velocities(axes)?,
+            Quantity::Position | Quantity::Speed | Quantity::Acceleration => {
                 let readings = self.encoders()?.encoder_readings(axes)?;
-                let value = readings.iter().map(|reading| match measured {
-                    Quantity::Speed => reading.speed,
-                    Quantity::Acceleration => reading.acceleration,
-                    _ => reading.position,
-                });
-                value.collect()
+                part(&readings, quantity)
             }
+            Quantity::MotorPosition | Quantity::MotorSpeed | Quantity::MotorAcceleration => {
+                let readings = self.motor_encoders()?.motor_readings(axes)?;
+                part(&readings, quantity)
+            }
+            Quantity::Temperature => self.motor()?.temperatures(axes)?,
+            Quantity::Current => self.current()?.currents(axes)?,
+            Quantity::Torque => self.torque()?.torques(axes)?,
+            Quantity::ReferenceTorque => self.torque()?.reference_torques(axes)?,
+            Quantity::ReferenceCurrent => self.current()?.reference_currents(axes)?,
+            Quantity::ReferenceDutyCycle => self.pwm()?.reference_duty_cycles(axes)?,
+            Quantity::DutyCycle => self.pwm()?.duty_cycles(axes)?,
+            Quantity::Pid(kind, value) => self.pids()?.pid_values(kind, value, axes)?,
+            Quantity::MotorCounts
+            | Quantity::TemperatureLimit
+            | Quantity::GearboxRatio
+            | Quantity::Amplifier(_)
+            | Quantity::AmplifierDutyCycle
+            | Quantity::SupplyVoltage
+            | Quantity::ImpedanceOffset => axes
+                .iter(self.axes())
+                .map(|axis| self.of_one(quantity, axis))
+                .collect::<Result<_, _>>()?,
         })
     }
 
-    /// The echo is the joint for one, and the word of the question for several.
-    fn control_modes(&self, selection: &Selection) -> Result<(Value, Vec<Value>), Refusal> {
-        let modes = self.modes()?.control_modes(selection.axes())?;
-        let mut words = modes
-            .into_iter()
-            .map(|mode| Value::from(Vocab32::from_code(mode.into())));
-        Ok(match selection {
-            Selection::One(axis) => {
-                let joint = Value::Int32(axis.index() as i32);
-                (joint, words.next().into_iter().collect())
-            }
-            Selection::Group(_) => (word::CONTROL_MODE_GROUP.into(), list(words)),
-            Selection::All => (word::CONTROL_MODES.into(), list(words)),
+    /// What devices tell of one axis at a time.
+    fn of_one(&self, quantity: Quantity, axis: AxisIndex) -> Result<f64, Refusal> {
+        Ok(match quantity {
+            Quantity::MotorCounts => self.motor_encoders()?.counts_per_revolution(axis)?,
+            Quantity::TemperatureLimit => self.motor()?.temperature_limit(axis)?,
+            Quantity::GearboxRatio => self.motor()?.gearbox_ratio(axis)?,
+            Quantity::Amplifier(limit) => self.amplifiers()?.amplifier_limit(limit, axis)?,
+            Quantity::AmplifierDutyCycle => self.amplifiers()?.amplifier_duty_cycle(axis)?,
+            Quantity::SupplyVoltage => self.amplifiers()?.supply_voltage(axis)?,
+            _ => self.impedance()?.impedance_offset(axis)?,
         })
     }
+}
+
+fn part(readings: &[EncoderReading], quantity: Quantity) -> Vec<f64> {
+    let value = readings.iter().map(|reading| match quantity {
+        Quantity::Speed | Quantity::MotorSpeed => reading.speed,
+        Quantity::Acceleration | Quantity::MotorAcceleration => reading.acceleration,
+        _ => reading.position,
+    });
+    value.collect()
 }
 
 /// One number as it is, several as a list.
-fn as_selected(selection: &Selection, values: Vec<f64>) -> Value {
-    let mut values = values.into_iter().map(Value::Float64);
-    match selection {
-        Selection::One(_) => values.next().unwrap_or(Value::Float64(0.0)),
-        Selection::Group(_) | Selection::All => Value::List(values.collect()),
+fn as_selected(selection: &Selection, values: Vec<f64>) -> Item {
+    match (selection, &values[..]) {
+        (Selection::One(_), [one]) => Item::F64(*one),
+        _ => Item::F64s(values),
     }
 }
 
-fn list(values: impl Iterator<Item = Value>) -> Vec<Value> {
-    vec![Value::List(values.collect::<Bottle>())]
+/// One word as it is, several as a list.
+fn words<T: Into<u32>>(selection: &Selection, words: Vec<T>) -> Item {
+    let mut words: Vec<u32> = words.into_iter().map(Into::into).collect();
+    match (selection, &words[..]) {
+        (Selection::One(_), [one]) => Item::Enum(*one),
+        _ => Item::Enums(std::mem::take(&mut words)),
+    }
 }
 
-fn pair(limits: Limits) -> Vec<Value> {
-    vec![limits.min.into(), limits.max.into()]
+fn pair(limits: Limits) -> Vec<Item> {
+    vec![Item::F64(limits.min), Item::F64(limits.max)]
+}
+
+/// Smallest and largest values apart.
+fn ranges(selection: &Selection, all: &[Limits]) -> Vec<Item> {
+    let smallest = all.iter().map(|limits| limits.min).collect();
+    let largest = all.iter().map(|limits| limits.max).collect();
+    vec![
+        as_selected(selection, smallest),
+        as_selected(selection, largest),
+    ]
+}
+
+/// Positions and times apart.
+fn timed(selection: &Selection, readings: &[EncoderReading]) -> Vec<Item> {
+    let positions = readings.iter().map(|reading| reading.position).collect();
+    let times = readings.iter().map(|reading| reading.time).collect();
+    vec![
+        as_selected(selection, positions),
+        as_selected(selection, times),
+    ]
 }

@@ -1,8 +1,9 @@
 //! Help for people who type requests.
 
-use yarp_wire::Bottle;
+use yarp_wire::{Bottle, Vocab32};
 
-use super::super::messages::Reply;
+use super::super::messages::{FUNCTIONS, Reply};
+use crate::thrift::{Item, Message};
 
 /// What to type, and what it does.
 const LINES: [(&str, &str); 22] = [
@@ -39,4 +40,14 @@ const LINES: [(&str, &str); 22] = [
 /// The answer to `help more`, laid out as stock's: `[many]`, then a list and a string in turn.
 pub(super) fn reply() -> Reply {
     Reply::usage(LINES.map(|(typed, meaning)| (Bottle::of(typed), meaning.to_owned())))
+}
+
+/// The answer to `help` in 4.0, in the order of stock: `[many]`, then a list of a title and the names of all functions.
+pub(super) fn functions() -> Message {
+    let title = "*** Available commands:";
+    let names = std::iter::once(title)
+        .chain(FUNCTIONS.lines())
+        .chain(["help"]);
+    let names = names.map(|name| Item::Text(name.to_owned())).collect();
+    Message(vec![Item::Vocab(Vocab32::MANY), Item::List(names)])
 }

@@ -4,9 +4,11 @@
 //! drive_stock /fake
 //! ```
 //!
-//! Made for `yarpdev --device controlBoard_nws_yarp --subdevice fakeMotionControl` of 3.5.0, whose
+//! Made for `fakeMotionControl` behind `controlBoard_nws_yarp` of 3.5.0 and of 4.0.0, whose
 //! moves arrive at once. What that version itself refuses (`[don]`, `[sto]`, `[rel]`) is not asked.
 //! Ends with 1 if any check failed.
+
+mod motors;
 
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -124,6 +126,7 @@ fn main() -> ExitCode {
         refusal(robot.position_move(Axes::One(AxisIndex::new(axes)), &[0.0])),
         |_| true,
     );
+    motors::drive(&mut checks, &robot);
     if checks.failed == 0 {
         ExitCode::SUCCESS
     } else {

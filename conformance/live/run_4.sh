@@ -1,0 +1,61 @@
+#!/usr/bin/env bash
+# Our control boards against live stock YARP 4.0, in both directions. Fails, and never skips, when stock is missing.
+#
+#   STOCK4_SOURCE   sources of YARP 4.0.0
+#   STOCK4_BUILD    a build of them, with the plugins fakeMotionControl and controlBoard_nws_yarp
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+: "${STOCK4_SOURCE:?set it to the sources of YARP 4.0.0}" "${STOCK4_BUILD:?set it to a build of them}"
+
+work=$(mktemp -d)
+running=()
+stop() {
+    for process in "${running[@]}"; do kill "$process" 2>/dev/null || true; done
+    for process in "${running[@]}"; do wait "$process" 2>/dev/null || true; done
+    rm -rf "$work"
+}
+trap stop EXIT
+until_ok() {
+    for _ in $(seq 150); do
+        if "$@" >/dev/null 2>&1; then return 0; fi
+        sleep 0.2
+    done
+    echo "live: gave up waiting for: $*" >&2
+    return 1
+}
+
+include=("-I$STOCK4_BUILD/src/devices/messages/ControlBoardMsgs")
+for library in conf os sig dev math companion; do
+    for root in "$STOCK4_SOURCE/src" "$STOCK4_BUILD/src"; do
+        for folder in "$root/libYARP_$library/src" "$root/libYARP_$library/idl_generated_code"; do
+            if [ -d "$folder" ]; then include+=("-I$folder"); fi
+        done
+    done
+done
+libraries=("-L$STOCK4_BUILD/lib" -lYARP_dev -lYARP_sig -lYARP_os -lYARP_init -lYARP_math "-Wl,-rpath,$STOCK4_BUILD/lib")
+client=$STOCK4_SOURCE/src/devices/networkWrappers/controlBoard_nwc_yarp
+messages=$STOCK4_BUILD/src/devices/messages/ControlBoardMsgs/CMakeFiles/ControlBoardMsgs.dir
+g++ -std=c++17 -O1 "-I$client" "${include[@]}" conformance/live/control_board_4.cpp "$client"/*.cpp "$messages"/*.o \
+    "${libraries[@]}" -o "$work/client"
+g++ -std=c++17 -O1 "${include[@]}" conformance/live/fake_board_4.cpp "${libraries[@]}" -o "$work/board"
+
+cargo build --quiet --release -p yarp-cli -p yarp-conformance
+target=${CARGO_TARGET_DIR:-target}/release
+export YARP_CONFIG_HOME=$work YARP_FORWARD_LOG_ENABLE=0
+export YARP_DATA_DIRS=$STOCK4_BUILD/share/yarp LD_LIBRARY_PATH=$STOCK4_BUILD/lib:$STOCK4_BUILD/lib/yarp
+"$target/yarp" server --ip 127.0.0.1 --socket 18510 --write >"$work/server.log" 2>&1 &
+running+=($!)
+until_ok "$target/yarp" where
+"$target/yarp" up --name /wam >"$work/up.log" 2>&1 &
+running+=($!)
+until_ok "$target/yarp" exists /wam/stateExt:o
+for carrier in fast_tcp tcp udp; do
+    echo "---- stock 4.0 client over $carrier"
+    timeout 300 "$work/client" /wam "/live4/$carrier" "$carrier" 2>"$work/client.log"
+done
+"$work/board" /fake4 600 >"$work/board.log" 2>&1 &
+running+=($!)
+until_ok "$target/yarp" exists /fake4/stateExt:o
+echo "---- our client drives stock's control board of 4.0"
+timeout 300 "$target/drive_stock" /fake4
+echo "live: everything passed against stock 4.0"

@@ -1,0 +1,100 @@
+//! Control loops: the words for their kinds, and the order of their gains.
+
+use yarp_devices::{Pid, PidKind};
+use yarp_wire::{Bottle, Dialect, Value, Vocab32};
+
+use super::number;
+
+/// Kinds with their words in 3.x and in 4.0.
+const KINDS: [(PidKind, Vocab32, Vocab32); 4] = [
+    (PidKind::Position, Vocab32::new("pos"), Vocab32::new("pos1")),
+    (PidKind::Velocity, Vocab32::new("vel"), Vocab32::new("vel1")),
+    (PidKind::Torque, Vocab32::new("trq"), Vocab32::new("trq1")),
+    (PidKind::Current, Vocab32::new("cur"), Vocab32::new("cur1")),
+];
+
+/// The word for a kind of loop.
+pub(crate) fn kind_word(kind: PidKind, generation: Dialect) -> Vocab32 {
+    if let PidKind::Other(code) = kind {
+        return Vocab32::from_code(code);
+    }
+    let (_, three, four) = *KINDS
+        .iter()
+        .find(|(known, ..)| *known == kind)
+        .expect("every kind but `Other` has a row");
+    match generation {
+        Dialect::V3 => three,
+        Dialect::V4 => four,
+    }
+}
+
+/// The kind that a word stands for.
+pub(crate) fn kind_of(word: Vocab32, generation: Dialect) -> PidKind {
+    let known = KINDS
+        .iter()
+        .find(|(kind, ..)| kind_word(*kind, generation) == word);
+    known.map_or(PidKind::Other(word.code()), |(kind, ..)| *kind)
+}
+
+/// The gains in the order of the wire.
+pub(crate) fn gains(pid: &Pid, generation: Dialect) -> [f64; 10] {
+    let [kp, kd, ki, max_integral] = [pid.kp, pid.kd, pid.ki, pid.max_integral];
+    let [scale, max_output, offset] = [pid.scale, pid.max_output, pid.offset];
+    let middle = match generation {
+        Dialect::V3 => [max_output, offset, scale],
+        Dialect::V4 => [scale, max_output, offset],
+    };
+    let [fifth, sixth, seventh] = middle;
+    let [up, down, kff] = [pid.stiction_up, pid.stiction_down, pid.kff];
+    [
+        kp,
+        kd,
+        ki,
+        max_integral,
+        fifth,
+        sixth,
+        seventh,
+        up,
+        down,
+        kff,
+    ]
+}
+
+/// The gains from the order of the wire; exactly ten numbers.
+pub(crate) fn read_gains(list: &Bottle, generation: Dialect) -> Option<Pid> {
+    let numbers = number::floats(list)?;
+    let [
+        kp,
+        kd,
+        ki,
+        max_integral,
+        fifth,
+        sixth,
+        seventh,
+        stiction_up,
+        stiction_down,
+        kff,
+    ] = <[f64; 10]>::try_from(numbers).ok()?;
+    let (scale, max_output, offset) = match generation {
+        Dialect::V3 => (seventh, fifth, sixth),
+        Dialect::V4 => (fifth, sixth, seventh),
+    };
+    Some(Pid {
+        kp,
+        kd,
+        ki,
+        max_integral,
+        scale,
+        max_output,
+        offset,
+        stiction_up,
+        stiction_down,
+        kff,
+    })
+}
+
+/// The gains of several loops, one list each.
+pub(crate) fn read_all_gains(list: &Bottle, generation: Dialect) -> Option<Vec<Pid>> {
+    let one = |value: &Value| read_gains(value.as_list()?, generation);
+    list.iter().map(one).collect()
+}
