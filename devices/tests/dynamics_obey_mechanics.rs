@@ -106,6 +106,27 @@ proptest! {
         prop_assert!((power - change).abs() < 1e-5 * (1.0 + power.abs()), "{} {}", power, change);
     }
 
+    /// Centrifugal, Coriolis and gyroscopic torques are those of Lagrange: `dM/dt q̇ - ½ ∂(q̇ᵀ M q̇)/∂q`, with the mass
+    /// matrix of the energy. Energy alone would not see a missing gyroscopic torque, which does no work.
+    #[test]
+    fn velocities_need_the_torques_of_lagrange(joints in angles(), velocities in angles()) {
+        const STEP: f64 = 1e-5;
+        let model = arm_with_hand();
+        let dynamics = model.dynamics();
+        let found = dynamics.bias(&joints, &velocities) - dynamics.gravity(&joints);
+        let along = |time: f64| mass_by_energy(&model, &(joints + velocities * time));
+        let mut expected = (along(STEP) - along(-STEP)) / (2.0 * STEP) * velocities;
+        for joint in 0..7 {
+            let energy = |by: f64| {
+                let mut joints = joints;
+                joints[joint] += by;
+                velocities.dot(&(mass_by_energy(&model, &joints) * velocities)) / 2.0
+            };
+            expected[joint] -= (energy(STEP) - energy(-STEP)) / (2.0 * STEP);
+        }
+        prop_assert!((found - expected).amax() < 1e-6, "{}", found - expected);
+    }
+
     #[test]
     fn a_new_calibration_with_a_load_finds_the_load(joints in angles()) {
         // The moments computed from the masses give the same torques as the masses.

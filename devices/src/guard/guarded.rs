@@ -17,7 +17,7 @@ pub struct GuardedOptions {
     pub rate_limits: RateLimits,
     /// How hard they may be told to push.
     pub torque_limits: TorqueLimits,
-    /// How long a joint goes on with a velocity when no new one comes; `None` is for ever, as the device itself does.
+    /// How long a joint goes on with a velocity or a torque when no new one comes; `None` is for ever, as the device itself does.
     ///
     /// When the time is over the joint is stopped and holds. Whoever streams sends several commands within it.
     pub watchdog: Option<Duration>,
@@ -54,7 +54,7 @@ pub struct Guarded {
     pub(super) watch: Arc<Watch>,
     pub(super) joint_limits: JointLimits,
     pub(super) rate_limits: RateLimits,
-    torque_limits: TorqueLimits,
+    pub(super) torque_limits: TorqueLimits,
     thread: Option<JoinHandle<()>>,
 }
 

@@ -3,7 +3,8 @@
 use super::{Guarded, pairs, unit};
 use crate::{
     Axes, AxisIndex, AxisInfo, ControlLimits, ControlMode, Device, DeviceError, EncoderReading,
-    Encoders, JointType, Limits, Mode, MotionControl, PositionControl, VelocityControl,
+    Encoders, JointType, Limits, Mode, MotionControl, PositionControl, PositionDirect,
+    TorqueControl, VelocityControl,
 };
 
 impl Device for Guarded {
@@ -29,6 +30,14 @@ impl Device for Guarded {
 
     fn control_limits(&self) -> Option<&dyn ControlLimits> {
         self.device().control_limits().map(|_| self as _)
+    }
+
+    fn position_direct(&self) -> Option<&dyn PositionDirect> {
+        self.device().position_direct().map(|_| self as _)
+    }
+
+    fn torque_control(&self) -> Option<&dyn TorqueControl> {
+        self.device().torque_control().map(|_| self as _)
     }
 }
 
@@ -58,7 +67,7 @@ impl Guarded {
     }
 
     /// The unit of a joint's position, or of its first or second derivative.
-    fn unit(&self, joint: AxisIndex, order: u8) -> &'static str {
+    pub(super) fn unit(&self, joint: AxisIndex, order: u8) -> &'static str {
         let kind = self.info().and_then(|info| info.joint_type(joint));
         unit(kind.unwrap_or(JointType::Unknown), order)
     }
@@ -68,8 +77,14 @@ impl Guarded {
         if self.joint_limits.of(joint).is_none() {
             return Ok(None);
         }
-        let readings = self.measured()?.encoder_readings(joint.into())?;
-        Ok(readings.first().map(|now| now.position))
+        self.place(joint).map(Some)
+    }
+
+    /// Where a joint is.
+    pub(super) fn place(&self, joint: AxisIndex) -> Result<f64, DeviceError> {
+        let mut now = [EncoderReading::default()];
+        self.measured()?.read_encoders(joint.into(), &mut now)?;
+        Ok(now[0].position)
     }
 
     /// Either of the two, for what both can do.
@@ -85,7 +100,10 @@ impl Guarded {
     }
 }
 
-fn has<'a, T: ?Sized>(interface: Option<&'a T>, what: &str) -> Result<&'a T, DeviceError> {
+pub(super) fn has<'a, T: ?Sized>(
+    interface: Option<&'a T>,
+    what: &str,
+) -> Result<&'a T, DeviceError> {
     interface.ok_or_else(|| DeviceError::NotSupported {
         what: what.to_owned(),
     })
@@ -215,7 +233,13 @@ impl Encoders for Guarded {
 impl ControlMode for Guarded {
     fn available_control_modes(&self, axis: AxisIndex) -> Result<Vec<Mode>, DeviceError> {
         // Nothing can be commanded in the others from here.
-        let commanded = [Mode::Idle, Mode::Position, Mode::Velocity];
+        let commanded = [
+            Mode::Idle,
+            Mode::Position,
+            Mode::PositionDirect,
+            Mode::Velocity,
+            Mode::Torque,
+        ];
         let mut modes = self.modes()?.available_control_modes(axis)?;
         modes.retain(|mode| commanded.contains(mode));
         Ok(modes)
@@ -236,7 +260,7 @@ impl ControlMode for Guarded {
         self.modes()?.set_control_modes(axes, modes)?;
         // A joint that is already in velocity mode goes on with what it does, and stays watched.
         for (joint, mode) in axes.iter(total).zip(modes) {
-            if *mode != Mode::Velocity {
+            if !matches!(mode, Mode::Velocity | Mode::Torque) {
                 self.watch.ended(joint.into(), total);
             }
         }

@@ -13,6 +13,7 @@ mod guarded;
 mod interfaces;
 mod joint_limits;
 mod rate_limits;
+mod streams;
 mod torque_limits;
 mod watch;
 

@@ -4,6 +4,8 @@ use super::check;
 use crate::{AxisIndex, DeviceError, Limits};
 
 const NAME: &str = "rate limits";
+/// How long a joint may take to a place it is sent to at once, s: what networks delay and more.
+const STEP: f64 = 0.1;
 
 /// How fast each joint may be told to move and to speed up, per second and per second squared; joints beyond
 /// the end of a list are free.
@@ -27,6 +29,21 @@ impl RateLimits {
     ) -> Result<(), DeviceError> {
         let allowed = self.speed(joint).map(|most| Limits::new(-most, most));
         check(NAME, joint, "velocity", asked, allowed, unit)
+    }
+
+    /// Checks a place to go to at once, with the joint at `position`: no farther than it gets in a tenth of a second.
+    ///
+    /// Errors: [`DeviceError::Guarded`].
+    pub fn check_step(
+        &self,
+        joint: AxisIndex,
+        asked: f64,
+        position: f64,
+        unit: &'static str,
+    ) -> Result<(), DeviceError> {
+        let near = |most: f64| Limits::new(position - most * STEP, position + most * STEP);
+        let allowed = self.speed(joint).map(near);
+        check(NAME, joint, "position at once", asked, allowed, unit)
     }
 
     /// Checks a reference speed or a velocity limit.

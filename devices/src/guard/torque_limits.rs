@@ -1,7 +1,7 @@
 //! Joints are not told to push too hard.
 
 use super::{check, pairs};
-use crate::{Axes, DeviceError, Limits};
+use crate::{Axes, AxisIndex, DeviceError, Limits};
 
 const NAME: &str = "torque limits";
 
@@ -10,13 +10,17 @@ const NAME: &str = "torque limits";
 pub struct TorqueLimits(pub Vec<f64>);
 
 impl TorqueLimits {
+    /// The largest torque of a joint, if it has one here.
+    pub fn of(&self, joint: AxisIndex) -> Option<f64> {
+        self.0.get(joint.index()).copied()
+    }
+
     /// Checks a command for several joints of a device with `total` axes.
     ///
     /// Errors: [`DeviceError::Guarded`] for the first that is too much.
     pub fn check(&self, axes: Axes<'_>, total: usize, torques: &[f64]) -> Result<(), DeviceError> {
         pairs(axes, total, torques).try_for_each(|(joint, asked)| {
-            let most = self.0.get(joint.index());
-            let allowed = most.map(|most| Limits::new(-most, *most));
+            let allowed = self.of(joint).map(|most| Limits::new(-most, most));
             check(NAME, joint, "torque", asked, allowed, "Nm")
         })
     }

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use tracing::{error, warn};
 
 use super::JointLimits;
-use crate::{Axes, AxisIndex, Device, DeviceError};
+use crate::{Axes, AxisIndex, Device, DeviceError, Mode};
 
 /// How often joints in motion are looked at.
 const PERIOD: Duration = Duration::from_millis(10);
@@ -33,6 +33,8 @@ struct Stream {
     told: Instant,
     /// How hard the joint can brake, per second squared.
     acceleration: f64,
+    /// Pushed by torques: it takes another mode to make it hold.
+    pushed: bool,
 }
 
 impl Watch {
@@ -56,11 +58,28 @@ impl Watch {
 
     /// Takes note of a velocity that a joint was told; 0 ends its stream.
     pub(super) fn told(&self, joint: AxisIndex, velocity: f64, acceleration: f64) {
+        let stream = Stream {
+            told: Instant::now(),
+            acceleration,
+            pushed: false,
+        };
+        self.note(joint, (velocity != 0.0).then_some(stream));
+    }
+
+    /// Takes note of a torque that a joint was told; 0 does not end its stream, for the joint may coast.
+    pub(super) fn pushed(&self, joint: AxisIndex) {
+        let stream = Stream {
+            told: Instant::now(),
+            // Not known under torques: judged by where it would be after the two periods alone.
+            acceleration: f64::INFINITY,
+            pushed: true,
+        };
+        self.note(joint, Some(stream));
+    }
+
+    fn note(&self, joint: AxisIndex, stream: Option<Stream>) {
         if let Some(slot) = self.lock().streams.get_mut(joint.index()) {
-            *slot = (velocity != 0.0).then_some(Stream {
-                told: Instant::now(),
-                acceleration,
-            });
+            *slot = stream;
         }
         self.woken.notify_all();
     }
@@ -112,7 +131,7 @@ impl Watch {
     fn must_stop(&self, joint: AxisIndex, stream: &Stream) -> Option<&'static str> {
         let over = |patience: Duration| stream.told.elapsed() > patience;
         if self.patience.is_some_and(over) {
-            return Some("its stream of velocities has stopped");
+            return Some("its stream of commands has stopped");
         }
         let limits = self.limits.of(joint)?;
         let reading = self
@@ -134,13 +153,17 @@ impl Watch {
 
     /// Makes a joint hold; tried again in the next round if that fails.
     fn stop(&self, joint: AxisIndex, why: &'static str, seen: &Stream) {
-        let stopped = match (
-            self.device.velocity_control(),
-            self.device.position_control(),
-        ) {
-            (Some(control), _) => control.stop(joint.into()),
-            (None, Some(control)) => control.stop(joint.into()),
-            (None, None) => return,
+        let stopped = if seen.pushed {
+            self.hold(joint)
+        } else {
+            match (
+                self.device.velocity_control(),
+                self.device.position_control(),
+            ) {
+                (Some(control), _) => control.stop(joint.into()),
+                (None, Some(control)) => control.stop(joint.into()),
+                (None, None) => return,
+            }
         };
         match stopped {
             Ok(()) => {
@@ -153,6 +176,20 @@ impl Watch {
                 }
             }
             Err(error) => error!(%joint, why, %error, "the guard could not stop a joint"),
+        }
+    }
+
+    /// Takes a joint out of torque mode: in position mode it comes to rest and holds, idle where there is none.
+    fn hold(&self, joint: AxisIndex) -> Result<(), DeviceError> {
+        match self.device.control_mode() {
+            Some(modes) => {
+                let held = modes.set_control_modes(joint.into(), &[Mode::Position]);
+                held.or_else(|_| modes.set_control_modes(joint.into(), &[Mode::Idle]))
+            }
+            None => match self.device.torque_control() {
+                Some(control) => control.set_reference_torques(joint.into(), &[0.0]),
+                None => Ok(()),
+            },
         }
     }
 

@@ -81,6 +81,13 @@ impl<const N: usize> Controller<N> {
         }
     }
 
+    /// Forgets the history of one joint; one that does not exist is nobody's.
+    pub fn reset_joint(&mut self, joint: usize) {
+        if let Some(pid) = self.loops.get_mut(joint) {
+            pid.reset();
+        }
+    }
+
     /// Forgets the history of all joints, as when the arm was moved while nobody controlled it.
     pub fn reset(&mut self) {
         self.loops.iter_mut().for_each(Pid::reset);

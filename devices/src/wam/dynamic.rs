@@ -11,7 +11,8 @@ use super::{AXES, DynamicArm, WamModel};
 use crate::simulation::SimulatorOptions;
 use crate::{
     Axes, AxisIndex, AxisInfo, ControlLimits, ControlMode, Device, DeviceError, EncoderReading,
-    Encoders, JointType, Limits, Mode, MotionControl, PositionControl, VelocityControl,
+    Encoders, JointFault, JointType, Limits, Mode, MotionControl, MotorEncoders, PidControl,
+    PositionControl, PositionDirect, TorqueControl, VelocityControl,
 };
 
 /// The most time that is made up for. After a longer pause of the machine the arm goes on from where it was.
@@ -181,6 +182,26 @@ impl Device for DynamicWam {
     }
 
     fn control_limits(&self) -> Option<&dyn ControlLimits> {
+        Some(self)
+    }
+
+    fn position_direct(&self) -> Option<&dyn PositionDirect> {
+        Some(self)
+    }
+
+    fn torque_control(&self) -> Option<&dyn TorqueControl> {
+        Some(self)
+    }
+
+    fn pid_control(&self) -> Option<&dyn PidControl> {
+        Some(self)
+    }
+
+    fn motor_encoders(&self) -> Option<&dyn MotorEncoders> {
+        Some(self)
+    }
+
+    fn joint_fault(&self) -> Option<&dyn JointFault> {
         Some(self)
     }
 }

@@ -309,6 +309,14 @@ impl DynamicArm {
     ///
     /// Errors: [`DeviceError::NoSuchAxis`], [`DeviceError::NotFinite`], [`DeviceError::OutOfRange`] for a negative one.
     pub fn set_gains(&mut self, axis: AxisIndex, gains: Gains) -> Result<(), DeviceError> {
+        Self::check_gains(axis, gains)?;
+        self.controller
+            .set_gains(axis.index(), gains_per_radian(gains));
+        Ok(())
+    }
+
+    /// Checks gains before they are set, with the errors of [`set_gains`](Self::set_gains).
+    pub(super) fn check_gains(axis: AxisIndex, gains: Gains) -> Result<(), DeviceError> {
         Axes::One(axis).check(AXES)?;
         let positive = Limits::new(0.0, f64::MAX);
         for (quantity, asked) in [
@@ -319,8 +327,25 @@ impl DynamicArm {
         ] {
             check(axis, quantity, asked, positive, "Nm/deg")?;
         }
-        self.controller
-            .set_gains(axis.index(), gains_per_radian(gains));
+        Ok(())
+    }
+
+    /// What a joint's position loop, or who drives it, asked for in the last period, Nm without gravity.
+    ///
+    /// Errors: [`DeviceError::NoSuchAxis`].
+    pub fn loop_output(&self, axis: AxisIndex) -> Result<f64, DeviceError> {
+        Axes::One(axis).check(AXES)?;
+        Ok(self.controller.outputs()[axis.index()])
+    }
+
+    /// Forgets the integrals of position loops.
+    ///
+    /// Errors: [`DeviceError::NoSuchAxis`].
+    pub fn reset_loops(&mut self, axes: Axes<'_>) -> Result<(), DeviceError> {
+        axes.check(AXES)?;
+        for axis in axes.iter(AXES) {
+            self.controller.reset_joint(axis.index());
+        }
         Ok(())
     }
 

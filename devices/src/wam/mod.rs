@@ -5,6 +5,7 @@
 
 mod dynamic;
 mod dynamic_arm;
+mod dynamic_motors;
 mod model;
 mod motors;
 mod parameters;

@@ -42,6 +42,11 @@ impl<const N: usize> Transmission<N> {
         }
     }
 
+    /// Counts of an encoder per turn of its motor.
+    pub fn counts_per_turn(&self) -> u32 {
+        self.counts_per_turn
+    }
+
     /// What the encoders count at these joint angles; saturates at 32 bits.
     pub fn counts(&self, joints: &Joints<N>) -> [i32; N] {
         let motors = self.motors_of(joints);

@@ -1,0 +1,231 @@
+//! The interfaces of the arm with dynamics that concern its motors.
+
+use super::{AXES, DynamicArm, DynamicWam};
+use crate::simulation::{Gains, SafetyMode};
+use crate::{
+    Axes, AxisIndex, DeviceError, EncoderReading, Encoders, Fault, JointFault, Limits, Mode,
+    MotorEncoders, MotorTorqueParameters, Pid, PidControl, PidKind, PidValue, PositionDirect,
+    TorqueControl,
+};
+
+fn not_supported<T>(what: &str) -> Result<T, DeviceError> {
+    Err(DeviceError::NotSupported {
+        what: what.to_owned(),
+    })
+}
+
+impl PositionDirect for DynamicWam {
+    fn set_direct_positions(&self, axes: Axes<'_>, positions: &[f64]) -> Result<(), DeviceError> {
+        self.with(|arm| arm.set_direct_positions(axes, positions))
+    }
+
+    fn direct_positions(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
+        self.with(|arm| arm.direct_positions(axes))
+    }
+}
+
+impl TorqueControl for DynamicWam {
+    fn set_reference_torques(&self, axes: Axes<'_>, torques: &[f64]) -> Result<(), DeviceError> {
+        self.with(|arm| arm.set_reference_torques(axes, torques))
+    }
+
+    fn reference_torques(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
+        self.with(|arm| arm.reference_torques(axes))
+    }
+
+    fn torques(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
+        self.with(|arm| arm.torques(axes))
+    }
+
+    fn torque_ranges(&self, axes: Axes<'_>) -> Result<Vec<Limits>, DeviceError> {
+        axes.check(AXES)?;
+        self.with(|arm| axes.iter(AXES).map(|axis| arm.torque_range(axis)).collect())
+    }
+
+    fn motor_torque_parameters(&self, _: AxisIndex) -> Result<MotorTorqueParameters, DeviceError> {
+        not_supported("a torque loop with parameters: motors follow torques as they are")
+    }
+
+    fn set_motor_torque_parameters(
+        &self,
+        _: AxisIndex,
+        _: MotorTorqueParameters,
+    ) -> Result<(), DeviceError> {
+        not_supported("a torque loop with parameters: motors follow torques as they are")
+    }
+}
+
+impl DynamicWam {
+    /// Only positions are controlled by a loop.
+    fn check_loop(kind: PidKind, axes: Axes<'_>) -> Result<(), DeviceError> {
+        if kind != PidKind::Position {
+            return not_supported("a loop for anything but positions");
+        }
+        axes.check(AXES)
+    }
+}
+
+/// One loop per joint, that of its position: gains in Nm per degree, per degree and second, and seconds per degree.
+impl PidControl for DynamicWam {
+    fn available_pids(&self, axis: AxisIndex) -> Result<Vec<PidKind>, DeviceError> {
+        Axes::One(axis).check(AXES)?;
+        Ok(vec![PidKind::Position])
+    }
+
+    fn pids(&self, kind: PidKind, axes: Axes<'_>) -> Result<Vec<Pid>, DeviceError> {
+        Self::check_loop(kind, axes)?;
+        self.with(|arm| {
+            let pid = |axis| {
+                arm.gains(axis).map(|gains| Pid {
+                    kp: gains.proportional,
+                    ki: gains.integral,
+                    kd: gains.derivative,
+                    max_integral: gains.limit,
+                    max_output: gains.limit,
+                    scale: 1.0,
+                    ..Pid::default()
+                })
+            };
+            axes.iter(AXES).map(pid).collect()
+        })
+    }
+
+    /// The loops have no scale, offset, friction or feed-forward of their own: those are ignored, and the largest
+    /// integral is the largest output.
+    fn set_pids(&self, kind: PidKind, axes: Axes<'_>, pids: &[Pid]) -> Result<(), DeviceError> {
+        Self::check_loop(kind, axes)?;
+        axes.check_command(AXES, "gains", pids.len())?;
+        let gains = |pid: &Pid| Gains::new(pid.kp, pid.ki, pid.kd, pid.max_output);
+        self.with(|arm| {
+            for (axis, pid) in axes.iter(AXES).zip(pids) {
+                DynamicArm::check_gains(axis, gains(pid))?;
+            }
+            for (axis, pid) in axes.iter(AXES).zip(pids) {
+                arm.set_gains(axis, gains(pid))?;
+            }
+            Ok(())
+        })
+    }
+
+    fn pid_values(
+        &self,
+        kind: PidKind,
+        value: PidValue,
+        axes: Axes<'_>,
+    ) -> Result<Vec<f64>, DeviceError> {
+        Self::check_loop(kind, axes)?;
+        self.with(|arm| {
+            let measured = |axis| arm.state(axis).map(|state| state.position);
+            let reference = |axis: AxisIndex| {
+                arm.direct_positions(axis.into())
+                    .map(|places| places.first().copied().unwrap_or_default())
+            };
+            let one = |axis| match value {
+                PidValue::Reference => reference(axis),
+                PidValue::Error => Ok(reference(axis)? - measured(axis)?),
+                PidValue::Output => arm.loop_output(axis),
+                PidValue::ErrorLimit | PidValue::Offset | PidValue::Feedforward => {
+                    not_supported("a loop with an error limit, offset or feed-forward")
+                }
+            };
+            axes.iter(AXES).map(one).collect()
+        })
+    }
+
+    fn set_pid_values(
+        &self,
+        kind: PidKind,
+        _: PidValue,
+        axes: Axes<'_>,
+        _: &[f64],
+    ) -> Result<(), DeviceError> {
+        Self::check_loop(kind, axes)?;
+        not_supported("setting references, limits, offsets or feed-forwards of loops")
+    }
+
+    fn pids_enabled(&self, kind: PidKind, axes: Axes<'_>) -> Result<Vec<bool>, DeviceError> {
+        Self::check_loop(kind, axes)?;
+        let mut modes = vec![Mode::UNKNOWN; axes.len(AXES)];
+        self.with(|arm| arm.read_control_modes(axes, &mut modes))?;
+        let closed = [Mode::Position, Mode::PositionDirect, Mode::Velocity];
+        Ok(modes.iter().map(|mode| closed.contains(mode)).collect())
+    }
+
+    fn enable_pids(&self, kind: PidKind, axes: Axes<'_>, _: bool) -> Result<(), DeviceError> {
+        Self::check_loop(kind, axes)?;
+        not_supported("opening and closing loops but by the control mode")
+    }
+
+    fn reset_pids(&self, kind: PidKind, axes: Axes<'_>) -> Result<(), DeviceError> {
+        Self::check_loop(kind, axes)?;
+        self.with(|arm| arm.reset_loops(axes))
+    }
+}
+
+impl MotorEncoders for DynamicWam {
+    /// Degrees of the shafts.
+    fn motor_readings(&self, axes: Axes<'_>) -> Result<Vec<EncoderReading>, DeviceError> {
+        axes.check(AXES)?;
+        let joints = self.encoder_readings(Axes::All)?;
+        let motors = |value: fn(&EncoderReading) -> f64| {
+            self.with(|arm| {
+                let values =
+                    crate::kinematics::Joints::<AXES>::from_fn(|joint, _| value(&joints[joint]));
+                arm.simulator().model().transmission.motors_of(&values)
+            })
+        };
+        let positions = motors(|reading| reading.position);
+        let speeds = motors(|reading| reading.speed);
+        let accelerations = motors(|reading| reading.acceleration);
+        let one = |axis: AxisIndex| EncoderReading {
+            position: positions[axis.index()],
+            speed: speeds[axis.index()],
+            acceleration: accelerations[axis.index()],
+            time: joints[axis.index()].time,
+        };
+        Ok(axes.iter(AXES).map(one).collect())
+    }
+
+    fn set_motor_encoders(&self, axes: Axes<'_>, positions: &[f64]) -> Result<(), DeviceError> {
+        axes.check_command(AXES, "motor positions", positions.len())?;
+        not_supported("setting absolute encoders")
+    }
+
+    fn counts_per_revolution(&self, axis: AxisIndex) -> Result<f64, DeviceError> {
+        Axes::One(axis).check(AXES)?;
+        Ok(self.with(|arm| {
+            let transmission = &arm.simulator().model().transmission;
+            f64::from(transmission.counts_per_turn())
+        }))
+    }
+
+    fn set_counts_per_revolution(&self, axis: AxisIndex, _: f64) -> Result<(), DeviceError> {
+        Axes::One(axis).check(AXES)?;
+        not_supported("encoders with other counts")
+    }
+}
+
+impl JointFault for DynamicWam {
+    /// Code 1 is a fault of the safety module, which concerns all joints; the message is its own.
+    fn last_fault(&self, axis: AxisIndex) -> Result<Fault, DeviceError> {
+        Axes::One(axis).check(AXES)?;
+        let (mode, fault) = self.with(|arm| {
+            let safety = arm.simulator().safety();
+            (safety.mode(), safety.fault())
+        });
+        let message = match (mode, fault) {
+            (_, Some(fault)) => fault.to_string(),
+            (SafetyMode::Active, None) => return Ok(no_fault()),
+            (SafetyMode::Idle, None) => "idle was pressed on the pendant".to_owned(),
+            (SafetyMode::EmergencyStop, None) => "emergency stop".to_owned(),
+        };
+        Ok(Fault { code: 1, message })
+    }
+}
+
+fn no_fault() -> Fault {
+    Fault {
+        code: 0,
+        message: "no fault".to_owned(),
+    }
+}
