@@ -215,7 +215,7 @@ fn garbage_magic_is_refused() {
         *b"\0\0\0\0\0\0\0\0",
         *b"YA\0\0\0\0RP",
         *b"YA\0\0\0\x80RP",
-        *b"YA\xff\xff\xff\x7fRP",
+        *b"YA\xfe\xff\xff\x7fRP",
         *b"YA\xe4\x1e\0\0RX",
         *b"connect ",
         *b"\xff\xff\xff\xff\xff\xff\xff\xff",
