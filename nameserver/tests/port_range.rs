@@ -49,6 +49,23 @@ async fn a_number_that_is_taken_is_stepped_over_within_the_range() {
 }
 
 #[tokio::test]
+async fn a_name_of_the_servers_choice_stays_when_its_number_is_taken() {
+    // It was given away on the way to another number, and taken back in its stead.
+    let (_stranger, first) = stranger_with_room(20);
+    let options = ServerOptions::default().at("127.0.0.1", 0);
+    let server = Server::start(options.numbers(first..=first + 20))
+        .await
+        .unwrap();
+    let network = server.network();
+    let port = Port::open(&network, "...", PortOptions::new())
+        .await
+        .unwrap();
+    assert_ne!(port.number(), first);
+    let place = network.query(port.name()).await.unwrap();
+    assert_eq!(place.port, port.number());
+}
+
+#[tokio::test]
 async fn nothing_outside_the_range_is_used() {
     let (_stranger, only) = stranger();
     let options = ServerOptions::default().at("127.0.0.1", 0);

@@ -148,6 +148,8 @@ async fn an_owner_may_look_at_the_connections_when_told_of_a_change() {
     connect(writer, &reader, "tcp").await;
     let began = within(changes.recv()).await.unwrap();
     assert_eq!((began.0.as_str(), began.1), ("/reader", true));
+    // It was told before the reader was among those written to: who wrote at once missed it.
+    assert_eq!(began.2, Some((1, 0)));
     within(reader.close()).await;
     until(|| writer.outputs().is_empty()).await;
     let ended = within(async {

@@ -57,6 +57,9 @@ pub(super) async fn elsewhere(
                 type_name: options.type_name.clone(),
                 ..Registering::named(name)
             };
+            // Else the server would look for us at the old place first. The name was ours until
+            // now, so that it is none of those invented.
+            network.unregister(name).await?;
             result = network
                 .register(asking)
                 .await

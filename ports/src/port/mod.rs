@@ -132,8 +132,6 @@ impl Port {
         };
         let listener = match listener::bind(&name, number) {
             Err(taken) if taken.is_taken() && options.number.is_none() => {
-                // Else the server would look for us at the old place first.
-                network.unregister(&name).await?;
                 let moved = listener::elsewhere(network, &name, &options, taken).await;
                 moved.map(|(place, listener)| {
                     registered = Some(place);
