@@ -14,6 +14,8 @@ fi
 echo "live: the peer is stock $peer, in $STOCK"
 
 work=$(mktemp -d)
+# What name servers of ours keep is no business of the user's.
+export YARP_DATA_HOME=$work/data
 running=()
 stop() {
     for process in "${running[@]}"; do

@@ -15,6 +15,7 @@ import argparse
 import asyncio
 import contextlib
 import os
+import random
 import re
 import socket
 import subprocess
@@ -37,7 +38,7 @@ class World:
     def __init__(self, yarp, stack):
         self.yarp = yarp
         home = stack.enter_context(tempfile.TemporaryDirectory(prefix="web-"))
-        self.environment = dict(os.environ, YARP_CONFIG_HOME=home)
+        self.environment = dict(os.environ, YARP_CONFIG_HOME=home, YARP_DATA_HOME=home)
         for name in ("YARP_NAMESPACE", "YARP_IP", "YARP_PORT_PREFIX"):
             self.environment.pop(name, None)
         self.running = []
@@ -110,10 +111,19 @@ class World:
 
 
 def free_number():
-    """A TCP port that was free a moment ago."""
-    with socket.socket() as probe:
-        probe.bind(("", 0))
-        return probe.getsockname()[1]
+    """A TCP port that was free a moment ago, with room above it.
+
+    Outside the numbers that the system gives to clients: the name server hands out those above its
+    own, and a port of stock gives up if a client has the one that it is given.
+    """
+    while True:
+        number = random.randrange(11_000, 21_000)
+        with socket.socket() as probe:
+            try:
+                probe.bind(("", number))
+            except OSError:
+                continue
+            return number
 
 
 # What the page shows, in words.
