@@ -21,7 +21,8 @@ for _ in $(seq 100); do
     if target/release/yarp where >/dev/null 2>&1; then break; fi
     sleep 0.1
 done
-LD_LIBRARY_PATH="$stock_libraries" STOCK_PEER="$work/stock_peer" target/release/bench "$@"
+LD_LIBRARY_PATH="$stock_libraries" YARP_DATA_DIRS="$stock_package/share/yarp" \
+    STOCK_PEER="$work/stock_peer" target/release/bench "$@"
 
 if [ $# = 0 ]; then
     echo
