@@ -1,6 +1,7 @@
 //! How a connection is treated, as the ports at its two ends tell and are told.
 
 use std::io::Write;
+use std::process::ExitCode;
 
 use yarp_ports::{Network, Place, remote};
 use yarp_wire::{Bottle, Value};
@@ -16,8 +17,88 @@ pub(crate) struct End {
     peer: String,
 }
 
+/// What to do with which connection, and how.
+pub(crate) struct Wish<'a> {
+    /// Whether something is to be set, not told.
+    pub(crate) sets: bool,
+    source: &'a str,
+    destination: &'a str,
+    /// The words behind the ports.
+    pub(crate) rest: &'a [String],
+}
+
+impl<'a> Wish<'a> {
+    /// Reads the words of a command; `None`, and a complaint, if they say nothing that it does.
+    pub(crate) fn parse(
+        words: &'a [String],
+        command: &str,
+        out: &mut dyn Write,
+    ) -> Result<Option<Self>> {
+        let text = match words {
+            [] => format!(
+                "Not enough parameters/options. If not sure on how to use the command, \
+                 please type \"yarp {command} --help\" for instructions"
+            ),
+            [mode, more @ ..] if mode == "get" || mode == "set" => match more {
+                [source, destination, rest @ ..] => {
+                    return Ok(Some(Self {
+                        sets: mode == "set",
+                        source,
+                        destination,
+                        rest,
+                    }));
+                }
+                _ => "Get/set mode must have two ports involved in the connection as parameters \
+                      (argc>=2)"
+                    .to_owned(),
+            },
+            _ => format!("Unspupported mode (type \"yarp {command} --help\" to get help)"),
+        };
+        complain(out, &text)?;
+        Ok(None)
+    }
+
+    /// The two ends of the connection; `None`, and a complaint, if one is not there.
+    pub(crate) async fn ends(
+        &self,
+        network: &Network,
+        out: &mut dyn Write,
+    ) -> Result<Option<[End; 2]>> {
+        ends(network, self.source, self.destination, out).await
+    }
+
+    /// Which end is to be set to what; `None`, and a complaint, if that is not said.
+    pub(crate) fn chosen(&self, out: &mut dyn Write) -> Result<Option<(usize, &'a str)>> {
+        let [first, second, ..] = self.rest else {
+            complain(out, TOO_FEW)?;
+            return Ok(None);
+        };
+        let chosen = side(first, second);
+        if chosen.is_none() {
+            let text = "You haven't specified a port to which to apply the changes";
+            complain(out, text)?;
+        }
+        Ok(chosen)
+    }
+
+    /// Prints what was asked for, if there is something.
+    pub(crate) fn tell(&self, text: Option<String>, out: &mut dyn Write) -> Result<ExitCode> {
+        match text {
+            Some(text) => {
+                writeln!(out, "{text}")?;
+                Ok(ExitCode::SUCCESS)
+            }
+            None => {
+                let rest = self.rest.join(" ");
+                complain(out, &format!("Wrong value. Do not know what {rest} is"))?;
+                Ok(ExitCode::FAILURE)
+            }
+        }
+    }
+}
+
 /// Source and destination of a connection; `None`, and a complaint, if one is not there.
-pub(crate) async fn ends(
+async fn ends(
     network: &Network,
     source: &str,
     destination: &str,
@@ -100,7 +181,7 @@ pub(crate) fn side<'a>(first: &'a str, second: &'a str) -> Option<(usize, &'a st
 }
 
 /// What `set` answers if it does not hear what to set.
-pub(crate) const TOO_FEW: &str = "Set mode must have the port to apply the new parameter to and \
+const TOO_FEW: &str = "Set mode must have the port to apply the new parameter to and \
     the value of the packet priority as parameters (argc>=4)";
 
 /// What ends are called where they are printed.

@@ -8,7 +8,7 @@ use yarp_wire::qos::{CodePoint, Level};
 
 use super::code;
 use crate::error::Result;
-use crate::quality::{NAMES, TOO_FEW, ends, side};
+use crate::quality::{NAMES, Wish, side};
 use crate::session;
 use crate::text::complain;
 
@@ -32,46 +32,15 @@ pub(crate) struct Args {
 const FORMATS: [&str; 3] = ["--dscp", "--level", "--tos"];
 
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
-    let words: Vec<&str> = args.words.iter().map(String::as_str).collect();
-    let (mode, source, destination, rest) = match &words[..] {
-        [] => {
-            let text = "Not enough parameters/options. If not sure on how to use the command, \
-                please type \"yarp priority-qos --help\" for instructions";
-            complain(out, text)?;
-            return Ok(ExitCode::FAILURE);
-        }
-        [mode @ ("get" | "set"), source, destination, rest @ ..] => {
-            (*mode, *source, *destination, rest)
-        }
-        ["get" | "set", ..] => {
-            let text = "Get/set mode must have two ports involved in the connection as parameters";
-            complain(out, &format!("{text} (argc>=2)"))?;
-            return Ok(ExitCode::FAILURE);
-        }
-        _ => {
-            let text = "Unspupported mode (type \"yarp priority-qos --help\" to get help)";
-            complain(out, text)?;
-            return Ok(ExitCode::FAILURE);
-        }
+    let Some(wish) = Wish::parse(&args.words, "priority-qos", out)? else {
+        return Ok(ExitCode::FAILURE);
     };
     let network = session::network()?;
-    let Some(ends) = ends(&network, source, destination, out).await? else {
+    let Some(ends) = wish.ends(&network, out).await? else {
         return Ok(ExitCode::FAILURE);
     };
-    if mode == "set" && rest.len() < 2 {
-        complain(out, TOO_FEW)?;
-        return Ok(ExitCode::FAILURE);
-    }
-    if mode == "set" {
-        let chosen = match rest {
-            [first, second, ..] => side(first, second),
-            _ => None,
-        };
-        let Some((chosen, value)) = chosen else {
-            complain(
-                out,
-                "You haven't specified a port to which to apply the changes",
-            )?;
+    if wish.sets {
+        let Some((chosen, value)) = wish.chosen(out)? else {
             return Ok(ExitCode::FAILURE);
         };
         let Some(service) = service(value) else {
@@ -95,9 +64,10 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         let (label, value) = shown(services[index], format);
         format!("({} (qos (({label} {value}))))", NAMES[index])
     };
-    let text = match rest {
+    let rest: Vec<&str> = wish.rest.iter().map(String::as_str).collect();
+    let text = match rest[..] {
         [] => Some(format!("{} {}", told(0, "--tos"), told(1, "--tos"))),
-        [format] if FORMATS.contains(format) => {
+        [format] if FORMATS.contains(&format) => {
             // Stock calls a level a class here.
             let text = format!("{} {}", told(0, format), told(1, format));
             Some(text.replace("((level ", "((dscp "))
@@ -107,17 +77,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             .filter(|(_, format)| FORMATS.contains(format))
             .map(|(index, format)| told(index, format)),
     };
-    match text {
-        Some(text) => {
-            writeln!(out, "{text}")?;
-            Ok(ExitCode::SUCCESS)
-        }
-        None => {
-            let text = format!("Wrong value. Do not know what {} is", rest.join(" "));
-            complain(out, &text)?;
-            Ok(ExitCode::FAILURE)
-        }
-    }
+    wish.tell(text, out)
 }
 
 /// A type of service as it is to be shown; as a number where it has no name.

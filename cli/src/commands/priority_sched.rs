@@ -7,7 +7,7 @@ use yarp_wire::Value;
 
 use super::code;
 use crate::error::Result;
-use crate::quality::{NAMES, TOO_FEW, ends, side};
+use crate::quality::{NAMES, Wish, side};
 use crate::session;
 use crate::text::complain;
 
@@ -44,30 +44,11 @@ struct Schedule {
 }
 
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
-    let words: Vec<&str> = args.words.iter().map(String::as_str).collect();
-    let (mode, source, destination, rest) = match &words[..] {
-        [] => {
-            let text = "Not enough parameters/options. If not sure on how to use the command, \
-                please type \"yarp priority-sched --help\" for instructions";
-            complain(out, text)?;
-            return Ok(ExitCode::FAILURE);
-        }
-        [mode @ ("get" | "set"), source, destination, rest @ ..] => {
-            (*mode, *source, *destination, rest)
-        }
-        ["get" | "set", ..] => {
-            let text = "Get/set mode must have two ports involved in the connection as parameters";
-            complain(out, &format!("{text} (argc>=2)"))?;
-            return Ok(ExitCode::FAILURE);
-        }
-        _ => {
-            let text = "Unspupported mode (type \"yarp priority-sched --help\" to get help)";
-            complain(out, text)?;
-            return Ok(ExitCode::FAILURE);
-        }
+    let Some(wish) = Wish::parse(&args.words, "priority-sched", out)? else {
+        return Ok(ExitCode::FAILURE);
     };
     let network = session::network()?;
-    let Some(ends) = ends(&network, source, destination, out).await? else {
+    let Some(ends) = wish.ends(&network, out).await? else {
         return Ok(ExitCode::FAILURE);
     };
     let mut schedules = Vec::new();
@@ -79,20 +60,8 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         let (policy, priority) = (number("policy"), number("priority"));
         schedules.push(Schedule { policy, priority });
     }
-    if mode == "set" && rest.len() < 2 {
-        complain(out, TOO_FEW)?;
-        return Ok(ExitCode::FAILURE);
-    }
-    if mode == "set" {
-        let chosen = match rest {
-            [first, second, ..] => side(first, second),
-            _ => None,
-        };
-        let Some((chosen, value)) = chosen else {
-            complain(
-                out,
-                "You haven't specified a port to which to apply the changes",
-            )?;
+    if wish.sets {
+        let Some((chosen, value)) = wish.chosen(out)? else {
             return Ok(ExitCode::FAILURE);
         };
         let (schedule, warning) = match schedules[chosen].with(value) {
@@ -113,9 +82,10 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         let what = schedules[index].shown(format);
         format!("({} (sched ({what})))", NAMES[index])
     };
-    let text = match rest {
+    let rest: Vec<&str> = wish.rest.iter().map(String::as_str).collect();
+    let text = match rest[..] {
         [] => Some(told(0, "") + &told(1, "")),
-        [format] if FORMATS.contains(format) => Some(told(0, format) + &told(1, format)),
+        [format] if FORMATS.contains(&format) => Some(told(0, format) + &told(1, format)),
         [one] => side(one, "").map(|(index, _)| told(index, "")),
         [first, second, ..] => side(first, second)
             .filter(|(_, format)| FORMATS.contains(format))
@@ -125,17 +95,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
                 format => told(index, format),
             }),
     };
-    match text {
-        Some(text) => {
-            writeln!(out, "{text}")?;
-            Ok(ExitCode::SUCCESS)
-        }
-        None => {
-            let text = format!("Wrong value. Do not know what {} is", rest.join(" "));
-            complain(out, &text)?;
-            Ok(ExitCode::FAILURE)
-        }
-    }
+    wish.tell(text, out)
 }
 
 impl Schedule {
