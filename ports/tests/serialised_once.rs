@@ -5,7 +5,7 @@ mod common;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use bytes::BytesMut;
-use common::{at, open, within};
+use common::{Raw, at, open, until, within};
 use yarp_ports::{PortOptions, Queue};
 use yarp_wire::Dialect;
 use yarp_wire::message::WireObject;
@@ -62,4 +62,25 @@ async fn for_ten_readers_of_a_large_image() {
         }
         within(writer.flush()).await;
     }
+}
+
+#[tokio::test]
+async fn for_a_reader_and_for_who_watches_pictures() {
+    // The picture was made from a second writing of its own.
+    let writer = open("/writer", PortOptions::new()).await;
+    let reader = open("/reader", PortOptions::new().reading(Queue::Wait(10))).await;
+    within(writer.connect(&at(&reader, "fast_tcp")))
+        .await
+        .unwrap();
+    let mut browser = Raw::to(&writer).await;
+    browser
+        .send("GET /?action=stream HTTP/1.1\r\nHost: h\r\n\r\n")
+        .await;
+    until(|| writer.outputs().len() == 2).await;
+    let message = Counted {
+        image: Image::from_packed(PixelCode::RGB, 64, 48, vec![7; 64 * 48 * 3]).unwrap(),
+        times: AtomicUsize::new(0),
+    };
+    assert_eq!(within(writer.write(&message)).await, 2);
+    assert_eq!(message.times.load(Ordering::Relaxed), 1);
 }

@@ -52,34 +52,45 @@ impl<'a> Encoded<'a> {
             framing if framing.is_binary() => Kind::Binary(output.dialect),
             _ => Kind::Text,
         };
-        let index = match self.forms.iter().position(|(tried, _)| *tried == kind) {
-            Some(index) => index,
-            None => {
-                let form = match kind {
-                    Kind::Picture => self.picture(message),
-                    _ => Some(write(message, output, kind)),
-                };
-                self.forms.push((kind, form));
-                self.forms.len() - 1
-            }
-        };
+        let index = self.index(kind, message, output);
         self.forms[index].1.as_ref()
     }
 
-    fn picture(&self, message: &impl WireObject) -> Option<Form> {
-        let dialect = Dialect::V3;
-        let mut pieces = spare();
-        message.write_pieces(&mut pieces, dialect);
-        let payload = Payload::of_pieces(&pieces, dialect);
-        keep(pieces);
+    /// Where the form of this kind is, which is written if it was not tried yet.
+    fn index(&mut self, kind: Kind, message: &impl WireObject, output: &Output) -> usize {
+        if let Some(index) = self.forms.iter().position(|(tried, _)| *tried == kind) {
+            return index;
+        }
+        let form = match kind {
+            Kind::Picture => {
+                // An image is the same in both generations: what was written for others will do.
+                let written = |(kind, _): &(Kind, _)| matches!(kind, Kind::Binary(_));
+                let binary = self.forms.iter().position(written);
+                let v3 = Kind::Binary(Dialect::V3);
+                let binary = binary.unwrap_or_else(|| self.index(v3, message, output));
+                let binary = self.forms[binary].1.as_ref();
+                binary.and_then(|binary| self.picture(binary))
+            }
+            Kind::Binary(dialect) => Some(write(dialect, |pieces| {
+                message.write_pieces(pieces, dialect);
+            })),
+            Kind::Text | Kind::Page => Some(write(output.dialect, |pieces| {
+                put_reply(pieces.written(), output.carrier, message, output.dialect);
+            })),
+        };
+        self.forms.push((kind, form));
+        self.forms.len() - 1
+    }
+
+    /// What is an image in binary, as a picture.
+    fn picture(&self, binary: &Form) -> Option<Form> {
+        let payload = Payload::of_pieces(&binary.pieces, binary.dialect);
         let envelope = match self.command {
             Command::Data { envelope, .. } => envelope.as_ref(),
             _ => None,
         };
         let part = picture::part(&payload, envelope)?;
-        let mut pieces = spare();
-        pieces.share(&part);
-        Some(Form { pieces, dialect })
+        Some(write(binary.dialect, |pieces| pieces.share(&part)))
     }
 }
 
@@ -93,13 +104,10 @@ impl Drop for Encoded<'_> {
     }
 }
 
-fn write(message: &impl WireObject, output: &Output, kind: Kind) -> Form {
-    let dialect = output.dialect;
+/// A form for readers of this generation, in a buffer from an earlier message if there is one.
+fn write(dialect: Dialect, fill: impl FnOnce(&mut Pieces)) -> Form {
     let mut pieces = spare();
-    match kind {
-        Kind::Binary(dialect) => message.write_pieces(&mut pieces, dialect),
-        _ => put_reply(pieces.written(), output.carrier, message, dialect),
-    }
+    fill(&mut pieces);
     pieces.seal();
     Form { pieces, dialect }
 }
