@@ -52,6 +52,9 @@ REPORTS = re.compile(r"\[INFO\] \|yarp\.os\.impl\.PortCore")
 # Seconds that any single step may take.
 PATIENCE = 15
 
+# The last line of a terminal, which no command prints.
+END_OF_OUTPUT = "--- the command has ended ---"
+
 
 class Failure(Exception):
     """A step did not come to its end."""
@@ -63,19 +66,20 @@ class Process:
     def __init__(self, world, tool, words):
         self.label = f"{tool} {' '.join(words)}"
         # A terminal, so that stock prints line by line.
-        terminal, inside = pty.openpty()
+        terminal, self.inside = pty.openpty()
         try:
             self.child = subprocess.Popen(
                 [world.tools[tool], *words],
                 stdin=subprocess.PIPE,
-                stdout=inside,
+                stdout=self.inside,
                 stderr=subprocess.PIPE,
                 env=world.environment,
                 cwd=world.directory,
                 start_new_session=True,
             )
-        finally:
-            os.close(inside)
+        except OSError:
+            os.close(self.inside)
+            raise
         world.children.append(self)
         self.out, self.err = [], []
         self.changed = threading.Condition()
@@ -90,9 +94,15 @@ class Process:
         try:
             with stream:
                 for line in stream:
-                    with self.changed:
-                        lines.append(line.decode(errors="replace").rstrip("\r\n"))
-                        self.changed.notify_all()
+                    text = line.decode(errors="replace").rstrip("\r\n")
+                    # The command may leave its last line without an end.
+                    text, ended, _ = text.partition(END_OF_OUTPUT)
+                    if text or not ended:
+                        with self.changed:
+                            lines.append(text)
+                            self.changed.notify_all()
+                    if ended:
+                        break
         except OSError:
             # This is how a terminal tells that nobody writes to it any more.
             pass
@@ -129,15 +139,28 @@ class Process:
             code = self.child.wait(PATIENCE)
         except subprocess.TimeoutExpired:
             raise Failure(f"{self.label}: does not end; {self.out} {self.err}") from None
+        self._end_output()
         for thread in self.threads:
             thread.join(PATIENCE)
         return code, list(self.out)
+
+    def _end_output(self):
+        """Lets the terminal end once it was read to its end.
+
+        A terminal that nobody has open any more may forget what was not read yet: so this side
+        keeps it open, and writes a last line.
+        """
+        if self.inside is not None:
+            os.write(self.inside, f"{END_OF_OUTPUT}\n".encode())
+            os.close(self.inside)
+            self.inside = None
 
     def kill(self):
         """Ends it, whatever it does."""
         if self.child.poll() is None:
             os.killpg(self.child.pid, signal.SIGKILL)
             self.child.wait(PATIENCE)
+        self._end_output()
 
 
 class World:
