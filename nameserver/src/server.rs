@@ -11,7 +11,9 @@ use tokio::net::UdpSocket;
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
 use yarp_ports::roles::{Peer, Roles};
-use yarp_ports::{Answer, Network, Port, PortError, PortOptions, Received, addresses, remote};
+use yarp_ports::{
+    Answer, CallerLimits, Network, Port, PortError, PortOptions, Received, addresses, remote,
+};
 use yarp_wire::auth::Key;
 use yarp_wire::carrier::ALL;
 use yarp_wire::message::RawText;
@@ -50,6 +52,10 @@ pub struct ServerOptions {
     pub survey: Option<Duration>,
     /// The TCP ports that it hands out, if not those above its own.
     pub numbers: Option<RangeInclusive<u16>>,
+    /// How much silence, and how many connections, it puts up with. Unless told otherwise: half a
+    /// minute until a client has said who it is, a day between its messages, so that clients of
+    /// stock may keep a connection open, and 8192 connections.
+    pub callers: CallerLimits,
     /// The key that clients must hold, if there is one.
     pub key: Option<Key>,
     /// Who may look up, register and connect; see [`yarp_ports::roles`].
@@ -85,6 +91,7 @@ impl Default for ServerOptions {
             drop_after: Some(DROP_AFTER),
             survey: Some(SURVEY),
             numbers: None,
+            callers: CALLERS,
             key: None,
             roles: Roles::default(),
         }
@@ -95,6 +102,13 @@ impl Default for ServerOptions {
 const LOOK_EVERY: Duration = Duration::from_secs(30);
 /// Longer than anybody takes to start a program again.
 const DROP_AFTER: Duration = Duration::from_secs(3600);
+
+/// Clients of stock say who they are at once, and some keep a connection open for hours.
+const CALLERS: CallerLimits = CallerLimits {
+    header: Some(Duration::from_secs(30)),
+    message: Some(Duration::from_secs(24 * 3600)),
+    connections: Some(8192),
+};
 
 /// Where stock's name server listens.
 const DEFAULT_PORT: u16 = 10000;
@@ -259,6 +273,7 @@ impl Server {
             .unregistered()
             .number(options.port)
             .pages(move |request| pages.page(request))
+            .callers(options.callers)
             // Each request is looked at by itself.
             .open_to_messages()
             .handler(handler);

@@ -31,9 +31,10 @@ pub use error::{PortError, story};
 pub use network::{Network, Place};
 pub use port::built_in as built_in_monitor;
 pub use port::{
-    AdminHandler, Answer, ConnectionChange, ConnectionCounters, Envelope, Handler, LinkState,
-    Monitor, MonitorError, MonitorFactory, MonitorSetup, MonitorSide, Page, Pages, Passing, Port,
-    PortCounters, PortOptions, Queue, Received, Reply, Supervised, Supervision, Traffic, Watcher,
+    AdminHandler, Answer, CallerLimits, ConnectionChange, ConnectionCounters, Envelope, Handler,
+    LinkState, Monitor, MonitorError, MonitorFactory, MonitorSetup, MonitorSide, Page, Pages,
+    Passing, Port, PortCounters, PortOptions, Queue, Received, Reply, Supervised, Supervision,
+    Traffic, Watcher,
 };
 
 /// Compiles the example of the README.

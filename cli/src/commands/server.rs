@@ -28,6 +28,8 @@ const BANNER: &str = r"
     |                          |
      ==========================
 ";
+/// Descriptors for other things than clients.
+const OWN_DESCRIPTORS: usize = 256;
 const MEMORY: &str = ":memory:";
 /// The signal of a file that has reached its largest size, on all systems that have it.
 const SIGXFSZ: i32 = 25;
@@ -87,6 +89,17 @@ pub(crate) struct Args {
     /// Drop the name of a port that has been gone for so long; 0 drops none
     #[arg(long, value_name = "SECONDS")]
     drop_after: Option<String>,
+    /// End connections that have not said who they are by then; 0 ends none
+    #[arg(long, value_name = "SECONDS", default_value = "30")]
+    header_within: Option<String>,
+    /// End connections that have said nothing more for so long; 0 ends none. A client of stock may
+    /// keep a connection open for hours and say nothing
+    #[arg(long, value_name = "SECONDS", default_value = "86400")]
+    message_within: Option<String>,
+    /// Connections at once; one more ends the one that has been silent for longest. Never more than
+    /// the system lets the program have
+    #[arg(long, value_name = "NUMBER", default_value = "8192")]
+    connections: Option<String>,
     /// Print nothing but errors
     #[arg(long)]
     silent: bool,
@@ -123,6 +136,9 @@ impl Args {
             ("--subdb", &mut self.subdb),
             ("--look-every", &mut self.look_every),
             ("--drop-after", &mut self.drop_after),
+            ("--header-within", &mut self.header_within),
+            ("--message-within", &mut self.message_within),
+            ("--connections", &mut self.connections),
         ] {
             if let Some(value) = take_value(rest, option) {
                 *held = Some(value);
@@ -171,6 +187,16 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let times = [
         ("--look-every", &args.look_every, &mut options.look_every),
         ("--drop-after", &args.drop_after, &mut options.drop_after),
+        (
+            "--header-within",
+            &args.header_within,
+            &mut options.callers.header,
+        ),
+        (
+            "--message-within",
+            &args.message_within,
+            &mut options.callers.message,
+        ),
     ];
     for (option, text, time) in times {
         if let Some(text) = text
@@ -181,7 +207,19 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             return Ok(ExitCode::FAILURE);
         }
     }
-    allow_many_connections();
+    let connections = args.connections.as_deref().unwrap_or_default();
+    match connections.parse() {
+        Ok(most) if most > 0 => options.callers.connections = Some(most),
+        _ => {
+            eprintln!("--connections {connections}: expected a number, 1 or more");
+            complain(out, "Aborting.")?;
+            return Ok(ExitCode::FAILURE);
+        }
+    }
+    let most = options.callers.connections.as_mut();
+    if let (Some(most), Some(allowed)) = (most, allow_many_connections()) {
+        *most = allowed.min(*most);
+    }
     // Else the system would end the program when the database may grow no more.
     let _oversize = signal(SignalKind::from_raw(SIGXFSZ));
     let server = match database.start(options, args.cautious).await {
@@ -291,8 +329,9 @@ fn seconds(option: &str, text: &str) -> std::result::Result<Option<Duration>, St
     }
 }
 
-/// As many connections at once as the system lets us have: silent ones shall not keep others out.
-fn allow_many_connections() {
+/// Takes as many descriptors as the system lets us have; tells how many are there for clients, the
+/// rest being for the database and for connections to ports.
+fn allow_many_connections() -> Option<usize> {
     let limit = getrlimit(Resource::Nofile);
     let most = Rlimit {
         current: limit.maximum,
@@ -301,6 +340,10 @@ fn allow_many_connections() {
     if let Err(error) = setrlimit(Resource::Nofile, most) {
         tracing::debug!("at most {:?} connections at once: {error}", limit.current);
     }
+    let allowed = usize::try_from(getrlimit(Resource::Nofile).current?);
+    allowed
+        .ok()
+        .map(|allowed| allowed.saturating_sub(OWN_DESCRIPTORS).max(allowed / 2))
 }
 
 fn introduce(

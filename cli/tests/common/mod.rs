@@ -128,10 +128,16 @@ impl Home {
 
     /// Starts a name server that the other commands of this home use.
     pub(crate) fn serve(&self) -> Running {
+        self.serve_with("")
+    }
+
+    /// As [`Home::serve`], with further options.
+    pub(crate) fn serve_with(&self, options: &str) -> Running {
         let mut last = None;
         for _ in 0..5 {
             let port = free_port();
-            let mut server = self.start(&format!("server --ip 127.0.0.1 --socket {port} --write"));
+            let words = format!("server --ip 127.0.0.1 --socket {port} --write {options}");
+            let mut server = self.start(&words);
             if server.sees("Ok. Ready!") {
                 return server;
             }
@@ -196,6 +202,11 @@ impl Running {
             );
             self.type_text(&format!("{text}\n"));
         }
+    }
+
+    /// The number of its process.
+    pub(crate) fn id(&self) -> u32 {
+        self.child.id()
     }
 
     /// As [`Running::sees`], and insists.

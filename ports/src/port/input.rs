@@ -3,6 +3,7 @@
 use std::io;
 use std::net::{IpAddr, SocketAddrV4};
 use std::sync::Arc;
+use std::time::Instant;
 
 use bytes::BytesMut;
 use tokio::net::TcpStream;
@@ -15,6 +16,7 @@ use yarp_wire::message::Command;
 use yarp_wire::{Bottle, Limits};
 
 use super::admin;
+use super::callers::{Caller, Farewell};
 use super::core::{Core, Entry, GOODBYE, is_port};
 use super::counters::Meter;
 use super::describe::{HELP, NOT_UNDERSTOOD};
@@ -34,8 +36,14 @@ use crate::roles::{self, Peer, Right, Rights};
 use crate::stream::{self, Inflow, Socket};
 use crate::{shmem, unix};
 
-/// Serves a connection until it ends, is displaced, or the port closes.
-pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, address: IpAddr) {
+/// Serves a connection until it ends, is displaced, has been silent for too long, or the port closes.
+pub(super) async fn serve(
+    core: Arc<Core>,
+    stream: TcpStream,
+    address: IpAddr,
+    caller: Option<(Caller, Farewell)>,
+) {
+    let (caller, mut farewell) = caller.unzip();
     let mut closing = core.cancelled.clone();
     let stream = Socket::Tcp(stream);
     core.network.roles().refresh();
@@ -67,6 +75,7 @@ pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, address: IpAddr) {
         monitors: None,
         closing: core.cancelled.clone(),
         rights: (0, Rights::ALL),
+        caller,
     };
     // A message that is being answered when the port closes gets its answer, if it is not long.
     let out_of_patience = async {
@@ -76,6 +85,10 @@ pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, address: IpAddr) {
     let end = tokio::select! {
         end = connection.run() => end,
         () = displaced.cancelled() => End::Closed,
+        // Whatever comes of it: the place is given to somebody else.
+        _ = async { farewell.as_mut().expect("it is there").await }, if farewell.is_some() => {
+            End::Closed
+        }
         () = out_of_patience => End::Closed,
     };
     connection.entry = None;
@@ -140,6 +153,8 @@ pub(super) struct Connection {
     closing: Cancelled,
     /// What the peer may do, by the roles of this generation.
     rights: (u64, Rights),
+    /// Its place among the callers, if the port keeps a list of them.
+    caller: Option<Caller>,
 }
 
 /// What is to happen after a message.
@@ -353,6 +368,7 @@ impl Connection {
     }
 
     fn opened(&mut self, carrier: &'static Carrier) -> Result<(), MonitorError> {
+        self.spoke();
         let sender = &self.sender;
         let ends = (sender.name.as_str(), self.core.name.as_str());
         let monitors = self
@@ -406,6 +422,7 @@ impl Connection {
     }
 
     async fn message(&mut self, message: Message) -> Next {
+        self.spoke();
         let next = match message.command {
             Command::Data { reply, .. } if !self.may(Right::Write) => {
                 if !reply {
@@ -486,7 +503,19 @@ impl Connection {
         }
         // A peer that is gone is noticed when it is read from.
         let _ = stream::write_all(&self.stream, &mut self.output).await;
-        waiting.await
+        if let Some(caller) = &mut self.caller {
+            caller.waits(Instant::now());
+        }
+        let done = waiting.await;
+        self.spoke();
+        done
+    }
+
+    /// The peer is not silent.
+    fn spoke(&mut self) {
+        if let Some(caller) = &mut self.caller {
+            caller.spoke(Instant::now());
+        }
     }
 
     fn answer(&mut self, (reply, last): (Option<Reply>, bool), wants_reply: bool) -> Next {
@@ -557,6 +586,15 @@ impl Connection {
 
     /// Goes on as a connection that the port writes to.
     fn into_output(self) {
+        let most = self
+            .core
+            .options
+            .callers
+            .and_then(|limits| limits.connections);
+        if most.is_some_and(|most| self.core.outputs().len() >= most) {
+            tracing::warn!(port = %self.core.name, from = self.sender.name, "too many read from here");
+            return;
+        }
         let Some(initiator) = self.acceptor.reversed() else {
             return;
         };

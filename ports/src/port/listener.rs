@@ -1,12 +1,14 @@
 //! Where a port listens, and who comes.
 
+use std::io;
 use std::sync::{Arc, Once};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use tokio::net::TcpListener;
 use tokio::task::JoinSet;
 use yarp_wire::name_service::Registering;
 
+use super::callers::Callers;
 use super::core::Core;
 use super::input;
 use super::options::PortOptions;
@@ -73,6 +75,10 @@ pub(super) async fn elsewhere(
     result
 }
 
+fn is_out_of_descriptors(error: &io::Error) -> bool {
+    matches!(error.raw_os_error(), Some(libc::EMFILE | libc::ENFILE))
+}
+
 /// Says, once, that anybody can come: ports listen at all addresses of the machine.
 pub(super) fn tell_of_openness() {
     static TOLD: Once = Once::new();
@@ -87,20 +93,39 @@ pub(super) fn tell_of_openness() {
 pub(super) async fn listen(core: Arc<Core>, listener: TcpListener) {
     let mut connections = JoinSet::new();
     let mut cancelled = core.cancelled.clone();
+    let callers = core.options.callers.map(Callers::new);
+    let silence = tokio::time::sleep(Duration::ZERO);
+    tokio::pin!(silence);
     loop {
         tokio::select! {
             accepted = listener.accept() => match accepted {
                 Ok((stream, peer)) => {
                     // Without it small messages are late, but they come.
                     let _ = stream::prepare(&stream);
-                    connections.spawn(input::serve(core.clone(), stream, peer.ip()));
+                    let caller = match &callers {
+                        None => None,
+                        Some(callers) => match callers.admit(Instant::now()) {
+                            // Everybody waits for an answer.
+                            None => continue,
+                            place => place,
+                        },
+                    };
+                    connections.spawn(input::serve(core.clone(), stream, peer.ip(), caller));
                 }
                 Err(error) => {
                     tracing::warn!(port = %core.name, "cannot accept: {error}");
+                    if let Some(callers) = &callers && is_out_of_descriptors(&error) {
+                        callers.make_room();
+                    }
                     // Most likely out of descriptors: give others time to free some.
                     tokio::time::sleep(Duration::from_millis(50)).await;
                 }
             },
+            () = &mut silence, if callers.is_some() => {
+                let next = callers.as_ref().map(|callers| callers.end_silent(Instant::now()));
+                let next = next.unwrap_or_else(Instant::now);
+                silence.as_mut().reset(next.into());
+            }
             Some(_) = connections.join_next(), if !connections.is_empty() => {}
             () = cancelled.cancelled() => break,
         }

@@ -4,7 +4,7 @@
 //! | --- | --- |
 //! | `options` | how a port is to be opened |
 //! | `core` | what the tasks of a port share |
-//! | `listener` | the number that it listens on |
+//! | `listener`, `callers` | the number that it listens on, who comes and is silent |
 //! | `input`, `inbox`, `received` | incoming connections, what arrived, one message of it |
 //! | `output`, `outbox`, `group` | outgoing connections, what is to be sent, multicast |
 //! | `encoded`, `batch` | a message in the forms that readers want, bytes on their way |
@@ -19,6 +19,7 @@
 mod admin;
 mod batch;
 mod browser;
+mod callers;
 mod core;
 mod counters;
 mod describe;
@@ -59,6 +60,7 @@ use crate::error::PortError;
 use crate::keeper::Keeper;
 use crate::network::Network;
 
+pub use callers::CallerLimits;
 pub use counters::{ConnectionCounters, PortCounters, Traffic};
 pub use inbox::Queue;
 pub use monitor::{

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use yarp_wire::http::{Request, Response};
 use yarp_wire::{Bottle, Dialect};
 
+use super::callers::CallerLimits;
 use super::monitor::{Monitor, MonitorSetup, OwnMonitor};
 use super::{Answer, Queue, Received};
 
@@ -68,6 +69,7 @@ pub struct PortOptions {
     pub(crate) watcher: Option<Watcher>,
     pub(crate) type_name: Option<String>,
     pub(crate) judges_itself: bool,
+    pub(super) callers: Option<CallerLimits>,
     pub(super) monitors: Vec<OwnMonitor>,
 }
 
@@ -92,6 +94,7 @@ impl Default for PortOptions {
             watcher: None,
             type_name: None,
             judges_itself: false,
+            callers: None,
             monitors: Vec::new(),
         }
     }
@@ -167,6 +170,13 @@ impl PortOptions {
     /// Lets everybody send messages, whatever `roles.conf` says: the owner looks at each by itself.
     pub fn open_to_messages(mut self) -> Self {
         self.judges_itself = true;
+        self
+    }
+
+    /// Ends connections that are silent for too long, and the most silent ones when there are too
+    /// many. Without it a port waits for whoever has connected, as in stock.
+    pub fn callers(mut self, limits: CallerLimits) -> Self {
+        self.callers = Some(limits);
         self
     }
 
