@@ -1,6 +1,6 @@
 """A laboratory in one program: any number of names, as ports that answer administration.
 
-Each port is a listener of its own that speaks text_ack and answers `[list]` and `[prop] [get]`,
+Each port is a listener of its own that speaks text_ack, describes itself, and answers `[list]` and `[prop] [get]`,
 with counters that grow. What a name server shows of a large network is tested against it.
 """
 
@@ -111,8 +111,11 @@ class Lab:
             if not (await reader.readline()).startswith(b"CONNACK "):
                 return
             writer.write(f"Welcome {port.name}\r\n".encode())
-            while (await reader.readline()).strip() == b"a":
-                answer = port.answer((await reader.readline()).decode().strip())
+            while (line := (await reader.readline()).strip()) in (b"a", b"*"):
+                if line == b"*":
+                    answer = f"This is {port.name} at tcp://127.0.0.1:{port.number}/"
+                else:
+                    answer = port.answer((await reader.readline()).decode().strip())
                 writer.write(f"{answer}\r\n<ACK>\r\n".encode())
                 await writer.drain()
         except (ConnectionError, asyncio.CancelledError):

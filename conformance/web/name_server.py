@@ -213,7 +213,7 @@ def network_of_ours(world, browser, out, stock):
         browser.open(world.page)
         until_row(browser, "ports", "/wam/state:o", lambda row: row[1] == "●alive", "alive")
         until_row(browser, "ports", "/dead", lambda row: row[1] == "✕gone", "gone")
-        until_row(browser, "ports", "fallback", lambda row: row[1] == "○unknown", "unknown")
+        until_row(browser, "ports", "fallback", lambda row: row[1] == "●alive", "alive")
         row = until_row(
             browser, "ports", "/wam/state:o",
             lambda row: re.fullmatch(r"2 · \d+/s", row[7]), "a writer with a rate",

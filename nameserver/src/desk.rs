@@ -9,7 +9,7 @@ use yarp_ports::{Answer, Network};
 use yarp_wire::message::RawText;
 use yarp_wire::name_service::{Command, Registration, Request};
 
-use crate::registry::{Body, Claim, Effect, Outcome, Registry, Reply};
+use crate::registry::{Body, Claim, Effect, Look, Registry, Reply};
 use crate::server::lock;
 use crate::store::{Journal, Kept, StoreError};
 use crate::watch;
@@ -36,6 +36,8 @@ pub(crate) struct Desk {
     looks: Semaphore,
     /// How ports are spoken with.
     network: Network,
+    /// How long a port must have been gone to be dropped; none if that never happens.
+    drop_after: Option<Duration>,
 }
 
 impl std::fmt::Debug for Desk {
@@ -58,6 +60,7 @@ impl Desk {
         effects: mpsc::Sender<Effect>,
         replace: bool,
         network: Network,
+        drop_after: Option<Duration>,
     ) -> Self {
         Self {
             registry,
@@ -66,6 +69,7 @@ impl Desk {
             replace,
             looks: Semaphore::new(LOOKS),
             network,
+            drop_after,
         }
     }
 
@@ -126,7 +130,7 @@ impl Desk {
         let mut refusal = None;
         for _ in 0..OWNERS {
             let mut how = self.look(&holder).await;
-            while watch::is_gone(how) && patience.is_some_and(|until| Instant::now() < until) {
+            while watch::is_gone(&how) && patience.is_some_and(|until| Instant::now() < until) {
                 tokio::time::sleep(AGAIN).await;
                 how = self.look(&holder).await;
             }
@@ -162,7 +166,7 @@ impl Desk {
     }
 
     /// Looks at an owner, once there is room for it.
-    async fn look(&self, holder: &Registration) -> Outcome {
+    async fn look(&self, holder: &Registration) -> Look {
         let _room = self.looks.acquire().await;
         watch::look(&self.network, holder, OWNER).await
     }
@@ -172,8 +176,17 @@ impl Desk {
         &self.network
     }
 
+    /// Takes note of what came of looking at a port, and drops it if it has been gone for long.
+    pub(crate) fn note(&self, port: &Registration, look: Look) {
+        let now = Instant::now();
+        let drop = self.registry().seen(now, self.drop_after, port, look);
+        if drop {
+            self.drop_port(port);
+        }
+    }
+
     /// Forgets a port that is gone, unless it has moved.
-    pub(crate) fn drop_port(&self, port: &Registration) {
+    fn drop_port(&self, port: &Registration) {
         let name = port.name.clone();
         let request = Request::plain(Command::Unregister { name });
         let mut registry = self.registry();

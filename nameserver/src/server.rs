@@ -238,6 +238,8 @@ impl Server {
             effects,
             options.replace,
             Network::none().with_key(options.key.clone()),
+            // Who looks at none, drops none.
+            options.look_every.and(options.drop_after),
         ));
         let handler = {
             let (desk, roles) = (desk.clone(), options.roles.clone());
@@ -266,7 +268,7 @@ impl Server {
             network: options.network(options.port).with_deadline(PATIENCE),
         }));
         let pages = Web {
-            registry: registry.clone(),
+            registry,
             survey: survey.clone(),
         };
         let port_options = PortOptions::new()
@@ -289,7 +291,7 @@ impl Server {
         let network = options.network(port.number());
         let mut tasks = vec![
             tokio::spawn(see_to(waiting, port.clone(), network)),
-            tokio::spawn(survey.run(registry)),
+            tokio::spawn(survey.run(desk.clone())),
         ];
         if let Some(every) = options.look_every {
             let drop_after = options.drop_after;

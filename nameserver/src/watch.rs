@@ -8,12 +8,16 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use tokio::task::JoinSet;
-use yarp_ports::{Network, PortError, remote};
+use yarp_ports::{Dialogue, Network, PortError};
+use yarp_wire::carrier::Carrier;
+use yarp_wire::message::Command::Describe;
 use yarp_wire::name_service::Registration;
 
 use crate::desk::Desk;
-use crate::registry::{Outcome, Terms};
+use crate::registry::{Look, Outcome, Terms};
 
+/// How we introduce ourselves; ports keep quiet about who is no port.
+const ADMIN: &str = "admin";
 /// Ports that are looked at at once.
 const TOGETHER: usize = 32;
 /// How long a port has to answer.
@@ -42,40 +46,68 @@ pub(crate) async fn over(desk: Arc<Desk>, terms: Terms) {
         for port in due {
             let desk = desk.clone();
             looking.spawn(async move {
-                let how = look(desk.network(), &port, PATIENCE).await;
-                let drop = desk.registry().seen(Instant::now(), &terms, &port, how);
-                if drop {
-                    desk.drop_port(&port);
-                }
+                let look = look(desk.network(), &port, PATIENCE).await;
+                desk.note(&port, look);
             });
         }
     }
 }
 
-/// Looks at one port, at most until `deadline`.
-pub(crate) async fn look(network: &Network, port: &Registration, deadline: Duration) -> Outcome {
-    let network = network.with_deadline(deadline);
-    let looking = remote::describe(&network, port);
-    match tokio::time::timeout(2 * deadline, looking).await {
-        Ok(Ok(lines)) => told(port, &lines),
-        Ok(Err(error)) => failed(&error),
-        Err(_) => Outcome::Silent,
+/// Looks at one port, at most until twice the deadline.
+pub(crate) async fn look(network: &Network, port: &Registration, deadline: Duration) -> Look {
+    meet(&network.with_deadline(deadline), port).await.0
+}
+
+/// Looks at one port, each step in the deadline of the network; gives the conversation, if somebody is
+/// there to go on with.
+///
+/// This is the one place where it is judged whether a port is there.
+pub(crate) async fn meet(network: &Network, port: &Registration) -> (Look, Option<Dialogue>) {
+    let looking = async {
+        let carrier = Carrier::by_name("text_ack").expect("text_ack is in the table");
+        let address = (port.host.as_str(), port.port);
+        let mut dialogue = Dialogue::open(&port.name, address, carrier, ADMIN, network).await?;
+        let lines = dialogue.command(&Describe).await?;
+        Ok((lines, dialogue))
+    };
+    let most = 2 * network.deadline();
+    let met = match tokio::time::timeout(most, looking).await {
+        Ok(met) => met,
+        Err(_) => Err(PortError::Deadline {
+            peer: port.name.clone(),
+            step: "its description",
+            seconds: most.as_secs_f64(),
+        }),
+    };
+    match met {
+        Ok((lines, dialogue)) => {
+            let look = told(port, &lines);
+            let there = look.outcome == Outcome::Answered;
+            (look, there.then_some(dialogue))
+        }
+        Err(error) => {
+            let (outcome, reason) = (failed(&error), Some(error.story()));
+            (Look { outcome, reason }, None)
+        }
     }
 }
 
 /// Whether nobody is there who could come back by waiting.
-pub(crate) fn is_gone(how: Outcome) -> bool {
-    matches!(how, Outcome::Refused | Outcome::Stranger)
+pub(crate) fn is_gone(how: &Look) -> bool {
+    matches!(how.outcome, Outcome::Refused | Outcome::Stranger)
 }
 
 /// Ports of all versions begin with `This is NAME at ADDRESS`.
-fn told(port: &Registration, lines: &[String]) -> Outcome {
+fn told(port: &Registration, lines: &[String]) -> Look {
     let name = lines.iter().find_map(|line| line.strip_prefix("This is "));
     let name = name.and_then(|rest| rest.split(' ').next());
     match name {
-        Some(name) if name != port.name => Outcome::Stranger,
+        Some(name) if name != port.name => Look {
+            outcome: Outcome::Stranger,
+            reason: Some(format!("another port, {name}, is where it should be")),
+        },
         // It speaks the protocol, whatever it says.
-        _ => Outcome::Answered,
+        _ => Outcome::Answered.into(),
     }
 }
 

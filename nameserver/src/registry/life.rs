@@ -49,6 +49,22 @@ pub enum Outcome {
     Stranger,
 }
 
+/// What came of looking at a port, and why it was no better.
+#[derive(Clone, Debug, Eq, PartialEq)]
+pub struct Look {
+    /// What came of it.
+    pub outcome: Outcome,
+    /// In words, if the port did not answer.
+    pub reason: Option<String>,
+}
+
+impl From<Outcome> for Look {
+    fn from(outcome: Outcome) -> Self {
+        let reason = None;
+        Self { outcome, reason }
+    }
+}
+
 impl Outcome {
     fn state(self) -> State {
         match self {
@@ -77,6 +93,8 @@ pub struct Known {
     pub state: State,
     /// Since when.
     pub since: Instant,
+    /// Why it is not alive, in words, if that is known.
+    pub reason: Option<String>,
     /// Whether it holds a lease.
     pub leased: bool,
 }
@@ -104,6 +122,8 @@ const YOUNG: Duration = Duration::from_secs(1);
 #[derive(Clone, Debug)]
 pub(super) struct Life {
     state: State,
+    /// Why the last look did not find it alive.
+    reason: Option<Box<str>>,
     since: Option<Instant>,
     /// When it was registered, if that was in this life of the server.
     registered: Option<Instant>,
@@ -116,6 +136,7 @@ impl Life {
     pub(super) fn registered(now: Instant) -> Self {
         Self {
             state: State::Alive,
+            reason: None,
             since: Some(now),
             registered: Some(now),
             looked: Some(now),
@@ -127,6 +148,7 @@ impl Life {
     pub(super) fn restored() -> Self {
         Self {
             state: State::Unreachable,
+            reason: None,
             since: None,
             registered: None,
             looked: None,
@@ -184,8 +206,15 @@ impl Registry {
     /// it may be had.
     ///
     /// Who takes connections keeps the name. So does who cannot be reached but holds a lease.
-    pub fn judge(&mut self, now: Instant, holder: &Registration, how: Outcome) -> Option<Refusal> {
-        self.found(now, holder, how);
+    pub fn judge(
+        &mut self,
+        now: Instant,
+        holder: &Registration,
+        how: impl Into<Look>,
+    ) -> Option<Refusal> {
+        let look = how.into();
+        let how = look.outcome;
+        self.found(now, holder, look);
         let entry = self.ports.get(&holder.name);
         let keeps = match how {
             Outcome::Answered | Outcome::Silent => true,
@@ -215,26 +244,29 @@ impl Registry {
     }
 
     /// Takes note of what came of looking at `port`; tells whether it is to be dropped now.
-    pub fn seen(&mut self, now: Instant, terms: &Terms, port: &Registration, how: Outcome) -> bool {
-        let Some(life) = self.found(now, port, how) else {
+    /// `drop_after`: see [`Terms`].
+    pub fn seen(
+        &mut self,
+        now: Instant,
+        drop_after: Option<Duration>,
+        port: &Registration,
+        how: impl Into<Look>,
+    ) -> bool {
+        let Some(life) = self.found(now, port, how.into()) else {
             return false;
         };
         let waited = |after| life.since.is_some_and(|then| now >= then + after);
-        life.state == State::Gone && terms.drop_after.is_some_and(waited)
+        life.state == State::Gone && drop_after.is_some_and(waited)
     }
 
     /// Takes note of what came of looking at `port`, unless it has moved.
-    pub(super) fn found(
-        &mut self,
-        now: Instant,
-        port: &Registration,
-        how: Outcome,
-    ) -> Option<&Life> {
+    pub(super) fn found(&mut self, now: Instant, port: &Registration, how: Look) -> Option<&Life> {
         let entry = self.ports.get_mut(&port.name);
         let entry = entry.filter(|entry| entry.registration == *port)?;
         let life = &mut entry.life;
         life.looked = Some(now);
-        life.become_(now, how.state());
+        life.become_(now, how.outcome.state());
+        life.reason = how.reason.map(String::into_boxed_str);
         if life.state == State::Gone {
             // Whoever held it has no need of it any more.
             life.leased_until = None;
@@ -253,12 +285,17 @@ impl Registry {
         let life = &entry.life;
         let registration = entry.registration.clone();
         let certain = self.is_ours(&registration.name) || !has_owner(&registration);
+        let state = match certain {
+            true => State::Alive,
+            false => life.state(now),
+        };
+        let reason = match (&life.reason, life.looked) {
+            (None, None) => Some("it has not been looked at since the server was started"),
+            (reason, _) => reason.as_deref(),
+        };
         Known {
-            state: if certain {
-                State::Alive
-            } else {
-                life.state(now)
-            },
+            state,
+            reason: reason.filter(|_| state != State::Alive).map(str::to_owned),
             since: life.since.unwrap_or(now),
             leased: life.is_leased(now),
             registration,
@@ -366,7 +403,9 @@ mod tests {
             let due = self.registry.to_look_at(self.now, &TERMS, 100);
             due.iter()
                 .map(|port| {
-                    let drop = self.registry.seen(self.now, &TERMS, port, outcome);
+                    let drop = self
+                        .registry
+                        .seen(self.now, TERMS.drop_after, port, outcome);
                     (port.name.clone(), drop)
                 })
                 .collect()

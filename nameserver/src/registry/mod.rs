@@ -45,7 +45,7 @@ use persistent::Persistent;
 use properties::{Pool, Properties};
 
 pub use change::Change;
-pub use life::{Claim, Known, Outcome, State, Terms};
+pub use life::{Claim, Known, Look, Outcome, State, Terms};
 pub use limits::Refusal;
 pub use reply::{Body, Effect, Link, Reply};
 pub use subnets::Subnet;

@@ -1,13 +1,10 @@
 //! One port, asked for its connections and for what it is part of.
 
 use serde::Serialize;
-use yarp_ports::{Dialogue, Network, Place, PortCounters, PortError, Traffic};
+use yarp_ports::{Dialogue, PortCounters, PortError, Traffic};
 use yarp_wire::admin::{self, Direction};
-use yarp_wire::carrier::Carrier;
 use yarp_wire::{Bottle, Value};
 
-/// How we introduce ourselves; ports keep quiet about who is no port.
-const ADMIN: &str = "admin";
 /// Connections that a port is believed; more would be a nuisance to it and to us.
 const MOST_LINKS: usize = 1024;
 /// Connections of which a port that does not count is asked the carrier.
@@ -56,22 +53,25 @@ pub(super) struct Process {
     pub(super) host: Option<String>,
 }
 
-/// Asks a port of this network. `process` says whether to ask for that, too.
-pub(super) async fn ask(
-    place: &Place,
-    network: &Network,
-    process: bool,
-) -> Result<Told, PortError> {
-    let carrier = Carrier::by_name("text_ack").expect("text_ack is in the table");
-    let address = (place.host.as_str(), place.port);
-    let mut dialogue = Dialogue::open(&place.name, address, carrier, ADMIN, network).await?;
+/// Asks a port; none if it does not say. `process` says whether to ask for that, too.
+pub(super) async fn ask(dialogue: &mut Dialogue, name: &str, process: bool) -> Option<Told> {
+    match try_ask(dialogue, name, process).await {
+        Ok(told) => Some(told),
+        Err(error) => {
+            tracing::debug!("{name} does not tell of its connections: {error}");
+            None
+        }
+    }
+}
+
+async fn try_ask(dialogue: &mut Dialogue, name: &str, process: bool) -> Result<Told, PortError> {
     let answer = dialogue.admin(&admin::property("counters")).await?;
     let links = match PortCounters::from_bottle(&answer) {
         Some(counters) => counted(counters),
-        None => listed(&mut dialogue).await?,
+        None => listed(dialogue).await?,
     };
     let process = match process {
-        true => process_in(&dialogue.admin(&admin::property(&place.name)).await?),
+        true => process_in(&dialogue.admin(&admin::property(name)).await?),
         false => None,
     };
     Ok(Told { links, process })

@@ -11,7 +11,7 @@
 //! Nothing at these addresses changes anything. All other addresses are answered as any port
 //! answers them: `/form` is the plain page, `/data=list` the list of stock.
 //!
-//! States and connections are known from the ports themselves. They are asked only while somebody
+//! The states are those of the registry. Connections are known from the ports themselves, which are asked only while somebody
 //! looks: an answer tells what was heard last and starts another round of questions, not sooner
 //! than [`Settings::interval`] after the last one. The first answer waits a little for the first
 //! round, two seconds unless the field `wait` says otherwise (`/api/names?wait=0`).

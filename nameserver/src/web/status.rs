@@ -1,45 +1,19 @@
 //! What is known of each name.
 
-use std::io::ErrorKind;
+use std::time::Instant;
 
 use serde::Serialize;
-use yarp_ports::PortError;
 
 use super::ask::Process;
 use super::survey::Survey;
-use crate::registry::Registry;
-
-/// Whether a port is there.
-#[derive(Clone, Copy, Debug, Eq, PartialEq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub(super) enum State {
-    /// It answered.
-    Alive,
-    /// Its machine cannot be reached, or it does not answer in time, or not as a port.
-    Unreachable,
-    /// Its machine says that nobody listens there.
-    Gone,
-    /// It has not been asked yet, or cannot be asked.
-    Unknown,
-}
-
-impl State {
-    /// What a port is after it could not be asked.
-    pub(super) fn after(error: &PortError) -> Self {
-        match error {
-            PortError::Connect { source, .. } if source.kind() == ErrorKind::ConnectionRefused => {
-                Self::Gone
-            }
-            _ => Self::Unreachable,
-        }
-    }
-}
+use crate::registry::{Known, Registry};
 
 /// A name, as the page and programs are told of it.
 #[derive(Debug, Serialize)]
 pub(super) struct NameStatus {
     name: String,
-    state: State,
+    /// `alive`, `unreachable` or `gone`.
+    state: String,
     /// Why it is not alive, in words.
     #[serde(skip_serializing_if = "Option::is_none")]
     reason: Option<String>,
@@ -56,12 +30,12 @@ pub(super) struct NameStatus {
     process: Option<Process>,
 }
 
-/// All names, sorted: what the registry holds, joined with what the ports said.
-///
-/// This is the one place that says in which state a name is.
+/// All names, sorted: what the registry holds and knows of their lives, joined with what the ports
+/// said of themselves.
 pub(super) fn names(registry: &Registry, survey: &Survey) -> Vec<NameStatus> {
     let heard = survey.heard();
-    let status = |place: &yarp_ports::Place| {
+    let status = |held: Known| {
+        let place = held.registration;
         let known = heard.get(&place.name);
         let values = |key| registry.values(&place.name, key);
         let process = known.and_then(|known| known.process.clone()).or_else(|| {
@@ -72,16 +46,16 @@ pub(super) fn names(registry: &Registry, survey: &Survey) -> Vec<NameStatus> {
             })
         });
         NameStatus {
-            name: place.name.clone(),
-            state: known.map_or(State::Unknown, |known| known.state),
-            reason: known.and_then(|known| known.reason.clone()),
-            host: place.host.clone(),
-            port: place.port,
-            carrier: place.carrier.clone(),
+            state: held.state.to_string(),
+            reason: held.reason,
             accepts: values("accepts").to_vec(),
             type_name: values("type").first().cloned(),
             process,
+            name: place.name,
+            host: place.host,
+            port: place.port,
+            carrier: place.carrier,
         }
     };
-    registry.registrations().map(status).collect()
+    registry.known(Instant::now()).map(status).collect()
 }

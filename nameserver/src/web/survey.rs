@@ -7,13 +7,12 @@ use std::time::Duration;
 use tokio::sync::{Notify, watch};
 use tokio::task::{JoinError, JoinSet};
 use tokio::time::Instant;
-use yarp_ports::{Network, Place, PortError};
+use yarp_ports::{Network, Place};
 use yarp_wire::name_service::Registration;
 
 use super::ask::{self, Counted, Process, Told};
-use super::status::State;
-use crate::registry::Registry;
-use crate::server::lock;
+use crate::desk::Desk;
+use crate::watch::meet;
 
 /// How the ports are asked.
 #[derive(Clone, Debug)]
@@ -43,17 +42,14 @@ pub(crate) struct Survey {
     heard: Mutex<HashMap<String, Heard>>,
 }
 
-/// A port that was asked, and what it said.
-type Done = (Place, Result<Told, PortError>);
+/// A port that was asked, and what it said, if it did.
+type Done = (Place, Option<Told>);
 
 /// What is known of one port.
 #[derive(Debug)]
 pub(super) struct Heard {
     /// Where it was asked; another place is another port.
     place: Place,
-    pub(super) state: State,
-    /// Why it is not alive.
-    pub(super) reason: Option<String>,
     pub(super) process: Option<Process>,
     pub(super) links: Vec<Measured>,
     /// When the links were told.
@@ -117,25 +113,26 @@ impl Survey {
     }
 
     /// Makes the rounds; for ever.
-    pub(crate) async fn run(self: Arc<Self>, registry: Arc<Mutex<Registry>>) {
+    pub(crate) async fn run(self: Arc<Self>, desk: Arc<Desk>) {
         let Some(interval) = self.settings.interval else {
             return;
         };
         loop {
             self.wanted.notified().await;
-            let places = lock(&registry)
+            let places = desk
+                .registry()
                 .registrations()
                 .filter(|place| can_be_asked(place))
                 .cloned()
                 .collect();
-            self.round(places, interval).await;
+            self.round(&desk, places, interval).await;
             self.rounds.send_modify(|rounds| *rounds += 1);
             tokio::time::sleep(interval).await;
         }
     }
 
     /// Asks each port whose turn it is.
-    async fn round(&self, places: Vec<Place>, interval: Duration) {
+    async fn round(&self, desk: &Arc<Desk>, places: Vec<Place>, interval: Duration) {
         let waiting = self.due(places);
         let mut asking = JoinSet::new();
         for (place, process) in waiting {
@@ -143,17 +140,19 @@ impl Survey {
                 self.keep(asking.join_next().await, interval);
             }
             let network = self.settings.network.clone();
-            let step = network.deadline();
+            let desk = desk.clone();
             asking.spawn(async move {
-                let asking = ask::ask(&place, &network, process);
-                let told = match tokio::time::timeout(step * STEPS, asking).await {
-                    Ok(told) => told,
-                    Err(_) => Err(PortError::Deadline {
-                        peer: place.name.clone(),
-                        step: "all its answers",
-                        seconds: (step * STEPS).as_secs_f64(),
-                    }),
+                let (look, dialogue) = meet(&network, &place).await;
+                desk.note(&place, look);
+                let most = network.deadline() * STEPS;
+                let told = match dialogue {
+                    Some(mut dialogue) => {
+                        let asking = ask::ask(&mut dialogue, &place.name, process);
+                        tokio::time::timeout(most, asking).await
+                    }
+                    None => Ok(None),
                 };
+                let told = told.unwrap_or_default();
                 (place, told)
             });
         }
@@ -197,22 +196,15 @@ impl Survey {
 }
 
 impl Heard {
-    fn after(
-        before: Option<Self>,
-        place: Place,
-        told: Result<Told, PortError>,
-        interval: Duration,
-    ) -> Self {
+    fn after(before: Option<Self>, place: Place, told: Option<Told>, interval: Duration) -> Self {
         let at = Instant::now();
         let told = match told {
-            Ok(told) => told,
-            Err(error) => {
+            Some(told) => told,
+            None => {
                 let failures = before.as_ref().map_or(0, |before| before.failures) + 1;
                 let rest = interval * 2_u32.saturating_pow(failures.min(16));
                 return Self {
                     place,
-                    state: State::after(&error),
-                    reason: Some(error.story()),
                     process: before.and_then(|before| before.process),
                     links: Vec::new(),
                     at,
@@ -238,8 +230,6 @@ impl Heard {
         });
         Self {
             links: links.collect(),
-            state: State::Alive,
-            reason: None,
             process: told.process.or(before.and_then(|before| before.process)),
             place,
             at,

@@ -129,10 +129,9 @@ function figure(number) {
 
 // What a state looks like beside its colour.
 export const STATES = {
-  alive: { sign: "●", words: "alive", title: "It answered when it was last asked" },
+  alive: { sign: "●", words: "alive", title: "It answered when it was last looked at, or says by itself that it is there" },
   unreachable: { sign: "▲", words: "unreachable", title: "It does not answer, or not in time" },
   gone: { sign: "✕", words: "gone", title: "Nobody listens where it should be" },
-  unknown: { sign: "○", words: "unknown", title: "It has not been asked" },
   absent: { sign: "◌", words: "not registered", title: "A port names it, the name server does not know it" },
 };
 
@@ -145,7 +144,7 @@ export function element(tag, className = "", text = "") {
 }
 
 export function stateBadge(state) {
-  const { sign, words, title } = STATES[state] ?? STATES.unknown;
+  const { sign, words, title } = STATES[state] ?? STATES.absent;
   const badge = element("span", `state ${state}`);
   badge.title = title;
   const mark = element("span", "sign", sign);
