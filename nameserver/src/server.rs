@@ -34,6 +34,9 @@ use crate::web::{self, Survey, Web};
 pub struct ServerOptions {
     /// The host that clients are told, and that is registered.
     pub host: String,
+    /// The address of this machine that it listens at, and is found by multicast through; none
+    /// for all of them. Clients are told [`ServerOptions::host`], whatever this is.
+    pub bind: Option<Ipv4Addr>,
     /// The TCP port; 0 takes a free one.
     pub port: u16,
     /// The name of its own port: the namespace.
@@ -83,6 +86,7 @@ impl Default for ServerOptions {
         let settings = Settings::at(&addresses::best(), DEFAULT_PORT);
         Self {
             host: settings.host,
+            bind: None,
             port: settings.port,
             namespace: settings.name,
             multicast_port: Some(settings.multicast_port),
@@ -134,6 +138,12 @@ impl ServerOptions {
         host.clone_into(&mut self.host);
         self.port = port;
         self.multicast_port = None;
+        self
+    }
+
+    /// The same options, listening at this address of the machine alone.
+    pub fn bind(mut self, address: Ipv4Addr) -> Self {
+        self.bind = Some(address);
         self
     }
 
@@ -271,7 +281,7 @@ impl Server {
             registry,
             survey: survey.clone(),
         };
-        let port_options = PortOptions::new()
+        let mut port_options = PortOptions::new()
             .unregistered()
             .number(options.port)
             .pages(move |request| pages.page(request))
@@ -279,6 +289,9 @@ impl Server {
             // Each request is looked at by itself.
             .open_to_messages()
             .handler(handler);
+        if let Some(address) = options.bind {
+            port_options = port_options.address(address);
+        }
         let network = options
             .network(options.port)
             .with_roles(options.roles.clone());
@@ -301,7 +314,7 @@ impl Server {
         if let Some(number) = options.multicast_port {
             // Nobody shows a key in a datagram: where this server is, is all that is told then.
             let only = options.is_guarded().then(|| options.namespace.clone());
-            tasks.extend(answer_detection(number, &desk, only));
+            tasks.extend(answer_detection(number, options.bind, &desk, only));
         }
         Ok(Self {
             port,
@@ -374,7 +387,11 @@ impl ServerOptions {
     /// The registry as it is when the server starts.
     fn registry(&self, port: u16, kept: &[Change]) -> Registry {
         let mut registry = Registry::new(self.settings(port));
-        introduce(&mut registry, &self.namespace);
+        let own = match self.bind {
+            Some(address) => vec![address.to_string()],
+            None => addresses::own(),
+        };
+        introduce(&mut registry, &self.namespace, own);
         registry.restore(Instant::now(), kept.iter().cloned());
         registry
     }
@@ -385,13 +402,13 @@ pub(crate) fn lock(registry: &Mutex<Registry>) -> MutexGuard<'_, Registry> {
 }
 
 /// The server says about its own port what any port says.
-fn introduce(registry: &mut Registry, name: &str) {
+fn introduce(registry: &mut Registry, name: &str, addresses: Vec<String>) {
     let mut carriers: Vec<String> = ALL.map(|carrier| carrier.name.to_owned()).to_vec();
     carriers.dedup();
     for (key, values) in [
         ("offers", carriers.clone()),
         ("accepts", carriers),
-        ("ips", addresses::own()),
+        ("ips", addresses),
         ("process", vec![std::process::id().to_string()]),
     ] {
         let request = Request::plain(Command::Set {
@@ -447,10 +464,15 @@ async fn disconnect(network: Network, link: Link) {
     let _ = remote::administer(&network, &link.source, &request).await;
 }
 
-/// Answers multicast detection on UDP port `number`, if the system lets us; `only` questions for the
-/// server of this name, if there is one.
-fn answer_detection(number: u16, desk: &Arc<Desk>, only: Option<String>) -> Option<JoinHandle<()>> {
-    let socket = match group_socket(number) {
+/// Answers multicast detection on UDP port `number`, if the system lets us, of those who are on the
+/// network of `address`; `only` questions for the server of this name, if there is one.
+fn answer_detection(
+    number: u16,
+    address: Option<Ipv4Addr>,
+    desk: &Arc<Desk>,
+    only: Option<String>,
+) -> Option<JoinHandle<()>> {
+    let socket = match group_socket(number, address) {
         Ok(socket) => socket,
         Err(error) => {
             tracing::warn!(
@@ -489,12 +511,19 @@ fn answer_detection(number: u16, desk: &Arc<Desk>, only: Option<String>) -> Opti
 }
 
 /// A socket in the group of name servers.
-fn group_socket(number: u16) -> io::Result<UdpSocket> {
+fn group_socket(number: u16, address: Option<Ipv4Addr>) -> io::Result<UdpSocket> {
     let socket = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
     // Clients that look for servers listen on the same port of the same machine.
     socket.set_reuse_address(true)?;
     socket.set_nonblocking(true)?;
     socket.bind(&SocketAddrV4::new(Ipv4Addr::UNSPECIFIED, number).into())?;
-    socket.join_multicast_v4(&discovery::GROUP, &Ipv4Addr::UNSPECIFIED)?;
+    if let Some(address) = address {
+        socket.set_multicast_if_v4(&address)?;
+        // Else what comes through networks that others have joined would come here, too.
+        #[cfg(target_os = "linux")]
+        socket.set_multicast_all_v4(false)?;
+    }
+    let interface = address.unwrap_or(Ipv4Addr::UNSPECIFIED);
+    socket.join_multicast_v4(&discovery::GROUP, &interface)?;
     UdpSocket::from_std(socket.into())
 }

@@ -1,6 +1,7 @@
 //! `yarp server`: the name server.
 
-use std::io::Write;
+use std::io::{ErrorKind, Write};
+use std::net::Ipv4Addr;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -52,7 +53,11 @@ pub(crate) struct Args {
     /// Take the host from the configuration, which must be there
     #[arg(long)]
     read: bool,
-    /// Address to be reached under
+    /// Address of this machine to listen at, instead of all; clients are told it, too, unless --ip
+    /// or --advertise names another
+    #[arg(long, value_name = "ADDRESS")]
+    bind: Option<String>,
+    /// Address to be reached under; what it listens at is another thing, see --bind
     #[arg(long, value_name = "ADDRESS")]
     ip: Option<String>,
     /// Address that clients are told, also if this machine does not have it: behind a translation
@@ -128,6 +133,7 @@ impl Args {
         self.cautious |= take_flag(rest, "--cautious");
         self.replace |= take_flag(rest, "--replace");
         for (option, held) in [
+            ("--bind", &mut self.bind),
             ("--ip", &mut self.ip),
             ("--advertise", &mut self.advertise),
             ("--ports", &mut self.ports),
@@ -169,6 +175,14 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             return Ok(ExitCode::FAILURE);
         }
     };
+    let bind = match args.bind.as_deref().map(str::parse::<Ipv4Addr>) {
+        Some(Err(_)) => {
+            complain(out, "--bind: expected an IPv4 address of this machine")?;
+            return Ok(ExitCode::FAILURE);
+        }
+        bind => bind.and_then(std::result::Result::ok),
+    };
+    let bind = bind.filter(|address| !address.is_unspecified());
     let numbers = match args.ports.as_deref().map(parse_range) {
         Some(None) => {
             complain(out, "--ports: expected FIRST-LAST, such as 10002-10100")?;
@@ -183,6 +197,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         .key(configuration.key().cloned())
         .roles(configuration.roles().clone());
     options.numbers = numbers;
+    options.bind = bind;
     options.replace = args.replace;
     let times = [
         ("--look-every", &args.look_every, &mut options.look_every),
@@ -237,8 +252,8 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         config::write(&held.file, &place.to_string())?;
     }
     if !args.silent {
-        if configuration.key().is_none() {
-            // It listens at all addresses of this machine.
+        let is_open = bind.is_none_or(|address| !address.is_loopback());
+        if is_open && configuration.key().is_none() {
             tracing::warn!(
                 target: "yarp.serversql.Server",
                 "No auth.conf with a key: whoever reaches TCP port {} can use this name server",
@@ -387,6 +402,10 @@ fn choose(
         _ if args.advertise.is_some() => args.advertise.clone().unwrap_or_default(),
         (Some(ip), _) if args.read => ip.clone(),
         (None, Some(stored)) if args.read => stored.host.clone(),
+        // Who says where to listen knows where it can be reached.
+        (ip, _) if args.bind.as_deref().is_some_and(|bind| bind != "0.0.0.0") => {
+            ip.clone().or(args.bind.clone()).unwrap_or_default()
+        }
         (Some(ip), _) => reachable(ip),
         (None, _) => addresses::best(),
     };
@@ -450,7 +469,9 @@ fn reachable(ip: &str) -> String {
 pub(super) fn failed(namespace: &str, place: &NameServer, error: &PortError) {
     let NameServer { host, port, .. } = place;
     let reason = match error {
-        PortError::Listen { .. } => "address conflict".to_owned(),
+        PortError::Listen { source, .. } if source.kind() == ErrorKind::AddrInUse => {
+            "address conflict".to_owned()
+        }
         error => error.story(),
     };
     tracing::error!(

@@ -1,6 +1,7 @@
 //! Where a port listens, and who comes.
 
 use std::io;
+use std::net::Ipv4Addr;
 use std::sync::{Arc, Once};
 use std::time::{Duration, Instant};
 
@@ -21,12 +22,17 @@ use crate::stream;
 /// server does not know.
 const OTHER_NUMBERS: usize = 32;
 
-/// Listens at all addresses of this machine.
-pub(super) fn bind(name: &str, number: u16) -> Result<TcpListener, PortError> {
+/// Listens at all addresses of this machine, or at the one that was asked for.
+pub(super) fn bind(
+    name: &str,
+    number: u16,
+    options: &PortOptions,
+) -> Result<TcpListener, PortError> {
+    let address = options.address.unwrap_or(Ipv4Addr::UNSPECIFIED);
     let listen = || {
         let socket = tokio::net::TcpSocket::new_v4()?;
         socket.set_reuseaddr(true)?;
-        socket.bind((std::net::Ipv4Addr::UNSPECIFIED, number).into())?;
+        socket.bind((address, number).into())?;
         socket.listen(1024)
     };
     listen().map_err(|source| PortError::Listen {
@@ -53,7 +59,7 @@ pub(super) async fn elsewhere(
             break;
         };
         invented.push(given.name);
-        if let Ok(listener) = bind(name, given.port) {
+        if let Ok(listener) = bind(name, given.port, options) {
             let asking = Registering {
                 number: Some(given.port.into()),
                 type_name: options.type_name.clone(),

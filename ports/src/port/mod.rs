@@ -132,7 +132,7 @@ impl Port {
         } else {
             (name, network.own_host(), options.number.unwrap_or(0))
         };
-        let listener = match listener::bind(&name, number) {
+        let listener = match listener::bind(&name, number, &options) {
             Err(taken) if taken.is_taken() && options.number.is_none() => {
                 let moved = listener::elsewhere(network, &name, &options, taken).await;
                 moved.map(|(place, listener)| {

@@ -1,5 +1,6 @@
 //! How a port is to be opened.
 
+use std::net::Ipv4Addr;
 use std::pin::Pin;
 use std::sync::Arc;
 
@@ -61,6 +62,7 @@ pub(crate) enum Serving {
 pub struct PortOptions {
     pub(crate) input: Input,
     pub(crate) number: Option<u16>,
+    pub(crate) address: Option<Ipv4Addr>,
     pub(crate) outputs: Outputs,
     pub(crate) registered: bool,
     pub(crate) dialect: Dialect,
@@ -86,6 +88,7 @@ impl Default for PortOptions {
         Self {
             input: Input::Discard,
             number: None,
+            address: None,
             outputs: Outputs::Any,
             registered: true,
             dialect: Dialect::default(),
@@ -146,6 +149,12 @@ impl PortOptions {
     /// Listens on this TCP port instead of one the name server chooses.
     pub fn number(mut self, number: u16) -> Self {
         self.number = Some(number);
+        self
+    }
+
+    /// Listens at this address of the machine alone, instead of at all.
+    pub fn address(mut self, address: Ipv4Addr) -> Self {
+        self.address = Some(address);
         self
     }
 

@@ -1,0 +1,76 @@
+//! A name server that listens at one address of the machine.
+
+mod common;
+
+use std::net::TcpListener;
+
+use common::Home;
+
+/// A number that nobody else can listen at, save at other addresses.
+fn taken() -> (TcpListener, u16) {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let number = listener.local_addr().unwrap().port();
+    (listener, number)
+}
+
+#[test]
+fn it_listens_there_and_nowhere_else_and_clients_are_told() {
+    let home = Home::new();
+    let (elsewhere, number) = taken();
+    // At all addresses there is no room: somebody listens at another one.
+    let words = format!("server --ip 127.0.0.1 --socket {number} --write");
+    let ended = home.run(&words).with(1);
+    let conflict = |line: &String| line.contains("address conflict");
+    assert!(ended.err.iter().any(conflict), "{ended:?}");
+    let words = format!("server --bind 127.0.0.2 --socket {number} --write");
+    let server = home.start(&words).see("Ok. Ready!");
+    let place = format!("127.0.0.2 {number} yarp\n");
+    assert_eq!(home.file("yarp.conf"), Some(place));
+    let own = format!("registration name /root ip 127.0.0.2 port {number} type tcp");
+    assert!(home.run("name query /root").with(0).says(&own));
+    assert!(
+        home.run("name get /root ips")
+            .with(0)
+            .says("ips = 127.0.0.2")
+    );
+    drop((elsewhere, server));
+}
+
+#[test]
+fn what_clients_are_told_can_be_another_address() {
+    let home = Home::new();
+    let (elsewhere, number) = taken();
+    let words = format!("server --bind 127.0.0.2 --advertise 127.0.0.1 --socket {number} --write");
+    let server = home.start(&words).see("Ok. Ready!");
+    assert_eq!(
+        home.file("yarp.conf"),
+        Some(format!("127.0.0.1 {number} yarp\n"))
+    );
+    std::fs::write(
+        home.path().join("yarp.conf"),
+        format!("127.0.0.2 {number}\n"),
+    )
+    .unwrap();
+    let own = format!("registration name /root ip 127.0.0.1 port {number} type tcp");
+    assert!(home.run("name query /root").with(0).says(&own));
+    drop((elsewhere, server));
+}
+
+#[test]
+fn an_address_that_the_machine_does_not_have_is_refused() {
+    let home = Home::new();
+    let ended = home
+        .run("server --local --bind localhost --socket 1")
+        .with(1);
+    assert!(ended.says("--bind: expected an IPv4 address"), "{ended:?}");
+    let (_elsewhere, number) = taken();
+    let words = format!("server --local --memory --bind 192.0.2.77 --socket {number}");
+    let ended = home.run(&words).with(1);
+    assert!(
+        ended
+            .err
+            .iter()
+            .any(|line| line.contains("192.0.2.77") && !line.contains("conflict")),
+        "{ended:?}"
+    );
+}
