@@ -1,9 +1,19 @@
 #!/usr/bin/env bash
 # Runs the benchmark: ours beside stock, on a name server of ours on a free port.
+#
+#   conformance/bench/run.sh            everything
+#   conformance/bench/run.sh only names the name servers alone
+#   conformance/bench/run.sh WORDS      `bench` with these words
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 : "${STOCK:?set STOCK to the folder of stock YARP; \`make bench\` does}"
 . conformance/stock/environment.sh
+
+if [ "$*" = "only names" ]; then
+    cargo build --quiet --release -p yarp-cli
+    cargo build --quiet --release -p yarp-conformance --bin bench_names
+    YARP=target/release/yarp exec target/release/bench_names
+fi
 
 work=$(mktemp -d)
 server=
