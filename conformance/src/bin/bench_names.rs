@@ -533,13 +533,25 @@ fn crowd(server: &Server) -> Result<(), Failure> {
 }
 
 /// How long `yarp clean` takes for names whose ports are gone: half of them where nobody listens, half
-/// where somebody listens and says nothing.
+/// where no answer comes at all, as from a machine that is off.
 fn dead_names(home: &Home) -> Result<(), Failure> {
     let home = home.fresh()?;
     let server = Kind::Ours.start(&home)?;
-    let stuck = TcpListener::bind("127.0.0.1:0")?;
+    // Who has no room for connections lets the system drop what asks for them.
+    let off = Socket::new(Domain::IPV4, Type::STREAM, None)?;
+    off.bind(&SocketAddrV4::new(Ipv4Addr::LOCALHOST, 0).into())?;
+    off.listen(0)?;
+    let off = TcpListener::from(off);
+    let mut fillers = Vec::new();
+    for _ in 0..4 {
+        let filler = Socket::new(Domain::IPV4, Type::STREAM, None)?;
+        filler.set_nonblocking(true)?;
+        // It is under way, which is as good as there.
+        let _ = filler.connect(&off.local_addr()?.into());
+        fillers.push(filler);
+    }
     let gone = TcpListener::bind("127.0.0.1:0")?;
-    let numbers = [stuck.local_addr()?.port(), gone.local_addr()?.port()];
+    let numbers = [off.local_addr()?.port(), gone.local_addr()?.port()];
     drop(gone);
     for index in 0..DEAD {
         let number = numbers[index % 2];
@@ -559,6 +571,7 @@ fn dead_names(home: &Home) -> Result<(), Failure> {
         .stderr(Stdio::null())
         .status()?;
     let took = began.elapsed();
+    drop((off, fillers));
     let left = names(&ask(server.port, 1, Style::Plain, "list /dead")?);
     println!(
         "`yarp clean`, {DEAD} dead names: {:.2} s, {left} left, success {}   aim < 10 s",

@@ -46,7 +46,7 @@ pub(super) async fn serve(
     let (caller, mut farewell) = caller.unzip();
     let mut closing = core.cancelled.clone();
     let stream = Socket::Tcp(stream);
-    core.network.roles().refresh();
+    core.network.roles().refresh_if_due(Instant::now());
     if let Some(key) = core.network.key() {
         let known = tokio::select! {
             known = auth::accept(&stream, key) => known,

@@ -102,12 +102,15 @@ pub(super) async fn listen(core: Arc<Core>, listener: TcpListener) {
     let callers = core.options.callers.map(Callers::new);
     let silence = tokio::time::sleep(Duration::ZERO);
     tokio::pin!(silence);
+    let prepared = stream::prepare_all(&listener);
     loop {
         tokio::select! {
             accepted = listener.accept() => match accepted {
                 Ok((stream, peer)) => {
-                    // Without it small messages are late, but they come.
-                    let _ = stream::prepare(&stream);
+                    if !prepared {
+                        // Without it small messages are late, but they come.
+                        let _ = stream::prepare(&stream);
+                    }
                     let caller = match &callers {
                         None => None,
                         Some(callers) => match callers.admit(Instant::now()) {

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::SystemTime;
+use std::time::{Duration, Instant, SystemTime};
 
 use super::table::RoleTable;
 use super::{Peer, Rights};
@@ -29,7 +29,12 @@ struct State {
     table: RoleTable,
     /// The file that was last read, well or not.
     seen: Option<Seen>,
+    /// When the files were last looked at because somebody came.
+    looked: Option<Instant>,
 }
+
+/// Time between two looks at the files, however many come.
+const LOOK_EVERY: Duration = Duration::from_millis(1);
 
 /// A file as it was.
 #[derive(Clone, Debug, Eq, PartialEq)]
@@ -53,7 +58,11 @@ impl Roles {
                 break;
             }
         }
-        let state = Mutex::new(State { table, seen: None });
+        let state = Mutex::new(State {
+            table,
+            seen: None,
+            looked: None,
+        });
         Ok(Self(Some(Arc::new(Watched {
             files,
             generation: AtomicU64::new(1),
@@ -70,6 +79,23 @@ impl Roles {
                 source,
             })
         })
+    }
+
+    /// As [`Roles::refresh`], for each connection that comes: at most once in a millisecond, since they
+    /// may come by the ten thousand in a second, and each look is a question to the system per file.
+    pub(crate) fn refresh_if_due(&self, now: Instant) {
+        let Some(watched) = &self.0 else {
+            return;
+        };
+        {
+            let mut state = watched.state.lock().unwrap_or_else(PoisonError::into_inner);
+            let due = |then| now >= then + LOOK_EVERY;
+            if !state.looked.is_none_or(due) {
+                return;
+            }
+            state.looked = Some(now);
+        }
+        self.refresh();
     }
 
     /// Reads the file again if it is another than last time; what cannot be used is reported to the
@@ -180,6 +206,21 @@ mod tests {
         let before = roles.generation();
         roles.refresh();
         assert_eq!(roles.generation(), before);
+    }
+
+    #[test]
+    fn files_are_not_looked_at_more_often_than_once_in_a_millisecond() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("roles.conf");
+        fs::write(&file, NONE).unwrap();
+        let roles = Roles::from_file(&file).unwrap();
+        let now = Instant::now();
+        roles.refresh_if_due(now);
+        fs::write(&file, ALL).unwrap();
+        roles.refresh_if_due(now + LOOK_EVERY / 2);
+        assert!(!reads(&roles));
+        roles.refresh_if_due(now + LOOK_EVERY);
+        assert!(reads(&roles));
     }
 
     /// A file that an editor replaces is gone for a moment; nobody must get in then.
