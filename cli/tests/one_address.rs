@@ -33,7 +33,13 @@ fn it_listens_there_and_nowhere_else_and_clients_are_told() {
             .with(0)
             .says("ips = 127.0.0.2")
     );
-    drop((elsewhere, server));
+    let ended = server.signal("INT").finish().with(0);
+    let warned = |line: &String| line.contains("No auth.conf");
+    assert!(
+        !ended.err.iter().any(warned),
+        "nobody else can reach it: {ended:?}"
+    );
+    drop(elsewhere);
 }
 
 #[test]

@@ -213,3 +213,44 @@ fn states_are_listed() {
     assert_eq!(below.out.len(), 2, "{below:?}");
     drop(server);
 }
+
+/// Root may read everything: the server runs as somebody else then.
+#[test]
+fn the_configuration_of_another_user_is_named_and_left_alone() {
+    let home = Home::new();
+    std::fs::set_permissions(home.path(), PermissionsExt::from_mode(0o777)).unwrap();
+    let file = home.path().join("yarp.conf");
+    std::fs::write(&file, "192.0.2.5 10310 yarp\n").unwrap();
+    std::fs::set_permissions(&file, PermissionsExt::from_mode(0o000)).unwrap();
+    let program = home.path().join("yarp");
+    std::fs::copy(env!("CARGO_BIN_EXE_yarp"), &program).unwrap();
+    let mut command = Command::new(&program);
+    command.args(["server", "--memory", "--socket", "1", "--write"]);
+    command.current_dir(home.path());
+    let is_root = std::fs::read(&file).is_ok();
+    if is_root {
+        command.uid(65_534);
+    }
+    let ended = home.spawn(command, "server").finish();
+    assert_ne!(ended.code, Some(0), "{ended:?}");
+    let named = |line: &String| line.contains("cannot read") && line.contains("yarp.conf");
+    assert!(ended.err.iter().any(named), "{ended:?}");
+    std::fs::set_permissions(&file, PermissionsExt::from_mode(0o600)).unwrap();
+    let left = home.file("yarp.conf");
+    assert_eq!(left.as_deref(), Some("192.0.2.5 10310 yarp\n"));
+}
+
+#[test]
+fn with_memory_alone_a_restart_forgets() {
+    let home = Home::new();
+    let server = home.serve_with("--memory");
+    let port = home.server_port();
+    assert!(ask(port, b"register /a").starts_with(b"registration "));
+    assert_eq!(home.names(), ["/a"]);
+    server.kill();
+    let words = format!("server --ip 127.0.0.1 --socket {port} --write --memory");
+    let server = home.start(&words).see("Ok. Ready!");
+    assert!(home.names().is_empty());
+    assert!(!home.path().join("data/nameserver").exists());
+    drop(server);
+}

@@ -121,3 +121,43 @@ async fn ports_of_ours_hold_a_lease() {
     assert_eq!(state(&server, "/a"), None);
     server.close().await;
 }
+
+/// However many ports there are, few are looked at at the same time.
+#[tokio::test]
+async fn looks_are_bounded() {
+    const PORTS: usize = 80;
+    let mut options = options();
+    options.look_every = Some(Duration::from_secs(1));
+    let server = Server::start(options).await.unwrap();
+    let network = server.network();
+    let silent = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let number = silent.local_addr().unwrap().port();
+    for index in 0..PORTS {
+        register(&network, &format!("/silent/{index}"), number).await;
+    }
+    let (mut come, mut most) = (0, 0);
+    let mut open = tokio::task::JoinSet::new();
+    let watching = async {
+        while come < PORTS {
+            tokio::select! {
+                // Who is gone is counted out first.
+                biased;
+                Some(_) = open.join_next() => {}
+                accepted = silent.accept() => {
+                    let (mut stream, _) = accepted.unwrap();
+                    come += 1;
+                    open.spawn(async move {
+                        // Takes what is said and answers nothing.
+                        let _ = tokio::io::copy(&mut stream, &mut tokio::io::sink()).await;
+                    });
+                    most = most.max(open.len());
+                }
+            }
+        }
+    };
+    let all = tokio::time::timeout(PATIENCE, watching).await;
+    assert!(all.is_ok(), "only {come} have been looked at");
+    // 32, and some whose end has not been heard of.
+    assert!((1..=64).contains(&most), "{most} at once");
+    server.close().await;
+}
