@@ -7,6 +7,7 @@ use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::process::CommandExt;
+use std::path::PathBuf;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
@@ -57,6 +58,18 @@ fn a_database_that_cannot_be_used_is_named_and_left_alone() {
     );
 }
 
+/// A copy of the program where everybody may run it.
+///
+/// Another program makes it: a file that this one has open for writing is open in every child that
+/// another test starts at that moment, too, and cannot be run as long as that holds it.
+fn a_copy(home: &Home) -> PathBuf {
+    let copy = home.path().join("yarp");
+    let mut command = Command::new("cp");
+    let made = command.arg(env!("CARGO_BIN_EXE_yarp")).arg(&copy).status();
+    assert!(made.unwrap().success());
+    copy
+}
+
 /// Root may read everything: the server runs as somebody else then.
 #[test]
 fn the_database_of_another_user_is_refused() {
@@ -65,9 +78,7 @@ fn the_database_of_another_user_is_refused() {
     let file = home.path().join("theirs.db");
     std::fs::write(&file, "").unwrap();
     std::fs::set_permissions(&file, PermissionsExt::from_mode(0o000)).unwrap();
-    let program = home.path().join("yarp");
-    std::fs::copy(env!("CARGO_BIN_EXE_yarp"), &program).unwrap();
-    let mut command = Command::new(&program);
+    let mut command = Command::new(a_copy(&home));
     command
         .args(["server", "--socket", "1", "--local", "--portdb"])
         .arg(&file);
@@ -222,9 +233,7 @@ fn the_configuration_of_another_user_is_named_and_left_alone() {
     let file = home.path().join("yarp.conf");
     std::fs::write(&file, "192.0.2.5 10310 yarp\n").unwrap();
     std::fs::set_permissions(&file, PermissionsExt::from_mode(0o000)).unwrap();
-    let program = home.path().join("yarp");
-    std::fs::copy(env!("CARGO_BIN_EXE_yarp"), &program).unwrap();
-    let mut command = Command::new(&program);
+    let mut command = Command::new(a_copy(&home));
     command.args(["server", "--memory", "--socket", "1", "--write"]);
     command.current_dir(home.path());
     let is_root = std::fs::read(&file).is_ok();
