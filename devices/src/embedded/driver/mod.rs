@@ -250,5 +250,6 @@ impl Shared {
             warn!(peer = %state.link.peer, %trouble, "the embedded arm is out of reach; it holds by itself");
         }
         state.lose(trouble);
+        state.link.failures += 1;
     }
 }

@@ -20,7 +20,9 @@ pub struct Link {
     pub peer: String,
     /// How many connections there have been whose opening succeeded.
     pub sessions: u64,
-    /// Which step the last connection broke at, and why.
+    /// How often connecting failed or a connection broke.
+    pub failures: u64,
+    /// Which step that was at last, and why.
     pub last_failure: Option<String>,
     /// Why the last move ended otherwise than at its target.
     pub last_interruption: Option<String>,
@@ -100,6 +102,7 @@ impl Shared {
                 state: LinkState::Down,
                 peer: "the embedded PC".to_owned(),
                 sessions: 0,
+                failures: 0,
                 last_failure: None,
                 last_interruption: None,
                 turned_away: 0,

@@ -15,7 +15,6 @@ use self::arm::Arm;
 use self::session::{End, Session};
 use super::backoff::Backoff;
 use super::meeting::{Meeter, Meeting, Places, join};
-use super::trouble::{Cause, Trouble};
 use crate::{Device, DeviceError};
 
 /// How a server runs.
@@ -139,8 +138,9 @@ impl Drop for WamNode {
 impl Shared {
     fn run(&self, meeter: &Meeter, mut arm: Arm, options: &NodeOptions) {
         let mut backoff = Backoff::new(options.first_pause, options.longest_pause);
+        let mut told = String::new();
         while !self.ending.load(Ordering::Acquire) {
-            let end = match meeter.meet(&self.ending) {
+            match meeter.meet(&self.ending) {
                 Ok(None) => break,
                 Ok(Some(pair)) => {
                     {
@@ -153,23 +153,20 @@ impl Shared {
                     if served > 0 {
                         backoff.reset();
                     }
-                    end
+                    match &end {
+                        End::Shutdown => info!("the client said goodbye; the arm holds"),
+                        End::Lost(trouble) => warn!(%trouble, "the client is gone; the arm holds"),
+                    }
+                    let mut status = self.status();
+                    status.connected = false;
+                    status.last_end = Some(end.to_string());
                 }
-                Err(error) => End::Lost(Trouble {
-                    step: "connecting".to_owned(),
-                    cause: Cause::io(&error, options.patience),
-                }),
-            };
-            let told = end.to_string();
-            let mut status = self.status();
-            let news = status.last_end.as_ref() != Some(&told) || status.connected;
-            status.connected = false;
-            status.last_end = Some(told);
-            drop(status);
-            if news && !self.ending.load(Ordering::Acquire) {
-                match end {
-                    End::Shutdown => info!("the client said goodbye; the arm holds"),
-                    End::Lost(trouble) => warn!(%trouble, "no client; the arm holds"),
+                Err(error) => {
+                    let error = error.to_string();
+                    if error != told {
+                        warn!(error, "no client yet");
+                        told = error;
+                    }
                 }
             }
             backoff.wait(&self.ending);

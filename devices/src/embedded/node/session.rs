@@ -84,8 +84,7 @@ impl<'a> Session<'a> {
                 .set_write_timeout(Some(self.options.patience))?;
             self.stream.peer_addr()
         };
-        let peer =
-            prepare().map_err(|error| self.broken("opening the connection", &error))?;
+        let peer = prepare().map_err(|error| self.broken("opening the connection", &error))?;
         info!(%peer, "a client is connected");
         let mut piece = [0; 512];
         while !self.shared.ending.load(Ordering::Acquire) {
