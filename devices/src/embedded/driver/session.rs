@@ -349,10 +349,9 @@ impl<'a> Session<'a> {
             } else {
                 "waiting for its acknowledgement"
             };
+            // One look also when the time is up: it may be we who stood still.
             let left = deadline.saturating_duration_since(Instant::now());
-            if left.is_zero() {
-                return Err(trouble(doing, Cause::Silent(patience)));
-            }
+            let left = left.max(Duration::from_millis(1));
             let read = self
                 .arm
                 .set_read_timeout(Some(left))
@@ -370,7 +369,12 @@ impl<'a> Session<'a> {
                         std::io::ErrorKind::WouldBlock
                             | std::io::ErrorKind::TimedOut
                             | std::io::ErrorKind::Interrupted
-                    ) => {}
+                    ) =>
+                {
+                    if Instant::now() >= deadline {
+                        return Err(trouble(doing, Cause::Silent(patience)));
+                    }
+                }
                 Err(error) => return Err(trouble(doing, Cause::io(&error, patience))),
             }
         }
