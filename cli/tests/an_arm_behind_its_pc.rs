@@ -33,7 +33,7 @@ fn the_pc_connects_moves_is_killed_and_comes_again() {
     let ports = free_ports();
     let up = home
         .start(&format!("up --arm embedded --ports {ports}"))
-        .see("run `yarp wam-node` there")
+        .see("run `yarp wam-node` on it")
         .see("Ctrl-C ends it.");
     // Nobody is there yet.
     answers(&home, "[get] [icmd] [cmod] 0", "[hwfa]");

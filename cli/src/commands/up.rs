@@ -176,10 +176,13 @@ fn way(meeting: Meeting) -> String {
     let at = |places: Places| format!("{} and {}", places.arm, places.packets);
     match meeting {
         Meeting::Listen(places) => {
-            format!("waiting at {}; run `yarp wam-node` there", at(places))
+            format!(
+                "waiting for it at {}; run `yarp wam-node` on it",
+                at(places)
+            )
         }
         Meeting::Connect(places) => format!(
-            "going to {}; run `yarp wam-node --listen` there",
+            "going to it at {}; run `yarp wam-node --listen` on it",
             at(places)
         ),
     }
