@@ -122,6 +122,16 @@ fn a_fault_ends_a_move_and_is_told() {
     at_rest(&driver);
     let told = driver.link().last_interruption.expect("it says why");
     assert!(told.contains("fault at joint 0"), "{told}");
-    let refused = driver.position_move(Axes::One(0.into()), &[5.0]);
+    let base = Axes::One(0.into());
+    assert_eq!(driver.control_modes(base).unwrap(), [Mode::Idle]);
+    assert!(driver.position_move(base, &[5.0]).is_err());
+    // Only the pendant leads out of it, and then `gra`.
+    let refused = driver.set_control_modes(base, &[Mode::Position]);
     assert!(matches!(refused, Err(DeviceError::Refused { .. })));
+    arm.with(|arm| {
+        arm.safety_mut().press_idle();
+        arm.safety_mut().press_activate();
+    });
+    driver.set_control_modes(base, &[Mode::Position]).unwrap();
+    driver.position_move(base, &[5.0]).unwrap();
 }

@@ -33,6 +33,8 @@ const NEAR: f64 = 1.5;
 /// What a question for the joints and its answer have, in bytes.
 const QUESTION: usize = 3;
 const ANSWER: usize = 57;
+/// How long both ends wait for each other: a machine that stands still for seconds is to be counted, not to end the run.
+const STANDSTILL: Duration = Duration::from_secs(20);
 /// How long a move may take.
 const PATIENCE: Duration = Duration::from_secs(120);
 
@@ -93,9 +95,17 @@ fn run(words: &Words) -> Result<bool, Failure> {
     };
     let driver = EmbeddedWam::start(DriverOptions {
         period,
+        patience: STANDSTILL,
         ..DriverOptions::new(Meeting::anywhere())
     })?;
-    let node = WamNode::start(arm, NodeOptions::new(Meeting::Connect(driver.places())))?;
+    let node = WamNode::start(
+        arm,
+        NodeOptions {
+            patience: STANDSTILL,
+            silence: STANDSTILL,
+            ..NodeOptions::new(Meeting::Connect(driver.places()))
+        },
+    )?;
     rest(&driver)?;
 
     let end = Instant::now() + Duration::try_from_secs_f64(words.minutes * 60.0)?;

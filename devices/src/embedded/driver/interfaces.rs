@@ -268,7 +268,8 @@ impl ControlMode for EmbeddedWam {
         Ok(vec![Mode::Position])
     }
 
-    /// Position; idle as long as the arm is without gravity compensation; a hardware fault without a connection.
+    /// Position; idle as long as the arm is without gravity compensation and after a fault ended a move; a hardware fault
+    /// without a connection. Of a fault at rest the protocol does not tell: the next move is refused.
     fn read_control_modes(&self, axes: Axes<'_>, out: &mut [Mode]) -> Result<(), DeviceError> {
         axes.check(self.total())?;
         axes.check_count(self.total(), "slots for modes", out.len())?;

@@ -319,6 +319,8 @@ impl<'a> Session<'a> {
                     if !packet.done {
                         info!(reason = %packet.reason, "the move ended before its target");
                         state.link.last_interruption = Some(packet.reason);
+                        // Not because of a newer move, so of a fault: `gra` is what leads out.
+                        state.link.state = LinkState::Idle;
                     }
                 } else {
                     // Of an older move, or of a kind that is not ours.

@@ -35,7 +35,7 @@ pub struct Link {
 pub enum LinkState {
     /// Not now; the driver tries by itself.
     Down,
-    /// Yes, but the arm is without gravity compensation and takes no moves.
+    /// Yes, but the arm is without gravity compensation, or a fault ended its move: position mode, that is `gra`, leads out.
     Idle,
     /// Yes, and the arm takes moves.
     Up,
