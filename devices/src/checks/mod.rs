@@ -1,8 +1,8 @@
 //! Behaviours that every control board must show, to be run against any implementation.
 //!
 //! Each check is a function that takes a [`Device`] and panics, as an assertion does, when the device behaves
-//! otherwise. The device must have the interfaces that the check is about and those of motion, at least two joints with more than ten degrees of room each, and be at
-//! rest. A check moves joints and leaves them elsewhere; it ends with everything at rest.
+//! otherwise. The device must have the interfaces that the check is about and those of motion, at least two joints with
+//! more than ten degrees of room each, and be at rest. A check moves joints and leaves them elsewhere; it ends with everything at rest.
 //!
 //! A device may be at the far end of a network: its readings may be late and its refusals come without a reason. So
 //! a check waits until something becomes true, for at most `patience`, and never asks how long it took or

@@ -139,7 +139,7 @@ impl EmbeddedWam {
     pub fn pose(&self) -> Result<CartesianPose, DeviceError> {
         match self.ask(Request::Pose, Goal::Unknown)? {
             Reply::Pose(pose) => Ok(CartesianPose::from_wire(pose)),
-            other => unreachable!("a question for the pose is not answered {other:?}"),
+            _ => Err(DeviceError::NoDataYet { what: "pose" }),
         }
     }
 

@@ -107,7 +107,7 @@ impl Arm {
         if let Err(error) = self.position().stop(Axes::All) {
             tracing::error!(%error, "the arm could not be stopped");
         }
-        self.motion.begin(Instant::now());
+        self.motion.begin();
     }
 
     /// Carries out a request; what it answers, or why `q`.
@@ -163,7 +163,7 @@ impl Arm {
             }
         }
         self.position().position_move(Axes::All, &targets)?;
-        self.motion.begin(Instant::now());
+        self.motion.begin();
         Ok(Reply::Done)
     }
 

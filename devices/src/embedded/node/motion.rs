@@ -38,7 +38,7 @@ impl Motion {
     }
 
     /// A move was accepted; it takes the place of the one before.
-    pub(super) fn begin(&mut self, _: Instant) {
+    pub(super) fn begin(&mut self) {
         self.running = true;
         self.still_since = None;
         self.replaced.append(&mut self.questions);
@@ -131,7 +131,7 @@ mod tests {
     fn a_move_has_ended_when_the_arm_has_stood_for_a_while() {
         let mut motion = Motion::default();
         let now = Instant::now();
-        motion.begin(now);
+        motion.begin();
         assert!(motion.ask());
         assert_eq!(motion.look(now, true), None);
         assert_eq!(motion.look(now + SETTLED / 2, false), None);
@@ -144,9 +144,9 @@ mod tests {
     fn a_newer_move_ends_the_older_one() {
         let mut motion = Motion::default();
         let now = Instant::now();
-        motion.begin(now);
+        motion.begin();
         assert!(motion.ask() && motion.ask());
-        motion.begin(now);
+        motion.begin();
         assert!(motion.ask());
         let replaced = ended(&[1, 2], "a newer move took its place");
         assert_eq!(motion.look(now, true), replaced);
@@ -157,7 +157,7 @@ mod tests {
     #[test]
     fn a_flood_of_questions_is_cut_and_a_new_client_counts_from_one() {
         let mut motion = Motion::default();
-        motion.begin(Instant::now());
+        motion.begin();
         while motion.ask() {}
         assert_eq!(motion.questions.len(), MOST_QUESTIONS);
         motion.forget_questions();

@@ -37,6 +37,9 @@ impl fmt::Display for End {
     }
 }
 
+/// How often further clients are turned away.
+const STRANGERS: Duration = Duration::from_millis(100);
+
 /// A client, in the hands of the server's thread.
 pub(super) struct Session<'a> {
     shared: &'a Shared,
@@ -49,6 +52,7 @@ pub(super) struct Session<'a> {
     served: u64,
     replies: i32,
     heard: Instant,
+    turned_away: Instant,
 }
 
 impl<'a> Session<'a> {
@@ -71,6 +75,7 @@ impl<'a> Session<'a> {
             served: 0,
             replies: 0,
             heard: Instant::now(),
+            turned_away: Instant::now(),
         };
         let end = session.serve().map_or_else(End::Lost, |()| End::Shutdown);
         (session.served, end)
@@ -104,15 +109,15 @@ impl<'a> Session<'a> {
                     ) =>
                 {
                     self.judge_silence()?;
-                    self.meeter.turn_away();
                 }
                 Err(error) => return Err(self.broken(&self.waiting(), &error)),
             }
             while let Some(ended) = self.arm.look() {
-                if ended.questions.is_empty() {
-                    break;
-                }
                 self.tell(&ended)?;
+            }
+            if self.turned_away.elapsed() > STRANGERS {
+                self.turned_away = Instant::now();
+                self.meeter.turn_away();
             }
         }
         Ok(())
