@@ -1,11 +1,11 @@
-//! Every file of the fuzz corpora goes through its target once.
+//! Every file of the fuzz corpora about the embedded PC goes through its target once.
 
 use std::path::{Path, PathBuf};
 
 use yarp_devices::embedded::protocol::{ARM, Packet, Reply, Request, TRAJECTORY};
 
 #[allow(unreachable_pub)]
-#[path = "../fuzz/src/lib.rs"]
+#[path = "../fuzz/src/embedded.rs"]
 mod fuzz;
 
 fn corpora() -> PathBuf {
@@ -35,36 +35,43 @@ fn every_corpus_file_passes_also_with_a_byte_changed() {
     }
 }
 
-/// Writes the files of the corpora that are not finds of the fuzzer.
-///
-/// `cargo test -p yarp-devices --test fuzz_corpus -- --ignored`
+/// The seeds of the corpora are messages as we write them, behind a byte that the targets use for themselves.
 #[test]
-#[ignore = "writes into the source tree"]
-fn write_seeds() {
-    let write = |target: &str, name: &str, first: u8, bytes: &[u8]| {
-        let folder = corpora().join(target);
-        std::fs::create_dir_all(&folder).unwrap();
+fn the_seeds_are_messages_as_they_are_written_today() {
+    let same = |target: &str, name: &str, first: u8, bytes: &[u8]| {
+        let file = corpora().join(target).join(format!("seed_{name}"));
         let whole: Vec<u8> = std::iter::once(first)
             .chain(bytes.iter().copied())
             .collect();
-        std::fs::write(folder.join(format!("seed_{name}")), whole).unwrap();
+        let there = std::fs::read(&file).unwrap_or_default();
+        assert_eq!(there, whole, "{}", file.display());
     };
     let move_joints = Request::MoveJoints(vec![0.0, -2.0, 0.0, 3.13, 0.0, 0.0, 0.0]).to_bytes();
     let move_pose = Request::MovePose([0.5, 0.15, 0.0, -0.5, 1.57, 0.0]).to_bytes();
-    write("request", "moj", 7, &move_joints);
-    write("request", "moc", 1, &move_pose);
-    write("request", "short", 2, b"gcpgjagrahomtrfshu");
-    write("request", "unknown", 3, b"gcpxyzgra");
-    write("request", "both", 50, &[move_pose, move_joints].concat());
-    write("reply", "pose", 1, &Reply::Pose([0.5; 6]).to_bytes());
-    write(
-        "reply",
+    same("embedded_request", "moj", 7, &move_joints);
+    same("embedded_request", "moc", 1, &move_pose);
+    same("embedded_request", "short", 2, b"gcpgjagrahomtrfshu");
+    same("embedded_request", "unknown", 3, b"gcpxyzgra");
+    same(
+        "embedded_request",
+        "both",
+        50,
+        &[move_pose, move_joints].concat(),
+    );
+    same(
+        "embedded_reply",
+        "pose",
+        1,
+        &Reply::Pose([0.5; 6]).to_bytes(),
+    );
+    same(
+        "embedded_reply",
         "joints",
         3,
         &Reply::Joints(vec![-2.0; 7]).to_bytes(),
     );
-    write("reply", "done", 4, b"d");
-    write("reply", "refused", 4, b"q\0");
+    same("embedded_reply", "done", 4, b"d");
+    same("embedded_reply", "refused", 4, b"q\0");
     let packet = |done: bool, reason: &str| Packet {
         sender: ARM,
         query: 1,
@@ -77,6 +84,6 @@ fn write_seeds() {
         packet(true, "").to_bytes(),
         packet(false, "fault").to_bytes(),
     );
-    write("packet", "reached", 1, &reached);
-    write("packet", "two", 119, &[reached, fault].concat());
+    same("embedded_packet", "reached", 1, &reached);
+    same("embedded_packet", "two", 119, &[reached, fault].concat());
 }
