@@ -26,6 +26,7 @@
 //! ```
 
 mod axes;
+pub mod can;
 pub mod checks;
 mod device;
 pub mod dynamics;
