@@ -28,6 +28,8 @@ impl Property {
     pub const MT: Self = Self(43);
     /// Position, counts.
     pub const P: Self = Self(48);
+    /// Where the rotor is inside its turn, counts; from firmware 118 on.
+    pub const MECH: Self = Self(66);
     /// Counts per turn.
     pub const CTS: Self = Self(68);
     /// Its slot in frames of torques, from 1.
