@@ -62,8 +62,10 @@ pub struct CanStatus {
     pub safety: Option<SafetyMode>,
     /// What the pendant shows while the arm is not active.
     pub pendant: Option<Pendant>,
-    /// What failed last; stays when the arm is there again.
+    /// What failed last, which may be an attempt to connect again; stays when the arm is there again.
     pub trouble: Option<CanTrouble>,
+    /// What failed when the arm was lost; stays too.
+    pub loss: Option<CanTrouble>,
     /// How often the arm was found.
     pub connections: u64,
     /// Control periods since then.
@@ -129,6 +131,7 @@ impl CanArm {
             connected: true,
             connections: self.status.connections + 1,
             trouble: self.status.trouble.take(),
+            loss: self.status.loss.take(),
             ..CanStatus::default()
         };
     }
@@ -137,7 +140,9 @@ impl CanArm {
         self.control.set_ready(false);
         self.control
             .set_trouble(Some(trouble.for_callers("the arm on the CAN bus")));
-        self.status.connected = false;
+        if std::mem::take(&mut self.status.connected) {
+            self.status.loss = Some(trouble.clone());
+        }
         self.status.safety = None;
         self.status.trouble = Some(trouble.clone());
     }

@@ -1,0 +1,6 @@
+#![no_main]
+
+#[path = "../src/can.rs"]
+mod can;
+
+libfuzzer_sys::fuzz_target!(|data: &[u8]| can::pucks(data));
