@@ -41,7 +41,11 @@ fn main() -> std::process::ExitCode {
         println!("VERDICT: all {count} scenarios hold");
         ExitCode::SUCCESS
     } else {
-        println!("VERDICT: {} of {count} failed: {}", failed.len(), failed.join(", "));
+        println!(
+            "VERDICT: {} of {count} failed: {}",
+            failed.len(),
+            failed.join(", ")
+        );
         ExitCode::FAILURE
     }
 }

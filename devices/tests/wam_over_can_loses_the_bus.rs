@@ -75,7 +75,12 @@ fn safety(rig: &Memory) -> SafetyMode {
 fn at_each_frame_of_a_period() {
     let watch = (Address::from_host(Node::SAFETY), Property::MODE);
     let torques = |group: Group| Address::from_host(group).id();
-    for step in ["reading positions", "watching the safety module", "lower", "upper"] {
+    for step in [
+        "reading positions",
+        "watching the safety module",
+        "lower",
+        "upper",
+    ] {
         let rig = Memory::new();
         let arm = active(&rig);
         let switch = rig.switch();

@@ -13,13 +13,13 @@ use yarp_devices::wam::WamModel;
 use yarp_devices::wam::can::OpenBus;
 
 use super::can::scenarios::{active, move_elbow};
-use super::can::{Hook, Hooked, Plug, Rig, Shared, Switch, until};
-
-/// A scenario by its name.
-type Scenario = (&'static str, fn(&dyn Rig));
+use super::can::{Hook, Hooked, Plug, Rig, Scenario, Shared, Switch, until};
 
 /// What only a real bus can show: somebody else talks nonsense.
-pub(crate) const NOISE: Scenario = ("noise_of_others_moves_nothing", noise_of_others_moves_nothing);
+pub(crate) const NOISE: Scenario = (
+    "noise_of_others_moves_nothing",
+    noise_of_others_moves_nothing,
+);
 /// What only real time can show.
 pub(crate) const RATE: Scenario = (
     "five_hundred_periods_a_second_and_more",

@@ -40,10 +40,7 @@ impl SocketCan {
         let time = Timespec::try_from(time).map_err(|_| BusError::Failed {
             why: "a wait without end".into(),
         })?;
-        let mut ready = [PollFd::from_borrowed_fd(
-            self.socket.as_fd(),
-            PollFlags::IN,
-        )];
+        let mut ready = [PollFd::from_borrowed_fd(self.socket.as_fd(), PollFlags::IN)];
         match poll(&mut ready, Some(&time)) {
             Ok(_) | Err(rustix::io::Errno::INTR) => Ok(()),
             Err(error) => Err(std::io::Error::from(error).into()),

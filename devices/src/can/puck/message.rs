@@ -1,7 +1,8 @@
 //! What a frame says.
 
 use super::{
-    Address, Group, Node, Property, Target, pack_position, pack_torques, unpack_position, unpack_torques,
+    Address, Group, Node, Property, Target, pack_position, pack_torques, unpack_position,
+    unpack_torques,
 };
 use crate::can::Frame;
 

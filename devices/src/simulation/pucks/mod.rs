@@ -105,7 +105,8 @@ impl SimulatedPucks {
         } = message
             && address.to != Target::Node(Node::SAFETY)
         {
-            self.safety.see_position_written(self.simulator.safety_mut());
+            self.safety
+                .see_position_written(self.simulator.safety_mut());
         }
         if address.to == Target::Node(Node::SAFETY)
             && let Some(answer) = self.safety.hear(message, self.simulator.safety_mut())

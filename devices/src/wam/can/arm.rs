@@ -91,7 +91,10 @@ impl fmt::Display for CanStatus {
                 if let Some(pendant) = self.pendant {
                     write!(f, " ({pendant})")?;
                 }
-                write!(f, "; try Shift and Idle, then Shift and Activate on the pendant")
+                write!(
+                    f,
+                    "; try Shift and Idle, then Shift and Activate on the pendant"
+                )
             }
         }
     }

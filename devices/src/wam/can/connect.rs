@@ -78,7 +78,9 @@ fn find(line: &mut Line, time: Duration) -> Result<Vec<Node>, CanTrouble> {
         let Some(node) = Node::new(number) else {
             continue;
         };
-        let state = line.ask_once(node, Property::STAT, time).during(Step::Find)?;
+        let state = line
+            .ask_once(node, Property::STAT, time)
+            .during(Step::Find)?;
         states[usize::from(number)] = state;
         if let Some(state) = state {
             debug!(%node, state, "on the bus");

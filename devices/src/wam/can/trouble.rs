@@ -110,7 +110,8 @@ impl Problem {
                 format!("the firmware and configuration of {node}, and the model of the arm")
             }
             Self::PositionLost { .. } | Self::Implausible { .. } => {
-                "to fold the arm into its home pose by hand and to start the driver again".to_owned()
+                "to fold the arm into its home pose by hand and to start the driver again"
+                    .to_owned()
             }
             Self::Active => "to press Shift and Idle on the pendant".to_owned(),
         }

@@ -117,7 +117,9 @@ impl Rig for Memory {
             wire.to_host.clear();
             if plug != Plug::PutBack {
                 // Longer than the safety module bears silence.
-                pucks.lock().advance(Duration::from_secs(1), &mut Vec::new());
+                pucks
+                    .lock()
+                    .advance(Duration::from_secs(1), &mut Vec::new());
             }
         })
     }

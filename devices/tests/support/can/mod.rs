@@ -28,6 +28,9 @@ pub trait Rig: Sync {
     fn switch(&self) -> Switch;
 }
 
+/// What must hold, by its name.
+pub type Scenario = (&'static str, fn(&dyn Rig));
+
 /// The plug of the bus.
 pub type Switch = Arc<dyn Fn(Plug) + Send + Sync>;
 

@@ -10,14 +10,14 @@ use yarp_devices::{
     Axes, AxisIndex, ControlMode, DeviceError, Encoders, JointFault, Mode, PositionControl,
 };
 
-use super::{Plug, Rig, says, until};
+use super::{Plug, Rig, Scenario, says, until};
 
 const ELBOW: Axes<'static> = Axes::One(AxisIndex::new(3));
 /// Where the elbow is at home, degrees.
 const FOLDED: f64 = 179.3;
 
 /// The name of each, and what it does.
-pub const ALL: [(&str, fn(&dyn Rig)); 9] = [
+pub const ALL: [Scenario; 9] = [
     ("an_arm_is_found_and_moves", an_arm_is_found_and_moves),
     (
         "a_puck_that_falls_silent_is_named_in_every_phase",
@@ -123,7 +123,11 @@ pub fn an_arm_is_found_and_moves(rig: &dyn Rig) {
     assert_eq!(arm.last_fault(3.into()).unwrap().code, 0);
     move_elbow(rig, &arm, 165.0);
     let measured = arm.encoder_readings(ELBOW).unwrap()[0].position;
-    assert!((measured - elbow(rig)).abs() < 0.2, "{measured}, truly {}", elbow(rig));
+    assert!(
+        (measured - elbow(rig)).abs() < 0.2,
+        "{measured}, truly {}",
+        elbow(rig)
+    );
     drop(arm);
     until("the arm braked as its driver ends", || {
         safety(rig) == SafetyMode::Idle
@@ -241,12 +245,13 @@ pub fn a_plug_pulled_in_a_move_leaves_the_arm_held_until_it_is_found_again(rig: 
         status.connected && status.connections == 2
     });
     // Nothing goes on by itself: the pendant decides, and then it holds.
-    until("hardware fault", || {
-        modes(&arm) == [Mode::HardwareFault; 7]
-    });
+    until("hardware fault", || modes(&arm) == [Mode::HardwareFault; 7]);
     activate(rig, &arm);
     let now = elbow(rig);
-    assert!((now - held).abs() < 5.0, "it was held at {held}, is at {now}");
+    assert!(
+        (now - held).abs() < 5.0,
+        "it was held at {held}, is at {now}"
+    );
     let target = arm.target_positions(ELBOW).unwrap()[0];
     assert!((target - now).abs() < 5.0, "{target} and {now}");
     move_elbow(rig, &arm, now - 4.0);
@@ -307,7 +312,10 @@ pub fn the_safety_module_stops_a_push_and_says_why(rig: &dyn Rig) {
         .simulator_mut()
         .push([900.0, 900.0, 0.0].into());
     until("a velocity fault", || {
-        arm.last_fault(0.into()).unwrap().message.contains("velocity")
+        arm.last_fault(0.into())
+            .unwrap()
+            .message
+            .contains("velocity")
     });
     rig.pucks().lock().simulator_mut().push([0.0; 3].into());
     assert_eq!(modes(&arm), [Mode::HardwareFault; 7]);
