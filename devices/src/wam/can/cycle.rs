@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use super::connect::PuckUnits;
-use super::line::Line;
+use super::line::{Line, MOST_FRAMES};
 use super::trouble::During;
 use super::{CanOptions, CanTrouble, Problem, Step};
 use crate::can::BusError;
@@ -19,8 +19,6 @@ const UNANSWERED: u32 = 10;
 const JUMP: u32 = 1024;
 /// The largest torque there is room for: 13 bits and a sign.
 const LARGEST: f64 = 8191.0;
-/// How many frames of earlier periods are thrown away at once.
-const MOST_STALE: usize = 4096;
 
 /// An arm that is ready for control.
 pub(super) struct Link {
@@ -92,8 +90,10 @@ impl Link {
         }
         let deadline = start + self.options.replies;
         let mut come = [false; AXES];
+        let mut left = MOST_FRAMES;
         while !come.iter().all(|&come| come) {
-            let Some((from, message)) = self.line.hear(deadline).during(Step::Positions)? else {
+            let heard = self.line.hear(deadline, &mut left);
+            let Some((from, message)) = heard.during(Step::Positions)? else {
                 break;
             };
             self.note(from, message);
@@ -121,11 +121,9 @@ impl Link {
     /// Answers that came after the end of their period.
     fn forget_stale(&mut self) -> Result<(), BusError> {
         let now = Instant::now();
-        for _ in 0..MOST_STALE {
-            match self.line.hear(now)? {
-                None => return Ok(()),
-                Some((from, message)) => self.note(from, message),
-            }
+        let mut left = MOST_FRAMES;
+        while let Some((from, message)) = self.line.hear(now, &mut left)? {
+            self.note(from, message);
         }
         Ok(())
     }

@@ -8,8 +8,9 @@ use crate::can::{BusError, CanBus};
 
 /// How often a question is asked.
 const TRIES: usize = 3;
-/// How many frames of others an answer is looked for among: more than fit into a second.
-const MOST_FRAMES: usize = 10_000;
+/// How many frames an answer is looked for among, so that others who never fall silent do not keep us: more than fit
+/// into a second.
+pub(super) const MOST_FRAMES: usize = 10_000;
 
 /// A bus with somebody to talk to.
 pub(super) struct Line {
@@ -36,9 +37,15 @@ impl Line {
         self.send(node, Message::Value { property, value })
     }
 
-    /// The next message to the host; what says nothing, or is for others, is left out. `None` at the deadline.
-    pub(super) fn hear(&mut self, deadline: Instant) -> Result<Option<(Node, Message)>, BusError> {
-        for _ in 0..MOST_FRAMES {
+    /// The next message to the host; what says nothing, or is for others, is left out. `None` at the deadline, or
+    /// when as many frames have passed as `left` allows, which is counted down.
+    pub(super) fn hear(
+        &mut self,
+        deadline: Instant,
+        left: &mut usize,
+    ) -> Result<Option<(Node, Message)>, BusError> {
+        while *left > 0 {
+            *left -= 1;
             let Some(frame) = self.bus.receive(deadline)? else {
                 return Ok(None);
             };
@@ -111,14 +118,10 @@ impl Line {
         wanted: impl Fn(Node, Message) -> Option<i32>,
     ) -> Result<Option<i32>, BusError> {
         let deadline = Instant::now() + time;
-        for _ in 0..MOST_FRAMES {
-            match self.hear(deadline)? {
-                None => return Ok(None),
-                Some((from, message)) => {
-                    if let Some(value) = wanted(from, message) {
-                        return Ok(Some(value));
-                    }
-                }
+        let mut left = MOST_FRAMES;
+        while let Some((from, message)) = self.hear(deadline, &mut left)? {
+            if let Some(value) = wanted(from, message) {
+                return Ok(Some(value));
             }
         }
         Ok(None)
