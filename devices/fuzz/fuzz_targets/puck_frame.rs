@@ -1,3 +1,5 @@
+//! A frame of the arm's bus.
+
 #![no_main]
 
 #[path = "../src/can.rs"]

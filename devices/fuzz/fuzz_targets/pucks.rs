@@ -1,3 +1,5 @@
+//! A conversation with simulated pucks.
+
 #![no_main]
 
 #[path = "../src/can.rs"]
