@@ -5,9 +5,9 @@ set -euo pipefail
 cache="$1"
 wanted="vmlinuz busybox can.ko can-raw.ko can-dev.ko vcan.ko"
 
+if [ "$(id -u)" = 0 ]; then as_root=""; else as_root="sudo"; fi
 if ! command -v qemu-system-x86_64 >/dev/null; then
     echo "can: installing QEMU"
-    if [ "$(id -u)" = 0 ]; then as_root=""; else as_root="sudo"; fi
     $as_root apt-get update -q
     $as_root apt-get install -y -q --no-install-recommends qemu-system-x86 </dev/null
 fi
@@ -19,16 +19,21 @@ for file in $wanted; do [ -s "$cache/$file" ] || whole=no; done
 work="$(mktemp -d)"
 trap 'rm -rf "$work"' EXIT
 cd "$work"
-kernel="$(apt-cache depends linux-image-amd64 | grep -o 'linux-image-[0-9][^ ]*' | head -n 1)"
-[ -n "$kernel" ] || {
-    echo "can: apt knows no linux-image-amd64; try apt-get update" >&2
+
+newest_kernel() {
+    apt-cache depends linux-image-amd64 2>/dev/null | grep -o 'linux-image-[0-9][^ ]*' | head -n 1
+}
+
+download() {
+    kernel="$(newest_kernel)" && apt-get download -q "$kernel" busybox-static
+}
+
+# The lists of packages may be missing, or older than what the server still has.
+download 2>/dev/null || { $as_root apt-get update -q && download; } || {
+    echo "can: linux-image-amd64 and busybox-static cannot be downloaded; try apt-get update and the network" >&2
     exit 1
 }
 echo "can: unpacking $kernel"
-apt-get download -q "$kernel" busybox-static 2>/dev/null || {
-    echo "can: $kernel and busybox-static cannot be downloaded; try apt-get update" >&2
-    exit 1
-}
 for package in *.deb; do dpkg -x "$package" unpacked; done
 mkdir -p whole
 cp unpacked/boot/vmlinuz-* whole/vmlinuz
