@@ -3,4 +3,5 @@
 //!
 //! The same functions are replayed over the committed corpora by the tests `*fuzz_corpus.rs`.
 
+pub mod can;
 pub mod embedded;
