@@ -134,7 +134,7 @@ impl Registry {
         again
     }
 
-    fn restore_one(&mut self, now: Instant, change: Change) {
+    pub(super) fn restore_one(&mut self, now: Instant, change: Change) {
         match change {
             Change::Port(registration) => self.restore_port(registration),
             Change::PortGone(name) => {
