@@ -14,7 +14,7 @@
 //! | `leases` | ports tell one server that they are there; it tells the others |
 //! | `etcd` | etcd as the truth (feature `etcd`) |
 
-mod content;
+pub(crate) mod content;
 #[cfg(feature = "etcd")]
 mod etcd;
 mod leases;

@@ -88,8 +88,10 @@ impl<T: Truth> Writer<T> {
         let mut beat = interval(BEAT);
         beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
+            let busy = !self.waiting.is_empty();
             let step = tokio::select! {
-                job = self.jobs.recv() => match job {
+                () = std::future::ready(()), if busy => self.serve().await,
+                job = self.jobs.recv(), if !busy => match job {
                     None => break,
                     Some(job) => {
                         self.waiting.push_back(job);
@@ -116,32 +118,32 @@ impl<T: Truth> Writer<T> {
         Ok(())
     }
 
-    /// Does what waits, as long as something does.
+    /// Does some of what waits.
     async fn serve(&mut self) -> Result<(), TruthError> {
-        loop {
-            while let Ok(job) = self.jobs.try_recv() {
-                self.waiting.push_back(job);
+        while let Ok(job) = self.jobs.try_recv() {
+            self.waiting.push_back(job);
+        }
+        let asked = Instant::now();
+        let Some(batch) = self.attempt() else {
+            return Ok(());
+        };
+        match self.truth.commit(batch.generation, &batch.writes).await {
+            Ok(Verdict::Done(generation)) => {
+                self.settle(batch, generation);
+                self.pulse.is_fresh(asked);
+                Ok(())
             }
-            if self.waiting.is_empty() {
-                return Ok(());
+            Ok(Verdict::Behind(generation)) => {
+                self.take_back(batch);
+                self.reach(generation).await
             }
-            let asked = Instant::now();
-            let Some(batch) = self.attempt() else {
-                continue;
-            };
-            match self.truth.commit(batch.generation, &batch.writes).await {
-                Ok(Verdict::Done(generation)) => {
-                    self.settle(batch, generation);
-                    self.pulse.is_fresh(asked);
-                }
-                Ok(Verdict::Behind(generation)) => {
-                    self.take_back(batch);
-                    self.reach(generation).await?;
-                }
-                Err(TruthError::Declined { place, reason }) => {
-                    self.decline(batch, format!("{place} does not take it: {reason}"));
-                }
-                Err(error) => self.recover(error, Some(batch)).await,
+            Err(TruthError::Declined { place, reason }) => {
+                self.decline(batch, format!("{place} does not take it: {reason}"));
+                Ok(())
+            }
+            Err(error) => {
+                self.recover(error, Some(batch)).await;
+                Ok(())
             }
         }
     }
