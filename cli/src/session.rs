@@ -144,7 +144,8 @@ pub(crate) async fn ask_server(
                 })?;
             // It is not about the request: another server of the same names may do it.
             let reason = answer.get(1).map(Value::to_plain_string);
-            match reason.filter(|reason| ELSEWHERE.ends_with(CANNOT) && reason.starts_with(CANNOT)) {
+            match reason.filter(|reason| ELSEWHERE.ends_with(CANNOT) && reason.starts_with(CANNOT))
+            {
                 Some(answer) => Err(PortError::Refused {
                     server: format!("{}:{}", server.0, server.1),
                     request: "a change".to_owned(),

@@ -220,7 +220,10 @@ async fn until(network: &Network, request: &str, words: &str, there: bool) {
         if answer.contains(words) == there {
             return;
         }
-        assert!(Instant::now() < end, "{request}: {words:?} {there}: {answer}");
+        assert!(
+            Instant::now() < end,
+            "{request}: {words:?} {there}: {answer}"
+        );
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
 }
@@ -279,9 +282,16 @@ async fn no_number_is_handed_out_twice_and_no_name_is_lost() {
         let found = names(&network).await;
         for (name, number) in &given {
             let place = found.get(name).cloned().unwrap_or_default();
-            assert!(place.contains(&format!(" port {number} ")), "{name}: {place:?}");
+            assert!(
+                place.contains(&format!(" port {number} ")),
+                "{name}: {place:?}"
+            );
         }
-        assert_eq!(found.len(), given.len(), "names that were taken back are there");
+        assert_eq!(
+            found.len(),
+            given.len(),
+            "names that were taken back are there"
+        );
     }
     one.close().await;
     other.close().await;
@@ -362,14 +372,22 @@ async fn owners_keep_their_names_at_all_servers() {
     let memory = Memory::new();
     let (one, _) = memory.server(0).await;
     let (other, _) = memory.server(0).await;
-    let port = Port::open(&one.network(), "/t/a", PortOptions::new()).await.unwrap();
+    let port = Port::open(&one.network(), "/t/a", PortOptions::new())
+        .await
+        .unwrap();
     let refusal = ask(&other.network(), "register /t/a tcp 127.0.0.1 20500").await;
-    assert!(refusal.contains("/t/a belongs to a port that is there"), "{refusal}");
+    assert!(
+        refusal.contains("/t/a belongs to a port that is there"),
+        "{refusal}"
+    );
     port.close().await;
     // Nobody listens there: the name of who was killed is free.
     ask(&one.network(), "register /t/dead tcp 127.0.0.1 1").await;
     let answer = ask(&other.network(), "register /t/dead tcp 127.0.0.1 20501").await;
-    assert!(answer.contains("name /t/dead ip 127.0.0.1 port 20501"), "{answer}");
+    assert!(
+        answer.contains("name /t/dead ip 127.0.0.1 port 20501"),
+        "{answer}"
+    );
     one.close().await;
     other.close().await;
 }
@@ -380,7 +398,13 @@ async fn a_lease_that_one_server_is_told_holds_at_the_others() {
     let (one, _) = memory.server(0).await;
     let (other, _) = memory.server(0).await;
     ask(&one.network(), "register /t/a tcp 127.0.0.1 20500").await;
-    until(&one.network(), "lease /t/a 127.0.0.1 20500", "also 127.0.0.1", true).await;
+    until(
+        &one.network(),
+        "lease /t/a 127.0.0.1 20500",
+        "also 127.0.0.1",
+        true,
+    )
+    .await;
     let end = Instant::now() + PATIENCE;
     loop {
         ask(&one.network(), "lease /t/a 127.0.0.1 20500").await;
@@ -405,18 +429,27 @@ async fn programs_go_on_with_the_next_server() {
     let (other, _) = memory.server(0).await;
     let environment = Environment::from_iter([("YARP_CONFIG_HOME", "/c")]);
     let (first, second) = (one.port(), other.port());
-    let configuration = Configuration::load(environment, |file| match file.ends_with("yarp.conf") {
-        true => Ok(format!("127.0.0.1 {first} yarp\n127.0.0.1 {second} yarp\n")),
-        false => Err(std::io::ErrorKind::NotFound.into()),
-    });
+    let configuration =
+        Configuration::load(environment, |file| match file.ends_with("yarp.conf") {
+            true => Ok(format!("127.0.0.1 {first} yarp\n127.0.0.1 {second} yarp\n")),
+            false => Err(std::io::ErrorKind::NotFound.into()),
+        });
     let network = Network::from_configuration(configuration.unwrap());
-    let port = Port::open(&network, "/t/mine", PortOptions::new()).await.unwrap();
+    let port = Port::open(&network, "/t/mine", PortOptions::new())
+        .await
+        .unwrap();
     let place = ask(&network, "query /t/mine").await;
     one.close().await;
     until(&network, "query /t/mine", &place, true).await;
     assert_eq!(network.places()[0].1, second);
-    let more = Port::open(&network, "/t/more", PortOptions::new()).await.unwrap();
-    assert!(ask(&network, "query /t/more").await.contains("name /t/more "));
+    let more = Port::open(&network, "/t/more", PortOptions::new())
+        .await
+        .unwrap();
+    assert!(
+        ask(&network, "query /t/more")
+            .await
+            .contains("name /t/more ")
+    );
     port.close().await;
     more.close().await;
     until(&other.network(), "query /t/mine", "/t/mine", false).await;
@@ -441,7 +474,10 @@ async fn what_is_too_much_at_once_is_refused_in_words() {
     assert_eq!(names(&network).await.len(), 131);
     let large = "x".repeat(70_000);
     let refusal = ask(&network, &format!("set /t/owner k {large}")).await;
-    assert!(refusal.contains("bytes of properties per port"), "{refusal}");
+    assert!(
+        refusal.contains("bytes of properties per port"),
+        "{refusal}"
+    );
     one.close().await;
 }
 
@@ -449,7 +485,10 @@ async fn what_is_too_much_at_once_is_refused_in_words() {
 async fn what_others_have_written_there_is_refused_and_left() {
     for (entries, words) in [
         (&[("config/a", "1")][..], "the key \"config/a\""),
-        (&[("format", "yarp-nameserver 2 5")], "format 2, this program knows 1"),
+        (
+            &[("format", "yarp-nameserver 2 5")],
+            "format 2, this program knows 1",
+        ),
         (&[("format", "nonsense")], "the value \"nonsense\""),
         (
             &[("format", "yarp-nameserver 1 5"), ("port//a", "{}")],

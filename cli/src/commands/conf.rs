@@ -61,12 +61,19 @@ pub(super) fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     server.mode = mode;
     for other in others.chunks(2) {
         let place = match other {
-            [host, port] => port.parse().ok().filter(|port| *port > 0).map(|port| (host, port)),
+            [host, port] => port
+                .parse()
+                .ok()
+                .filter(|port| *port > 0)
+                .map(|port| (host, port)),
             _ => None,
         };
         let Some((host, port)) = place else {
             let other = other.join(" ");
-            complain(out, &format!("Other server not understood: {other} (expected HOST PORT)"))?;
+            complain(
+                out,
+                &format!("Other server not understood: {other} (expected HOST PORT)"),
+            )?;
             return Ok(ExitCode::FAILURE);
         };
         server.others.push((host.clone(), port));

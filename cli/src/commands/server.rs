@@ -262,9 +262,11 @@ impl Database {
         let file = args.portdb.as_ref().or(args.subdb.as_ref());
         if let Some(url) = &args.store {
             return match file.is_some() || args.memory || args.cautious {
-                true => Err("--store goes without --portdb, --subdb, --memory and --cautious: names are \
+                true => Err(
+                    "--store goes without --portdb, --subdb, --memory and --cautious: names are \
                              in one place, and etcd waits for the disk"
-                    .to_owned()),
+                        .to_owned(),
+                ),
                 false => shared(url),
             };
         }

@@ -66,7 +66,9 @@ pub(super) async fn run(_args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     if session::serves(&network, namespace).await {
         // Of several servers of the same names, the one that answers.
         let places = network.places();
-        let (host, port) = places.first().map_or((host, port), |place| (&place.0, &place.1));
+        let (host, port) = places
+            .first()
+            .map_or((host, port), |place| (&place.0, &place.1));
         writeln!(
             out,
             "Name server {namespace} is available at ip {host} port {port}"

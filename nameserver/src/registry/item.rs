@@ -125,11 +125,15 @@ impl Item {
                     host,
                     port: number,
                 })];
-                changes.extend(properties.into_iter().map(|(key, values)| Change::Property {
-                    name: name.clone(),
-                    key,
-                    values: Arc::from(values),
-                }));
+                changes.extend(
+                    properties
+                        .into_iter()
+                        .map(|(key, values)| Change::Property {
+                            name: name.clone(),
+                            key,
+                            values: Arc::from(values),
+                        }),
+                );
                 if announced {
                     changes.push(Change::Announced { name, announced });
                 }

@@ -81,8 +81,12 @@ impl Content {
             }
             _ => None,
         };
-        let incarnation = incarnation
-            .ok_or_else(|| foreign(place, format!("the value {text:?} under the key \"format\"")))?;
+        let incarnation = incarnation.ok_or_else(|| {
+            foreign(
+                place,
+                format!("the value {text:?} under the key \"format\""),
+            )
+        })?;
         let mut content = Self {
             generation: all.generation,
             incarnation,

@@ -377,7 +377,9 @@ impl Truth for EtcdTruth {
                 let key = String::from_utf8_lossy(entry.key());
                 let place = key.strip_prefix(&servers).filter(|place| **place != own);
                 let place = place.and_then(|place| place.rsplit_once(':'));
-                others.extend(place.and_then(|(host, port)| Some((host.to_owned(), port.parse().ok()?))));
+                others.extend(
+                    place.and_then(|(host, port)| Some((host.to_owned(), port.parse().ok()?))),
+                );
             }
         }
         Ok(Beat {
@@ -398,10 +400,9 @@ impl Truth for EtcdTruth {
 /// When the key that was asked for was written; 0 if there is none.
 fn revision_in(answers: &[TxnOpResponse], index: usize) -> i64 {
     match answers.get(index) {
-        Some(TxnOpResponse::Get(found)) => found
-            .kvs()
-            .first()
-            .map_or(0, |entry| entry.mod_revision()),
+        Some(TxnOpResponse::Get(found)) => {
+            found.kvs().first().map_or(0, |entry| entry.mod_revision())
+        }
         _ => 0,
     }
 }
@@ -445,7 +446,11 @@ mod tests {
         };
         check("etcd://a:1,b:2/lab", &["a:1", "b:2"], "/lab/");
         check("etcd://a/lab/yarp/", &["a:2379"], "/lab/yarp/");
-        check("etcd://[fd00::1]:7,[fd00::2]/x", &["[fd00::1]:7", "[fd00::2]:2379"], "/x/");
+        check(
+            "etcd://[fd00::1]:7,[fd00::2]/x",
+            &["[fd00::1]:7", "[fd00::2]:2379"],
+            "/x/",
+        );
         let name = EtcdTruth::at("etcd://a,b:2/lab").unwrap().name();
         assert_eq!(name, "etcd://a:2379,b:2/lab");
     }
@@ -456,7 +461,10 @@ mod tests {
             ("http://a:1/x", "it does not begin with etcd://"),
             ("etcd://a:1", "no prefix follows the members"),
             ("etcd://a:1/", "the prefix is empty"),
-            ("etcd://a:1/a b", "the prefix holds a blank or a special character"),
+            (
+                "etcd://a:1/a b",
+                "the prefix holds a blank or a special character",
+            ),
             ("etcd:///x", "\"\" is no HOST:PORT"),
             ("etcd://a:x/x", "\"a:x\" is no HOST:PORT"),
             ("etcd://a:0/x", "\"a:0\" is no HOST:PORT"),

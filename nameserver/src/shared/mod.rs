@@ -24,9 +24,9 @@ mod writer;
 use std::future::Future;
 use std::time::Duration;
 
+pub(crate) use content::Content;
 #[cfg(feature = "etcd")]
 pub use etcd::EtcdTruth;
-pub(crate) use content::Content;
 pub(crate) use leases::Leases;
 pub(crate) use line::{Line, May, Outcome, is_change};
 pub(crate) use writer::Writer;
@@ -115,10 +115,8 @@ pub trait Truth: Send + 'static {
     ) -> impl Future<Output = Result<Verdict, TruthError>> + Send;
 
     /// Asks for the last commit, and says that this server, to be reached at `place`, is there.
-    fn beat(
-        &mut self,
-        place: (&str, u16),
-    ) -> impl Future<Output = Result<Beat, TruthError>> + Send;
+    fn beat(&mut self, place: (&str, u16))
+    -> impl Future<Output = Result<Beat, TruthError>> + Send;
 
     /// Says that the server at `place` is there no longer; in vain, if that cannot be said.
     fn leave(&mut self, place: (&str, u16)) -> impl Future<Output = ()> + Send;
@@ -129,7 +127,9 @@ pub trait Truth: Send + 'static {
 #[non_exhaustive]
 pub enum TruthError {
     /// The address of the store cannot be read.
-    #[error("{address:?} is no address of a store: {reason}; expected etcd://HOST:PORT,HOST:PORT/PREFIX")]
+    #[error(
+        "{address:?} is no address of a store: {reason}; expected etcd://HOST:PORT,HOST:PORT/PREFIX"
+    )]
     Address {
         /// What was given.
         address: String,
@@ -137,7 +137,9 @@ pub enum TruthError {
         reason: String,
     },
     /// It does not answer, or not in time.
-    #[error("{step} failed at {place}: {reason}; is etcd running there, and do most of its members see each other?")]
+    #[error(
+        "{step} failed at {place}: {reason}; is etcd running there, and do most of its members see each other?"
+    )]
     Away {
         /// What was tried.
         step: &'static str,
@@ -155,7 +157,9 @@ pub enum TruthError {
         reason: String,
     },
     /// There is something else under the prefix.
-    #[error("{place} holds what is no name server's: {reason}; nothing is changed there, choose another prefix")]
+    #[error(
+        "{place} holds what is no name server's: {reason}; nothing is changed there, choose another prefix"
+    )]
     Foreign {
         /// Where.
         place: String,

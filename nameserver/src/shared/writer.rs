@@ -181,7 +181,10 @@ impl<T: Truth> Writer<T> {
             .map(|item| content::write(item, self.draft.held(item).as_ref()))
             .collect();
         let value = |write: &Write| write.value.as_ref().map_or(0, Vec::len);
-        let bytes: usize = writes.iter().map(|write| write.key.len() + value(write)).sum();
+        let bytes: usize = writes
+            .iter()
+            .map(|write| write.key.len() + value(write))
+            .sum();
         let server = server(&self.place);
         let id = format!("{} {}", self.run, self.tried);
         let touched = items.len();
