@@ -233,14 +233,14 @@ enum Database {
     Memory,
     File(PathBuf),
     #[cfg(feature = "etcd")]
-    Etcd(EtcdTruth),
+    Etcd(Box<EtcdTruth>),
 }
 
 /// The store that servers share.
 #[cfg(feature = "etcd")]
 fn shared(url: &str) -> std::result::Result<Database, String> {
     let truth = EtcdTruth::at(url).map_err(|error| format!("--store: {error}"))?;
-    Ok(Database::Etcd(truth))
+    Ok(Database::Etcd(Box::new(truth)))
 }
 
 /// The same where the program was built without.
@@ -309,7 +309,7 @@ impl Database {
                 Server::start_with(options, store).await
             }
             #[cfg(feature = "etcd")]
-            Self::Etcd(truth) => Server::start_shared(options, truth).await,
+            Self::Etcd(truth) => Server::start_shared(options, *truth).await,
         }
     }
 }
