@@ -19,7 +19,7 @@ use super::{Change, Effect, Registry};
 /// Something that is kept as a whole.
 #[derive(Clone, Debug, Eq, Ord, PartialEq, PartialOrd)]
 pub(crate) enum Item {
-    /// The connection between two bare names. First: one that names a topic makes it.
+    /// The connection between two bare names.
     Connection(String, String),
     Topic(String),
     Type(String),
@@ -205,8 +205,18 @@ impl Registry {
             (Item::Port(name), _) => return self.adopt_port(now, name, held),
             _ => {}
         }
+        // A connection that names a topic would make it; here topics are items of their own.
+        let ends: &[&String] = match item {
+            Item::Connection(source, destination) => &[source, destination],
+            _ => &[],
+        };
+        let mut ends = ends.to_vec();
+        ends.retain(|name| !self.persistent.is_topic(name));
         for change in held.into_iter().flat_map(|held| item.changes(held)) {
             self.restore_one(now, change);
+        }
+        for name in ends {
+            self.persistent.remove_topic(name);
         }
         Vec::new()
     }

@@ -306,9 +306,7 @@ impl<T: Truth> Writer<T> {
             self.generation = commit.generation;
             let now = Instant::now();
             let read = |write: &Write| content::item_of(&write.key, write.value.as_deref());
-            let mut items: Vec<_> = commit.writes.iter().filter_map(read).collect();
-            // Topics after the connections that make them.
-            items.sort_by(|(one, _), (other, _)| one.cmp(other));
+            let items: Vec<_> = commit.writes.iter().filter_map(read).collect();
             let mut effects = Vec::new();
             let mut copy = lock(&self.copy);
             for (item, held) in items {
