@@ -2,6 +2,7 @@
 #
 #   make run        install what is missing, build, bring up a YARP network with a simulated arm
 #   make test       everything that needs no stock YARP
+#   make test-etcd  several name servers that share their names in etcd, which is installed if it is missing
 #   make test-live  ours against stock YARP 3.5.0, which is built first if it is not there
 #   make test-can   the CAN driver of the arm on a bus of Debian's kernel, booted in QEMU (about a minute)
 #   make soak       100 000 connections that come and go leave nothing behind
@@ -14,24 +15,34 @@
 STOCK ?= $(HOME)/.cache/stock-yarp-3.5.0
 export STOCK
 
-.PHONY: run build test test-live test-can soak idle hour bench check setup stock
+# `make build FEATURES=etcd` builds `yarp server --store etcd://...`; needs protoc (conformance/etcd/setup.sh).
+FEATURES ?=
+WORKSPACE_FEATURES = $(if $(FEATURES),--features $(FEATURES:%=yarp-cli/%))
+
+.PHONY: run build test test-etcd test-live test-can soak idle hour bench check setup stock
 
 run: build
 	target/release/yarp up
 
 build: setup
-	cargo build --release -p yarp-cli
+	cargo build --release -p yarp-cli $(if $(FEATURES),--features $(FEATURES))
 
 setup:
 	@conformance/setup.sh
 
 test: setup check
-	cargo test --workspace --all-targets
+	cargo test --workspace --all-targets $(WORKSPACE_FEATURES)
 	cargo test --workspace --doc
 
 check:
 	cargo fmt --all --check
-	cargo clippy --workspace --all-targets -- -D warnings
+	cargo clippy --workspace --all-targets $(WORKSPACE_FEATURES) -- -D warnings
+
+# What is built here `make test FEATURES=etcd` has built by then.
+test-etcd: setup
+	conformance/etcd/setup.sh
+	cargo test --workspace --all-targets --features yarp-cli/etcd --no-run
+	conformance/etcd/run.sh
 
 stock: setup
 	conformance/stock/install.sh "$(STOCK)"

@@ -5,10 +5,13 @@ use std::time::Duration;
 use yarp_ports::{Dialogue, Network, Place, Port, PortError, PortOptions, remote};
 use yarp_wire::carrier::Carrier;
 use yarp_wire::message::{Command, WireObject};
-use yarp_wire::{Bottle, Contact, PortName};
+use yarp_wire::name_service::ELSEWHERE;
+use yarp_wire::{Bottle, Contact, PortName, Value};
 
 use crate::error::Result;
 
+/// How a server says that it cannot do something at the moment; the end of [`ELSEWHERE`].
+const CANNOT: &str = "this name server cannot";
 /// What the administration calls itself.
 const ADMIN: &str = "admin";
 /// How long a port that may have our name has to say so.
@@ -124,17 +127,34 @@ pub(crate) async fn ask_server(
     network: &Network,
     request: &(impl WireObject + Sync),
 ) -> std::result::Result<Bottle, PortError> {
-    let server = network.server().ok_or(PortError::NoNameServer)?;
     let carrier = Carrier::by_name("text_ack").expect("text_ack is in the table");
-    let opening = Dialogue::open("the name server", server, carrier, ADMIN, network);
-    let payload = opening
-        .await?
-        .request(&Command::data(true), request)
-        .await?;
-    payload.to_bottle().map_err(|source| PortError::Unreadable {
-        peer: "the name server".to_owned(),
-        source,
-    })
+    network
+        .at_each_place(|network| async move {
+            let server = network.server().ok_or(PortError::NoNameServer)?;
+            let opening = Dialogue::open("the name server", server, carrier, ADMIN, &network);
+            let payload = opening
+                .await?
+                .request(&Command::data(true), request)
+                .await?;
+            let answer = payload
+                .to_bottle()
+                .map_err(|source| PortError::Unreadable {
+                    peer: "the name server".to_owned(),
+                    source,
+                })?;
+            // It is not about the request: another server of the same names may do it.
+            let reason = answer.get(1).map(Value::to_plain_string);
+            match reason.filter(|reason| ELSEWHERE.ends_with(CANNOT) && reason.starts_with(CANNOT))
+            {
+                Some(answer) => Err(PortError::Refused {
+                    server: format!("{}:{}", server.0, server.1),
+                    request: "a change".to_owned(),
+                    answer,
+                }),
+                None => Ok(answer),
+            }
+        })
+        .await
 }
 
 /// Says that the name server cannot be asked, as stock does of its port.

@@ -7,10 +7,11 @@ use std::time::{Duration, Instant};
 use tokio::sync::{Semaphore, mpsc};
 use yarp_ports::{Answer, Network};
 use yarp_wire::message::RawText;
-use yarp_wire::name_service::{Command, Registration, Request};
+use yarp_wire::name_service::{Command, ELSEWHERE, Registration, Request};
 
 use crate::registry::{Body, Claim, Effect, Look, Registry, Reply};
 use crate::server::lock;
+use crate::shared::{self, Leases, Line, May};
 use crate::store::{Journal, Kept, StoreError};
 use crate::watch;
 
@@ -24,11 +25,15 @@ const LOOKS: usize = 64;
 /// faster.
 const OWNERS: usize = 5;
 
+/// What to tell somebody who was overtaken by others too often.
+const CROWDED: &str = "many ask for this name at once, try again";
+
 /// Takes requests from any number of connections.
 pub(crate) struct Desk {
     registry: Arc<Mutex<Registry>>,
-    /// None if nothing is kept, or nothing more.
-    journal: Mutex<Option<Journal>>,
+    keeping: Mutex<Keeping>,
+    /// What ports have told this server alone, if there are others.
+    leases: Arc<Leases>,
     effects: mpsc::Sender<Effect>,
     /// Whether a name goes to whoever asks for it.
     replace: bool,
@@ -46,6 +51,16 @@ impl std::fmt::Debug for Desk {
     }
 }
 
+/// Where names are kept.
+pub(crate) enum Keeping {
+    /// Nowhere, or nowhere any more.
+    Nowhere,
+    /// By this server alone.
+    Journal(Journal),
+    /// Together with other servers.
+    Shared(Arc<Line>),
+}
+
 /// An answer that may have to wait.
 enum Done {
     Now(Body),
@@ -56,7 +71,7 @@ enum Done {
 impl Desk {
     pub(crate) fn new(
         registry: Arc<Mutex<Registry>>,
-        journal: Option<Journal>,
+        keeping: Keeping,
         effects: mpsc::Sender<Effect>,
         replace: bool,
         network: Network,
@@ -64,7 +79,8 @@ impl Desk {
     ) -> Self {
         Self {
             registry,
-            journal: Mutex::new(journal),
+            keeping: Mutex::new(keeping),
+            leases: Arc::default(),
             effects,
             replace,
             looks: Semaphore::new(LOOKS),
@@ -77,18 +93,46 @@ impl Desk {
         lock(&self.registry)
     }
 
-    /// Waits until everything is kept; what is asked later is not.
-    pub(crate) fn close(&self) {
-        let journal = self.journal().take();
-        drop(journal);
+    /// The registry, for who changes it besides.
+    pub(crate) fn shared_registry(&self) -> Arc<Mutex<Registry>> {
+        self.registry.clone()
     }
 
-    fn journal(&self) -> MutexGuard<'_, Option<Journal>> {
-        self.journal.lock().unwrap_or_else(PoisonError::into_inner)
+    /// Who sees to what requests cause.
+    pub(crate) fn effects(&self) -> mpsc::Sender<Effect> {
+        self.effects.clone()
+    }
+
+    /// Waits until everything is kept; what is asked later is not.
+    pub(crate) fn close(&self) {
+        let keeping = std::mem::replace(&mut *self.keeping(), Keeping::Nowhere);
+        drop(keeping);
+    }
+
+    fn keeping(&self) -> MutexGuard<'_, Keeping> {
+        self.keeping.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The way to what is shared with other servers, if names are.
+    fn line(&self) -> Option<Arc<Line>> {
+        match &*self.keeping() {
+            Keeping::Shared(line) => Some(line.clone()),
+            _ => None,
+        }
+    }
+
+    /// What ports have told this server alone.
+    pub(crate) fn leases(&self) -> &Arc<Leases> {
+        &self.leases
     }
 
     /// Answers one request.
     pub(crate) fn answer(desk: &Arc<Self>, from: IpAddr, request: Request) -> Answer {
+        if let Some(line) = desk.line()
+            && let Some(answer) = Self::answer_together(desk, line, from, &request)
+        {
+            return answer;
+        }
         let mut registry = desk.registry();
         match desk.claim(&registry, &request) {
             Claim::Free => {}
@@ -129,11 +173,7 @@ impl Desk {
     ) -> Answer {
         let mut refusal = None;
         for _ in 0..OWNERS {
-            let mut how = self.look(&holder).await;
-            while watch::is_gone(&how) && patience.is_some_and(|until| Instant::now() < until) {
-                tokio::time::sleep(AGAIN).await;
-                how = self.look(&holder).await;
-            }
+            let how = self.look_patiently(&holder, patience).await;
             let now = Instant::now();
             let done = {
                 let mut registry = self.registry();
@@ -161,8 +201,102 @@ impl Desk {
         }
         put(match refusal {
             Some(refusal) => Body::refused(&refusal),
-            None => Body::refusal("many ask for this name at once, try again"),
+            None => Body::refusal(CROWDED),
         })
+    }
+
+    /// The answer of one of several servers, or none if the others have nothing to do with it.
+    fn answer_together(
+        desk: &Arc<Self>,
+        line: Arc<Line>,
+        from: IpAddr,
+        request: &Request,
+    ) -> Option<Answer> {
+        let command = &request.command;
+        if let Command::Lease { holders } = command {
+            desk.leases.note(&desk.registry(), holders);
+            let request = request.clone();
+            let desk = desk.clone();
+            return Some(Answer::Later(Box::pin(async move {
+                put(desk.lease(&line, from, &request).await)
+            })));
+        }
+        if !shared::is_change(command) {
+            let reason = line.is_stale()?;
+            return Some(put(elsewhere(request, &reason)));
+        }
+        let own = match command {
+            Command::Set { name, .. }
+            | Command::Announce { name, .. }
+            | Command::Unregister { name } => desk.registry().is_ours(name),
+            _ => false,
+        };
+        if own {
+            return None;
+        }
+        let request = request.clone();
+        let desk = desk.clone();
+        Some(Answer::Later(Box::pin(async move {
+            put(desk.change(&line, from, request).await)
+        })))
+    }
+
+    /// Has a change done that all servers see.
+    async fn change(&self, line: &Line, from: IpAddr, request: Request) -> Body {
+        let mut gone = None;
+        for _ in 0..OWNERS {
+            let may = match request.command {
+                Command::Register(_) => May::Displace(gone),
+                _ => May::Always,
+            };
+            let outcome = line.perform(Some(from), Some(request.clone()), may).await;
+            let (holder, patience) = match outcome {
+                shared::Outcome::Done(body) => return body,
+                shared::Outcome::Refused(refusal) => return Body::refused(&refusal),
+                shared::Outcome::Failed(reason) => return elsewhere(&request, &reason),
+                shared::Outcome::Held { holder, patience } => (holder, patience),
+            };
+            let how = self.look_patiently(&holder, patience).await;
+            let refusal = self.registry().judge(Instant::now(), &holder, how);
+            if let Some(refusal) = refusal {
+                return Body::refused(&refusal);
+            }
+            gone = Some(holder);
+        }
+        Body::refusal(CROWDED)
+    }
+
+    /// Renews leases. That a port is not registered is said only by who is up to date: the port would
+    /// give up its name.
+    async fn lease(&self, line: &Line, from: IpAddr, request: &Request) -> Body {
+        let renew = || {
+            let now = Instant::now();
+            self.registry().handle(now, Some(from), request).body
+        };
+        let body = renew();
+        let all = match &body {
+            Body::Lines(lines) => !lines
+                .iter()
+                .any(|line| line.starts_with("lost ") || line.starts_with("taken ")),
+            Body::Bottle(_) => true,
+        };
+        if all {
+            return body;
+        }
+        match line.perform(None, None, May::Always).await {
+            shared::Outcome::Failed(reason) => elsewhere(request, &reason),
+            _ => renew(),
+        }
+    }
+
+    /// Looks at an owner, again and again if it may not listen yet.
+    async fn look_patiently(&self, holder: &Registration, patience: Option<Instant>) -> Look {
+        let mut how = self.look(holder).await;
+        while watch::is_gone(&how) && patience.is_some_and(|until| Instant::now() < until) {
+            tokio::time::sleep(AGAIN).await;
+            how = self.look(holder).await;
+        }
+        how
     }
 
     /// Looks at an owner, once there is room for it.
@@ -189,6 +323,15 @@ impl Desk {
     fn drop_port(&self, port: &Registration) {
         let name = port.name.clone();
         let request = Request::plain(Command::Unregister { name });
+        if let Some(line) = self.line() {
+            let port = port.clone();
+            tokio::spawn(async move {
+                tracing::info!("{} has been gone for long, its name is free", port.name);
+                // As below.
+                line.perform(None, Some(request), May::Drop(port)).await;
+            });
+            return;
+        }
         let mut registry = self.registry();
         if registry.find(&port.name).as_ref() == Some(port) {
             tracing::info!("{} has been gone for long, its name is free", port.name);
@@ -204,14 +347,14 @@ impl Desk {
             effects,
             changes,
         } = registry.handle(Instant::now(), from, request);
-        let journal = match changes.is_empty() {
-            false => self.journal(),
+        let keeping = match changes.is_empty() {
+            false => self.keeping(),
             true => {
                 tell(&self.effects, effects);
                 return Done::Now(body);
             }
         };
-        let Some(journal) = journal.as_ref() else {
+        let Keeping::Journal(journal) = &*keeping else {
             tell(&self.effects, effects);
             return Done::Now(body);
         };
@@ -235,7 +378,17 @@ async fn settled(body: Body, kept: Kept, request: &Request) -> Body {
     }
 }
 
-fn tell(listeners: &mpsc::Sender<Effect>, effects: Vec<Effect>) {
+/// A refusal that is about this server: another one of the same names may do it.
+fn elsewhere(request: &Request, reason: &str) -> Body {
+    let said = ELSEWHERE.trim_start_matches("refused: ");
+    let reason = format!("{said}: {reason}");
+    match request.command.is_structured() {
+        true => Body::failure(&reason),
+        false => Body::refusal(&reason),
+    }
+}
+
+pub(crate) fn tell(listeners: &mpsc::Sender<Effect>, effects: Vec<Effect>) {
     for effect in effects {
         if let Err(error) = listeners.try_send(effect) {
             tracing::warn!("too much happens at once, one thing is not done: {error}");

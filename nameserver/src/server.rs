@@ -1,5 +1,6 @@
 //! The registry behind a port.
 
+use std::collections::VecDeque;
 use std::io;
 use std::net::{Ipv4Addr, SocketAddrV4};
 use std::ops::RangeInclusive;
@@ -21,9 +22,10 @@ use yarp_wire::name_service::{Command, Registration, Request};
 use yarp_wire::{Bottle, Vocab32};
 
 use crate::access;
-use crate::desk::Desk;
+use crate::desk::{self, Desk, Keeping};
 use crate::discovery;
 use crate::registry::{Body, Change, Effect, Known, Link, Registry, Settings, Subnet, Terms};
+use crate::shared::{Content, DEADLINE, Line, Truth, TruthError, Writer};
 use crate::store::{Journal, Store, StoreError};
 use crate::watch;
 use crate::web::{self, Survey, Web};
@@ -63,6 +65,11 @@ pub struct ServerOptions {
     pub key: Option<Key>,
     /// Who may look up, register and connect; see [`yarp_ports::roles`].
     pub roles: Roles,
+    /// How long questions are answered that may be out of date, where names are shared with other
+    /// servers and nothing is heard of them.
+    pub without_news: Duration,
+    /// What tells ports that all names were lost; each start does if none is given.
+    incarnation: Option<u64>,
 }
 
 /// Why a name server does not start.
@@ -75,6 +82,9 @@ pub enum StartError {
     /// It cannot get at what it has kept.
     #[error(transparent)]
     Store(#[from] StoreError),
+    /// It cannot get at what it shares with other servers.
+    #[error(transparent)]
+    Shared(#[from] TruthError),
     /// The system gives no thread.
     #[error("no thread to keep names with: {0}")]
     Thread(#[source] io::Error),
@@ -98,10 +108,18 @@ impl Default for ServerOptions {
             callers: CALLERS,
             key: None,
             roles: Roles::default(),
+            without_news: WITHOUT_NEWS,
+            incarnation: None,
         }
     }
 }
 
+/// Longer than it takes to bring machines back, shorter than a night.
+const WITHOUT_NEWS: Duration = Duration::from_secs(600);
+/// How long the end of a server waits until the others know.
+const GOODBYE: Duration = Duration::from_secs(2);
+/// Rest between two attempts to reach what is shared, at the start.
+const AGAIN: Duration = Duration::from_millis(200);
 /// Often enough to tell who is gone, too seldom to be felt.
 const LOOK_EVERY: Duration = Duration::from_secs(30);
 /// Longer than anybody takes to start a program again.
@@ -210,13 +228,15 @@ pub struct Server {
     desk: Arc<Desk>,
     /// The tasks that see to effects and to multicast detection.
     tasks: Vec<JoinHandle<()>>,
+    /// The task that writes what is shared; it ends by itself.
+    writer: Option<JoinHandle<()>>,
 }
 
 impl Server {
     /// Starts a name server: listens, and answers from then on. What is registered is forgotten at
     /// the end.
     pub async fn start(options: ServerOptions) -> Result<Self, PortError> {
-        Self::open(options, &[], |_| Ok(None)).await
+        Self::open(options, &[], |_| Ok(Keeping::Nowhere)).await
     }
 
     /// As [`Server::start`], with the names that `store` has kept, and keeps them there: nobody is
@@ -228,23 +248,75 @@ impl Server {
         let kept = store.load()?;
         let start = |registry: &Arc<Mutex<Registry>>| {
             let journal = Journal::start(store, registry.clone());
-            journal.map(Some).map_err(StartError::Thread)
+            journal.map(Keeping::Journal).map_err(StartError::Thread)
         };
         Self::open(options, &kept, start).await
     }
 
-    /// `journal` gets the registry as it is when the first request comes.
+    /// As [`Server::start`], with names that are shared with other servers: nobody is told of a change
+    /// before it is committed there. See [`crate::shared`].
+    ///
+    /// Waits some seconds for `truth` to answer.
+    pub async fn start_shared(
+        mut options: ServerOptions,
+        mut truth: impl Truth,
+    ) -> Result<Self, StartError> {
+        let name = truth.name();
+        let until = Instant::now() + DEADLINE;
+        let content = loop {
+            match Content::load_whole(&mut truth, &name).await {
+                Err(TruthError::Away { .. } | TruthError::Silent { .. })
+                    if Instant::now() < until =>
+                {
+                    tokio::time::sleep(AGAIN).await;
+                }
+                content => break content?,
+            }
+        };
+        let kept = content.changes();
+        options.incarnation = Some(content.incarnation);
+        let (line, jobs, pulse) = Line::new(options.without_news);
+        let keeping = Keeping::Shared(Arc::new(line));
+        let opened = Self::open(options.clone(), &kept, |_| Ok::<_, PortError>(keeping));
+        let mut server = opened.await?;
+        let registry = server.desk.shared_registry();
+        let listeners = server.desk.effects();
+        let now = SystemTime::now().duration_since(UNIX_EPOCH);
+        let writer = Writer {
+            truth,
+            name,
+            place: (server.host.clone(), server.port()),
+            generation: content.generation,
+            copy: registry.clone(),
+            draft: options.registry(server.port(), &kept),
+            jobs,
+            waiting: VecDeque::new(),
+            pulse,
+            tell: Box::new(move |effects| desk::tell(&listeners, effects)),
+            replace: options.replace,
+            run: now.map_or(0, |now| now.as_micros() as u64),
+            tried: 0,
+            single: 0,
+        };
+        server.writer = Some(tokio::spawn(writer.run()));
+        let leases = server.desk.leases().clone();
+        let passing = leases.pass_on(registry, server.network());
+        server.tasks.push(tokio::spawn(passing));
+        Ok(server)
+    }
+
+    /// `keeping` gets the registry as it is when the first request comes.
     async fn open<E: From<PortError>>(
         options: ServerOptions,
         kept: &[Change],
-        journal: impl FnOnce(&Arc<Mutex<Registry>>) -> Result<Option<Journal>, E>,
+        keeping: impl FnOnce(&Arc<Mutex<Registry>>) -> Result<Keeping, E>,
     ) -> Result<Self, E> {
         let (effects, waiting) = mpsc::channel(EFFECTS);
         let registry = Arc::new(Mutex::new(options.registry(options.port, kept)));
-        let journal = journal(&registry)?;
+        let keeping = keeping(&registry)?;
         let desk = Arc::new(Desk::new(
             registry.clone(),
-            journal,
+            keeping,
             effects,
             options.replace,
             Network::none().with_key(options.key.clone()),
@@ -322,6 +394,7 @@ impl Server {
             key: options.key,
             desk,
             tasks,
+            writer: None,
         })
     }
 
@@ -361,6 +434,10 @@ impl Server {
             port.close().await;
         }
         self.desk.close();
+        if let Some(writer) = self.writer.take() {
+            // Others notice by themselves, a little later.
+            let _ = tokio::time::timeout(GOODBYE, writer).await;
+        }
     }
 }
 
@@ -380,7 +457,8 @@ impl ServerOptions {
         let subnet = |(own, bits)| Subnet { own, bits };
         settings.subnets = addresses::subnets().into_iter().map(subnet).collect();
         let now = SystemTime::now().duration_since(UNIX_EPOCH);
-        settings.incarnation = now.map_or(0, |now| now.as_micros() as u64);
+        let now = now.map_or(0, |now| now.as_micros() as u64);
+        settings.incarnation = self.incarnation.unwrap_or(now);
         settings
     }
 

@@ -165,6 +165,7 @@ impl Visitor {
         // After a long absence the server may have given us up.
         let away = self.well.elapsed() > self.lease;
         self.lease = seconds.parse().map_or(Duration::MAX, Duration::from_secs);
+        let mut others = Vec::new();
         let again = self.start.as_ref() != Some(&start) || away;
         for line in lines {
             let (what, name) = line.split_once(' ').unwrap_or((line, ""));
@@ -176,9 +177,11 @@ impl Visitor {
                     tracing::warn!("another port has the name {name} now");
                     self.network.keeper().let_go(&port.name);
                 }
+                ("also", _) => others.extend(place(name)),
                 _ => {}
             }
         }
+        self.network.learn(&others);
         Ok(Some(start))
     }
 
@@ -228,4 +231,10 @@ impl Visitor {
         }
         Ok(())
     }
+}
+
+/// `HOST PORT`: where another server of the same names is.
+fn place(text: &str) -> Option<(String, u16)> {
+    let (host, port) = text.split_once(' ')?;
+    Some((host.to_owned(), port.parse().ok()?))
 }

@@ -1,7 +1,7 @@
 //! The name server, and where ports are.
 
 use std::io;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use bytes::BytesMut;
@@ -9,11 +9,11 @@ use yarp_wire::Contact;
 use yarp_wire::auth::Key;
 use yarp_wire::carrier::ALL;
 use yarp_wire::name_service::{
-    Answer, AnswerReader, Command, PREFIX, Registering, Registration, Request, Until,
+    Answer, AnswerReader, Command, ELSEWHERE, PREFIX, Registering, Registration, Request, Until,
 };
 
 use crate::addresses;
-use crate::config::{Configuration, DEFAULT_NAMESPACE, Namespace};
+use crate::config::{Configuration, DEFAULT_NAMESPACE, NameServer, Namespace};
 use crate::error::PortError;
 use crate::keeper::Keeper;
 use crate::roles::Roles;
@@ -21,7 +21,11 @@ use crate::stream::{self, Inflow};
 
 /// A YARP network: name servers, usually one, each with its namespace.
 ///
-/// With several, ports register with all of them, and are found through the first that knows them;
+/// A namespace may be served from several places, by servers that share their names: then the first
+/// place that answers is asked, and it is asked until it does not ([`crate::config::NameServer`] says how
+/// they are configured; a server tells of others, too).
+///
+/// With several namespaces, ports register with all of them, and are found through the first that knows them;
 /// everything else goes to the first, as in stock.
 ///
 /// Cheap to clone. Holds no connection: each question to a name server is a connection of its
@@ -50,8 +54,41 @@ struct Inner {
 #[derive(Clone, Debug)]
 struct Server {
     namespace: String,
+    /// Where it is configured to be.
     host: String,
     port: u16,
+    /// All places where it may be; shared by all copies of the network.
+    places: Arc<Mutex<Places>>,
+}
+
+/// Where a namespace is served.
+#[derive(Debug)]
+struct Places {
+    /// Host and TCP port, never empty.
+    known: Vec<(String, u16)>,
+    /// The one that answered last.
+    current: usize,
+}
+
+/// Places of one namespace that are remembered; who is told of more asks those.
+const MOST_PLACES: usize = 16;
+
+impl Server {
+    fn at(namespace: &str, host: &str, port: u16, others: &[(String, u16)]) -> Self {
+        let first = (host.to_owned(), port);
+        let mut known = vec![first];
+        known.extend(others.iter().take(MOST_PLACES - 1).cloned());
+        Self {
+            namespace: namespace.to_owned(),
+            host: host.to_owned(),
+            port,
+            places: Arc::new(Mutex::new(Places { known, current: 0 })),
+        }
+    }
+
+    fn places(&self) -> MutexGuard<'_, Places> {
+        self.places.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 /// How long connecting and asking may take, unless told otherwise; stock waits as long.
@@ -66,11 +103,7 @@ impl Network {
     /// Environment and configuration files play no part.
     pub fn at(host: &str, port: u16) -> Self {
         Self::from(Inner {
-            servers: vec![Server {
-                namespace: DEFAULT_NAMESPACE.to_owned(),
-                host: host.to_owned(),
-                port,
-            }],
+            servers: vec![Server::at(DEFAULT_NAMESPACE, host, port, &[])],
             namespace: DEFAULT_NAMESPACE.to_owned(),
             configuration: None,
             deadline: DEADLINE,
@@ -102,11 +135,10 @@ impl Network {
     pub fn from_configuration(configuration: Configuration) -> Self {
         let server = |held: &Namespace| {
             let server = held.server.as_ref()?;
-            Some(Server {
-                namespace: held.name.clone(),
-                host: server.host.clone(),
-                port: server.port,
-            })
+            let NameServer {
+                host, port, others, ..
+            } = server;
+            Some(Server::at(&held.name, host, *port, others))
         };
         let namespaces = configuration.namespaces();
         Self::from(Inner {
@@ -154,6 +186,15 @@ impl Network {
         })
     }
 
+    /// The same network with its name server at another place, and nowhere else.
+    pub fn with_server(&self, host: &str, port: u16) -> Self {
+        let server = Server::at(self.namespace(), host, port, &[]);
+        Self::from(Inner {
+            servers: vec![server],
+            ..Inner::clone(&self.0)
+        })
+    }
+
     /// Who may do what with the ports that are opened on it; `roles.conf` says.
     pub fn roles(&self) -> &Roles {
         &self.0.roles
@@ -168,6 +209,41 @@ impl Network {
     pub fn server(&self) -> Option<(&str, u16)> {
         let server = self.0.servers.first()?;
         Some((&server.host, server.port))
+    }
+
+    /// Host and port of every place where the name server may be, of several the first; the one that
+    /// answered last comes first.
+    pub fn places(&self) -> Vec<(String, u16)> {
+        let Some(server) = self.0.servers.first() else {
+            return Vec::new();
+        };
+        let places = server.places();
+        let (before, from) = places.known.split_at(places.current);
+        from.iter().chain(before).cloned().collect()
+    }
+
+    /// The name server answers at this place.
+    fn prefer(&self, place: &(String, u16)) {
+        let Some(server) = self.0.servers.first() else {
+            return;
+        };
+        let mut places = server.places();
+        if let Some(index) = places.known.iter().position(|known| known == place) {
+            places.current = index;
+        }
+    }
+
+    /// The name server is at these places, too.
+    pub(crate) fn learn(&self, others: &[(String, u16)]) {
+        let Some(server) = self.0.servers.first() else {
+            return;
+        };
+        let mut places = server.places();
+        for other in others {
+            if places.known.len() < MOST_PLACES && !places.known.contains(other) {
+                places.known.push(other.clone());
+            }
+        }
     }
 
     pub(crate) fn keeper(&self) -> &Keeper {
@@ -248,8 +324,46 @@ impl Network {
     /// Sends one request line to the name server and gives its answer.
     ///
     /// The line is sent as it stands, less its quotes, as stock does; each question is a
-    /// connection of its own.
+    /// connection of its own. Where the name server may be at several places, the next one is asked if
+    /// one does not answer in its share of the time, or says that it cannot at the moment.
     pub async fn ask(&self, request: &str) -> Result<Answer, PortError> {
+        self.at_each_place(|network| async move {
+            let answer = network.ask_there(request).await?;
+            let first = answer.lines().next();
+            match first.is_some_and(|line| line.starts_with(ELSEWHERE)) {
+                true => Err(network.refused(request, &answer)),
+                false => Ok(answer),
+            }
+        })
+        .await
+    }
+
+    /// Tries something at each place where the name server may be, until it succeeds; gives what the
+    /// last one said. The time is shared out evenly.
+    pub async fn at_each_place<T, F: Future<Output = Result<T, PortError>>>(
+        &self,
+        work: impl Fn(Self) -> F,
+    ) -> Result<T, PortError> {
+        let places = self.places();
+        let share = u32::try_from(places.len()).unwrap_or(u32::MAX).max(1);
+        let mut result = Err(PortError::NoNameServer);
+        for place in places {
+            let (host, port) = &place;
+            let network = self.with_server(host, *port);
+            result = work(network.with_deadline(self.0.deadline / share)).await;
+            match &result {
+                Ok(_) => {
+                    self.prefer(&place);
+                    break;
+                }
+                Err(error) => tracing::debug!("{}", error.story()),
+            }
+        }
+        result
+    }
+
+    /// The same at the first place alone.
+    async fn ask_there(&self, request: &str) -> Result<Answer, PortError> {
         let (host, port) = self.server().ok_or(PortError::NoNameServer)?;
         let server = format!("{host}:{port}");
         let failed = |step| {

@@ -20,9 +20,10 @@ pub(crate) struct Args {
     /// Empty the file
     #[arg(long)]
     clean: bool,
-    /// Host and TCP port of the name server, and its kind (yarp)
+    /// Host and TCP port of the name server, and its kind (yarp); then hosts and ports of other servers
+    /// of the same names, which are asked if that one does not answer
     #[arg(
-        value_name = "HOST PORT [MODE]",
+        value_name = "HOST PORT [MODE [HOST PORT]...]",
         allow_hyphen_values = true,
         trailing_var_arg = true
     )]
@@ -37,13 +38,13 @@ pub(super) fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         writeln!(out, "Cleared configuration file:\n  {shown}")?;
         return Ok(ExitCode::SUCCESS);
     }
-    let (host, port, mode) = match &args.words[..] {
+    let (host, port, mode, others) = match &args.words[..] {
         [] => {
             writeln!(out, "{shown}")?;
             return Ok(ExitCode::SUCCESS);
         }
-        [host, port] => (host, port, Mode::Yarp),
-        [host, port, mode, ..] => (host, port, Mode::from(mode.as_str())),
+        [host, port] => (host, port, Mode::Yarp, &[][..]),
+        [host, port, mode, others @ ..] => (host, port, Mode::from(mode.as_str()), others),
         [_] => {
             complain(out, "Command not understood")?;
             return Ok(ExitCode::FAILURE);
@@ -58,6 +59,25 @@ pub(super) fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     };
     let mut server = NameServer::at(host, port);
     server.mode = mode;
+    for other in others.chunks(2) {
+        let place = match other {
+            [host, port] => port
+                .parse()
+                .ok()
+                .filter(|port| *port > 0)
+                .map(|port| (host, port)),
+            _ => None,
+        };
+        let Some((host, port)) = place else {
+            let other = other.join(" ");
+            complain(
+                out,
+                &format!("Other server not understood: {other} (expected HOST PORT)"),
+            )?;
+            return Ok(ExitCode::FAILURE);
+        };
+        server.others.push((host.clone(), port));
+    }
     writeln!(out, "Configuration file:\n  {shown}")?;
     if let Some(stored) = stored(&file)? {
         writeln!(out, "Stored:\n  {}", describe(&stored))?;
@@ -93,6 +113,15 @@ pub(super) fn read(file: &Path) -> std::result::Result<String, ConfigError> {
 }
 
 fn describe(server: &NameServer) -> String {
-    let NameServer { host, port, mode } = server;
-    format!("host {host} port number {port} ({mode} name server)")
+    let NameServer {
+        host,
+        port,
+        mode,
+        others,
+    } = server;
+    let mut text = format!("host {host} port number {port} ({mode} name server)");
+    for (host, port) in others {
+        text.push_str(&format!(", or host {host} port number {port}"));
+    }
+    text
 }

@@ -9,6 +9,8 @@ use std::time::Duration;
 
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use tokio::signal::unix::{SignalKind, signal};
+#[cfg(feature = "etcd")]
+use yarp_nameserver::shared::{EtcdTruth, Truth as _};
 use yarp_nameserver::store::{Durability, SqliteStore};
 use yarp_nameserver::{Server, ServerOptions, StartError};
 use yarp_ports::config::{self, Configuration, Mode, NameServer, Namespace};
@@ -77,6 +79,10 @@ pub(crate) struct Args {
     /// The same; stock keeps persistent connections apart, here they are in the file of --portdb
     #[arg(long, value_name = "FILE")]
     subdb: Option<String>,
+    /// Keep names in etcd instead, together with other servers of them:
+    /// etcd://HOST:PORT,HOST:PORT/PREFIX. The members of the cluster are tried in this order
+    #[arg(long, value_name = "URL")]
+    store: Option<String>,
     /// Keep nothing: a restart forgets every name
     #[arg(long)]
     memory: bool,
@@ -140,6 +146,7 @@ impl Args {
             ("--socket", &mut self.socket),
             ("--portdb", &mut self.portdb),
             ("--subdb", &mut self.subdb),
+            ("--store", &mut self.store),
             ("--look-every", &mut self.look_every),
             ("--drop-after", &mut self.drop_after),
             ("--header-within", &mut self.header_within),
@@ -248,7 +255,12 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             return Ok(ExitCode::FAILURE);
         }
     };
-    if !args.local && held.server.as_ref() != Some(&place) {
+    let listed = |held: &NameServer| {
+        let own = (place.host.clone(), place.port);
+        (&held.host, held.port) == (&own.0, own.1) && held.mode == place.mode
+            || args.store.is_some() && !args.write && held.others.contains(&own)
+    };
+    if !args.local && !held.server.as_ref().is_some_and(listed) {
         config::write(&held.file, &place.to_string())?;
     }
     if !args.silent {
@@ -273,6 +285,24 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
 enum Database {
     Memory,
     File(PathBuf),
+    #[cfg(feature = "etcd")]
+    Etcd(Box<EtcdTruth>),
+}
+
+/// The store that servers share.
+#[cfg(feature = "etcd")]
+fn shared(url: &str) -> std::result::Result<Database, String> {
+    let truth = EtcdTruth::at(url).map_err(|error| format!("--store: {error}"))?;
+    Ok(Database::Etcd(Box::new(truth)))
+}
+
+/// The same where the program was built without.
+#[cfg(not(feature = "etcd"))]
+fn shared(url: &str) -> std::result::Result<Database, String> {
+    Err(format!(
+        "--store {url}: this program was built without etcd; build it with \
+         `cargo build --release -p yarp-cli --features etcd` (needs protoc)"
+    ))
 }
 
 impl Database {
@@ -283,6 +313,16 @@ impl Database {
         configuration: &Configuration,
     ) -> std::result::Result<Self, String> {
         let file = args.portdb.as_ref().or(args.subdb.as_ref());
+        if let Some(url) = &args.store {
+            return match file.is_some() || args.memory || args.cautious {
+                true => Err(
+                    "--store goes without --portdb, --subdb, --memory and --cautious: names are \
+                             in one place, and etcd waits for the disk"
+                        .to_owned(),
+                ),
+                false => shared(url),
+            };
+        }
         match file {
             _ if args.memory => Ok(Self::Memory),
             Some(file) if file == MEMORY => Ok(Self::Memory),
@@ -321,6 +361,8 @@ impl Database {
                 let store = SqliteStore::open(&path, durability)?;
                 Server::start_with(options, store).await
             }
+            #[cfg(feature = "etcd")]
+            Self::Etcd(truth) => Server::start_shared(options, *truth).await,
         }
     }
 }
@@ -330,6 +372,8 @@ impl std::fmt::Display for Database {
         match self {
             Self::Memory => f.write_str(MEMORY),
             Self::File(path) => path.display().fmt(f),
+            #[cfg(feature = "etcd")]
+            Self::Etcd(truth) => truth.name().fmt(f),
         }
     }
 }
@@ -417,11 +461,28 @@ fn choose(
             Err(_) => return Err(format!("--socket {number}: expected 1 to 65535")),
         },
     };
-    let place = NameServer::at(&host, port);
+    let mut place = NameServer::at(&host, port);
+    if args.store.is_some()
+        && let Some(stored) = stored
+    {
+        // Where the same names are served besides.
+        let first = (stored.host.clone(), stored.port);
+        let known = std::iter::once(&first).chain(&stored.others);
+        let own = (host.clone(), port);
+        place.others = known.filter(|other| **other != own).cloned().collect();
+        if !args.write && stored.others.contains(&own) {
+            return Ok(NameServer {
+                mode: stored.mode.clone(),
+                ..place
+            });
+        }
+    }
     match stored {
         Some(stored) if !args.write && (&stored.host, stored.port) != (&host, port) => {
             let describe = |server: &NameServer| {
-                let NameServer { host, port, mode } = server;
+                let NameServer {
+                    host, port, mode, ..
+                } = server;
                 format!("host {host} port {port} family {mode}")
             };
             Err(format!(

@@ -58,10 +58,17 @@ pub(super) async fn run(_args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         )?;
         return Ok(ExitCode::FAILURE);
     };
-    let NameServer { host, port, mode } = server;
+    let NameServer {
+        host, port, mode, ..
+    } = server;
     writeln!(out, "Looking for name server on {host}, port number {port}")?;
     writeln!(out, "If there is a long delay, try:\n  yarp conf --clean")?;
     if session::serves(&network, namespace).await {
+        // Of several servers of the same names, the one that answers.
+        let places = network.places();
+        let (host, port) = places
+            .first()
+            .map_or((host, port), |place| (&place.0, &place.1));
         writeln!(
             out,
             "Name server {namespace} is available at ip {host} port {port}"

@@ -134,7 +134,7 @@ impl Registry {
         again
     }
 
-    fn restore_one(&mut self, now: Instant, change: Change) {
+    pub(super) fn restore_one(&mut self, now: Instant, change: Change) {
         match change {
             Change::Port(registration) => self.restore_port(registration),
             Change::PortGone(name) => {
@@ -292,6 +292,59 @@ mod tests {
             let mut again = Registry::new(settings());
             again.restore(Instant::now(), changes);
             prop_assert_eq!(told(&mut again, &names), told(&mut registry, &names));
+        }
+    }
+
+    proptest! {
+        /// Another registry that is told of items as they are written answers the same, and goes
+        /// back to what it was when it adopts what a third one has.
+        #[test]
+        fn a_registry_that_adopts_all_items_answers_the_same(
+            lines in prop::collection::vec(line(), 0..60),
+            back in 0..60usize,
+        ) {
+            use crate::registry::Item;
+            use crate::shared::content;
+            let names = ["/a", "/b", "/tmp/port/1", "/t"];
+            let [mut registry, mut other, mut past] = [(); 3].map(|()| Registry::new(settings()));
+            let mut later = Vec::new();
+            for (index, line) in lines.iter().enumerate() {
+                let changes = run(&mut registry, std::slice::from_ref(line));
+                let mut items: Vec<_> = changes.iter().map(Item::of).collect();
+                items.sort();
+                items.dedup();
+                for item in items {
+                    let write = content::write(&item, registry.held(&item).as_ref());
+                    let read = content::item_of(&write.key, write.value.as_deref());
+                    let (read, held) = read.expect("what is written is understood");
+                    prop_assert_eq!(&read, &item);
+                    other.adopt(Instant::now(), &read, held.clone());
+                    match index < back {
+                        true => drop(past.adopt(Instant::now(), &read, held)),
+                        false => later.push(item),
+                    }
+                }
+            }
+            prop_assert_eq!(told(&mut other, &names), told(&mut registry, &names));
+            later.sort();
+            later.dedup();
+            for item in &later {
+                other.adopt(Instant::now(), item, past.held(item));
+            }
+            // A topic that was made again is listed last.
+            let unordered = |mut told: Vec<String>| {
+                told[2].clear();
+                told
+            };
+            let [back, past] = [&mut other, &mut past].map(|one| unordered(told(one, &names)));
+            prop_assert_eq!(back, past);
+        }
+
+        /// Whatever somebody else writes under our keys.
+        #[test]
+        fn no_value_makes_trouble(key in "(port|connection|topic|type)/[ -~]{0,9}", value in "\\PC{0,40}") {
+            let item = crate::shared::content::item_of(&key, Some(value.as_bytes()));
+            prop_assert!(item.is_none_or(|(_, held)| held.is_some()));
         }
     }
 

@@ -227,9 +227,12 @@ impl Registry {
     /// The ports that are to be looked at, at most `most`; they count as looked at.
     pub fn to_look_at(&mut self, now: Instant, terms: &Terms, most: usize) -> Vec<Registration> {
         let own = self.settings.name.clone();
+        // Each of several servers looks for itself, all together no more often than configured.
+        let servers = u32::try_from(self.settings.others.len()).map_or(u32::MAX, |n| n + 1);
+        let every = terms.every.saturating_mul(servers);
         let waits = |entry: &Entry| {
             let life = &entry.life;
-            let due = life.looked.is_none_or(|then| now >= then + terms.every);
+            let due = life.looked.is_none_or(|then| now >= then + every);
             due && !life.is_leased(now)
         };
         let due = self.ports.iter_mut().filter(|(name, entry)| {
@@ -303,7 +306,8 @@ impl Registry {
     }
 
     /// `lease NAME HOST NUMBER ...`: these ports are there. The answer tells how long that holds,
-    /// which server it is, and who of them is registered no longer (`lost`) or elsewhere (`taken`).
+    /// which server it is, who of them is registered no longer (`lost`) or elsewhere (`taken`), and
+    /// where other servers of the same names are (`also HOST PORT`).
     pub(super) fn lease(&mut self, now: Instant, holders: &[Holder]) -> Body {
         let (incarnation, lease) = (self.settings.incarnation, self.settings.lease);
         let first = format!("lease {} server {incarnation}", lease.as_secs());
@@ -324,6 +328,8 @@ impl Registry {
                 }
             }
         }
+        let others = self.settings.others.iter();
+        lines.extend(others.map(|(host, port)| format!("also {} {port}", plain_text(host))));
         Body::lines(lines)
     }
 
@@ -334,7 +340,8 @@ impl Registry {
         Body::lines(known.map(|known| format!("{} state {}", known.registration, known.state)))
     }
 
-    fn is_ours(&self, name: &str) -> bool {
+    /// Whether it is the server itself, or its group.
+    pub(crate) fn is_ours(&self, name: &str) -> bool {
         name == self.settings.name || name == FALLBACK
     }
 }

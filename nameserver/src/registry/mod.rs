@@ -17,6 +17,7 @@
 
 mod allocator;
 mod change;
+mod item;
 mod life;
 mod limits;
 mod lookup;
@@ -45,6 +46,7 @@ use persistent::Persistent;
 use properties::{Pool, Properties};
 
 pub use change::Change;
+pub(crate) use item::{Held, Item};
 pub use life::{Claim, Known, Look, Outcome, State, Terms};
 pub use limits::Refusal;
 pub use reply::{Body, Effect, Link, Reply};
@@ -74,6 +76,8 @@ pub struct Settings {
     pub incarnation: u64,
     /// How long a lease holds.
     pub lease: Duration,
+    /// Where other servers of the same names are: host and TCP port. Ports that keep a lease are told.
+    pub others: Vec<(String, u16)>,
 }
 
 /// All ports, their properties, and the connections that outlive them.
@@ -113,6 +117,7 @@ impl Settings {
             numbers: None,
             incarnation: 0,
             lease: LEASE,
+            others: Vec::new(),
         }
     }
 }
@@ -215,6 +220,8 @@ impl Registry {
             } => self.type_definition(family, name, value.as_deref()).into(),
             Command::Web(_) => text::web().into(),
             Command::Lease { holders } => self.lease(now, holders).into(),
+            // Told to another server, which passes it on.
+            Command::Passed { holders } => self.lease(now, holders).into(),
             Command::States { prefix } => self.states(now, prefix).into(),
             _ => Body::end().into(),
         }
@@ -223,6 +230,16 @@ impl Registry {
     /// What the server knows of itself.
     pub fn settings(&self) -> &Settings {
         &self.settings
+    }
+
+    /// Other servers of the same names have been heard of, or are gone.
+    pub(crate) fn set_others(&mut self, others: Vec<(String, u16)>) {
+        self.settings.others = others;
+    }
+
+    /// All names were lost, or found again, elsewhere.
+    pub(crate) fn set_incarnation(&mut self, incarnation: u64) {
+        self.settings.incarnation = incarnation;
     }
 
     /// Every registered port, sorted by name.

@@ -127,6 +127,14 @@ impl Persistent {
         self.subscriptions.remove(&key).is_some()
     }
 
+    /// Source and destination as they were written, and the mode, of the subscription between two
+    /// bare names.
+    pub(super) fn held(&self, source: &str, destination: &str) -> Option<(&str, &str, &str)> {
+        let key = (source.to_owned(), destination.to_owned());
+        let held = self.subscriptions.get(&key)?;
+        Some((&held.source.text, &held.destination.text, &held.mode))
+    }
+
     /// Removes the subscriptions that end with `name`: mode `from` if it writes, `to` if it reads.
     /// Gives the bare names of their ends.
     pub(super) fn gone(&mut self, name: &str) -> Vec<(String, String)> {

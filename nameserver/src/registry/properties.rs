@@ -1,6 +1,6 @@
 //! What is known of a port beside its address.
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 use std::sync::Arc;
 
 use yarp_wire::name_service::plain_text;
@@ -95,6 +95,13 @@ impl Properties {
     pub(super) fn shared(&self, key: &str) -> Values {
         let held = self.0.iter().find(|(held, _)| &**held == key);
         held.map_or_else(|| Values::from([]), |(_, values)| values.clone())
+    }
+
+    /// All of them, to be kept elsewhere too.
+    pub(super) fn all(&self) -> BTreeMap<String, Vec<String>> {
+        let all = self.0.iter();
+        all.map(|(key, values)| ((**key).to_owned(), values.to_vec()))
+            .collect()
     }
 
     pub(super) fn has(&self, key: &str, value: &str) -> bool {

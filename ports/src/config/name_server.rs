@@ -18,6 +18,9 @@ use super::ConfigError;
 /// port 10000
 /// mode yarp
 /// ```
+///
+/// Further lines of the usual form say where else the same names are served (`yarp server --store`); stock
+/// does not read beyond the first line (3.5.0, asked).
 #[derive(Clone, Debug, Eq, PartialEq)]
 pub struct NameServer {
     /// Address or host name.
@@ -26,6 +29,8 @@ pub struct NameServer {
     pub port: u16,
     /// What kind of server it is.
     pub mode: Mode,
+    /// Host and TCP port of other servers of the same names.
+    pub others: Vec<(String, u16)>,
 }
 
 /// What kind of server a configuration names.
@@ -49,6 +54,7 @@ impl NameServer {
             host: host.to_owned(),
             port,
             mode: Mode::Yarp,
+            others: Vec::new(),
         }
     }
 
@@ -82,6 +88,7 @@ impl NameServer {
             host: host.to_owned(),
             port,
             mode: words.next().map_or(Mode::Yarp, Mode::from),
+            others: lines.filter_map(|(_, line)| parse_other(line)).collect(),
         }))
     }
 
@@ -121,8 +128,16 @@ impl NameServer {
             host: host.ok_or_else(|| missing("`host HOST` below `[name]`"))?,
             port: port.ok_or_else(|| missing("`port NUMBER` below `[name]`"))?,
             mode,
+            others: Vec::new(),
         })
     }
+}
+
+/// `HOST PORT yarp`; other words are not ours, and stock does not read them either.
+fn parse_other(line: &str) -> Option<(String, u16)> {
+    let mut words = line.split_whitespace();
+    let (host, port) = (words.next()?, parse_port(words.next()?)?);
+    matches!(words.next(), Some("yarp")).then(|| (host.to_owned(), port))
 }
 
 fn parse_port(text: &str) -> Option<u16> {
@@ -152,7 +167,11 @@ impl fmt::Display for Mode {
 /// The content of the file, as stock writes it.
 impl fmt::Display for NameServer {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "{} {} {}", self.host, self.port, self.mode)
+        writeln!(f, "{} {} {}", self.host, self.port, self.mode)?;
+        for (host, port) in &self.others {
+            writeln!(f, "{host} {port} yarp")?;
+        }
+        Ok(())
     }
 }
 
@@ -188,6 +207,16 @@ mod tests {
             "a 5 yarp",
         );
         check("[name]\nhost a\nport 5\n[other]\nhost b\n", "a 5 yarp");
+    }
+
+    #[test]
+    fn further_lines_say_where_else_the_names_are_served() {
+        let text = "a 10000 yarp\nb 10000 yarp\n\n# remark\nc 0 yarp\nd 7 local\nc 5 yarp\n";
+        let held = NameServer::parse(Path::new("f"), text).unwrap().unwrap();
+        let others = [("b".to_owned(), 10000), ("c".to_owned(), 5)];
+        assert_eq!((held.host.as_str(), &held.others[..]), ("a", &others[..]));
+        let again = NameServer::parse(Path::new("f"), &held.to_string());
+        assert_eq!(again.unwrap(), Some(held));
     }
 
     #[track_caller]

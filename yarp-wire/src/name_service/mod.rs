@@ -37,6 +37,10 @@ pub const PREFIX: &str = "NAME_SERVER";
 /// What a client writes where the server shall choose.
 pub const CHOOSE: &str = "...";
 
+/// How a refusal begins that is about the server and not about the request: another server of the
+/// same names may do it. Not in stock.
+pub const ELSEWHERE: &str = "refused: this name server cannot";
+
 /// TCP port of the name server unless configured otherwise.
 pub const DEFAULT_PORT: u16 = 10000;
 

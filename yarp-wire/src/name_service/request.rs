@@ -142,6 +142,12 @@ pub enum Command {
         /// Who is there.
         holders: Vec<Holder>,
     },
+    /// `passed NAME HOST NUMBER ...`: another server of the same names was told `lease` by these
+    /// ports. Not in stock.
+    Passed {
+        /// Who is there.
+        holders: Vec<Holder>,
+    },
     /// `state [PREFIX]`: as `list`, and how each port was found. Not in stock either.
     States {
         /// The prefix, empty for all.
@@ -352,6 +358,9 @@ impl Arguments<'_> {
             "lease" => Command::Lease {
                 holders: self.holders(),
             },
+            "passed" => Command::Passed {
+                holders: self.holders(),
+            },
             "set" => Command::Set {
                 name: self.name(1),
                 key: self.text(2),
@@ -472,6 +481,16 @@ mod tests {
         assert_eq!(
             Request::plain(lease.clone()).to_string().replace('"', ""),
             line
+        );
+        let Command::Lease { holders } = lease.clone() else {
+            unreachable!()
+        };
+        let passed = Command::Passed { holders };
+        let line_passed = line.replace("lease", "passed");
+        check(&line_passed, Form::Plain, passed.clone());
+        assert_eq!(
+            Request::plain(passed).to_string().replace('"', ""),
+            line_passed
         );
         // What is no port is left out.
         check(&format!("{line} /c h 99999 /d h"), Form::Plain, lease);

@@ -106,8 +106,11 @@ impl Command {
                 name,
                 value,
             } => words(&["type", family, name, value.as_deref().unwrap_or("")]),
-            Self::Lease { holders } => {
-                let mut bottle = words(&["lease"]);
+            Self::Lease { holders } | Self::Passed { holders } => {
+                let mut bottle = words(&[match self {
+                    Self::Passed { .. } => "passed",
+                    _ => "lease",
+                }]);
                 for holder in holders {
                     bottle.push(holder.name.as_str());
                     bottle.push(holder.host.as_str());
