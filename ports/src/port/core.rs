@@ -409,24 +409,34 @@ impl Core {
         join(asking).await;
     }
 
-    /// Takes note of an incoming connection. An older one from the same port ends.
+    /// The number of a connection that begins now: a later one has a larger number.
+    pub(super) fn next_number(&self) -> u64 {
+        self.next_input.fetch_add(1, Ordering::Relaxed)
+    }
+
+    /// Takes note of the incoming connection `id`. Older ones from the same port end; where there
+    /// is a younger one already, this one is not wanted any more, and the answer is `false`.
+    ///
+    /// What counts is when connections began: headers of two that began one after the other may
+    /// be read in the other order.
     pub(crate) fn add_input(
         &self,
+        id: u64,
         from: &str,
         carrier: &'static Carrier,
         carrier_text: String,
         socket: SocketHandle,
         meter: Arc<Meter>,
         cancel: Cancel,
-    ) -> u64 {
-        let id = self.next_input.fetch_add(1, Ordering::Relaxed);
+    ) -> bool {
         let carrier_name = carrier_text.clone();
         let mut inputs = self.inputs();
         if is_port(from) {
-            inputs
-                .iter()
-                .filter(|entry| entry.from == from)
-                .for_each(|entry| entry.cancel.cancel());
+            let same = || inputs.iter().filter(|entry| entry.from == from);
+            if same().any(|entry| entry.id > id) {
+                return false;
+            }
+            same().for_each(|entry| entry.cancel.cancel());
         }
         inputs.push(InputEntry {
             id,
@@ -440,7 +450,7 @@ impl Core {
         });
         drop(inputs);
         self.report(from, &self.name, &carrier_name, true, true);
-        id
+        true
     }
 
     /// Takes note that an incoming connection goes on over another socket.

@@ -35,7 +35,9 @@ use crate::stream::{self, Inflow, Socket};
 use crate::{shmem, unix};
 
 /// Serves a connection until it ends, is displaced, or the port closes.
-pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, address: IpAddr) {
+///
+/// Connections are numbered in the order in which they were accepted.
+pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, address: IpAddr, number: u64) {
     let mut closing = core.cancelled.clone();
     let stream = Socket::Tcp(stream);
     core.network.roles().refresh();
@@ -57,6 +59,7 @@ pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, address: IpAddr) {
         stream: Arc::new(stream),
         input: Inflow::default(),
         output: BytesMut::new(),
+        number,
         entry: None,
         cancel: Some(cancel),
         sender: Sender::plain(""),
@@ -124,6 +127,8 @@ pub(super) struct Connection {
     acceptor: Acceptor,
     input: Inflow,
     pub(super) output: BytesMut,
+    /// Its number in the port's list.
+    pub(super) number: u64,
     /// The place in the port's list, once the header is done with.
     entry: Option<Entry>,
     /// Ends this connection; goes to the port's list with the entry.
@@ -331,9 +336,15 @@ impl Connection {
                 if !carrier.push {
                     return Next::Stop(End::Reversed);
                 }
-                if let Err(error) = self.opened(carrier) {
+                let opened = self.opened(carrier);
+                if !matches!(opened, Ok(true)) {
                     // Without the header reply the peer knows that there is no connection.
                     self.output.clear();
+                }
+                if let Ok(false) = opened {
+                    return Next::Stop(End::Closed);
+                }
+                if let Err(error) = opened {
                     if carrier.framing == Framing::Lines && !carrier.acknowledges {
                         let words = format!("* Error. {error}\r\n* Goodbye.\r\n");
                         self.output.extend_from_slice(words.as_bytes());
@@ -352,7 +363,8 @@ impl Connection {
         }
     }
 
-    fn opened(&mut self, carrier: &'static Carrier) -> Result<(), MonitorError> {
+    /// Takes note of the connection; `false` if there is a younger one of the same name.
+    fn opened(&mut self, carrier: &'static Carrier) -> Result<bool, MonitorError> {
         let sender = &self.sender;
         let ends = (sender.name.as_str(), self.core.name.as_str());
         let monitors = self
@@ -370,13 +382,16 @@ impl Connection {
         let socket = SocketHandle::of(&self.stream);
         let core = &self.core;
         let meter = self.meter.clone();
-        let id = core.add_input(&sender.name, carrier, text, socket, meter, cancel);
+        let id = self.number;
+        if !core.add_input(id, &sender.name, carrier, text, socket, meter, cancel) {
+            return Ok(false);
+        }
         core.monitor_input(id, &monitors);
         let core = self.core.clone();
         self.entry = Some(Entry { id, core });
         self.from = self.sender.name.as_str().into();
         self.monitors = monitors;
-        Ok(())
+        Ok(true)
     }
 
     /// Whether the roles in force now give the peer this right.
@@ -424,7 +439,7 @@ impl Connection {
                     address: self.address,
                     wants_reply: reply,
                     responder: None,
-                    connection: self.id(),
+                    connection: self.number,
                 };
                 let answer = self.deliver(received).await;
                 self.answer(answer, reply)
@@ -448,11 +463,6 @@ impl Connection {
         }
         let core = self.core.clone();
         self.wait_for(Box::pin(core.administer(request))).await
-    }
-
-    /// Its number in the port's list.
-    pub(super) fn id(&self) -> u64 {
-        self.entry.as_ref().map_or(0, |entry| entry.id)
     }
 
     /// Hands a message to the owner and waits for the reply, if there is to be one; tells whether

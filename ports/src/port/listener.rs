@@ -93,7 +93,8 @@ pub(super) async fn listen(core: Arc<Core>, listener: TcpListener) {
                 Ok((stream, peer)) => {
                     // Without it small messages are late, but they come.
                     let _ = stream::prepare(&stream);
-                    connections.spawn(input::serve(core.clone(), stream, peer.ip()));
+                    let number = core.next_number();
+                    connections.spawn(input::serve(core.clone(), stream, peer.ip(), number));
                 }
                 Err(error) => {
                     tracing::warn!(port = %core.name, "cannot accept: {error}");

@@ -68,7 +68,9 @@ pub(super) fn connect(
         name: writer.name.clone(),
         modifiers: spec.modifiers.clone(),
     };
-    let id = reader.add_input(
+    let id = reader.next_number();
+    reader.add_input(
+        id,
         &writer.name,
         carrier,
         spec.to_string(),

@@ -51,7 +51,9 @@ impl Core {
         let (cancel, mut cancelled) = Cancel::new();
         let socket = SocketHandle::of(&pull.stream);
         let meter = pull.meter.clone();
-        let id = self.add_input(
+        let id = self.next_number();
+        self.add_input(
+            id,
             &place.name,
             carrier,
             spec.to_string(),
