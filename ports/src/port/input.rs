@@ -25,6 +25,7 @@ use super::options::{Input, Serving};
 use super::output::{Output, Way};
 use super::qos::SocketHandle;
 use super::received::{Answer, Received, Reply, Responder};
+use super::silent;
 use crate::auth;
 use crate::busy::BusyPoll;
 use crate::cancel::{Cancel, Cancelled};
@@ -99,6 +100,9 @@ pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, address: IpAddr, n
             tracing::warn!(port = %core.name, from, "dropping a connection: {text}");
         }
         End::Reversed => connection.into_output(),
+        End::Gone(reason) => {
+            tracing::info!(port = %core.name, from, "a silent writer is gone: {reason}");
+        }
     }
 }
 
@@ -113,6 +117,8 @@ pub(super) enum End {
     Reversed,
     /// The peer may not do what it wants.
     NotAllowed(Right),
+    /// Nothing came any more, and the peer is not there.
+    Gone(String),
 }
 
 impl From<io::Error> for End {
@@ -176,7 +182,7 @@ impl Connection {
                             Ok(()) => {}
                             Err(error) => return error.into(),
                         },
-                        Next::Datagrams(group) => return Box::pin(self.run_datagrams(group)).await,
+                        Next::Datagrams(group) => return Box::pin(self.run_watched(group)).await,
                         Next::Stop(end) => {
                             // The last words; the peer may be gone.
                             let _ = stream::write_all(&self.stream, &mut self.output).await;
@@ -247,6 +253,17 @@ impl Connection {
     fn moved(&self, socket: SocketHandle) {
         if let Some(entry) = &self.entry {
             self.core.move_input(entry.id, socket);
+        }
+    }
+
+    /// Serves what comes as datagrams until the writer ends it, or is found to be gone.
+    async fn run_watched(&mut self, group: Option<SocketAddrV4>) -> End {
+        let (core, from, meter) = (self.core.clone(), self.from.clone(), self.meter.clone());
+        tokio::select! {
+            // What has arrived is served first.
+            biased;
+            end = self.run_datagrams(group) => end,
+            reason = silent::gone(&core, &from, &meter) => End::Gone(reason),
         }
     }
 

@@ -2,6 +2,7 @@
 
 use std::pin::Pin;
 use std::sync::Arc;
+use std::time::Duration;
 
 use yarp_wire::http::{Request, Response};
 use yarp_wire::{Bottle, Dialect};
@@ -69,7 +70,12 @@ pub struct PortOptions {
     pub(crate) type_name: Option<String>,
     pub(crate) judges_itself: bool,
     pub(super) monitors: Vec<OwnMonitor>,
+    pub(super) silence: Duration,
 }
+
+/// How long writers in datagrams may be silent before they are asked; as long as the system waits
+/// before it asks the other end of a silent TCP connection.
+const SILENCE: Duration = Duration::from_secs(60);
 
 /// Which outgoing connections a port takes.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
@@ -93,6 +99,7 @@ impl Default for PortOptions {
             type_name: None,
             judges_itself: false,
             monitors: Vec::new(),
+            silence: SILENCE,
         }
     }
 }
@@ -201,6 +208,15 @@ impl PortOptions {
         pages: impl Fn(&Request) -> Option<Page> + Send + Sync + 'static,
     ) -> Self {
         self.pages = Some(Arc::new(pages));
+        self
+    }
+
+    /// Asks a writer over `udp` or `mcast` from which nothing has come for so long, a minute unless
+    /// told otherwise, whether it still writes here: its connection ends if its port is gone, or
+    /// has not written here any more each of three times. Asking needs a name server that knows
+    /// the writer; each question ends at the deadline of the network.
+    pub fn silence(mut self, silence: Duration) -> Self {
+        self.silence = silence;
         self
     }
 
