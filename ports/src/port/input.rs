@@ -15,7 +15,7 @@ use yarp_wire::message::Command;
 use yarp_wire::{Bottle, Limits};
 
 use super::admin;
-use super::core::{Core, Entry, GOODBYE, is_port};
+use super::core::{Core, Entry, GOODBYE, InputEntry, is_port};
 use super::counters::Meter;
 use super::describe::{HELP, NOT_UNDERSTOOD};
 use super::inbox::Inbox;
@@ -395,15 +395,20 @@ impl Connection {
             text.push('.');
             text.push_str(value.as_deref().unwrap_or_default());
         }
-        let cancel = self.cancel.take().expect("a header comes once");
-        let socket = SocketHandle::of(&self.stream);
-        let core = &self.core;
-        let meter = self.meter.clone();
         let id = self.number;
-        if !core.add_input(id, &sender.name, carrier, text, socket, meter, cancel) {
+        let noted = self.core.add_input(InputEntry {
+            id,
+            from: sender.name.clone(),
+            carrier_text: text,
+            carrier,
+            socket: SocketHandle::of(&self.stream),
+            meter: self.meter.clone(),
+            monitors: monitors.clone(),
+            cancel: self.cancel.take().expect("a header comes once"),
+        });
+        if !noted {
             return Ok(false);
         }
-        core.monitor_input(id, &monitors);
         let core = self.core.clone();
         self.entry = Some(Entry { id, core });
         self.from = self.sender.name.as_str().into();
