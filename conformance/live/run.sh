@@ -59,6 +59,7 @@ python=$STOCK/bin/python
 
 cargo build --quiet --release -p yarp-cli -p yarp-conformance
 cargo build --quiet -p yarp-wire --example bottle --example typed
+cargo build --quiet -p yarp-ports --example pictures
 
 suite "text of bottles" "$with_stock" "$python" conformance/live/bottle_text.py target/debug/examples/bottle
 
@@ -76,6 +77,15 @@ if ! command -v ip >/dev/null; then
 fi
 suite "two hosts and a link that goes down and up" \
     python3 conformance/live/two_hosts.py "$ours" target/release/hosts
+
+if ! command -v cvlc >/dev/null; then
+    echo "live: installing VLC without its windows, 35 MB"
+    if [ "$(id -u)" = 0 ]; then as_root=""; else as_root="sudo"; fi
+    $as_root apt-get update -q &&
+        $as_root apt-get install -y -q --no-install-recommends vlc-bin vlc-plugin-base </dev/null ||
+        echo "live: VLC is missing; watching pictures will fail" >&2
+fi
+suite "VLC watches an image port" python3 conformance/live/vlc.py target/debug/examples/pictures
 
 for server in ours stock; do
     suite "the yarp command, server: $server" "$python" conformance/live/cli.py \

@@ -229,10 +229,13 @@ async fn cycle(number: usize, writer: &Port, reader: &Port) -> Result<(), Failur
         }
         _ => {
             let options = PortOptions::new().unregistered();
-            let port = Port::open(writer.network(), "/passing", options).await?;
+            // Of two of the same name at once the reader keeps the later.
+            let name = format!("/passing{}", writer.name());
+            let port = Port::open(writer.network(), &name, options).await?;
             port.connect(&at("tcp")).await?;
-            // Two of them may be there at once, of which the reader keeps the later.
-            port.write(&Bottle::of(number as i32)).await;
+            if port.write(&Bottle::of(number as i32)).await != 1 {
+                return Err("the message of a passing port was not taken".into());
+            }
             port.close().await;
         }
     }

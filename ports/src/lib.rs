@@ -20,6 +20,7 @@ mod port;
 mod probe;
 pub mod remote;
 pub mod roles;
+mod schedule;
 mod shmem;
 mod stream;
 mod transport;

@@ -183,7 +183,8 @@ async fn a_writer_and_a_reader_survive_a_bad_network() {
     while reader.try_read().is_some() {}
     for number in 0..20 {
         assert_eq!(within(writer.write(&content(number))).await, 1);
-        while read_until(&reader, number).await > 0 {}
+        // Before it may come what was repeated and was on its way.
+        read_until(&reader, number).await;
     }
     within(writer.close()).await;
     until(|| reader.inputs().is_empty()).await;

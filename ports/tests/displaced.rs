@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{ACK, Raw, bottle, next, open, tcp_message, until};
+use common::{ACK, Raw, bottle, next, open, tcp_header, tcp_message, until};
 use yarp_ports::{PortOptions, Queue};
 
 #[tokio::test]
@@ -44,6 +44,34 @@ async fn an_older_connection_that_waits_for_room_is_ended_too() {
     assert_eq!(last, "1");
     while last != "new" {
         last = next(&reader).await;
+    }
+}
+
+/// The connection whose header was read first was taken for the older one: a writer that ended its
+/// connection and made another at once could lose the new one to the old.
+#[tokio::test]
+async fn the_newer_connection_stays_also_if_its_header_is_read_first() {
+    let reader = open("/reader", PortOptions::new().reading(Queue::Wait(10))).await;
+    for carrier in ["tcp", "text", "udp"] {
+        let header = match carrier {
+            "tcp" => tcp_header("/writer"),
+            "udp" => b"YA\x61\x1e\0\0RP\x08\0\0\0/writer\0".to_vec(),
+            _ => b"CONNECT /writer\r\n".to_vec(),
+        };
+        let (first, last) = header.split_at(header.len() - 1);
+        let mut old = Raw::to(&reader).await;
+        old.send(first).await;
+        // Who comes later is answered later.
+        let between = Raw::tcp(&reader, "/between").await;
+        let mut new = Raw::tcp(&reader, "/writer").await;
+        old.send(last).await;
+        assert_eq!(old.ended().await, b"", "{carrier}");
+        new.send(tcp_message(b'D', &bottle("new"))).await;
+        assert_eq!(next(&reader).await, "new", "{carrier}");
+        new.expect(ACK).await;
+        assert_eq!(reader.inputs(), ["/between", "/writer"], "{carrier}");
+        drop((between, new));
+        until(|| reader.inputs().is_empty()).await;
     }
 }
 

@@ -93,19 +93,17 @@ async fn a_schedule_that_stays_as_it_is_is_no_obstacle() {
 }
 
 #[tokio::test]
-async fn threads_are_not_scheduled_and_nothing_else_is_changed_then() {
+async fn single_connections_are_not_scheduled_and_nothing_else_is_changed_then() {
     let (writer, _reader) = pair("tcp").await;
     let mut admin = Admin::of(&writer).await;
-    let no_thread = "[fail] \"a connection of this port has no thread of its own to schedule\"";
-    let no_process = "[fail] \"a port does not change how the process that it is in is scheduled\"";
+    let no_thread = "[fail] \"a connection of this port has no thread of its own to schedule: \
+        set `process` of the port itself, for all threads of its process\"";
     for (request, answer) in [
         (
             "[set] /rd (sched ((priority 5) (policy 1))) (qos ((tos 40)))",
             no_thread,
         ),
         ("[get] /rd", &of_output(0)),
-        ("[set] /wr (process ((priority 5) (policy 1)))", no_process),
-        ("[set] /wr (process ((priority 0) (policy 0)))", "[ok]"),
         ("[set] /wr (process)", "[fail]"),
         // As in stock, it is for the port itself, and passed over elsewhere.
         ("[set] /rd (process ((priority 5) (policy 1)))", "[ok]"),

@@ -91,7 +91,14 @@ pub fn monitors(data: &[u8]) {
 
 fn bayer(payload: Payload) {
     for order in ["grbg", "gbrg", "rggb", "bggr"] {
-        for method in ["bilinear", "nearest", "simple", "hqlinear", "downsample"] {
+        for method in [
+            "bilinear",
+            "nearest",
+            "simple",
+            "hqlinear",
+            "edgesense",
+            "downsample",
+        ] {
             let options = format!("(order {order}) (method {method})");
             image(passed("bayer", &options, payload.clone()));
         }

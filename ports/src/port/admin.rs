@@ -11,6 +11,7 @@ use super::monitor::{Attached, Chain, MonitorSide};
 use super::options::{Input, Outputs, Serving};
 use super::qos::scheduling;
 use crate::roles::Right;
+use crate::schedule::Schedule;
 
 /// Stock's answer to `[help]`. Source: recorded traffic of 3.12.3 and 4.0.0.
 const HELP: [&str; 20] = [
@@ -309,16 +310,17 @@ impl Core {
         let is_rpc = matches!(self.options.input, Input::Queue(_, Serving::Replies))
             || self.options.outputs == Outputs::One;
         let number = |flag: bool| i32::from(flag);
+        let schedule = Schedule::now().unwrap_or_default();
         Bottle::from_iter([
-            scheduling(0, 0),
+            scheduling(schedule, 0),
             group(
                 "process",
                 [
                     pair("arguments", arguments[1..].join(" ")),
                     pair("name", program.to_string_lossy().into_owned()),
                     pair("pid", std::process::id() as i32),
-                    pair("policy", 0),
-                    pair("priority", 0),
+                    pair("policy", schedule.policy),
+                    pair("priority", schedule.priority),
                 ],
             ),
             group(

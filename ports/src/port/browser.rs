@@ -101,7 +101,7 @@ impl Connection {
             address: self.address,
             wants_reply: true,
             responder: None,
-            connection: self.id(),
+            connection: self.number,
         };
         self.meter.count(message.len(), None);
         let (reply, _) = self.deliver(received).await;

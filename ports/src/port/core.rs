@@ -58,6 +58,7 @@ pub(crate) struct Core {
 
 /// An incoming connection as others see it.
 pub(crate) struct InputEntry {
+    /// Connections that began later have larger ones.
     pub(crate) id: u64,
     pub(crate) from: String,
     pub(crate) carrier_text: String,
@@ -66,7 +67,8 @@ pub(crate) struct InputEntry {
     pub(crate) meter: Arc<Meter>,
     /// What its messages pass, if anything.
     pub(super) monitors: Option<Arc<Chain>>,
-    cancel: Cancel,
+    /// Ends it.
+    pub(super) cancel: Cancel,
 }
 
 /// A place in the port's list of connections, given back on drop, also by a handler's panic.
@@ -409,51 +411,36 @@ impl Core {
         join(asking).await;
     }
 
-    /// Takes note of an incoming connection. An older one from the same port ends.
-    pub(crate) fn add_input(
-        &self,
-        from: &str,
-        carrier: &'static Carrier,
-        carrier_text: String,
-        socket: SocketHandle,
-        meter: Arc<Meter>,
-        cancel: Cancel,
-    ) -> u64 {
-        let id = self.next_input.fetch_add(1, Ordering::Relaxed);
-        let carrier_name = carrier_text.clone();
+    /// The number of a connection that begins now: a later one has a larger number.
+    pub(super) fn next_number(&self) -> u64 {
+        self.next_input.fetch_add(1, Ordering::Relaxed)
+    }
+
+    /// Takes note of an incoming connection. Older ones from the same port end; where there is a
+    /// younger one already, this one is not wanted any more, and the answer is `false`.
+    ///
+    /// What counts is when connections began: headers of two that began one after the other may
+    /// be read in the other order.
+    pub(super) fn add_input(&self, entry: InputEntry) -> bool {
+        let (from, carrier) = (entry.from.clone(), entry.carrier_text.clone());
         let mut inputs = self.inputs();
-        if is_port(from) {
-            inputs
-                .iter()
-                .filter(|entry| entry.from == from)
-                .for_each(|entry| entry.cancel.cancel());
+        if is_port(&from) {
+            let same = || inputs.iter().filter(|other| other.from == from);
+            if same().any(|other| other.id > entry.id) {
+                return false;
+            }
+            same().for_each(|other| other.cancel.cancel());
         }
-        inputs.push(InputEntry {
-            id,
-            from: from.to_owned(),
-            carrier_text,
-            carrier,
-            socket,
-            meter,
-            monitors: None,
-            cancel,
-        });
+        inputs.push(entry);
         drop(inputs);
-        self.report(from, &self.name, &carrier_name, true, true);
-        id
+        self.report(&from, &self.name, &carrier, true, true);
+        true
     }
 
     /// Takes note that an incoming connection goes on over another socket.
     pub(crate) fn move_input(&self, id: u64, socket: SocketHandle) {
         if let Some(entry) = self.inputs().iter_mut().find(|entry| entry.id == id) {
             entry.socket = socket;
-        }
-    }
-
-    /// Takes note of what the messages of an incoming connection pass.
-    pub(super) fn monitor_input(&self, id: u64, monitors: &Option<Arc<Chain>>) {
-        if let Some(entry) = self.inputs().iter_mut().find(|entry| entry.id == id) {
-            entry.monitors = monitors.clone();
         }
     }
 

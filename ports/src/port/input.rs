@@ -17,7 +17,7 @@ use yarp_wire::{Bottle, Limits};
 
 use super::admin;
 use super::callers::{Caller, Farewell};
-use super::core::{Core, Entry, GOODBYE, is_port};
+use super::core::{Core, Entry, GOODBYE, InputEntry, is_port};
 use super::counters::Meter;
 use super::describe::{HELP, NOT_UNDERSTOOD};
 use super::inbox::Inbox;
@@ -27,6 +27,7 @@ use super::options::{Input, Serving};
 use super::output::{Output, Way};
 use super::qos::SocketHandle;
 use super::received::{Answer, Received, Reply, Responder};
+use super::silent;
 use crate::auth;
 use crate::busy::BusyPoll;
 use crate::cancel::{Cancel, Cancelled};
@@ -37,10 +38,13 @@ use crate::stream::{self, Inflow, Socket};
 use crate::{shmem, unix};
 
 /// Serves a connection until it ends, is displaced, has been silent for too long, or the port closes.
+///
+/// Connections are numbered in the order in which they were accepted.
 pub(super) async fn serve(
     core: Arc<Core>,
     stream: TcpStream,
     address: IpAddr,
+    number: u64,
     caller: Option<(Caller, Farewell)>,
 ) {
     let (caller, mut farewell) = caller.unzip();
@@ -65,6 +69,7 @@ pub(super) async fn serve(
         stream: Arc::new(stream),
         input: Inflow::default(),
         output: BytesMut::new(),
+        number,
         entry: None,
         cancel: Some(cancel),
         sender: Sender::plain(""),
@@ -109,6 +114,9 @@ pub(super) async fn serve(
             tracing::warn!(port = %core.name, from, "dropping a connection: {text}");
         }
         End::Reversed => connection.into_output(),
+        End::Gone(reason) => {
+            tracing::info!(port = %core.name, from, "a silent writer is gone: {reason}");
+        }
     }
 }
 
@@ -123,6 +131,8 @@ pub(super) enum End {
     Reversed,
     /// The peer may not do what it wants.
     NotAllowed(Right),
+    /// Nothing came any more, and the peer is not there.
+    Gone(String),
 }
 
 impl From<io::Error> for End {
@@ -137,6 +147,8 @@ pub(super) struct Connection {
     acceptor: Acceptor,
     input: Inflow,
     pub(super) output: BytesMut,
+    /// Its number in the port's list.
+    pub(super) number: u64,
     /// The place in the port's list, once the header is done with.
     entry: Option<Entry>,
     /// Ends this connection; goes to the port's list with the entry.
@@ -209,7 +221,7 @@ impl Connection {
                         Ok(()) => {}
                         Err(error) => return error.into(),
                     },
-                    Next::Datagrams(group) => return Box::pin(self.run_datagrams(group)).await,
+                    Next::Datagrams(group) => return Box::pin(self.run_watched(group)).await,
                     Next::Stop(end) => {
                         // The last words; the peer may be gone.
                         let _ = stream::write_all(&self.stream, &mut self.output).await;
@@ -274,6 +286,17 @@ impl Connection {
     fn moved(&self, socket: SocketHandle) {
         if let Some(entry) = &self.entry {
             self.core.move_input(entry.id, socket);
+        }
+    }
+
+    /// Serves what comes as datagrams until the writer ends it, or is found to be gone.
+    async fn run_watched(&mut self, group: Option<SocketAddrV4>) -> End {
+        let (core, from, meter) = (self.core.clone(), self.from.clone(), self.meter.clone());
+        tokio::select! {
+            // What has arrived is served first.
+            biased;
+            end = self.run_datagrams(group) => end,
+            reason = silent::gone(&core, &from, &meter) => End::Gone(reason),
         }
     }
 
@@ -363,9 +386,15 @@ impl Connection {
                 if !carrier.push {
                     return Next::Stop(End::Reversed);
                 }
-                if let Err(error) = self.opened(carrier) {
+                let opened = self.opened(carrier);
+                if !matches!(opened, Ok(true)) {
                     // Without the header reply the peer knows that there is no connection.
                     self.output.clear();
+                }
+                if let Ok(false) = opened {
+                    return Next::Stop(End::Closed);
+                }
+                if let Err(error) = opened {
                     if carrier.framing == Framing::Lines && !carrier.acknowledges {
                         let words = format!("* Error. {error}\r\n* Goodbye.\r\n");
                         self.output.extend_from_slice(words.as_bytes());
@@ -384,7 +413,8 @@ impl Connection {
         }
     }
 
-    fn opened(&mut self, carrier: &'static Carrier) -> Result<(), MonitorError> {
+    /// Takes note of the connection; `false` if there is a younger one of the same name.
+    fn opened(&mut self, carrier: &'static Carrier) -> Result<bool, MonitorError> {
         self.spoke();
         let sender = &self.sender;
         let ends = (sender.name.as_str(), self.core.name.as_str());
@@ -399,17 +429,25 @@ impl Connection {
             text.push('.');
             text.push_str(value.as_deref().unwrap_or_default());
         }
-        let cancel = self.cancel.take().expect("a header comes once");
-        let socket = SocketHandle::of(&self.stream);
-        let core = &self.core;
-        let meter = self.meter.clone();
-        let id = core.add_input(&sender.name, carrier, text, socket, meter, cancel);
-        core.monitor_input(id, &monitors);
+        let id = self.number;
+        let noted = self.core.add_input(InputEntry {
+            id,
+            from: sender.name.clone(),
+            carrier_text: text,
+            carrier,
+            socket: SocketHandle::of(&self.stream),
+            meter: self.meter.clone(),
+            monitors: monitors.clone(),
+            cancel: self.cancel.take().expect("a header comes once"),
+        });
+        if !noted {
+            return Ok(false);
+        }
         let core = self.core.clone();
         self.entry = Some(Entry { id, core });
         self.from = self.sender.name.as_str().into();
         self.monitors = monitors;
-        Ok(())
+        Ok(true)
     }
 
     /// Whether the roles in force now give the peer this right.
@@ -463,7 +501,7 @@ impl Connection {
             address: self.address,
             wants_reply: reply,
             responder: None,
-            connection: self.id(),
+            connection: self.number,
         };
         if self.monitors.is_some() || self.core.is_watched() {
             return Step::Watched(received, reply);
@@ -519,11 +557,6 @@ impl Connection {
         }
         let core = self.core.clone();
         self.wait_for(Box::pin(core.administer(request))).await
-    }
-
-    /// Its number in the port's list.
-    pub(super) fn id(&self) -> u64 {
-        self.entry.as_ref().map_or(0, |entry| entry.id)
     }
 
     /// Hands a message to the owner and waits for the reply, if there is to be one; tells whether

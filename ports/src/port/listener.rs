@@ -119,7 +119,8 @@ pub(super) async fn listen(core: Arc<Core>, listener: TcpListener) {
                             place => place,
                         },
                     };
-                    connections.spawn(input::serve(core.clone(), stream, peer.ip(), caller));
+                    let number = core.next_number();
+                    connections.spawn(input::serve(core.clone(), stream, peer.ip(), number, caller));
                 }
                 Err(error) => {
                     tracing::warn!(port = %core.name, "cannot accept: {error}");

@@ -12,7 +12,7 @@ use yarp_wire::carrier::{Carrier, CarrierSpec, Sender};
 use yarp_wire::message::{Payload, Pieces, WireObject};
 use yarp_wire::{Bottle, Dialect};
 
-use super::core::{Core, Entry};
+use super::core::{Core, Entry, InputEntry};
 use super::counters::Meter;
 use super::log;
 use super::monitor::{Chain, MonitorSide};
@@ -68,15 +68,17 @@ pub(super) fn connect(
         name: writer.name.clone(),
         modifiers: spec.modifiers.clone(),
     };
-    let id = reader.add_input(
-        &writer.name,
+    let id = reader.next_number();
+    reader.add_input(InputEntry {
+        id,
+        from: writer.name.clone(),
+        carrier_text: spec.to_string(),
         carrier,
-        spec.to_string(),
-        SocketHandle::none(),
-        meter.clone(),
+        socket: SocketHandle::none(),
+        meter: meter.clone(),
+        monitors: monitors.clone(),
         cancel,
-    );
-    reader.monitor_input(id, &monitors);
+    });
     let outbox = Arc::new(Outbox::new(None));
     let way = Local {
         outbox: outbox.clone(),

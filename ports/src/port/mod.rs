@@ -11,6 +11,7 @@
 //! | `pull`, `picture` | connections made to read from, images as browsers see them |
 //! | `admin`, `describe`, `browser` | what programs and people ask of the port itself |
 //! | `supervised` | connections that come back |
+//! | `silent` | writers in datagrams that may be gone |
 //! | `log` | copies of what arrives for those who look on |
 //! | `counters` | what passed |
 //! | `monitor` | what messages pass on their way |
@@ -38,6 +39,7 @@ mod picture;
 mod pull;
 mod qos;
 mod received;
+mod silent;
 mod supervised;
 
 use std::sync::Arc;

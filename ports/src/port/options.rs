@@ -3,6 +3,7 @@
 use std::net::Ipv4Addr;
 use std::pin::Pin;
 use std::sync::Arc;
+use std::time::Duration;
 
 use yarp_wire::http::{Request, Response};
 use yarp_wire::{Bottle, Dialect};
@@ -73,7 +74,12 @@ pub struct PortOptions {
     pub(crate) judges_itself: bool,
     pub(super) callers: Option<CallerLimits>,
     pub(super) monitors: Vec<OwnMonitor>,
+    pub(super) silence: Duration,
 }
+
+/// How long writers in datagrams may be silent before they are asked; as long as the system waits
+/// before it asks the other end of a silent TCP connection.
+const SILENCE: Duration = Duration::from_secs(60);
 
 /// Which outgoing connections a port takes.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
@@ -99,6 +105,7 @@ impl Default for PortOptions {
             judges_itself: false,
             callers: None,
             monitors: Vec::new(),
+            silence: SILENCE,
         }
     }
 }
@@ -220,6 +227,15 @@ impl PortOptions {
         pages: impl Fn(&Request) -> Option<Page> + Send + Sync + 'static,
     ) -> Self {
         self.pages = Some(Arc::new(pages));
+        self
+    }
+
+    /// Asks a writer over `udp` or `mcast` from which nothing has come for so long, a minute unless
+    /// told otherwise, whether it still writes here: its connection ends if its port is gone, or
+    /// has not written here any more each of three times. Asking needs a name server that knows
+    /// the writer; each question ends at the deadline of the network.
+    pub fn silence(mut self, silence: Duration) -> Self {
+        self.silence = silence;
         self
     }
 

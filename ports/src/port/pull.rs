@@ -10,7 +10,7 @@ use yarp_wire::message::{Form, Payload, WireObject};
 use yarp_wire::mjpeg::{self, MjpegError, Part, PartReader};
 use yarp_wire::{Dialect, Limits};
 
-use super::core::{Core, Entry};
+use super::core::{Core, Entry, InputEntry};
 use super::counters::Meter;
 use super::monitor::{Chain, MonitorSide};
 use super::picture;
@@ -49,17 +49,17 @@ impl Core {
         let mut pull =
             stream::within(deadline, &place.name, "head of the response", opening).await?;
         let (cancel, mut cancelled) = Cancel::new();
-        let socket = SocketHandle::of(&pull.stream);
-        let meter = pull.meter.clone();
-        let id = self.add_input(
-            &place.name,
+        let id = self.next_number();
+        self.add_input(InputEntry {
+            id,
+            from: place.name.clone(),
+            carrier_text: spec.to_string(),
             carrier,
-            spec.to_string(),
-            socket,
-            meter,
+            socket: SocketHandle::of(&pull.stream),
+            meter: pull.meter.clone(),
+            monitors: monitors.clone(),
             cancel,
-        );
-        self.monitor_input(id, &monitors);
+        });
         pull.monitors = monitors;
         pull.connection = id;
         let core = self.clone();

@@ -2,7 +2,9 @@
 //!
 //! The type of service is set on the socket of the connection and read back from it. Threads are
 //! another matter: connections here are tasks that share the threads of the runtime, so there is
-//! no thread of a connection whose priority could be raised; who asks for that is told.
+//! no thread of a connection whose priority could be raised; who asks for that is told. What can be
+//! had is a policy for all threads of the process, by `process` and the name of the port itself, as
+//! in stock: then those that wait for bytes have it, too. The system must allow it.
 
 use std::fmt;
 use std::io;
@@ -17,14 +19,18 @@ use yarp_wire::{Bottle, Value, Vocab32};
 
 use super::admin::{fail, group, ok, pair};
 use super::core::Core;
+use crate::schedule::{self, Schedule};
 
 /// Why a thread's priority is not set.
-const NO_THREAD: &str = "a connection of this port has no thread of its own to schedule";
-/// Why those of all threads are not set.
-const NO_PROCESS: &str = "a port does not change how the process that it is in is scheduled";
+const NO_THREAD: &str = "a connection of this port has no thread of its own to schedule: set \
+    `process` of the port itself, for all threads of its process";
 /// What stock answers for a connection whose thread was not asked for, and for sockets that have
 /// no type of service.
 const UNKNOWN: i32 = -1;
+const NO_SCHEDULE: Schedule = Schedule {
+    policy: UNKNOWN,
+    priority: UNKNOWN,
+};
 
 /// The socket of a connection, as long as the connection has it.
 #[derive(Clone)]
@@ -91,14 +97,17 @@ impl Core {
     pub(super) fn connection_properties(&self, name: &str) -> Bottle {
         let (outputs, inputs) = (self.output_sockets(name), self.input_sockets(name));
         // Stock knows the policy of a thread that reads, and none of one that only writes.
-        let usual = if outputs.is_empty() { 0 } else { UNKNOWN };
+        let schedule = match outputs.is_empty() {
+            true => Schedule::now().unwrap_or_default(),
+            false => NO_SCHEDULE,
+        };
         let Some(socket) = outputs.iter().chain(&inputs).next() else {
             return fail(&format!("cannot find any connection to/from {name}"));
         };
         let service = socket.type_of_service().ok();
         let service = service.and_then(|service| i32::try_from(service).ok());
         Bottle::from_iter([
-            scheduling(usual, UNKNOWN),
+            scheduling(schedule, UNKNOWN),
             group("qos", [pair("tos", service.unwrap_or(UNKNOWN))]),
         ])
     }
@@ -114,8 +123,13 @@ impl Core {
         let refused = || Bottle::of(Vocab32::FAIL);
         match scheduled("process").filter(|_| name == self.name) {
             Some(None) => return refused(),
-            Some(Some(process)) if !process.is_usual() => return fail(NO_PROCESS),
-            _ => {}
+            Some(Some(process)) => {
+                if let Err(error) = schedule_process(process) {
+                    let text = format!("cannot schedule the threads of this process: {error}");
+                    return fail(&text);
+                }
+            }
+            None => {}
         }
         let (schedule, quality) = (scheduled("sched"), wanted("qos"));
         if schedule.is_none() && quality.is_none() {
@@ -128,7 +142,7 @@ impl Core {
         }
         match schedule {
             Some(None) => return refused(),
-            Some(Some(schedule)) if !schedule.is_usual() => return fail(NO_THREAD),
+            Some(Some(schedule)) if !stays(schedule) => return fail(NO_THREAD),
             _ => {}
         }
         let Some(quality) = quality else {
@@ -159,11 +173,42 @@ impl Core {
     }
 }
 
+/// Whether all that is asked for is there already.
+fn stays(wanted: Scheduling) -> bool {
+    let now = Schedule::now().unwrap_or_default();
+    wanted
+        .policy
+        .is_none_or(|policy| policy == now.policy.into())
+        && wanted
+            .priority
+            .is_none_or(|priority| priority == now.priority.into())
+}
+
+/// Gives all threads of the process what is asked for; tells why not.
+fn schedule_process(wanted: Scheduling) -> Result<(), String> {
+    let now = Schedule::now().map_err(|error| schedule::reason(&error))?;
+    let number = |wanted: Option<i64>, now: i32| match wanted.map(i32::try_from) {
+        None => Ok(now),
+        Some(number) => number.map_err(|error| error.to_string()),
+    };
+    let wanted = Schedule {
+        policy: number(wanted.policy, now.policy)?,
+        priority: number(wanted.priority, now.priority)?,
+    };
+    wanted.set().map_err(|error| schedule::reason(&error))?;
+    tracing::info!(
+        policy = wanted.policy,
+        priority = wanted.priority,
+        "all threads are scheduled anew"
+    );
+    Ok(())
+}
+
 /// `(sched ((policy P) (priority P) (tid T)))`
-pub(super) fn scheduling(usual: i32, thread: i32) -> Value {
+pub(super) fn scheduling(schedule: Schedule, thread: i32) -> Value {
     let policy = [
-        pair("policy", usual),
-        pair("priority", usual),
+        pair("policy", schedule.policy),
+        pair("priority", schedule.priority),
         pair("tid", thread),
     ];
     group("sched", policy)

@@ -1,0 +1,101 @@
+//! How the threads of this process are scheduled.
+//!
+//! Connections are tasks: which thread runs one, and which waits for its bytes, the runtime decides
+//! anew each time. So a policy is for all threads of the process or for none. Threads that begin
+//! later begin like the one that starts them.
+//!
+//! Policies have the system's numbers: 0 is the usual one, 1 and 2 are for real time (`SCHED_FIFO`,
+//! `SCHED_RR`, with priorities 1 to 99), 3 is for batches, 5 for when nothing else runs.
+
+#![allow(
+    unsafe_code,
+    reason = "the system's calls for scheduling have no safe interface"
+)]
+
+use std::collections::HashSet;
+use std::io;
+
+/// A policy, and the priority within it.
+#[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
+pub(crate) struct Schedule {
+    pub(crate) policy: i32,
+    pub(crate) priority: i32,
+}
+
+impl Schedule {
+    /// That of the thread that asks.
+    pub(crate) fn now() -> io::Result<Self> {
+        let mut parameters = libc::sched_param { sched_priority: 0 };
+        // SAFETY: takes a number.
+        let policy = checked(unsafe { libc::sched_getscheduler(0) })?;
+        // SAFETY: `parameters` is what is asked for, and lives longer than the call.
+        checked(unsafe { libc::sched_getparam(0, &raw mut parameters) })?;
+        Ok(Self {
+            policy,
+            priority: parameters.sched_priority,
+        })
+    }
+
+    /// Gives it to all threads of this process; nothing is changed if the first one cannot have it.
+    pub(crate) fn set(self) -> io::Result<()> {
+        let mut done = HashSet::new();
+        // A thread that begins meanwhile may have been started by one of the others.
+        loop {
+            let new: Vec<_> = threads()?
+                .into_iter()
+                .filter(|thread| !done.contains(thread))
+                .collect();
+            if new.is_empty() {
+                return Ok(());
+            }
+            for thread in new {
+                match self.set_one(thread) {
+                    // It has ended.
+                    Err(error) if error.raw_os_error() == Some(libc::ESRCH) => {}
+                    set => set?,
+                }
+                done.insert(thread);
+            }
+        }
+    }
+
+    fn set_one(self, thread: i32) -> io::Result<()> {
+        let parameters = libc::sched_param {
+            sched_priority: self.priority,
+        };
+        // SAFETY: `parameters` is only read, and lives longer than the call.
+        checked(unsafe { libc::sched_setscheduler(thread, self.policy, &raw const parameters) })?;
+        Ok(())
+    }
+}
+
+/// Why the system refuses a schedule, and what to try.
+pub(crate) fn reason(error: &io::Error) -> String {
+    match error.raw_os_error() {
+        Some(libc::EPERM) => format!(
+            "{error}: the process needs CAP_SYS_NICE, or a limit of real-time priority \
+             (`ulimit -r`) that is high enough"
+        ),
+        Some(libc::EINVAL) => {
+            format!("{error}: there is no such policy, or it has no such priority")
+        }
+        _ => error.to_string(),
+    }
+}
+
+/// The threads of this process.
+fn threads() -> io::Result<Vec<i32>> {
+    let mut threads = Vec::new();
+    for entry in std::fs::read_dir("/proc/self/task")? {
+        let name = entry?.file_name();
+        threads.extend(name.to_str().and_then(|name| name.parse::<i32>().ok()));
+    }
+    Ok(threads)
+}
+
+fn checked(result: i32) -> io::Result<i32> {
+    match result {
+        0.. => Ok(result),
+        _ => Err(io::Error::last_os_error()),
+    }
+}
