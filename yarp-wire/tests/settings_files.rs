@@ -56,7 +56,7 @@ fn texts_are_read_as_stock_reads_them() {
     check(" [g]\na 1", "(a 1) ([g])");
     check("[g\na 1", "(a 1) (false)");
     check("[g]\n", "(g)");
-    check("a (1\nb 2", "");
+    check("a (1\nb 2", "(a)");
 }
 
 #[test]

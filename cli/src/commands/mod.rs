@@ -17,6 +17,7 @@ mod priority_sched;
 mod read;
 mod readwrite;
 mod repeat;
+mod resource;
 mod rpc;
 mod rpcserver;
 mod server;
@@ -58,6 +59,7 @@ pub(crate) enum Command {
     Read(read::Args),
     Readwrite(readwrite::Args),
     Repeat(repeat::Args),
+    Resource(resource::Args),
     Rpc(rpc::Args),
     Rpcserver(rpcserver::Args),
     Server(server::Args),
@@ -91,6 +93,7 @@ impl Command {
             Self::Read(args) => read::run(args, out).await,
             Self::Readwrite(args) => readwrite::run(args, out).await,
             Self::Repeat(args) => repeat::run(args, out).await,
+            Self::Resource(args) => resource::run(args, out),
             Self::Rpc(args) => rpc::run(args, prefixes, out).await,
             Self::Rpcserver(args) => rpcserver::run(args, out).await,
             Self::Server(args) => server::run(args, out).await,

@@ -3,6 +3,9 @@
 use super::{Origin, Setting, Settings};
 use crate::bottle::{Bottle, Value};
 
+/// How deep a key may lead into groups; what follows is one name.
+const DEEPEST: usize = 100;
+
 impl Settings {
     /// Adds what the words behind a program's name say (`Property::fromCommand`).
     ///
@@ -37,7 +40,7 @@ impl Settings {
     }
 
     fn put_into_group(&mut self, key: &str, mut values: Vec<Setting>) {
-        let mut path: Vec<&str> = key.split("::").collect();
+        let mut path: Vec<&str> = key.splitn(DEEPEST, "::").collect();
         if path.len() > 1 && path.last() == Some(&"") {
             path.pop();
         }
