@@ -7,6 +7,7 @@
 //! | `session` | the network that the configuration names; opening ports on it |
 //! | `connecting` | connecting ports, in stock's words |
 //! | `input`, `signals` | lines that a person types, and the wish to end |
+//! | `ready` | telling a service manager that we work |
 //! | `log`, `text` | what the libraries report, and numbers, in stock's form |
 
 mod cli;
@@ -16,6 +17,7 @@ mod error;
 mod input;
 mod log;
 mod quality;
+mod ready;
 mod session;
 mod signals;
 mod text;

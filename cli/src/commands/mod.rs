@@ -6,6 +6,7 @@ mod conf;
 mod connect;
 mod demo;
 mod detect;
+mod dev;
 mod disconnect;
 mod exists;
 mod help;
@@ -18,6 +19,7 @@ mod read;
 mod readwrite;
 mod repeat;
 mod resource;
+mod robotinterface;
 mod rpc;
 mod rpcserver;
 mod server;
@@ -46,6 +48,7 @@ pub(crate) enum Command {
     Connect(connect::Args),
     Demo(demo::Args),
     Detect(detect::Args),
+    Dev(dev::Args),
     Disconnect(disconnect::Args),
     Exists(exists::Args),
     Help(help::Args),
@@ -60,6 +63,7 @@ pub(crate) enum Command {
     Readwrite(readwrite::Args),
     Repeat(repeat::Args),
     Resource(resource::Args),
+    Robotinterface(robotinterface::Args),
     Rpc(rpc::Args),
     Rpcserver(rpcserver::Args),
     Server(server::Args),
@@ -82,6 +86,7 @@ impl Command {
             Self::Connect(args) => connect::run(args, out).await,
             Self::Demo(args) => demo::run(args, out),
             Self::Detect(args) => detect::run(args, out).await,
+            Self::Dev(args) => dev::run(args, out).await,
             Self::Disconnect(args) => disconnect::run(args, out).await,
             Self::Exists(args) => exists::run(args, out).await,
             Self::Help(args) => help::run(args, out),
@@ -94,6 +99,7 @@ impl Command {
             Self::Readwrite(args) => readwrite::run(args, out).await,
             Self::Repeat(args) => repeat::run(args, out).await,
             Self::Resource(args) => resource::run(args, out),
+            Self::Robotinterface(args) => robotinterface::run(args, out).await,
             Self::Rpc(args) => rpc::run(args, prefixes, out).await,
             Self::Rpcserver(args) => rpcserver::run(args, out).await,
             Self::Server(args) => server::run(args, out).await,

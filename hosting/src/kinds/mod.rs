@@ -10,7 +10,7 @@ mod server;
 mod simulated;
 
 use yarp_ports::Network;
-use yarp_wire::settings::Parameters;
+use yarp_wire::settings::{Origin, Parameters};
 
 use crate::{Future, HostError, Hosted};
 
@@ -47,7 +47,8 @@ pub const BUNDLER: &str = "deviceBundler";
 /// Every kind of device.
 #[rustfmt::skip]
 pub const ALL: &[Kind] = &[
-    kind("controlBoard_nws_yarp", &["controlboardwrapper2", "controlBoardWrapper"], "serves joints on ports; name, period", None, |opening| Box::pin(server::open(opening))),
+    kind("controlBoard_nws_yarp", &[], "serves joints on ports; name, period in seconds", None, |opening| Box::pin(server::open(opening))),
+    kind("controlboardwrapper2", &[], "the same with stock's old parameters; name, period in milliseconds", None, |opening| Box::pin(server::open_old(opening))),
     kind("boardCalibrator", &[], "has boards calibrate and park themselves, in actions of a robot", None, |opening| Box::pin(calibrator::open(opening))),
     kind("dynamicWam", &[], "a simulated WAM arm with masses, friction and control", Some(SERVER), |opening| Box::pin(simulated::dynamic(opening))),
     kind("fakeMotionControl", &[], "simulated joints of any number; GENERAL::Joints, GENERAL::AxisName, GENERAL::AxisType, LIMITS::Min, LIMITS::Max", Some(SERVER), |opening| Box::pin(fake_motion_control::open(opening))),
@@ -93,6 +94,7 @@ pub fn find<'a>(
         let same = |known: &&str| known.eq_ignore_ascii_case(name);
         let close = ALL.iter().flat_map(Kind::names).find(same);
         let origin = parameters.settings().origin(asked);
+        let origin = origin.filter(|origin| **origin != Origin::Program);
         HostError::UnknownKind {
             origin: origin.unwrap_or(parameters.origin()).clone(),
             device: parameters.device().to_owned(),

@@ -11,12 +11,24 @@ use super::{Opening, Outcome};
 use crate::{Attached, Future, HostError, Hosted};
 
 pub(super) async fn open(opening: Opening<'_>) -> Outcome {
+    let period = opening.parameters.get::<Duration>("period")?;
+    with_period(opening, period, "0.001 to 60 seconds")
+}
+
+/// With the period as stock's `controlboardwrapper2` wants it: a whole number of milliseconds.
+pub(super) async fn open_old(opening: Opening<'_>) -> Outcome {
+    let period = opening.parameters.get::<usize>("period")?;
+    let period = period.map(|period| Duration::from_millis(period as u64));
+    with_period(opening, period, "1 to 60000 milliseconds")
+}
+
+fn with_period(opening: Opening<'_>, period: Option<Duration>, expected: &str) -> Outcome {
     let parameters = opening.parameters;
     let name: PortName = parameters.need("name")?;
     let mut options = ControlBoardOptions::new();
-    if let Some(period) = parameters.get::<Duration>("period")? {
+    if let Some(period) = period {
         if !(0.001..=60.0).contains(&period.as_secs_f64()) {
-            return Err(parameters.refuse("period", "0.001 to 60 seconds").into());
+            return Err(parameters.refuse("period", expected).into());
         }
         options = options.period(period);
     }

@@ -1,6 +1,6 @@
 //! The phases of a robot's life.
 
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use tokio::task::JoinSet;
@@ -19,9 +19,19 @@ pub struct Progress(Arc<State>);
 struct State {
     phase: Mutex<Option<Phase>>,
     level: AtomicU32,
+    interrupted: AtomicBool,
 }
 
 impl Progress {
+    /// Has the startup begin nothing more; what it waits for it still waits for.
+    pub fn interrupt(&self) {
+        self.0.interrupted.store(true, Ordering::Relaxed);
+    }
+
+    fn goes_on(&self, phase: Phase) -> bool {
+        phase != Phase::Startup || !self.0.interrupted.load(Ordering::Relaxed)
+    }
+
     /// The phase it is in; none before the first.
     pub fn phase(&self) -> Option<Phase> {
         *self.0.phase.lock().unwrap_or_else(PoisonError::into_inner)
@@ -65,6 +75,10 @@ impl RunningRobot {
         };
         let mut whole = true;
         for entry in running.robot.devices.clone() {
+            if !running.progress.goes_on(Phase::Startup) {
+                whole = false;
+                break;
+            }
             match running.open(network, &entry).await {
                 Ok(device) => running.devices.push((entry, device)),
                 Err(reason) => {
@@ -110,8 +124,8 @@ impl RunningRobot {
         well
     }
 
-    /// Does the actions of a later interrupt.
-    pub async fn interrupt(&mut self, phase: Phase) -> bool {
+    /// Does the actions of a phase: of a later interrupt, or of the shutdown after one.
+    pub async fn phase(&mut self, phase: Phase) -> bool {
         self.progress.enter(phase);
         self.actions(phase).await
     }
@@ -156,6 +170,10 @@ impl RunningRobot {
             tracing::info!("Entering action level {level} of phase {phase}");
             let mut moving = JoinSet::new();
             for (at, action) in actions.iter().filter(|(_, action)| action.level == level) {
+                if !self.progress.goes_on(phase) {
+                    well = false;
+                    break;
+                }
                 if let Err(reason) = self.act(*at, action, &mut moving).await {
                     let (name, kind) = (&self.devices[*at].0.name, action.kind);
                     let origin = &action.origin;
