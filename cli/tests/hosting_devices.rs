@@ -38,9 +38,14 @@ fn a_device_is_served_until_a_signal() {
 fn a_device_ends_when_its_port_is_told_to() {
     let home = Home::new();
     let _server = home.serve();
-    let dev = home.start("dev --device simulatedWam --name /wam").see(ACTIVE);
+    let dev = home
+        .start("dev --device simulatedWam --name /wam")
+        .see(ACTIVE);
     let answers = home.run_with("rpc /wam/quit", "hello\nquit\n");
-    assert!(answers.says("[huh?]") && answers.says("[ok]"), "{answers:?}");
+    assert!(
+        answers.says("[huh?]") && answers.says("[ok]"),
+        "{answers:?}"
+    );
     dev.finish().with(0);
     assert_eq!(home.names(), Vec::<String>::new());
 }
@@ -60,7 +65,10 @@ fn a_signal_parks_and_a_second_one_ends_at_once() {
         dev.signal("TERM").see("parking")
     };
     let ended = start().signal("TERM").finish();
-    assert_eq!(ended.code, None, "it was not ended by the second signal: {ended:?}");
+    assert_eq!(
+        ended.code, None,
+        "it was not ended by the second signal: {ended:?}"
+    );
 }
 
 #[test]
@@ -71,16 +79,25 @@ fn stock_files_and_names_work() {
     let file = write(
         &home,
         "arm.ini",
-        &format!("device controlboardwrapper2\nsubdevice fakeMotionControl\nname /a // remark\n[include GENERAL {part}]\n[extra]\nx 1\n"),
+        &format!(
+            "device controlboardwrapper2\nsubdevice fakeMotionControl\nname /a // remark\n[include GENERAL {part}]\n[extra]\nx 1\n"
+        ),
     );
-    let dev = home.start(&format!("dev --from {file} --name /b")).see(ACTIVE);
+    let dev = home
+        .start(&format!("dev --from {file} --name /b"))
+        .see(ACTIVE);
     let axes = home.run_with("rpc /b/rpc:i", "[get] [axes]\n").with(0);
     assert!(axes.says("[is] [axes] 5"), "{axes:?}");
     let ended = dev.signal("TERM").finish().with(0);
-    complains(&ended, "arm.ini:5: device controlboardwrapper2 has no use for parameter extra");
+    complains(
+        &ended,
+        "arm.ini:5: device controlboardwrapper2 has no use for parameter extra",
+    );
     let line = "dev --device deviceBundler --wrapper_device controlBoard_nws_yarp --attached_device simulatedWam --name /c";
     let dev = home.start(line).see(ACTIVE);
-    let remote = home.start("dev --device remote_controlboard --remote /c --local /me").see(ACTIVE);
+    let remote = home
+        .start("dev --device remote_controlboard --remote /c --local /me")
+        .see(ACTIVE);
     remote.signal("TERM").finish().with(0);
     dev.signal("TERM").finish().with(0);
     assert_eq!(home.names(), Vec::<String>::new());
@@ -96,16 +113,44 @@ fn what_is_wrong_is_said_with_file_and_line() {
         complains(&ended, &format!("{file}:{expected}"));
         assert_eq!(home.names(), Vec::<String>::new());
     };
-    fails("\ndevice fakeMotionControl\n", "2: device fakeMotionControl: parameter name is missing, expected a port name such as /arm");
-    fails("device simulatedWam\nname arm\n", "2: device simulatedWam: parameter name: expected a port name such as /arm, got arm");
-    fails("device simulatedWam\nname /arm\nperiod 0", "3: device simulatedWam: parameter period: expected a time in seconds, more than 0, got 0");
-    fails("device simulatedWam\nname /arm\nperiod 100", "3: device simulatedWam: parameter period: expected 0.001 to 60 seconds, got 100");
-    fails("name /arm\n[GENERAL]\nJoints x\n[]\ndevice fakeMotionControl\n", "3: device fakeMotionControl: parameter GENERAL::Joints: expected a whole number from 0, got x");
-    fails("device simulatedwam\nname /arm\n", "1: device simulatedwam: there is no device simulatedwam, but there is simulatedWam");
-    fails("device deviceBundler\nwrapper_device x\n", "1: device deviceBundler: parameter attached_device is missing, expected a word");
-    let ended = home.run("dev --device fakeMotionControl --name arm").with(1);
-    complains(&ended, "command line: device fakeMotionControl: parameter name: expected a port name");
-    let ended = home.run("dev --device remote_controlboard --remote /nobody --local /me").with(1);
+    fails(
+        "\ndevice fakeMotionControl\n",
+        "2: device fakeMotionControl: parameter name is missing, expected a port name such as /arm",
+    );
+    fails(
+        "device simulatedWam\nname arm\n",
+        "2: device simulatedWam: parameter name: expected a port name such as /arm, got arm",
+    );
+    fails(
+        "device simulatedWam\nname /arm\nperiod 0",
+        "3: device simulatedWam: parameter period: expected a time in seconds, more than 0, got 0",
+    );
+    fails(
+        "device simulatedWam\nname /arm\nperiod 100",
+        "3: device simulatedWam: parameter period: expected 0.001 to 60 seconds, got 100",
+    );
+    fails(
+        "name /arm\n[GENERAL]\nJoints x\n[]\ndevice fakeMotionControl\n",
+        "3: device fakeMotionControl: parameter GENERAL::Joints: expected a whole number from 0, got x",
+    );
+    fails(
+        "device simulatedwam\nname /arm\n",
+        "1: device simulatedwam: there is no device simulatedwam, but there is simulatedWam",
+    );
+    fails(
+        "device deviceBundler\nwrapper_device x\n",
+        "1: device deviceBundler: parameter attached_device is missing, expected a word",
+    );
+    let ended = home
+        .run("dev --device fakeMotionControl --name arm")
+        .with(1);
+    complains(
+        &ended,
+        "command line: device fakeMotionControl: parameter name: expected a port name",
+    );
+    let ended = home
+        .run("dev --device remote_controlboard --remote /nobody --local /me")
+        .with(1);
     complains(&ended, "there is no port /nobody/");
     let ended = home.run("dev --from nowhere.ini").with(1);
     complains(&ended, "cannot find nowhere.ini in any of");
@@ -116,7 +161,10 @@ fn help_needs_no_network() {
     let home = Home::new();
     let list = home.run("dev --list").with(0);
     assert!(list.says("Device \"fakeMotionControl\""), "{list:?}");
-    assert!(list.says("wrapped by \"controlBoard_nws_yarp\""), "{list:?}");
+    assert!(
+        list.says("wrapped by \"controlBoard_nws_yarp\""),
+        "{list:?}"
+    );
     assert!(home.run("dev").with(0).says("--device DEVICENAME"));
     let ended = home.run("dev --device simulatedWam --name /wam").with(255);
     complains(&ended, "YARP network not available");

@@ -55,15 +55,26 @@ fn in_the_order_of_stock() {
     check("resource --find a.ini", "", "here/a.ini");
     check("resource --find r.ini", "wam", "robots/wam/r.ini");
     check("resource --find r.ini", "other", "");
-    check("resource --context app --find c.ini", "", "contexts/app/c.ini");
+    check(
+        "resource --context app --find c.ini",
+        "",
+        "contexts/app/c.ini",
+    );
     check("resource --find c.ini", "", "");
     check("resource --find d.ini", "", "data/d.ini");
     check("resource --find p.ini", "", "package/p.ini");
     // Beside the main file, no context counts.
-    check("resource --context app --from near.ini", "", "here/near.ini");
+    check(
+        "resource --context app --from near.ini",
+        "",
+        "here/near.ini",
+    );
     let shown = ask("resource --from near.ini --show --at me", "").with(0);
     assert!(shown.says("(at me) (from near.ini)"), "{shown:?}");
     let missing = ask("resource --from none.ini", "").with(1);
-    assert!(missing.err[0].contains("cannot find none.ini in any of"), "{missing:?}");
+    assert!(
+        missing.err[0].contains("cannot find none.ini in any of"),
+        "{missing:?}"
+    );
     assert!(home.run("resource").with(0).says("Example usage:"));
 }

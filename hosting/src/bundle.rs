@@ -31,7 +31,13 @@ pub async fn open(
             let inner = kinds::find(&inner, parameters, "subdevice")?;
             bundle(network, kind, inner, false, parameters).await
         }
-        None => kind.open(Opening { network, parameters }).await,
+        None => {
+            kind.open(Opening {
+                network,
+                parameters,
+            })
+            .await
+        }
     }
 }
 
@@ -60,8 +66,18 @@ async fn bundle(
     parameters: &Parameters,
 ) -> Result<Box<dyn Hosted>, HostError> {
     let inner_name = inner.name.to_owned();
-    let inner = inner.open(Opening { network, parameters }).await?;
-    let wrapper = wrapper.open(Opening { network, parameters }).await;
+    let inner = inner
+        .open(Opening {
+            network,
+            parameters,
+        })
+        .await?;
+    let wrapper = wrapper
+        .open(Opening {
+            network,
+            parameters,
+        })
+        .await;
     let mut wrapper = match wrapper {
         Ok(wrapper) => wrapper,
         Err(error) => {

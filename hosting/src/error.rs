@@ -12,7 +12,9 @@ pub enum HostError {
     #[error(transparent)]
     Parameter(#[from] ParameterError),
     /// There is no device of this kind.
-    #[error("{origin}: device {device}: there is no device {kind}{hint}; `yarp dev --list` shows all")]
+    #[error(
+        "{origin}: device {device}: there is no device {kind}{hint}; `yarp dev --list` shows all"
+    )]
     UnknownKind {
         /// Where it is asked for.
         origin: Origin,

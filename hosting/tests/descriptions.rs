@@ -43,16 +43,30 @@ fn both_forms_say_the_same() {
         let devices = robot.devices.iter();
         let shown = devices.map(|device| {
             let action = &device.actions[0];
-            format!("{} {} {} {}", device.name, device.kind, action.phase, action.level)
+            format!(
+                "{} {} {} {}",
+                device.name, device.kind, action.phase, action.level
+            )
         });
         let shown: Vec<_> = shown.collect();
-        (robot.name.clone(), robot.build, robot.port_prefix.clone(), shown)
+        (
+            robot.name.clone(),
+            robot.build,
+            robot.port_prefix.clone(),
+            shown,
+        )
     };
     assert_eq!(about(&xml), about(&toml));
     for robot in [xml, toml] {
         let devices = format!("{:?}", robot.devices);
-        assert!(devices.contains("/r/x"), "the prefix is not in place: {devices}");
-        assert!(devices.contains("Int32(7)"), "what is given outside is not in place: {devices}");
+        assert!(
+            devices.contains("/r/x"),
+            "the prefix is not in place: {devices}"
+        );
+        assert!(
+            devices.contains("Int32(7)"),
+            "what is given outside is not in place: {devices}"
+        );
     }
 }
 
@@ -69,11 +83,17 @@ fn nothing_goes_on_for_ever() {
         assert!(known, "{name}: {error}");
     }
     let deep = |open: &str, close: &str| format!("{}{}", open.repeat(5000), close.repeat(5000));
-    let text = format!("<robot name=\"r\">{}</robot>", deep("<params>", "</params>"));
+    let text = format!(
+        "<robot name=\"r\">{}</robot>",
+        deep("<params>", "</params>")
+    );
     assert!(read(folder.path(), "deep.xml", &text, &[]).is_err());
     let text = format!("[params]\na = {}", deep("[", "]"));
     assert!(read(folder.path(), "deep.toml", &text, &[]).is_err());
-    let text = format!("<robot name=\"r\"><param name=\"p\">{}</param></robot>", deep("(", ")"));
+    let text = format!(
+        "<robot name=\"r\"><param name=\"p\">{}</param></robot>",
+        deep("(", ")")
+    );
     assert!(read(folder.path(), "list.xml", &text, &[]).is_err());
     // Each entity is ten times the one before.
     let mut entities = "<!ENTITY e0 \"ha\">".to_owned();

@@ -16,7 +16,8 @@ impl Source for Disk {
 
     fn list(&self, directory: &str) -> Option<Vec<String>> {
         let names = std::fs::read_dir(directory).ok()?;
-        let name = |entry: std::io::Result<std::fs::DirEntry>| entry.ok()?.file_name().into_string().ok();
+        let name =
+            |entry: std::io::Result<std::fs::DirEntry>| entry.ok()?.file_name().into_string().ok();
         Some(names.filter_map(name).collect())
     }
 

@@ -20,7 +20,8 @@ impl Source for Files {
     }
 
     fn list(&self, directory: &str) -> Option<Vec<String>> {
-        let inside = |file: &&str| Some(file.strip_prefix(directory)?.strip_prefix('/')?.to_owned());
+        let inside =
+            |file: &&str| Some(file.strip_prefix(directory)?.strip_prefix('/')?.to_owned());
         let names: Vec<_> = self.0.keys().filter_map(inside).collect();
         (!names.is_empty()).then_some(names)
     }
@@ -47,7 +48,10 @@ fn texts_are_read_as_stock_reads_them() {
     check("a 1\nb = 2\nc\nd 1 (2 3)", "(a 1) (b 2) (c) (d 1 (2 3))");
     check("[g]\na 1\nb = 2\n[]\nc 3\n", "(c 3) (g (a 1) (b 2))");
     check("[l a]\nx 1\n[l b]\nx 2\n", "(a (x 1)) (b (x 2)) (l a b)");
-    check("[g]\na 1\n[h]\nb 2\n[g]\nc 3\n", "(g (a 1) (c 3)) (h (b 2))");
+    check(
+        "[g]\na 1\n[h]\nb 2\n[g]\nc 3\n",
+        "(g (a 1) (c 3)) (h (b 2))",
+    );
     check("a (1\n2)\nb \"x\ny\"\n", "(a (12)) (b xy)");
     check("a 1\\\n2\n", "(a 12)");
     check("a 1 // b\n# c 1\nd 2 # e\n", "(a 1) (d 2)");
@@ -62,7 +66,10 @@ fn texts_are_read_as_stock_reads_them() {
 #[test]
 fn files_include_files() {
     let files = Files::of([
-        ("top/main.ini", "a $OUTSIDE\n[include part.ini]\n[include grp part.ini]\n[grp]\ny 2\n[include l other sub/o.ini]\n[import ctx c.ini]"),
+        (
+            "top/main.ini",
+            "a $OUTSIDE\n[include part.ini]\n[include grp part.ini]\n[grp]\ny 2\n[include l other sub/o.ini]\n[import ctx c.ini]",
+        ),
         ("top/part.ini", "x 1\n[in]\nz 3\n"),
         ("top/sub/o.ini", "o 1\n[include near.ini]\n"),
         ("top/sub/near.ini", "n 1\n"),
@@ -75,7 +82,9 @@ fn files_include_files() {
     assert_eq!(settings.to_string(), expected);
     let origin = |path: &[&str]| {
         let group = settings.group(path[0]).unwrap();
-        let inside = path[1..].iter().fold(group, |group, step| group.group(step).unwrap());
+        let inside = path[1..]
+            .iter()
+            .fold(group, |group, step| group.group(step).unwrap());
         inside.origin().unwrap().to_string()
     };
     assert_eq!(origin(&["x"]), "top/part.ini:1");
@@ -105,7 +114,10 @@ fn what_cannot_be_included_is_said() {
         let problems = Settings::new().read_file("f.ini", &files).unwrap();
         problems.iter().map(ToString::to_string).collect::<Vec<_>>()
     };
-    assert_eq!(said("a 1\n[include none.ini]"), ["f.ini:2: cannot read from none.ini"]);
+    assert_eq!(
+        said("a 1\n[include none.ini]"),
+        ["f.ini:2: cannot read from none.ini"]
+    );
     assert_eq!(said("[include a b c d]"), ["f.ini:1: bad include"]);
     // A file that includes itself ends.
     assert!(said("[include f.ini]")[0].contains("16 files deep"));
@@ -118,8 +130,8 @@ fn what_cannot_be_included_is_said() {
 /// Pieces of which files are made.
 fn text() -> impl Strategy<Value = String> {
     let pieces = prop::sample::select(vec![
-        "a", "b", " ", "\n", "[", "]", "include", "import", "(", ")", "\"", "\\", "$", "{", "}", "//", "#", "=", "1",
-        "--", "::", "\r", "é", "f.ini",
+        "a", "b", " ", "\n", "[", "]", "include", "import", "(", ")", "\"", "\\", "$", "{", "}",
+        "//", "#", "=", "1", "--", "::", "\r", "é", "f.ini",
     ]);
     prop::collection::vec(pieces, 0..60).prop_map(|pieces| pieces.concat())
 }

@@ -75,7 +75,10 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         list(out)?;
         return Ok(ExitCode::SUCCESS);
     }
-    let Some(device) = settings.get("device").map(|device| device.to_plain_string()) else {
+    let Some(device) = settings
+        .get("device")
+        .map(|device| device.to_plain_string())
+    else {
         writeln!(out, "{USAGE}")?;
         match settings.get("from") {
             Some(from) => {
@@ -109,15 +112,29 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         }
     };
     report_unused(&parameters);
-    let code = serve(&network, hosted, &quit_name(&parameters, &device), parks, &mut interrupt).await?;
+    let code = serve(
+        &network,
+        hosted,
+        &quit_name(&parameters, &device),
+        parks,
+        &mut interrupt,
+    )
+    .await?;
     tracing::info!(target: COMPONENT, "yarpdev is finished.");
     Ok(code)
 }
 
 /// Every kind of device, one a line.
 fn list(out: &mut dyn Write) -> Result<()> {
-    let bundler = (kinds::BUNDLER, &[][..], "one device attached to another; wrapper_device, attached_device", None);
-    let all = kinds::ALL.iter().map(|kind| (kind.name, kind.aliases, kind.about, kind.wrapper));
+    let bundler = (
+        kinds::BUNDLER,
+        &[][..],
+        "one device attached to another; wrapper_device, attached_device",
+        None,
+    );
+    let all = kinds::ALL
+        .iter()
+        .map(|kind| (kind.name, kind.aliases, kind.about, kind.wrapper));
     for (name, aliases, about, wrapper) in all.chain([bundler]) {
         write!(out, "Device \"{name}\", {about}")?;
         if let Some(wrapper) = wrapper {
@@ -143,7 +160,10 @@ fn report_unused(parameters: &Parameters) {
 
 /// The port that takes `quit`; none for names that stock has none for.
 fn quit_name(parameters: &Parameters, device: &str) -> String {
-    let name = parameters.settings().get("name").map(|name| name.to_plain_string());
+    let name = parameters
+        .settings()
+        .get("name")
+        .map(|name| name.to_plain_string());
     let name = name.unwrap_or_else(|| device.to_owned());
     format!("/{}/quit", name.trim_start_matches('/'))
 }
@@ -200,5 +220,10 @@ async fn quit_port(
         };
         Answer::reply(Bottle::of(word))
     };
-    session::open(network, name, PortOptions::new().handler(answer).input_only()).await
+    session::open(
+        network,
+        name,
+        PortOptions::new().handler(answer).input_only(),
+    )
+    .await
 }

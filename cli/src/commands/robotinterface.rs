@@ -25,7 +25,10 @@ const HELP: [(&str, &str); 8] = [
     ("get_phase", "Returns current phase."),
     ("get_level", "Returns current level."),
     ("get_robot", "Returns robot name."),
-    ("is_ready", "Returns true if all startup actions are done, and no interrupt came."),
+    (
+        "is_ready",
+        "Returns true if all startup actions are done, and no interrupt came.",
+    ),
     ("quit", "Ends the program."),
     ("bye", "Ends the program."),
     ("exit", "Ends the program."),
@@ -60,7 +63,9 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         return Ok(ExitCode::FAILURE);
     }
     let Some(file) = finder.find_file("config") else {
-        let config = settings.get("config").map(|config| config.to_plain_string());
+        let config = settings
+            .get("config")
+            .map(|config| config.to_plain_string());
         tracing::error!(target: COMPONENT, "Cannot find {}", config.unwrap_or_default());
         return Ok(ExitCode::FAILURE);
     };
@@ -185,7 +190,12 @@ async fn rpc(
             _ => Answer::reply(Bottle::of(Vocab32::FAIL)),
         }
     };
-    session::open(network, name, PortOptions::new().handler(answer).input_only()).await
+    session::open(
+        network,
+        name,
+        PortOptions::new().handler(answer).input_only(),
+    )
+    .await
 }
 
 /// The command, said as one word or as several (`get_phase`, `get phase`), and what follows it.

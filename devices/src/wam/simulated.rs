@@ -77,9 +77,7 @@ impl SimulatedWam {
     /// Starts another machine of simulated axes, which moves as the arm does.
     ///
     /// Errors: as [`start`](Self::start).
-    pub fn start_with(
-        axes: impl IntoIterator<Item = AxisParameters>,
-    ) -> Result<Self, DeviceError> {
+    pub fn start_with(axes: impl IntoIterator<Item = AxisParameters>) -> Result<Self, DeviceError> {
         let model = Model::new(axes);
         let axes = model.axes();
         let shared = Arc::new(Shared {

@@ -41,8 +41,16 @@ fn axes(parameters: &Parameters) -> Result<Vec<AxisParameters>, HostError> {
         return Err(parameters.refuse("GENERAL::Joints", expected).into());
     }
     let usual_names = (0..joints).map(|joint| format!("joint{joint}"));
-    let names = row(parameters, "GENERAL::AxisName", joints, usual_names.collect())?;
-    let repeated = names.iter().enumerate().any(|(at, name)| names[..at].contains(name));
+    let names = row(
+        parameters,
+        "GENERAL::AxisName",
+        joints,
+        usual_names.collect(),
+    )?;
+    let repeated = names
+        .iter()
+        .enumerate()
+        .any(|(at, name)| names[..at].contains(name));
     if repeated {
         let error = parameters.refuse("GENERAL::AxisName", "another name for each joint");
         return Err(error.into());
@@ -120,9 +128,18 @@ mod tests {
     #[test]
     fn joints_are_as_stock_describes_them() {
         let axes = of("[GENERAL]\nJoints 2\nAxisName a b\nAxisType (prismatic revolute)\n[LIMITS]\nMin 10 -5\nMax (20 5)").unwrap();
-        assert_eq!((axes[0].name.as_str(), axes[0].limits), ("a", Limits::new(10.0, 20.0)));
-        assert_eq!((axes[0].joint_type, axes[0].home), (JointType::Prismatic, 10.0));
-        assert_eq!((axes[1].joint_type, axes[1].home), (JointType::Revolute, 0.0));
+        assert_eq!(
+            (axes[0].name.as_str(), axes[0].limits),
+            ("a", Limits::new(10.0, 20.0))
+        );
+        assert_eq!(
+            (axes[0].joint_type, axes[0].home),
+            (JointType::Prismatic, 10.0)
+        );
+        assert_eq!(
+            (axes[1].joint_type, axes[1].home),
+            (JointType::Revolute, 0.0)
+        );
         let usual = of("").unwrap();
         assert_eq!((usual.len(), usual[0].name.as_str()), (1, "joint0"));
     }
@@ -130,12 +147,30 @@ mod tests {
     #[test]
     fn what_does_not_add_up_is_refused_with_its_line() {
         for (text, expected) in [
-            ("[GENERAL]\nJoints 0", "f.ini:2: device fake: parameter GENERAL::Joints: expected 1 to 1000 joints, got 0"),
-            ("[GENERAL]\nJoints two", "f.ini:2: device fake: parameter GENERAL::Joints: expected a whole number from 0, got two"),
-            ("[GENERAL]\nJoints 2\nAxisName a", "f.ini:3: device fake: parameter GENERAL::AxisName: expected 2 values, one for each joint, got a"),
-            ("[GENERAL]\nJoints 2\nAxisName a a", "f.ini:3: device fake: parameter GENERAL::AxisName: expected another name for each joint, got a a"),
-            ("[GENERAL]\nAxisType round", "f.ini:2: device fake: parameter GENERAL::AxisType: expected revolute or prismatic for each joint, got round"),
-            ("[LIMITS]\nMin 5\nMax 5", "f.ini:3: device fake: parameter LIMITS::Max: expected more than the 5 of LIMITS::Min, got 5"),
+            (
+                "[GENERAL]\nJoints 0",
+                "f.ini:2: device fake: parameter GENERAL::Joints: expected 1 to 1000 joints, got 0",
+            ),
+            (
+                "[GENERAL]\nJoints two",
+                "f.ini:2: device fake: parameter GENERAL::Joints: expected a whole number from 0, got two",
+            ),
+            (
+                "[GENERAL]\nJoints 2\nAxisName a",
+                "f.ini:3: device fake: parameter GENERAL::AxisName: expected 2 values, one for each joint, got a",
+            ),
+            (
+                "[GENERAL]\nJoints 2\nAxisName a a",
+                "f.ini:3: device fake: parameter GENERAL::AxisName: expected another name for each joint, got a a",
+            ),
+            (
+                "[GENERAL]\nAxisType round",
+                "f.ini:2: device fake: parameter GENERAL::AxisType: expected revolute or prismatic for each joint, got round",
+            ),
+            (
+                "[LIMITS]\nMin 5\nMax 5",
+                "f.ini:3: device fake: parameter LIMITS::Max: expected more than the 5 of LIMITS::Min, got 5",
+            ),
         ] {
             assert_eq!(of(text).unwrap_err(), expected);
         }

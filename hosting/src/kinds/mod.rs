@@ -84,11 +84,7 @@ impl Kind {
 }
 
 /// The kind called `name`, which stands in the parameter `asked`.
-pub fn find<'a>(
-    name: &str,
-    parameters: &Parameters,
-    asked: &str,
-) -> Result<&'a Kind, HostError> {
+pub fn find<'a>(name: &str, parameters: &Parameters, asked: &str) -> Result<&'a Kind, HostError> {
     let called = |kind: &&Kind| kind.names().any(|known| known == name);
     ALL.iter().find(called).ok_or_else(|| {
         let same = |known: &&str| known.eq_ignore_ascii_case(name);

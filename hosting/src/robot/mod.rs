@@ -186,7 +186,10 @@ impl Robot {
     /// Two devices of one name could not be told apart.
     fn check(&self) -> Result<(), RobotError> {
         for (at, device) in self.devices.iter().enumerate() {
-            if let Some(first) = self.devices[..at].iter().find(|other| other.name == device.name) {
+            if let Some(first) = self.devices[..at]
+                .iter()
+                .find(|other| other.name == device.name)
+            {
                 return Err(RobotError::Repeated {
                     origin: device.origin.clone(),
                     what: "device",

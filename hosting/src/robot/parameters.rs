@@ -46,7 +46,11 @@ impl Robot {
         for param in &own {
             settings.put_entry(param.name.clone(), entry(param, None));
         }
-        Ok(Parameters::new(&device.name, settings, device.origin.clone()))
+        Ok(Parameters::new(
+            &device.name,
+            settings,
+            device.origin.clone(),
+        ))
     }
 
     /// Puts `${portprefix}`, `${portprefixnoslash}` and `${robotname}` in place.
@@ -120,7 +124,11 @@ impl Param {
         // What is left open would be lost.
         let whole = open == text.matches(')').count() && text.matches('"').count() % 2 == 0;
         let values = values.filter(|_| whole).ok_or_else(|| {
-            RobotError::expected(&origin, "a value with as many brackets and quotes that close as open", text.trim())
+            RobotError::expected(
+                &origin,
+                "a value with as many brackets and quotes that close as open",
+                text.trim(),
+            )
         })?;
         Ok(Self {
             name,

@@ -142,11 +142,17 @@ impl RunningRobot {
         network: &Network,
         entry: &DeviceEntry,
     ) -> Result<Box<dyn Hosted>, String> {
-        let parameters = self.robot.parameters(entry).map_err(|error| error.to_string())?;
+        let parameters = self
+            .robot
+            .parameters(entry)
+            .map_err(|error| error.to_string())?;
         let device = open(network, &entry.kind, &parameters).await;
         let device = device.map_err(|error| story(&error))?;
         for (name, origin) in parameters.unused() {
-            tracing::warn!("{origin}: device {} has no use for parameter {name}", entry.name);
+            tracing::warn!(
+                "{origin}: device {} has no use for parameter {name}",
+                entry.name
+            );
         }
         Ok(device)
     }
@@ -177,7 +183,9 @@ impl RunningRobot {
                 if let Err(reason) = self.act(*at, action, &mut moving).await {
                     let (name, kind) = (&self.devices[*at].0.name, action.kind);
                     let origin = &action.origin;
-                    tracing::error!("{origin}: cannot run {kind} action on device {name}: {reason}");
+                    tracing::error!(
+                        "{origin}: cannot run {kind} action on device {name}: {reason}"
+                    );
                     well = false;
                 }
             }
@@ -211,7 +219,9 @@ impl RunningRobot {
             ActionKind::Detach => self.devices[at].1.detach().await.map_err(said),
             ActionKind::Calibrate | ActionKind::Park => {
                 if !self.devices[at].1.is_calibrator() {
-                    return Err("it is no calibrator, expected a device of type boardCalibrator".to_owned());
+                    return Err(
+                        "it is no calibrator, expected a device of type boardCalibrator".to_owned(),
+                    );
                 }
                 let name = need(&action.params, "target")?;
                 let board = self.device(&name)?.parts().board;
@@ -222,7 +232,9 @@ impl RunningRobot {
                         ActionKind::Park => park(board).await,
                         _ => calibrate(board).await,
                     };
-                    done.map_err(|error| format!("{origin}: cannot {kind} {name}: {}", story(&error)))
+                    done.map_err(|error| {
+                        format!("{origin}: cannot {kind} {name}: {}", story(&error))
+                    })
                 });
                 Ok(())
             }
@@ -237,15 +249,27 @@ impl RunningRobot {
     fn others(&self, params: &[Param]) -> Result<Vec<Attached>, String> {
         let one = |device: String, network: String| {
             let parts = self.device(&device)?.parts();
-            Ok(Attached { device, network, parts })
+            Ok(Attached {
+                device,
+                network,
+                parts,
+            })
         };
         let choices = ["network", "networks", "all"];
-        if choices.iter().filter(|name| find(params, name).is_some()).count() > 1 {
+        if choices
+            .iter()
+            .filter(|name| find(params, name).is_some())
+            .count()
+            > 1
+        {
             return Err("expected one of network, networks and all, got several".to_owned());
         }
         if let Some(device) = find(params, "device").and_then(Param::word) {
             let network = find(params, "network").and_then(Param::word);
-            return Ok(vec![one(device, network.unwrap_or_else(|| "...".to_owned()))?]);
+            return Ok(vec![one(
+                device,
+                network.unwrap_or_else(|| "...".to_owned()),
+            )?]);
         }
         if find(params, "all").is_some() {
             let all = self.devices.iter().map(|(entry, device)| Attached {
@@ -260,13 +284,17 @@ impl RunningRobot {
         };
         let names = match &networks.value {
             ParamValue::Values(values) => match &values[..] {
-                [one] => one.as_list().map_or(values.clone(), |list| list.as_slice().to_vec()),
+                [one] => one
+                    .as_list()
+                    .map_or(values.clone(), |list| list.as_slice().to_vec()),
                 several => several.to_vec(),
             },
             ParamValue::Group(_) => Vec::new(),
         };
         let names = names.iter().map(|name| name.to_plain_string());
-        names.map(|network| one(need(params, &network)?, network)).collect()
+        names
+            .map(|network| one(need(params, &network)?, network))
+            .collect()
     }
 
     fn device(&self, name: &str) -> Result<&dyn Hosted, String> {
@@ -274,8 +302,15 @@ impl RunningRobot {
         match found {
             Some((_, device)) => Ok(device.as_ref()),
             None => {
-                let known: Vec<_> = self.devices.iter().map(|(entry, _)| entry.name.as_str()).collect();
-                Err(format!("there is no device {name}, only {}", known.join(", ")))
+                let known: Vec<_> = self
+                    .devices
+                    .iter()
+                    .map(|(entry, _)| entry.name.as_str())
+                    .collect();
+                Err(format!(
+                    "there is no device {name}, only {}",
+                    known.join(", ")
+                ))
             }
         }
     }

@@ -40,6 +40,11 @@ mod tests {
         check("cams arm", "", "--enable_tags;(legs arm)", true);
         check("cams", "", "--enable_tags;enable_all", true);
         check("", "nocams", "--disable_tags;(nocams)", false);
-        check("cams", "nocams", "--enable_tags;cams;--disable_tags;nocams", false);
+        check(
+            "cams",
+            "nocams",
+            "--enable_tags;cams;--disable_tags;nocams",
+            false,
+        );
     }
 }

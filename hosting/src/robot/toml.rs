@@ -97,7 +97,11 @@ impl Page<'_> {
         text.ok_or_else(|| self.wrong(value, expected))
     }
 
-    fn table<'v, 'd>(&self, value: &'v Held<'d>, expected: &str) -> Result<&'v DeTable<'d>, RobotError> {
+    fn table<'v, 'd>(
+        &self,
+        value: &'v Held<'d>,
+        expected: &str,
+    ) -> Result<&'v DeTable<'d>, RobotError> {
         let table = value.get_ref().as_table();
         table.ok_or_else(|| self.wrong(value, expected))
     }
@@ -109,9 +113,9 @@ impl Page<'_> {
         at: &Origin,
         what: &str,
     ) -> Result<&'v Held<'d>, RobotError> {
-        table.get(key).ok_or_else(|| {
-            RobotError::expected(at, format!("key {key} in {what}"), "none")
-        })
+        table
+            .get(key)
+            .ok_or_else(|| RobotError::expected(at, format!("key {key} in {what}"), "none"))
     }
 
     /// Keys that mean nothing are slips of the pen.
@@ -120,7 +124,11 @@ impl Page<'_> {
             if !known.contains(&key.get_ref().as_ref()) {
                 let expected = format!("one of {} in {what}", known.join(", "));
                 let found = key.get_ref().to_string();
-                return Err(RobotError::expected(&self.origin(key.span()), expected, found));
+                return Err(RobotError::expected(
+                    &self.origin(key.span()),
+                    expected,
+                    found,
+                ));
             }
         }
         Ok(())
@@ -128,7 +136,8 @@ impl Page<'_> {
 
     fn whole_number(&self, value: &Held<'_>, expected: &str) -> Result<u32, RobotError> {
         let number = value.get_ref().as_integer();
-        let number = number.and_then(|number| u32::from_str_radix(number.as_str(), number.radix()).ok());
+        let number =
+            number.and_then(|number| u32::from_str_radix(number.as_str(), number.radix()).ok());
         number.ok_or_else(|| self.wrong(value, expected))
     }
 
@@ -138,7 +147,9 @@ impl Page<'_> {
         };
         match value.get_ref().as_array() {
             Some(items) => items.iter().map(|item| self.text(item, "a word")).collect(),
-            None => Ok(tags::words(&self.text(value, "a word, or a list of words")?)),
+            None => Ok(tags::words(
+                &self.text(value, "a word, or a list of words")?,
+            )),
         }
     }
 }
@@ -148,7 +159,10 @@ impl Reader<'_> {
         self.files += 1;
         if depth > DEEPEST || self.files > MOST_FILES {
             let origin = by.cloned().unwrap_or(Origin::Program);
-            return Err(RobotError::TooDeep { origin, limit: DEEPEST });
+            return Err(RobotError::TooDeep {
+                origin,
+                limit: DEEPEST,
+            });
         }
         let text = std::fs::read_to_string(file).map_err(|source| RobotError::Read {
             file: file.display().to_string(),
@@ -164,7 +178,11 @@ impl Reader<'_> {
             what: error.message().to_owned(),
         })?;
         let table = table.get_ref();
-        page.only(table, &["include", "robot", "params", "device"], "the description of a robot")?;
+        page.only(
+            table,
+            &["include", "robot", "params", "device"],
+            "the description of a robot",
+        )?;
         if let Some(robot) = table.get("robot") {
             let read = read_robot(&page, robot)?;
             if by.is_some() {
@@ -178,14 +196,20 @@ impl Reader<'_> {
         }
         if let Some(include) = table.get("include") {
             let expected = "a list of files";
-            let files = include.get_ref().as_array().ok_or_else(|| page.wrong(include, expected))?;
+            let files = include
+                .get_ref()
+                .as_array()
+                .ok_or_else(|| page.wrong(include, expected))?;
             for included in files.iter() {
                 self.include(&page, file, included, depth)?;
             }
         }
         if let Some(devices) = table.get("device") {
             let expected = "[[device]], a list of tables";
-            let list = devices.get_ref().as_array().ok_or_else(|| page.wrong(devices, expected))?;
+            let list = devices
+                .get_ref()
+                .as_array()
+                .ok_or_else(|| page.wrong(devices, expected))?;
             for device in list.iter() {
                 let device = self.device(&page, device)?;
                 self.devices.push(device);
@@ -194,16 +218,28 @@ impl Reader<'_> {
         Ok(())
     }
 
-    fn include(&mut self, page: &Page<'_>, file: &Path, asked: &Held<'_>, depth: usize) -> Result<(), RobotError> {
+    fn include(
+        &mut self,
+        page: &Page<'_>,
+        file: &Path,
+        asked: &Held<'_>,
+        depth: usize,
+    ) -> Result<(), RobotError> {
         let at = page.at(asked);
         let name = match asked.get_ref() {
             DeValue::Table(table) => {
                 page.only(table, &["file", "enabled_by", "disabled_by"], "an include")?;
-                let (on, off) = (page.words(table, "enabled_by")?, page.words(table, "disabled_by")?);
+                let (on, off) = (
+                    page.words(table, "enabled_by")?,
+                    page.words(table, "disabled_by")?,
+                );
                 if !tags::enabled(&on, &off, self.given) {
                     return Ok(());
                 }
-                page.text(page.need(table, "file", &at, "an include")?, "the name of a file")?
+                page.text(
+                    page.need(table, "file", &at, "an include")?,
+                    "the name of a file",
+                )?
             }
             _ => page.text(asked, "the name of a file")?,
         };
@@ -240,7 +276,10 @@ impl Reader<'_> {
         let mut actions = Vec::new();
         if let Some(list) = table.get("action") {
             let expected = "a list of actions";
-            let list = list.get_ref().as_array().ok_or_else(|| page.wrong(list, expected))?;
+            let list = list
+                .get_ref()
+                .as_array()
+                .ok_or_else(|| page.wrong(list, expected))?;
             for action in list.iter() {
                 actions.push(self.action(page, action)?);
             }
@@ -265,8 +304,18 @@ impl Reader<'_> {
         };
         let level = page.need(table, "level", &origin, WHAT)?;
         Ok(Action {
-            phase: word(page, page.need(table, "phase", &origin, WHAT)?, Phase::WORDS, Phase::of)?,
-            kind: word(page, page.need(table, "type", &origin, WHAT)?, ActionKind::WORDS, ActionKind::of)?,
+            phase: word(
+                page,
+                page.need(table, "phase", &origin, WHAT)?,
+                Phase::WORDS,
+                Phase::of,
+            )?,
+            kind: word(
+                page,
+                page.need(table, "type", &origin, WHAT)?,
+                ActionKind::WORDS,
+                ActionKind::of,
+            )?,
             level: page.whole_number(level, "a whole number from 0 as level")?,
             params,
             origin,
@@ -287,7 +336,10 @@ impl Reader<'_> {
                 let option = table.get(name.as_str())?;
                 Some(page.text(option, "the name of an option"))
             });
-            if let Some(given) = option.transpose()?.and_then(|option| self.given.get(&option)) {
+            if let Some(given) = option
+                .transpose()?
+                .and_then(|option| self.given.get(&option))
+            {
                 params.push(given_param(name, given));
                 continue;
             }
@@ -316,16 +368,29 @@ fn given_param(name: String, given: &yarp_wire::settings::Setting) -> Param {
 fn read_robot(page: &Page<'_>, value: &Held<'_>) -> Result<Robot, RobotError> {
     const WHAT: &str = "[robot]";
     let table = page.table(value, WHAT)?;
-    let known = ["name", "build", "portprefix", "reverse-shutdown-action-order"];
+    let known = [
+        "name",
+        "build",
+        "portprefix",
+        "reverse-shutdown-action-order",
+    ];
     page.only(table, &known, WHAT)?;
     let at = page.at(value);
-    let name = page.text(page.need(table, "name", &at, WHAT)?, "the name of the robot")?;
+    let name = page.text(
+        page.need(table, "name", &at, WHAT)?,
+        "the name of the robot",
+    )?;
     let build = table.get("build");
     let build = build.map(|build| page.whole_number(build, "a whole number from 0 as build"));
-    let prefix = table.get("portprefix").map(|prefix| page.text(prefix, "a prefix of port names"));
+    let prefix = table
+        .get("portprefix")
+        .map(|prefix| page.text(prefix, "a prefix of port names"));
     let reversed = table.get("reverse-shutdown-action-order").map(|value| {
         let expected = "true or false";
-        value.get_ref().as_bool().ok_or_else(|| page.wrong(value, expected))
+        value
+            .get_ref()
+            .as_bool()
+            .ok_or_else(|| page.wrong(value, expected))
     });
     Ok(Robot {
         build: build.transpose()?.unwrap_or(0),
@@ -341,7 +406,8 @@ fn read_robot(page: &Page<'_>, value: &Held<'_>) -> Result<Robot, RobotError> {
 fn plain(page: &Page<'_>, value: &Held<'_>) -> Result<Value, RobotError> {
     let number = |text: &str| {
         let text = text.replace('_', "");
-        text.parse::<f64>().map_err(|_| page.wrong(value, "a number"))
+        text.parse::<f64>()
+            .map_err(|_| page.wrong(value, "a number"))
     };
     Ok(match value.get_ref() {
         DeValue::String(text) => text.as_ref().into(),

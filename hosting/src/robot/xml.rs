@@ -99,11 +99,19 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    fn load(&mut self, file: &Path, by: Option<&Origin>, depth: usize) -> Result<Element, RobotError> {
+    fn load(
+        &mut self,
+        file: &Path,
+        by: Option<&Origin>,
+        depth: usize,
+    ) -> Result<Element, RobotError> {
         self.files += 1;
         if depth > DEEPEST || self.files > MOST_FILES {
             let origin = by.cloned().unwrap_or(Origin::Program);
-            return Err(RobotError::TooDeep { origin, limit: DEEPEST });
+            return Err(RobotError::TooDeep {
+                origin,
+                limit: DEEPEST,
+            });
         }
         let text = std::fs::read_to_string(file).map_err(|source| RobotError::Read {
             file: file.display().to_string(),
@@ -120,7 +128,9 @@ impl Reader<'_> {
         let document = Document::parse_with_options(&text, options).map_err(|error| {
             let what = error.to_string();
             // It ends with the position, which is said in front.
-            let what = what.rsplit_once(" at ").map_or(what.as_str(), |(what, _)| what);
+            let what = what
+                .rsplit_once(" at ")
+                .map_or(what.as_str(), |(what, _)| what);
             RobotError::Syntax {
                 origin: Origin::line(name.clone(), error.pos().row as usize),
                 what: what.to_owned(),
@@ -137,7 +147,10 @@ impl Reader<'_> {
             return Ok(false);
         };
         let line = text[..at].matches('\n').count() + 1;
-        let version = text[at + BEFORE.len()..].split('.').next().unwrap_or_default();
+        let version = text[at + BEFORE.len()..]
+            .split('.')
+            .next()
+            .unwrap_or_default();
         let allowed = self.given.has("allow-deprecated-dtd");
         match version {
             "3" => Ok(false),
@@ -161,14 +174,21 @@ impl Reader<'_> {
         let position = node.document().text_pos_at(node.range().start);
         let origin = Origin::line(file.clone(), position.row as usize);
         if nested > DEEPEST_ELEMENT {
-            return Err(RobotError::TooDeep { origin, limit: DEEPEST_ELEMENT });
+            return Err(RobotError::TooDeep {
+                origin,
+                limit: DEEPEST_ELEMENT,
+            });
         }
         let attributes = node.attributes();
         let attributes = attributes.map(|held| (held.name().to_owned(), held.value().to_owned()));
         let mut element = Element {
             name: node.tag_name().name().to_owned(),
             attributes: attributes.collect(),
-            text: node.text().map(str::trim).filter(|text| !text.is_empty()).map(str::to_owned),
+            text: node
+                .text()
+                .map(str::trim)
+                .filter(|text| !text.is_empty())
+                .map(str::to_owned),
             children: Vec::new(),
             origin,
         };
@@ -189,7 +209,11 @@ impl Reader<'_> {
         if let Some(included) = element.attribute("file").filter(|_| lists) {
             if !self.old {
                 let found = format!("file=\"{included}\"");
-                return Err(RobotError::expected(&element.origin, "<xi:include href=..>", found));
+                return Err(RobotError::expected(
+                    &element.origin,
+                    "<xi:include href=..>",
+                    found,
+                ));
             }
             let included: PathBuf = folder.join(included);
             return self.load(&included, Some(&element.origin), depth + 1);
@@ -239,7 +263,10 @@ impl Reader<'_> {
 
     fn devices(&self, element: &Element, into: &mut Vec<DeviceEntry>) -> Result<(), RobotError> {
         match element.name.as_str() {
-            "devices" => element.children.iter().try_for_each(|child| self.devices(child, into)),
+            "devices" => element
+                .children
+                .iter()
+                .try_for_each(|child| self.devices(child, into)),
             "device" => {
                 let mut device = DeviceEntry {
                     name: element.need("name")?.to_owned(),
@@ -264,7 +291,10 @@ impl Reader<'_> {
     fn params(&self, element: &Element, into: &mut Vec<Param>) -> Result<(), RobotError> {
         let origin = element.origin.clone();
         match element.name.as_str() {
-            "params" => element.children.iter().try_for_each(|child| self.params(child, into))?,
+            "params" => element
+                .children
+                .iter()
+                .try_for_each(|child| self.params(child, into))?,
             "param" => {
                 let name = element.need("name")?.to_owned();
                 let outside = element.attribute("extern-name").filter(|_| !self.old);
@@ -281,13 +311,20 @@ impl Reader<'_> {
             "group" => {
                 let name = element.need("name")?.to_owned();
                 let mut inner = Vec::new();
-                element.children.iter().try_for_each(|child| self.params(child, &mut inner))?;
+                element
+                    .children
+                    .iter()
+                    .try_for_each(|child| self.params(child, &mut inner))?;
                 if inner.is_empty() {
                     let expected = format!("parameters in <group name=\"{name}\">");
                     return Err(RobotError::expected(&origin, expected, "none"));
                 }
                 let value = ParamValue::Group(inner);
-                into.push(Param { name, value, origin });
+                into.push(Param {
+                    name,
+                    value,
+                    origin,
+                });
             }
             "paramlist" => self.paramlist(element, into)?,
             "subdevice" => {
@@ -297,9 +334,16 @@ impl Reader<'_> {
                     value: ParamValue::Values(vec![kind.into()]),
                     origin,
                 });
-                element.children.iter().try_for_each(|child| self.params(child, into))?;
+                element
+                    .children
+                    .iter()
+                    .try_for_each(|child| self.params(child, into))?;
             }
-            _ => return Err(element.unexpected("<param>, <group>, <paramlist>, <subdevice> or <params>")),
+            _ => {
+                return Err(
+                    element.unexpected("<param>, <group>, <paramlist>, <subdevice> or <params>")
+                );
+            }
         }
         Ok(())
     }
@@ -315,7 +359,11 @@ impl Reader<'_> {
             }
             let name = child.need("name")?;
             names.push(name.into());
-            elements.push(Param::from_text(name.to_owned(), child.value()?, child.origin.clone())?);
+            elements.push(Param::from_text(
+                name.to_owned(),
+                child.value()?,
+                child.origin.clone(),
+            )?);
         }
         into.push(Param {
             name,
@@ -328,10 +376,16 @@ impl Reader<'_> {
 
     fn actions(&self, element: &Element, into: &mut Vec<Action>) -> Result<(), RobotError> {
         match element.name.as_str() {
-            "actions" => element.children.iter().try_for_each(|child| self.actions(child, into)),
+            "actions" => element
+                .children
+                .iter()
+                .try_for_each(|child| self.actions(child, into)),
             "action" => {
                 let mut params = Vec::new();
-                element.children.iter().try_for_each(|child| self.params(child, &mut params))?;
+                element
+                    .children
+                    .iter()
+                    .try_for_each(|child| self.params(child, &mut params))?;
                 into.push(Action {
                     phase: word(element, "phase", Phase::WORDS, Phase::of)?,
                     kind: word(element, "type", ActionKind::WORDS, ActionKind::of)?,
@@ -356,7 +410,11 @@ fn word<T>(
     let found = element.need(attribute)?;
     of(found).ok_or_else(|| {
         let words: Vec<_> = words.iter().map(|(word, _)| *word).collect();
-        let expected = format!("{attribute} of <{}> to be one of {}", element.name, words.join(", "));
+        let expected = format!(
+            "{attribute} of <{}> to be one of {}",
+            element.name,
+            words.join(", ")
+        );
         RobotError::expected(&element.origin, expected, found)
     })
 }

@@ -42,8 +42,8 @@ pub use directories::Directories;
 pub use environment::{Environment, Platform};
 pub use key::parse_key;
 pub use name_server::{Mode, NameServer};
-pub use resources::{Disk, ResourceFinder};
 pub use namespaces::{DEFAULT_NAMESPACE, file_name, parse_namespaces, print_namespaces};
+pub use resources::{Disk, ResourceFinder};
 use yarp_wire::auth::Key;
 
 use crate::roles::{self, Roles};
@@ -134,7 +134,10 @@ pub enum ConfigError {
 }
 
 fn shown(places: &[PathBuf]) -> String {
-    let places: Vec<_> = places.iter().map(|place| place.display().to_string()).collect();
+    let places: Vec<_> = places
+        .iter()
+        .map(|place| place.display().to_string())
+        .collect();
     places.join(", ")
 }
 

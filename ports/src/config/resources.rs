@@ -132,7 +132,9 @@ impl ResourceFinder {
         let contexts = context.map(|context| Path::new("contexts").join(context));
         let contexts = contexts.into_iter().flat_map(|context| {
             let places = self.directories.places();
-            places.map(move |place| place.join(&context)).collect::<Vec<_>>()
+            places
+                .map(move |place| place.join(&context))
+                .collect::<Vec<_>>()
         });
         std::iter::once(self.here.clone())
             .chain(self.near.clone())
@@ -158,7 +160,8 @@ impl Source for Disk<'_> {
 
     fn list(&self, directory: &str) -> Option<Vec<String>> {
         let entries = std::fs::read_dir(directory).ok()?;
-        let name = |entry: std::io::Result<std::fs::DirEntry>| entry.ok()?.file_name().into_string().ok();
+        let name =
+            |entry: std::io::Result<std::fs::DirEntry>| entry.ok()?.file_name().into_string().ok();
         Some(entries.filter_map(name).collect())
     }
 

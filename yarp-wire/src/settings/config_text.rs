@@ -48,9 +48,7 @@ impl Settings {
     /// replaced.
     pub fn read_file(&mut self, file: &str, source: &dyn Source) -> Option<Vec<Problem>> {
         let mut reader = Reader::new(source);
-        reader
-            .file(self, file, "", 0)
-            .then(move || reader.problems)
+        reader.file(self, file, "", 0).then(move || reader.problems)
     }
 
     /// As [`read_file`](Self::read_file), of a text that is at hand; `file` is what errors call it.
@@ -102,7 +100,10 @@ impl<'a> Reader<'a> {
         };
         let directory = file.rfind('/').or_else(|| file.rfind('\\'));
         let mut search = search.to_owned();
-        if let Some(directory) = directory.map(|at| &file[..at]).filter(|dir| !dir.is_empty()) {
+        if let Some(directory) = directory
+            .map(|at| &file[..at])
+            .filter(|dir| !dir.is_empty())
+        {
             if !search.is_empty() {
                 search.push(';');
             }
@@ -141,8 +142,11 @@ impl<'a> Reader<'a> {
                 close(into, &mut open);
                 return;
             }
-            let line = expand(without_remark(&line), |name| self.variable(name, search, into));
-            let Some((head, _)) = line.strip_prefix('[').and_then(|head| head.split_once(']')) else {
+            let line = expand(without_remark(&line), |name| {
+                self.variable(name, search, into)
+            });
+            let Some((head, _)) = line.strip_prefix('[').and_then(|head| head.split_once(']'))
+            else {
                 self.line(into, &mut open, &line, &at);
                 continue;
             };
@@ -196,7 +200,10 @@ impl<'a> Reader<'a> {
     ) -> bool {
         self.files += 1;
         if depth >= DEEPEST || self.files > MOST_FILES {
-            self.problem(at, format!("more than {DEEPEST} files deep, or {MOST_FILES} altogether"));
+            self.problem(
+                at,
+                format!("more than {DEEPEST} files deep, or {MOST_FILES} altogether"),
+            );
             return false;
         }
         let (group, file) = match *words {

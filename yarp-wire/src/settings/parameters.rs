@@ -135,13 +135,20 @@ impl Parameters {
         let entry = self.entry(name);
         let origin = entry.and_then(Group::origin).unwrap_or(&self.origin);
         let values = entry.map(Group::values).unwrap_or_default();
-        let found: Vec<_> = values.iter().map(|value| value.value().to_string()).collect();
+        let found: Vec<_> = values
+            .iter()
+            .map(|value| value.value().to_string())
+            .collect();
         ParameterError::Wrong {
             origin: origin.clone(),
             device: self.device.clone(),
             name: name.to_owned(),
             expected: expected.into(),
-            found: if found.is_empty() { "nothing".to_owned() } else { found.join(" ") },
+            found: if found.is_empty() {
+                "nothing".to_owned()
+            } else {
+                found.join(" ")
+            },
         }
     }
 
@@ -323,6 +330,9 @@ mod tests {
             .unused()
             .map(|(name, origin)| format!("{origin} {name}"))
             .collect();
-        assert_eq!(unused, ["f.ini:5 G::d", "f.ini:6 H", "f.ini:2 b"].map(str::to_owned));
+        assert_eq!(
+            unused,
+            ["f.ini:5 G::d", "f.ini:6 H", "f.ini:2 b"].map(str::to_owned)
+        );
     }
 }
