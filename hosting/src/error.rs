@@ -45,7 +45,7 @@ pub enum HostError {
         device: String,
         /// Why not.
         #[source]
-        source: OpenError,
+        source: Box<OpenError>,
     },
     /// The device attaches to nothing.
     #[error("it is no device that attaches to others")]

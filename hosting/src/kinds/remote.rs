@@ -47,7 +47,7 @@ pub(super) async fn open(opening: Opening<'_>) -> Outcome {
     let board = opened.map_err(|source| HostError::Open {
         origin: parameters.origin().clone(),
         device: parameters.device().to_owned(),
-        source,
+        source: Box::new(source),
     })?;
     Ok(Box::new(Remote(Arc::new(board))))
 }

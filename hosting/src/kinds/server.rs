@@ -71,7 +71,7 @@ impl Hosted for Server {
             let running = opened.await.map_err(|source| HostError::Open {
                 origin: self.origin.clone(),
                 device: self.device.clone(),
-                source,
+                source: Box::new(source),
             })?;
             self.running = Some(running);
             Ok(())

@@ -45,9 +45,9 @@ pub enum ParameterError {
         /// Where the device is described.
         origin: Origin,
         /// The device.
-        device: String,
+        device: Box<str>,
         /// The parameter, with its groups.
-        name: String,
+        name: Box<str>,
         /// What should be there.
         expected: &'static str,
     },
@@ -57,13 +57,13 @@ pub enum ParameterError {
         /// Where the parameter is written.
         origin: Origin,
         /// The device.
-        device: String,
+        device: Box<str>,
         /// The parameter, with its groups.
-        name: String,
+        name: Box<str>,
         /// What should be there.
-        expected: String,
+        expected: Box<str>,
         /// What is there.
-        found: String,
+        found: Box<str>,
     },
 }
 
@@ -131,7 +131,7 @@ impl Parameters {
     }
 
     /// What is wrong with a value that is something else than `expected`.
-    pub fn refuse(&self, name: &str, expected: impl Into<String>) -> ParameterError {
+    pub fn refuse(&self, name: &str, expected: impl Into<Box<str>>) -> ParameterError {
         let entry = self.entry(name);
         let origin = entry.and_then(Group::origin).unwrap_or(&self.origin);
         let values = entry.map(Group::values).unwrap_or_default();
@@ -141,13 +141,13 @@ impl Parameters {
             .collect();
         ParameterError::Wrong {
             origin: origin.clone(),
-            device: self.device.clone(),
-            name: name.to_owned(),
+            device: self.device.as_str().into(),
+            name: name.into(),
             expected: expected.into(),
             found: if found.is_empty() {
-                "nothing".to_owned()
+                "nothing".into()
             } else {
-                found.join(" ")
+                found.join(" ").into()
             },
         }
     }
@@ -190,8 +190,8 @@ impl Parameters {
     fn missing(&self, name: &str, expected: &'static str) -> ParameterError {
         ParameterError::Missing {
             origin: self.origin.clone(),
-            device: self.device.clone(),
-            name: name.to_owned(),
+            device: self.device.as_str().into(),
+            name: name.into(),
             expected,
         }
     }
@@ -199,10 +199,10 @@ impl Parameters {
     fn wrong(&self, name: &str, setting: &Setting, expected: &str) -> ParameterError {
         ParameterError::Wrong {
             origin: setting.origin().clone(),
-            device: self.device.clone(),
-            name: name.to_owned(),
-            expected: expected.to_owned(),
-            found: setting.value().to_string(),
+            device: self.device.as_str().into(),
+            name: name.into(),
+            expected: expected.into(),
+            found: setting.value().to_string().into(),
         }
     }
 }
