@@ -48,7 +48,8 @@ impl Settings {
     /// replaced.
     pub fn read_file(&mut self, file: &str, source: &dyn Source) -> Option<Vec<Problem>> {
         let mut reader = Reader::new(source);
-        reader.file(self, file, "", 0).then(move || reader.problems)
+        let found = reader.file(self, file, "", 0);
+        found.then_some(reader.problems)
     }
 
     /// As [`read_file`](Self::read_file), of a text that is at hand; `file` is what errors call it.
