@@ -34,7 +34,7 @@ pub enum HostError {
         device: String,
         /// Why not.
         #[source]
-        source: DeviceError,
+        source: Box<DeviceError>,
     },
     /// Its ports did not open.
     #[error("{origin}: device {device} did not open")]

@@ -25,7 +25,7 @@ pub(super) fn machine<D: Device + 'static>(
     let device = started.map_err(|source| HostError::Device {
         origin: parameters.origin().clone(),
         device: parameters.device().to_owned(),
-        source,
+        source: Box::new(source),
     })?;
     Ok(Box::new(Machine(Arc::new(device))))
 }

@@ -122,7 +122,8 @@ impl Param {
         let open = text.matches('(').count();
         let values = Bottle::parse(text).ok();
         // What is left open would be lost.
-        let whole = open == text.matches(')').count() && text.matches('"').count() % 2 == 0;
+        let whole =
+            open == text.matches(')').count() && text.matches('"').count().is_multiple_of(2);
         let values = values.filter(|_| whole).ok_or_else(|| {
             RobotError::expected(
                 &origin,

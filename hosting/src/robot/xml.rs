@@ -122,9 +122,11 @@ impl Reader<'_> {
         if by.is_none() {
             self.old = self.is_old(&text, &name)?;
         }
-        let mut options = ParsingOptions::default();
-        options.allow_dtd = true;
-        options.nodes_limit = MOST_ELEMENTS;
+        let options = ParsingOptions {
+            allow_dtd: true,
+            nodes_limit: MOST_ELEMENTS,
+            ..ParsingOptions::default()
+        };
         let document = Document::parse_with_options(&text, options).map_err(|error| {
             let what = error.to_string();
             // It ends with the position, which is said in front.
