@@ -4,6 +4,8 @@ use std::io;
 
 use yarp_demos::DemoError;
 use yarp_devices::DeviceError;
+use yarp_hosting::HostError;
+use yarp_hosting::robot::RobotError;
 use yarp_ports::PortError;
 use yarp_ports::config::ConfigError;
 use yarp_wrappers::OpenError;
@@ -33,6 +35,12 @@ pub(crate) enum Failure {
     /// The ports of the arm were not opened.
     #[error(transparent)]
     Open(#[from] OpenError),
+    /// A device was not hosted.
+    #[error(transparent)]
+    Host(#[from] HostError),
+    /// The description of a robot is wrong.
+    #[error(transparent)]
+    Robot(#[from] RobotError),
     /// A name server is configured on another machine, and does not answer.
     #[error(
         "the configured name server at {place} does not answer; start it there, or run `yarp conf --clean` to have one here"

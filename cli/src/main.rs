@@ -8,6 +8,7 @@
 //! | `arm` | the arms that a command can serve |
 //! | `connecting` | connecting ports, in stock's words |
 //! | `input`, `signals` | lines that a person types, and the wish to end |
+//! | `ready` | telling a service manager that we work |
 //! | `log`, `text` | what the libraries report, and numbers, in stock's form |
 
 mod arm;
@@ -18,6 +19,7 @@ mod error;
 mod input;
 mod log;
 mod quality;
+mod ready;
 mod session;
 mod signals;
 mod text;

@@ -14,23 +14,30 @@ const PATIENCE: Duration = Duration::from_secs(2);
 /// longer than two seconds, a second signal ends the process at once.
 #[derive(Debug)]
 pub(crate) struct Interrupt {
-    heard: watch::Receiver<bool>,
+    heard: watch::Receiver<u32>,
     told: bool,
 }
 
 impl Interrupt {
     /// Begins to listen; from now on signals do not end the process by themselves.
     pub(crate) fn listen() -> Self {
-        let (sender, heard) = watch::channel(false);
+        Self::listen_to(1, PATIENCE)
+    }
+
+    /// As [`listen`](Self::listen), but the first `count` signals are the command's business, and one after them ends
+    /// the process at once, if the first was `patience` ago.
+    pub(crate) fn listen_to(count: u32, patience: Duration) -> Self {
+        let (sender, heard) = watch::channel(0);
         if let Ok(mut signals) = Signals::new() {
             // Ends with the runtime, that is with the command.
             tokio::spawn(async move {
                 signals.next().await;
-                sender.send_replace(true);
+                sender.send_modify(|heard| *heard += 1);
                 let first = tokio::time::Instant::now();
                 loop {
                     signals.next().await;
-                    if first.elapsed() > PATIENCE {
+                    sender.send_modify(|heard| *heard += 1);
+                    if *sender.borrow() > count && first.elapsed() >= patience {
                         std::process::abort();
                     }
                 }
@@ -39,12 +46,17 @@ impl Interrupt {
         Self { heard, told: false }
     }
 
-    /// Returns once a signal came, and says so the first time. Cancelling is safe.
-    pub(crate) async fn heard(&mut self) {
-        if self.heard.wait_for(|heard| *heard).await.is_err() {
+    /// Returns once so many signals came. Cancelling is safe.
+    pub(crate) async fn heard_times(&mut self, count: u32) {
+        if self.heard.wait_for(|heard| *heard >= count).await.is_err() {
             // Nobody listens: no signal will be heard.
             std::future::pending::<()>().await;
         }
+    }
+
+    /// Returns once a signal came, and says so the first time. Cancelling is safe.
+    pub(crate) async fn heard(&mut self) {
+        self.heard_times(1).await;
         if !std::mem::replace(&mut self.told, true) {
             // If standard output is gone, we end all the same.
             let _ = writeln!(std::io::stdout(), "Interrupting...");

@@ -58,10 +58,14 @@ until_ok() {
 python=$STOCK/bin/python
 
 cargo build --quiet --release -p yarp-cli -p yarp-conformance
-cargo build --quiet -p yarp-wire --example bottle --example typed
 cargo build --quiet -p yarp-ports --example pictures
+cargo build --quiet -p yarp-wire --example bottle --example typed --example settings
 
 suite "text of bottles" "$with_stock" "$python" conformance/live/bottle_text.py target/debug/examples/bottle
+
+suite "configuration files and command lines" "$with_stock" "$python" conformance/live/settings.py \
+    target/debug/examples/settings
+suite "where files are found" "$python" conformance/live/resources.py "$ours" "$with_stock"
 
 g++ -O1 -std=c++17 -include cstdint conformance/live/typed_peer.cpp -I"$stock_package/include" \
     -L"$stock_package/lib" -lYARP_os -lYARP_sig -lYARP_init -o "$work/typed_peer"
@@ -158,6 +162,8 @@ for server in ours stock; do
     running+=($!)
     until_ok "$ours" exists /fake/stateExt:o
     suite "our client drives stock's control board, server: $server" target/release/drive_stock /fake
+    suite "devices and robots from the same files, server: $server" \
+        "$with_stock" "$python" conformance/live/hosting.py "$ours"
     stop
     # Numbers that the first server gave out may still be busy.
     port=$((port + 1000))

@@ -13,6 +13,7 @@
 //! * [`websocket`]: the frames in which pages talk to ports.
 //! * [`admin`], [`name_service`]: the messages that programs send to ports and to the name server.
 //! * [`shmem`]: memory that two ends share.
+//! * [`settings`]: configuration files and command lines, which remember where each value was written.
 //! * [`qos`]: how urgent packets are, in the words of those messages.
 
 pub mod admin;
@@ -30,6 +31,7 @@ pub mod name;
 pub mod name_service;
 pub mod number;
 pub mod qos;
+pub mod settings;
 pub mod shmem;
 pub mod stamp;
 pub mod typed;

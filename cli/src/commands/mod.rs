@@ -6,6 +6,7 @@ mod conf;
 mod connect;
 mod demo;
 mod detect;
+mod dev;
 mod disconnect;
 mod exists;
 mod help;
@@ -17,6 +18,8 @@ mod priority_sched;
 mod read;
 mod readwrite;
 mod repeat;
+mod resource;
+mod robotinterface;
 mod rpc;
 mod rpcserver;
 mod server;
@@ -46,6 +49,7 @@ pub(crate) enum Command {
     Connect(connect::Args),
     Demo(demo::Args),
     Detect(detect::Args),
+    Dev(dev::Args),
     Disconnect(disconnect::Args),
     Exists(exists::Args),
     Help(help::Args),
@@ -59,6 +63,8 @@ pub(crate) enum Command {
     Read(read::Args),
     Readwrite(readwrite::Args),
     Repeat(repeat::Args),
+    Resource(resource::Args),
+    Robotinterface(robotinterface::Args),
     Rpc(rpc::Args),
     Rpcserver(rpcserver::Args),
     Server(Box<server::Args>),
@@ -83,6 +89,7 @@ impl Command {
             Self::Connect(args) => connect::run(args, out).await,
             Self::Demo(args) => demo::run(args, out),
             Self::Detect(args) => detect::run(args, out).await,
+            Self::Dev(args) => dev::run(args, out).await,
             Self::Disconnect(args) => disconnect::run(args, out).await,
             Self::Exists(args) => exists::run(args, out).await,
             Self::Help(args) => help::run(args, out),
@@ -94,6 +101,8 @@ impl Command {
             Self::Read(args) => read::run(args, out).await,
             Self::Readwrite(args) => readwrite::run(args, out).await,
             Self::Repeat(args) => repeat::run(args, out).await,
+            Self::Resource(args) => resource::run(args, out),
+            Self::Robotinterface(args) => robotinterface::run(args, out).await,
             Self::Rpc(args) => rpc::run(args, prefixes, out).await,
             Self::Rpcserver(args) => rpcserver::run(args, out).await,
             Self::Server(args) => server::run(*args, out).await,

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use tracing::{debug, info};
 
 use super::parameters;
-use crate::fake::Model;
+use crate::fake::{AxisParameters, Model};
 use crate::{
     AmplifierControl, Axes, AxisIndex, AxisInfo, ControlCalibration, ControlLimits, ControlMode,
     CurrentControl, Device, DeviceError, EncoderReading, Encoders, ImpedanceControl,
@@ -71,9 +71,18 @@ impl SimulatedWam {
     ///
     /// Errors: [`DeviceError::Start`] when the machine has no thread left.
     pub fn start() -> Result<Self, DeviceError> {
+        Self::start_with(parameters())
+    }
+
+    /// Starts another machine of simulated axes, which moves as the arm does.
+    ///
+    /// Errors: as [`start`](Self::start).
+    pub fn start_with(axes: impl IntoIterator<Item = AxisParameters>) -> Result<Self, DeviceError> {
+        let model = Model::new(axes);
+        let axes = model.axes();
         let shared = Arc::new(Shared {
             arm: Mutex::new(Arm {
-                model: Model::new(parameters()),
+                model,
                 time: wall_clock(),
             }),
             ending: AtomicBool::new(false),
@@ -86,7 +95,7 @@ impl SimulatedWam {
                 what: "the control thread of the simulated arm",
                 source,
             })?;
-        info!(axes = super::AXES, "simulated arm started");
+        info!(axes, "simulated arm started");
         Ok(Self {
             shared,
             control: Some(control),
@@ -239,7 +248,7 @@ impl Device for SimulatedWam {
 
 impl AxisInfo for SimulatedWam {
     fn axes(&self) -> usize {
-        super::AXES
+        self.arm().model.axes()
     }
 
     fn axis_name(&self, axis: AxisIndex) -> Result<String, DeviceError> {
@@ -310,7 +319,7 @@ impl VelocityControl for SimulatedWam {
 impl Encoders for SimulatedWam {
     fn read_encoders(&self, axes: Axes<'_>, out: &mut [EncoderReading]) -> Result<(), DeviceError> {
         let arm = self.arm();
-        axes.check_count(super::AXES, "slots for readings", out.len())?;
+        axes.check_count(arm.model.axes(), "slots for readings", out.len())?;
         let mut slots = out.iter_mut();
         arm.model.read_states(axes, |state| {
             if let Some(slot) = slots.next() {

@@ -1,6 +1,8 @@
 //! Where configuration and data are.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+use yarp_wire::settings::{Group, Settings, Source};
 
 use super::{ConfigError, Environment, Platform};
 
@@ -19,6 +21,8 @@ pub struct Directories {
     /// Data for everybody: `YARP_DATA_DIRS`, else each of `XDG_DATA_DIRS`
     /// (`/usr/local/share:/usr/share`) + `/yarp`.
     pub data_dirs: Vec<PathBuf>,
+    /// Data of packages, which they name themselves, see [`find_packages`](Self::find_packages).
+    pub packages: Vec<PathBuf>,
 }
 
 impl Directories {
@@ -39,6 +43,7 @@ impl Directories {
                     "XDG_DATA_DIRS",
                     "/usr/local/share:/usr/share",
                 ),
+                packages: Vec::new(),
             },
             Platform::MacOs => Self {
                 config_home: home
@@ -59,6 +64,7 @@ impl Directories {
                     "XDG_DATA_DIRS",
                     "/Library/Application Support",
                 ),
+                packages: Vec::new(),
             },
             Platform::Windows => Self {
                 config_home: home
@@ -67,27 +73,65 @@ impl Directories {
                 data_home: home.windows("YARP_DATA_HOME", "yarp"),
                 config_dirs: home.search("YARP_CONFIG_DIRS", "", ""),
                 data_dirs: home.search("YARP_DATA_DIRS", "", ""),
+                packages: Vec::new(),
             },
         })
     }
 
-    /// Where a file such as `auth.conf` may be, in the order of the search: the current directory,
-    /// the robot's (`robots/$YARP_ROBOT_NAME` in each of what follows; `default` unless told
-    /// otherwise), the user's configuration and data, those of everybody.
+    /// Looks for the directories of packages: those that the files `config/path.d/*.ini` name in the first of
+    /// [`data_dirs`](Self::data_dirs) that has such a folder.
     ///
-    /// Source: stock 3.5.0, watched. It also reads `config/path.d` in the data directories, where
-    /// packages name directories of their own; we do not.
-    pub fn resources(&self, environment: &Environment, file: &str) -> Vec<PathBuf> {
-        let robot = environment.get("YARP_ROBOT_NAME").unwrap_or("default");
-        let places: Vec<_> = std::iter::once(&self.config_home)
+    /// ```text
+    /// [search my_package]
+    /// path /opt/my_package/share /opt/more
+    /// ```
+    pub fn find_packages(&mut self, source: &dyn Source) {
+        let lists = |place: &&PathBuf| {
+            let folder = place.join("config/path.d");
+            source.list(&folder.to_string_lossy()).is_some()
+        };
+        let Some(place) = self.data_dirs.iter().find(lists) else {
+            return;
+        };
+        let folder = place.join("config/path.d");
+        let mut settings = Settings::new();
+        settings.read_file(&folder.to_string_lossy(), source);
+        let names = settings.group("search").map(Group::values);
+        for name in names.unwrap_or_default() {
+            let package = settings.group(&name.to_plain_string());
+            let paths = package.and_then(|package| package.group("path"));
+            let paths = paths.map(Group::values).unwrap_or_default();
+            let paths = paths.iter().map(|path| path.to_plain_string().into());
+            self.packages.extend(paths);
+        }
+    }
+
+    /// The places where files are looked for, in this order: the user's configuration and data, those of everybody,
+    /// those of packages.
+    pub fn places(&self) -> impl Iterator<Item = &PathBuf> {
+        std::iter::once(&self.config_home)
             .chain(&self.data_home)
             .chain(&self.config_dirs)
             .chain(&self.data_dirs)
-            .collect();
-        let robots = places.iter().map(|place| place.join("robots").join(robot));
+            .chain(&self.packages)
+    }
+
+    /// The places for the robot: `robots/$YARP_ROBOT_NAME` in each of [`places`](Self::places); `robots/default`
+    /// unless told otherwise.
+    pub fn robot_places(&self, environment: &Environment) -> impl Iterator<Item = PathBuf> {
+        let robot = environment.get("YARP_ROBOT_NAME").unwrap_or("default");
+        let robot = Path::new("robots").join(robot);
+        self.places().map(move |place| place.join(&robot))
+    }
+
+    /// Where a file such as `auth.conf` may be, in the order of the search: the current directory,
+    /// [`robot_places`](Self::robot_places), [`places`](Self::places).
+    ///
+    /// Source: stock 3.5.0, watched.
+    pub fn resources(&self, environment: &Environment, file: &str) -> Vec<PathBuf> {
         std::iter::once(PathBuf::new())
-            .chain(robots)
-            .chain(places.iter().map(|place| place.to_path_buf()))
+            .chain(self.robot_places(environment))
+            .chain(self.places().cloned())
             .map(|place| place.join(file))
             .collect()
     }
@@ -142,8 +186,6 @@ impl Home<'_> {
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
-
     use super::*;
 
     fn of(platform: Platform, variables: &[(&str, &str)]) -> Directories {

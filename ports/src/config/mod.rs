@@ -10,9 +10,13 @@
 //! | `auth.conf` | the key that all programs of the network share; also looked for elsewhere, see [`Directories::resources`] |
 //! | `roles.conf` | who may do what with which ports, see [`crate::roles`]; looked for like `auth.conf` |
 //!
+//! [`ResourceFinder`] looks for the files of robots and applications.
+//!
 //! | variable | says |
 //! | --- | --- |
 //! | `YARP_CONFIG_HOME`, `XDG_CONFIG_HOME`, `HOME` | which directory that is |
+//! | `YARP_DATA_HOME`, `YARP_DATA_DIRS`, `YARP_CONFIG_DIRS`, `XDG_…` | where else files are looked for |
+//! | `YARP_ROBOT_NAME` | whose files go first, `robots/NAME` |
 //! | `YARP_NAMESPACE` | the names, instead of `yarp_namespace.conf` |
 //! | `YARP_IP` | the address to register ports with, or how it begins |
 //! | `YARP_PORT_RANGE` | TCP port of a server to start, and of multicast detection (10000) |
@@ -28,6 +32,7 @@ mod key;
 mod name_server;
 mod namespaces;
 mod naming;
+mod resources;
 pub(crate) mod section;
 
 use std::io;
@@ -38,6 +43,7 @@ pub use environment::{Environment, Platform};
 pub use key::parse_key;
 pub use name_server::{Mode, NameServer};
 pub use namespaces::{DEFAULT_NAMESPACE, file_name, parse_namespaces, print_namespaces};
+pub use resources::{Disk, ResourceFinder};
 use yarp_wire::auth::Key;
 
 use crate::roles::{self, Roles};
@@ -86,6 +92,14 @@ pub enum ConfigError {
         #[source]
         source: io::Error,
     },
+    /// A file that was asked for is nowhere.
+    #[error("cannot find {file} in any of {}", shown(searched))]
+    NoFile {
+        /// The file.
+        file: String,
+        /// Where it was looked for.
+        searched: Vec<PathBuf>,
+    },
     /// A file cannot be written.
     #[error("cannot write {}", file.display())]
     Write {
@@ -119,10 +133,21 @@ pub enum ConfigError {
     },
 }
 
+fn shown(places: &[PathBuf]) -> String {
+    let places: Vec<_> = places
+        .iter()
+        .map(|place| place.display().to_string())
+        .collect();
+    places.join(", ")
+}
+
 impl Configuration {
     /// The configuration of this process.
     pub fn from_process() -> Result<Self, ConfigError> {
-        Self::load(Environment::from_process(), |file| {
+        let environment = Environment::from_process();
+        let mut directories = Directories::of(&environment)?;
+        directories.find_packages(&Disk::default());
+        Self::load_from(environment, directories, |file| {
             std::fs::read_to_string(file)
         })
     }
@@ -134,6 +159,14 @@ impl Configuration {
         read: impl Fn(&Path) -> io::Result<String>,
     ) -> Result<Self, ConfigError> {
         let directories = Directories::of(&environment)?;
+        Self::load_from(environment, directories, read)
+    }
+
+    fn load_from(
+        environment: Environment,
+        directories: Directories,
+        read: impl Fn(&Path) -> io::Result<String>,
+    ) -> Result<Self, ConfigError> {
         let find = |file: &Path| match read(file) {
             Ok(text) => Ok(Some(text)),
             Err(source) if source.kind() == io::ErrorKind::NotFound => Ok(None),

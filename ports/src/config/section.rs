@@ -11,6 +11,7 @@
 
 use std::path::Path;
 
+use yarp_wire::settings::without_remark;
 use yarp_wire::{Bottle, Value};
 
 use super::ConfigError;
@@ -88,21 +89,6 @@ pub(crate) fn parse(file: &Path, text: &str) -> Result<Vec<Section>, ConfigError
         });
     }
     Ok(sections)
-}
-
-/// The line up to `//` anywhere, or `#` after a blank, outside quotes.
-fn without_remark(line: &str) -> &str {
-    let (mut quoted, mut before) = (false, ' ');
-    for (at, c) in line.char_indices() {
-        match c {
-            '"' => quoted = !quoted,
-            '/' if !quoted && before == '/' => return &line[..at - 1],
-            '#' if !quoted && before.is_whitespace() => return &line[..at],
-            _ => {}
-        }
-        before = c;
-    }
-    line
 }
 
 #[cfg(test)]

@@ -16,6 +16,7 @@ use yarp_wire::http::{Action, RequestReader, json};
 use yarp_wire::message::{Command, Form, Index, Payload, ReadObject, WireObject};
 use yarp_wire::mjpeg::{PartReader, comment, with_comment};
 use yarp_wire::name_service::{AnswerReader, Registration, Request, Style, Until};
+use yarp_wire::settings::{NoSource, Origin, Parameters, Settings};
 use yarp_wire::shmem::{Ring, answers_mark, initiator_mark};
 use yarp_wire::vector::Vector;
 use yarp_wire::websocket::FrameReader;
@@ -25,7 +26,7 @@ use yarp_wire::{Bottle, Contact, Dialect, Limits, PortName, Stamp, datagram, typ
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All targets.
-pub const TARGETS: [Target; 19] = [
+pub const TARGETS: [Target; 20] = [
     ("bottle_binary", bottle_binary),
     ("bottle_text", bottle_text),
     ("acceptor", acceptor),
@@ -45,6 +46,7 @@ pub const TARGETS: [Target; 19] = [
     ("reversed", reversed),
     ("auth", auth),
     ("shmem", shmem),
+    ("settings", settings),
 ];
 
 const DIALECTS: [Dialect; 2] = [Dialect::V3, Dialect::V4];
@@ -609,4 +611,19 @@ pub fn auth(data: &[u8]) {
     let whole = run(data.len().max(1));
     assert_eq!(run(usize::from(*step).max(1)), whole);
     assert!(whole.1 <= 80);
+}
+
+/// Configuration files and command lines: what was read can be printed, read again and asked.
+pub fn settings(data: &[u8]) {
+    let text = String::from_utf8_lossy(data);
+    let mut settings = Settings::new();
+    settings.read_text("fuzz", &text, &NoSource);
+    settings.add_command_line(text.split('\n'));
+    // Lists may be one deeper now than those that may be read.
+    let _ = Settings::new().add_lists(&settings.to_string(), &Origin::Program);
+    let parameters = Parameters::new("fuzz", settings, Origin::Program);
+    for name in ["a", "a::b"] {
+        let _ = (parameters.get::<f64>(name), parameters.row::<String>(name));
+    }
+    parameters.unused().for_each(drop);
 }

@@ -33,6 +33,7 @@ pub(crate) fn all() -> Vec<(&'static str, Vec<Vec<u8>>)> {
         ("framing", behind_headers()),
         ("reversed", from_readers()),
         ("auth", handshakes()),
+        ("settings", configurations()),
     ]
 }
 
@@ -378,4 +379,13 @@ fn handshakes() -> Vec<Vec<u8>> {
         ]
         .concat(),
     ]
+}
+
+fn configurations() -> Vec<Vec<u8>> {
+    let texts = [
+        "a 1\n[g]\nb = 2 // x\n[l h]\nc (1 2)\n[include g part.ini]\n[import c f.ini]\nd $HOME ${a}\n",
+        "--a::b 1\n--a::b::c 2\n--a\n3\n--l\n(1 2)\n",
+        "a (1\n2)\nb \"x\ny\" # z\nc 1\\\n2\n[g\n[]\n= =\n",
+    ];
+    texts.map(|text| text.as_bytes().to_vec()).into()
 }

@@ -1,0 +1,229 @@
+//! `yarp dev`: one device, as stock's `yarpdev` hosts it.
+
+use std::io::Write;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use tokio::sync::watch;
+use yarp_hosting::{Hosted, kinds, open_wrapped, park};
+use yarp_ports::config::ResourceFinder;
+use yarp_ports::{Answer, Network, Port, PortOptions, Received};
+use yarp_wire::settings::{Origin, Parameters, Settings};
+use yarp_wire::{Bottle, Value, Vocab32};
+
+use crate::error::Result;
+use crate::signals::Interrupt;
+use crate::{ready, session};
+
+const COMPONENT: &str = "yarp.dev.Drivers";
+/// What stock's yarpdev ends with if there is no name server.
+const NO_NETWORK: u8 = 255;
+/// What is for us and not for the device.
+const OURS: [&str; 9] = [
+    "device",
+    "from",
+    "context",
+    "name",
+    "nested",
+    "lispy",
+    "verbose",
+    "allow-deprecated-devices",
+    "nopark",
+];
+
+const USAGE: &str = "Welcome to yarp dev, a program to create YARP devices
+To see the devices available, try:
+   yarp dev --list
+To create a device whose name you know, call yarp dev like this:
+   yarp dev --device DEVICENAME --OPTION VALUE ...
+   For example:
+   yarp dev --device simulatedWam --name /wam
+You can always move options to a configuration file:
+   yarp dev [--device DEVICENAME] --from CONFIG_FILENAME";
+
+/// host a device, as stock's yarpdev
+///
+/// Opens a device with what serves it, until `quit` comes to its port NAME/quit or a signal to the process. Then the
+/// device is parked and closed; a second signal ends at once.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// --device NAME, --from FILE, --context CONTEXT, --list, --nested "(a b) ...", --nopark, and the options of the
+    /// device: --key value, --group::key value
+    #[arg(
+        value_name = "OPTION",
+        allow_hyphen_values = true,
+        trailing_var_arg = true
+    )]
+    words: Vec<String>,
+}
+
+pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
+    let mut finder = ResourceFinder::from_process()?;
+    for problem in finder.configure(&args.words, None)? {
+        tracing::error!(target: "yarp.os.Property", "{problem}");
+    }
+    let mut settings = finder.settings().clone();
+    let nested = settings.get("nested").or_else(|| settings.get("lispy"));
+    if let Some(text) = nested.map(|text| text.to_plain_string()) {
+        settings = Settings::new();
+        if let Err(error) = settings.add_lists(&text, &Origin::CommandLine) {
+            tracing::error!(target: COMPONENT, "--nested: {error}");
+            return Ok(ExitCode::FAILURE);
+        }
+    }
+    if settings.has("list") && !settings.has("device") {
+        list(out)?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let Some(device) = settings
+        .get("device")
+        .map(|device| device.to_plain_string())
+    else {
+        writeln!(out, "{USAGE}")?;
+        match settings.get("from") {
+            Some(from) => {
+                let from = from.to_plain_string();
+                tracing::error!(target: COMPONENT, "Unable to find --device option in file {from}. Closing.");
+            }
+            None => tracing::warn!(target: COMPONENT, "--device option not specified. Closing."),
+        }
+        return Ok(ExitCode::SUCCESS);
+    };
+    let network = Network::from_process()?;
+    if !session::serves(&network, network.namespace()).await {
+        tracing::error!(target: COMPONENT, "YARP network not available, check if yarp server is reachable");
+        return Ok(ExitCode::from(NO_NETWORK));
+    }
+    let mut interrupt = Interrupt::listen_to(1, Duration::ZERO);
+    let parks = !settings.has("nopark");
+    let origin = settings.origin("device").cloned();
+    let parameters = Parameters::new(&device, settings, origin.unwrap_or(Origin::CommandLine));
+    let opened = tokio::select! {
+        biased;
+        () = interrupt.heard() => return Ok(ExitCode::SUCCESS),
+        opened = open_wrapped(&network, &device, &parameters) => opened,
+    };
+    let hosted = match opened {
+        Ok(hosted) => hosted,
+        Err(error) => {
+            tracing::error!(target: COMPONENT, "{}", yarp_ports::story(&error));
+            tracing::error!(target: COMPONENT, "yarpdev: ***ERROR*** device not available.");
+            return Ok(ExitCode::FAILURE);
+        }
+    };
+    report_unused(&parameters);
+    let code = serve(
+        &network,
+        hosted,
+        &quit_name(&parameters, &device),
+        parks,
+        &mut interrupt,
+    )
+    .await?;
+    tracing::info!(target: COMPONENT, "yarpdev is finished.");
+    Ok(code)
+}
+
+/// Every kind of device, one a line.
+fn list(out: &mut dyn Write) -> Result<()> {
+    let bundler = (
+        kinds::BUNDLER,
+        &[][..],
+        "one device attached to another; wrapper_device, attached_device",
+        None,
+    );
+    let all = kinds::ALL
+        .iter()
+        .map(|kind| (kind.name, kind.aliases, kind.about, kind.wrapper));
+    for (name, aliases, about, wrapper) in all.chain([bundler]) {
+        write!(out, "Device \"{name}\", {about}")?;
+        if let Some(wrapper) = wrapper {
+            write!(out, ", wrapped by \"{wrapper}\"")?;
+        }
+        if !aliases.is_empty() {
+            write!(out, ", also called {}", aliases.join(", "))?;
+        }
+        writeln!(out)?;
+    }
+    Ok(())
+}
+
+fn report_unused(parameters: &Parameters) {
+    for name in OURS {
+        parameters.has(name);
+    }
+    for (name, origin) in parameters.unused() {
+        let device = parameters.device();
+        tracing::warn!(target: COMPONENT, "{origin}: device {device} has no use for parameter {name}");
+    }
+}
+
+/// The port that takes `quit`; none for names that stock has none for.
+fn quit_name(parameters: &Parameters, device: &str) -> String {
+    let name = parameters
+        .settings()
+        .get("name")
+        .map(|name| name.to_plain_string());
+    let name = name.unwrap_or_else(|| device.to_owned());
+    format!("/{}/quit", name.trim_start_matches('/'))
+}
+
+/// Runs the device until it shall end, parks it and closes it.
+async fn serve(
+    network: &Network,
+    hosted: Box<dyn Hosted>,
+    quit: &str,
+    parks: bool,
+    interrupt: &mut Interrupt,
+) -> Result<ExitCode> {
+    let (sender, mut told) = watch::channel(false);
+    let port = match quit_port(network, quit, sender).await {
+        Ok(Some(port)) => port,
+        refused => {
+            tracing::error!(target: COMPONENT, "Failed to create terminator port");
+            hosted.close().await;
+            return refused.map(|_| ExitCode::FAILURE);
+        }
+    };
+    tracing::info!(target: COMPONENT, "device active in background...");
+    ready::tell();
+    tokio::select! {
+        () = interrupt.heard() => {}
+        _ = told.wait_for(|told| *told) => {}
+    }
+    if let Some(machine) = hosted.machine().filter(|_| parks) {
+        tracing::info!(target: COMPONENT, "parking");
+        if let Err(error) = park(machine).await {
+            tracing::warn!(target: COMPONENT, "cannot park: {}", yarp_ports::story(&error));
+        }
+    }
+    // Before the device: whoever waits for it knows that it ends.
+    port.close().await;
+    hosted.close().await;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The port that ends us, as stock's `Terminee`: there once the device is active.
+async fn quit_port(
+    network: &Network,
+    name: &str,
+    quit: watch::Sender<bool>,
+) -> Result<Option<Port>> {
+    let answer = move |received: &mut Received| {
+        let asked = received.bottle().unwrap_or_default();
+        let word = match asked.get(0).and_then(Value::as_str) {
+            Some("quit") => {
+                quit.send_replace(true);
+                Vocab32::OK
+            }
+            _ => Vocab32::new("huh?"),
+        };
+        Answer::reply(Bottle::of(word))
+    };
+    session::open(
+        network,
+        name,
+        PortOptions::new().handler(answer).input_only(),
+    )
+    .await
+}

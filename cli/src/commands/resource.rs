@@ -1,0 +1,53 @@
+//! `yarp resource`: where a file is.
+
+use std::io::Write;
+use std::process::ExitCode;
+
+use yarp_ports::config::ResourceFinder;
+use yarp_wire::settings::Settings;
+
+use crate::error::Result;
+
+const USAGE: &str = "Looks for, and prints the complete path to, resource files.
+Example usage:
+   yarp resource --context context-name --from file-name
+   yarp resource --context context-name --find file-name
+To show what a config file loads as, specify --show
+
+Note that the search through the available contexts complies
+with the current policies, therefore the content of the environment
+variable YARP_ROBOT_NAME might affect the final result";
+
+/// find configuration files
+///
+/// Looks for a file where programs look for theirs, and prints where it is.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// --context CONTEXT, --from FILE or --find FILE, --show
+    #[arg(
+        value_name = "OPTION",
+        allow_hyphen_values = true,
+        trailing_var_arg = true
+    )]
+    words: Vec<String>,
+}
+
+pub(super) fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
+    if args.words.is_empty() {
+        writeln!(out, "{USAGE}")?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let mut asked = Settings::new();
+    asked.add_command_line(&args.words);
+    let find = asked.get("find").map(|file| file.to_plain_string());
+    let mut finder = ResourceFinder::from_process()?;
+    for problem in finder.configure(&args.words, find.as_deref())? {
+        tracing::error!(target: "yarp.os.Property", "{problem}");
+    }
+    if finder.settings().has("show") {
+        writeln!(out, ">>> {}", finder.settings())?;
+    }
+    let found = finder.find_file("from").unwrap_or_default();
+    writeln!(out, "\"{}\"", found.display())?;
+    Ok(ExitCode::SUCCESS)
+}

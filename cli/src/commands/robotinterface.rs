@@ -1,0 +1,227 @@
+//! `yarp robotinterface`: a robot of several devices, as stock's `yarprobotinterface` hosts it.
+
+use std::io::Write;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use tokio::sync::watch;
+use yarp_hosting::robot::{Phase, Progress, ReadOptions, Robot, RunningRobot};
+use yarp_ports::config::ResourceFinder;
+use yarp_ports::{Answer, Network, Port, PortOptions, Received};
+use yarp_wire::{Bottle, Value, Vocab32};
+use yarp_wrappers::thrift::{Item, Message};
+
+use crate::error::Result;
+use crate::signals::Interrupt;
+use crate::{ready, session};
+
+const COMPONENT: &str = "yarprobotinterface";
+/// Where the description is named if the command line does not.
+const MAIN: &str = "yarprobotinterface.ini";
+/// One for the shutdown, and two for the phases of later interrupts.
+const SIGNALS: u32 = 3;
+
+const HELP: [(&str, &str); 8] = [
+    ("get_phase", "Returns current phase."),
+    ("get_level", "Returns current level."),
+    ("get_robot", "Returns robot name."),
+    (
+        "is_ready",
+        "Returns true if all startup actions are done, and no interrupt came.",
+    ),
+    ("quit", "Ends the program."),
+    ("bye", "Ends the program."),
+    ("exit", "Ends the program."),
+    ("help", "Lists the commands, or explains one."),
+];
+
+/// host a robot of several devices, as stock's yarprobotinterface
+///
+/// Reads the description of a robot (XML, or TOML), opens its devices and attaches them, until `quit` comes to its
+/// port PREFIX/yarprobotinterface or a signal to the process. Then machines are parked and all is closed.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// --config FILE (or `config FILE` in yarprobotinterface.ini), --context CONTEXT, --portprefix /P, --dryrun,
+    /// --nopark, --enable_tags "(a b)", --disable_tags "(a b)", --allow-deprecated-dtd, and values for parameters that
+    /// have an extern-name
+    #[arg(
+        value_name = "OPTION",
+        allow_hyphen_values = true,
+        trailing_var_arg = true
+    )]
+    words: Vec<String>,
+}
+
+pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
+    let mut finder = ResourceFinder::from_process()?;
+    for problem in finder.configure(&args.words, Some(MAIN))? {
+        tracing::error!(target: "yarp.os.Property", "{problem}");
+    }
+    let settings = finder.settings();
+    if !settings.has("config") {
+        tracing::error!(target: COMPONENT, "Missing \"config\" argument: expected --config FILE, or config FILE in {MAIN}");
+        return Ok(ExitCode::FAILURE);
+    }
+    let Some(file) = finder.find_file("config") else {
+        let config = settings
+            .get("config")
+            .map(|config| config.to_plain_string());
+        tracing::error!(target: COMPONENT, "Cannot find {}", config.unwrap_or_default());
+        return Ok(ExitCode::FAILURE);
+    };
+    let options = ReadOptions {
+        given: settings.clone(),
+    };
+    let robot = Robot::read(&file, &options)?;
+    if settings.has("dryrun") {
+        describe(&robot, out)?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let parks = !settings.has("nopark");
+    let network = Network::from_process()?;
+    if !session::serves(&network, network.namespace()).await {
+        tracing::error!(target: COMPONENT, "Sorry YARP network does not seem to be available, is the yarp server available?");
+        return Ok(ExitCode::FAILURE);
+    }
+    let mut interrupt = Interrupt::listen_to(SIGNALS, Duration::ZERO);
+    let (sender, told) = watch::channel(false);
+    let progress = Progress::default();
+    let name = format!("/{}/yarprobotinterface", robot.port_prefix);
+    let Some(port) = rpc(&network, &name, &robot.name, progress.clone(), sender).await? else {
+        return Ok(ExitCode::FAILURE);
+    };
+    let well = live(&network, robot, progress, parks, &mut interrupt, told).await;
+    port.close().await;
+    Ok(super::code(well))
+}
+
+/// What would be hosted.
+fn describe(robot: &Robot, out: &mut dyn Write) -> Result<()> {
+    writeln!(out, "robot {}, ports /{}", robot.name, robot.port_prefix)?;
+    for device in &robot.devices {
+        writeln!(out, "device {} of type {}", device.name, device.kind)?;
+        for action in &device.actions {
+            writeln!(out, "  {} {}: {}", action.phase, action.level, action.kind)?;
+        }
+    }
+    Ok(())
+}
+
+/// The whole life of the robot; tells whether it went well.
+async fn live(
+    network: &Network,
+    robot: Robot,
+    progress: Progress,
+    parks: bool,
+    interrupt: &mut Interrupt,
+    mut told: watch::Receiver<bool>,
+) -> bool {
+    let mut starting = std::pin::pin!(RunningRobot::start(network, robot, progress.clone()));
+    let mut heard = false;
+    let started = loop {
+        tokio::select! {
+            started = &mut starting => break started,
+            () = interrupt.heard(), if !heard => {
+                heard = true;
+                progress.interrupt();
+            }
+        }
+    };
+    let Some(mut robot) = started else {
+        return false;
+    };
+    let mut well = robot.is_ready();
+    if well {
+        tracing::info!(target: COMPONENT, "running happily");
+        ready::tell();
+        tokio::select! {
+            () = interrupt.heard() => {}
+            _ = told.wait_for(|told| *told) => {}
+        }
+    } else if !heard {
+        tracing::error!(target: COMPONENT, "Error in startup phase... see previous messages for more info");
+    }
+    well &= end(&mut robot, parks, interrupt).await;
+    robot.close().await;
+    well
+}
+
+/// The interrupts and the shutdown.
+async fn end(robot: &mut RunningRobot, parks: bool, interrupt: &mut Interrupt) -> bool {
+    tokio::select! {
+        well = robot.shut_down(parks) => return well,
+        () = interrupt.heard_times(2) => {}
+    }
+    robot.phase(Phase::Interrupt2).await;
+    tokio::select! {
+        well = robot.phase(Phase::Shutdown) => return well,
+        () = interrupt.heard_times(3) => {}
+    }
+    robot.phase(Phase::Interrupt3).await;
+    robot.phase(Phase::Shutdown).await
+}
+
+/// The port that tells where the robot is in its life, and ends it.
+async fn rpc(
+    network: &Network,
+    name: &str,
+    robot: &str,
+    progress: Progress,
+    quit: watch::Sender<bool>,
+) -> Result<Option<Port>> {
+    let robot = robot.to_owned();
+    let answer = move |received: &mut Received| {
+        let asked = received.bottle().unwrap_or_default();
+        let one = |item| Answer::reply(Message(vec![item]));
+        let (command, rest) = command(&asked);
+        match command.as_str() {
+            "get_phase" => {
+                let phase = progress.phase().map(|phase| phase.to_string());
+                one(Item::Text(phase.unwrap_or_else(|| "unknown".to_owned())))
+            }
+            "get_level" => one(Item::I32(progress.level() as i32)),
+            "get_robot" => one(Item::Text(robot.clone())),
+            "is_ready" => one(Item::Bool(progress.phase() == Some(Phase::Run))),
+            "quit" | "bye" | "exit" => {
+                quit.send_replace(true);
+                one(Item::Text("bye".to_owned()))
+            }
+            "help" => Answer::reply(help(rest.and_then(Value::as_str))),
+            _ => Answer::reply(Bottle::of(Vocab32::FAIL)),
+        }
+    };
+    session::open(
+        network,
+        name,
+        PortOptions::new().handler(answer).input_only(),
+    )
+    .await
+}
+
+/// The command, said as one word or as several (`get_phase`, `get phase`), and what follows it.
+fn command(asked: &Bottle) -> (String, Option<&Value>) {
+    let mut words = String::new();
+    for (at, word) in asked.iter().enumerate() {
+        words.push_str(&word.to_plain_string());
+        if HELP.iter().any(|(known, _)| *known == words) {
+            return (words, asked.get(at + 1));
+        }
+        words.push('_');
+    }
+    (String::new(), None)
+}
+
+fn help(command: Option<&str>) -> Bottle {
+    let lines: Vec<Value> = match command {
+        None | Some("--all") => {
+            let names = HELP.iter().map(|(name, _)| *name);
+            let all = std::iter::once("*** Available commands:").chain(names);
+            all.map(Value::from).collect()
+        }
+        Some(asked) => match HELP.iter().find(|(name, _)| *name == asked) {
+            Some((name, about)) => vec![(*name).into(), (*about).into()],
+            None => vec!["Command not found".into()],
+        },
+    };
+    Bottle::of(Vocab32::new("many")).with(Value::List(lines.into()))
+}

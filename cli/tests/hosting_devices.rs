@@ -1,0 +1,171 @@
+//! `yarp dev`: a device by its name and parameters.
+
+#![cfg(unix)]
+
+mod common;
+
+use common::{Ended, Home};
+
+const ACTIVE: &str = "device active in background...";
+
+/// Writes a file of the configuration and gives its path.
+fn write(home: &Home, name: &str, text: &str) -> String {
+    let file = home.path().join(name);
+    std::fs::write(&file, text).unwrap();
+    file.display().to_string()
+}
+
+#[track_caller]
+fn complains(ended: &Ended, text: &str) {
+    let said = ended.err.iter().any(|line| line.contains(text));
+    assert!(said, "no {text:?} in {ended:?}");
+}
+
+#[test]
+fn a_device_is_served_until_a_signal() {
+    let home = Home::new();
+    let _server = home.serve();
+    let line = "dev --device fakeMotionControl --name /arm --GENERAL::Joints 2 --period 0.05";
+    let dev = home.start(line).see(ACTIVE);
+    let axes = home.run_with("rpc /arm/rpc:i", "[get] [axes]\n").with(0);
+    assert!(axes.says("[is] [axes] 2"), "{axes:?}");
+    assert!(home.names().contains(&"/arm/quit".to_owned()));
+    dev.signal("TERM").finish().with(0);
+    assert_eq!(home.names(), Vec::<String>::new());
+}
+
+#[test]
+fn a_device_ends_when_its_port_is_told_to() {
+    let home = Home::new();
+    let _server = home.serve();
+    let dev = home
+        .start("dev --device simulatedWam --name /wam")
+        .see(ACTIVE);
+    let answers = home.run_with("rpc /wam/quit", "hello\nquit\n");
+    assert!(
+        answers.says("[huh?]") && answers.says("[ok]"),
+        "{answers:?}"
+    );
+    dev.finish().with(0);
+    assert_eq!(home.names(), Vec::<String>::new());
+}
+
+/// The first signal parks the arm, and a second one does not wait for that.
+#[test]
+fn a_signal_parks_and_a_second_one_ends_at_once() {
+    let home = Home::new();
+    let _server = home.serve();
+    let line = "dev --device fakeMotionControl --name /arm --LIMITS::Max 1000000";
+    let start = || {
+        let dev = home.start(line).see(ACTIVE);
+        // So slow that parking takes longer than anybody waits.
+        let orders = "[set] [encs] (900000.0)\n";
+        let done = home.run_with("rpc /arm/rpc:i", orders).with(0);
+        assert!(done.says("[ok]"), "{done:?}");
+        dev.signal("TERM").see("parking")
+    };
+    let ended = start().signal("TERM").finish();
+    assert_eq!(
+        ended.code, None,
+        "it was not ended by the second signal: {ended:?}"
+    );
+}
+
+#[test]
+fn stock_files_and_names_work() {
+    let home = Home::new();
+    let _server = home.serve();
+    let part = write(&home, "part.ini", "Joints 5\n");
+    let file = write(
+        &home,
+        "arm.ini",
+        &format!(
+            "device controlboardwrapper2\nsubdevice fakeMotionControl\nname /a // remark\n[include GENERAL {part}]\n[extra]\nx 1\n"
+        ),
+    );
+    let dev = home
+        .start(&format!("dev --from {file} --name /b"))
+        .see(ACTIVE);
+    let axes = home.run_with("rpc /b/rpc:i", "[get] [axes]\n").with(0);
+    assert!(axes.says("[is] [axes] 5"), "{axes:?}");
+    let ended = dev.signal("TERM").finish().with(0);
+    complains(
+        &ended,
+        "arm.ini:5: device controlboardwrapper2 has no use for parameter extra",
+    );
+    let line = "dev --device deviceBundler --wrapper_device controlBoard_nws_yarp --attached_device simulatedWam --name /c";
+    let dev = home.start(line).see(ACTIVE);
+    let remote = home
+        .start("dev --device remote_controlboard --remote /c --local /me")
+        .see(ACTIVE);
+    remote.signal("TERM").finish().with(0);
+    dev.signal("TERM").finish().with(0);
+    assert_eq!(home.names(), Vec::<String>::new());
+}
+
+#[test]
+fn what_is_wrong_is_said_with_file_and_line() {
+    let home = Home::new();
+    let _server = home.serve();
+    let fails = |text: &str, expected: &str| {
+        let file = write(&home, "arm.ini", text);
+        let ended = home.run(&format!("dev --from {file}")).with(1);
+        complains(&ended, &format!("{file}:{expected}"));
+        assert_eq!(home.names(), Vec::<String>::new());
+    };
+    fails(
+        "\ndevice fakeMotionControl\n",
+        "2: device fakeMotionControl: parameter name is missing, expected a port name such as /arm",
+    );
+    fails(
+        "device simulatedWam\nname arm\n",
+        "2: device simulatedWam: parameter name: expected a port name such as /arm, got arm",
+    );
+    fails(
+        "device simulatedWam\nname /arm\nperiod 0",
+        "3: device simulatedWam: parameter period: expected a time in seconds, more than 0, got 0",
+    );
+    fails(
+        "device simulatedWam\nname /arm\nperiod 100",
+        "3: device simulatedWam: parameter period: expected 0.001 to 60 seconds, got 100",
+    );
+    fails(
+        "name /arm\n[GENERAL]\nJoints x\n[]\ndevice fakeMotionControl\n",
+        "3: device fakeMotionControl: parameter GENERAL::Joints: expected a whole number from 0, got x",
+    );
+    fails(
+        "device simulatedwam\nname /arm\n",
+        "1: device simulatedwam: there is no device simulatedwam, but there is simulatedWam",
+    );
+    fails(
+        "device deviceBundler\nwrapper_device x\n",
+        "1: device deviceBundler: parameter attached_device is missing, expected a word",
+    );
+    let ended = home
+        .run("dev --device fakeMotionControl --name arm")
+        .with(1);
+    complains(
+        &ended,
+        "command line: device fakeMotionControl: parameter name: expected a port name",
+    );
+    let ended = home
+        .run("dev --device remote_controlboard --remote /nobody --local /me")
+        .with(1);
+    complains(&ended, "there is no port /nobody/");
+    let ended = home.run("dev --from nowhere.ini").with(1);
+    complains(&ended, "cannot find nowhere.ini in any of");
+}
+
+#[test]
+fn help_needs_no_network() {
+    let home = Home::new();
+    let list = home.run("dev --list").with(0);
+    assert!(list.says("Device \"fakeMotionControl\""), "{list:?}");
+    assert!(
+        list.says("wrapped by \"controlBoard_nws_yarp\""),
+        "{list:?}"
+    );
+    assert!(home.run("dev").with(0).says("--device DEVICENAME"));
+    let ended = home.run("dev --device simulatedWam --name /wam").with(255);
+    complains(&ended, "YARP network not available");
+}

@@ -1,0 +1,132 @@
+//! A device from its parameters, alone or together with what serves it.
+
+use yarp_ports::Network;
+use yarp_wire::settings::Parameters;
+
+use crate::kinds::{self, Kind, Opening};
+use crate::{Attached, Future, HostError, Hosted, Parts};
+
+/// Opens a device of a kind.
+///
+/// * `deviceBundler`, with `wrapper_device` and `attached_device`, is both, the one attached to the other. Both read
+///   the same parameters, as in stock. With `doNotAttach` they stay apart.
+/// * `subdevice` is what a wrapper attaches to at once; it reads the same parameters too.
+/// * Errors: [`HostError`]; then nothing stays open.
+pub async fn open(
+    network: &Network,
+    kind: &str,
+    parameters: &Parameters,
+) -> Result<Box<dyn Hosted>, HostError> {
+    if kind == kinds::BUNDLER {
+        let wrapper: String = parameters.need("wrapper_device")?;
+        let inner: String = parameters.need("attached_device")?;
+        let wrapper = kinds::find(&wrapper, parameters, "wrapper_device")?;
+        let inner = kinds::find(&inner, parameters, "attached_device")?;
+        let apart = parameters.has("doNotAttach");
+        return bundle(network, wrapper, inner, apart, parameters).await;
+    }
+    let kind = kinds::find(kind, parameters, "device")?;
+    match parameters.get::<String>("subdevice")? {
+        Some(inner) => {
+            let inner = kinds::find(&inner, parameters, "subdevice")?;
+            bundle(network, kind, inner, false, parameters).await
+        }
+        None => {
+            kind.open(Opening {
+                network,
+                parameters,
+            })
+            .await
+        }
+    }
+}
+
+/// As [`open`], but a device that is served by a wrapper of its own is opened together with it, as stock's `yarpdev`
+/// does.
+pub async fn open_wrapped(
+    network: &Network,
+    kind: &str,
+    parameters: &Parameters,
+) -> Result<Box<dyn Hosted>, HostError> {
+    if kind != kinds::BUNDLER {
+        let inner = kinds::find(kind, parameters, "device")?;
+        if let Some(wrapper) = inner.wrapper {
+            let wrapper = kinds::find(wrapper, parameters, "device")?;
+            return bundle(network, wrapper, inner, false, parameters).await;
+        }
+    }
+    open(network, kind, parameters).await
+}
+
+async fn bundle(
+    network: &Network,
+    wrapper: &Kind,
+    inner: &Kind,
+    apart: bool,
+    parameters: &Parameters,
+) -> Result<Box<dyn Hosted>, HostError> {
+    let inner_name = inner.name.to_owned();
+    let inner = inner
+        .open(Opening {
+            network,
+            parameters,
+        })
+        .await?;
+    let wrapper = wrapper
+        .open(Opening {
+            network,
+            parameters,
+        })
+        .await;
+    let mut wrapper = match wrapper {
+        Ok(wrapper) => wrapper,
+        Err(error) => {
+            inner.close().await;
+            return Err(error);
+        }
+    };
+    if !apart {
+        let attached = Attached {
+            device: inner_name,
+            network: "...".to_owned(),
+            parts: inner.parts(),
+        };
+        if let Err(error) = wrapper.attach(vec![attached]).await {
+            wrapper.close().await;
+            inner.close().await;
+            return Err(error);
+        }
+    }
+    Ok(Box::new(Bundle { wrapper, inner }))
+}
+
+/// A device, and what serves it.
+struct Bundle {
+    wrapper: Box<dyn Hosted>,
+    inner: Box<dyn Hosted>,
+}
+
+impl Hosted for Bundle {
+    fn parts(&self) -> Parts {
+        self.inner.parts()
+    }
+
+    fn machine(&self) -> Option<std::sync::Arc<dyn yarp_devices::Device>> {
+        self.inner.machine()
+    }
+
+    fn attach(&mut self, others: Vec<Attached>) -> Future<'_, Result<(), HostError>> {
+        self.wrapper.attach(others)
+    }
+
+    fn detach(&mut self) -> Future<'_, Result<(), HostError>> {
+        self.wrapper.detach()
+    }
+
+    fn close(self: Box<Self>) -> Future<'static, ()> {
+        Box::pin(async move {
+            self.wrapper.close().await;
+            self.inner.close().await;
+        })
+    }
+}

@@ -1,0 +1,70 @@
+//! Why a device could not be hosted.
+
+use yarp_devices::DeviceError;
+use yarp_wire::settings::{Origin, ParameterError};
+use yarp_wrappers::OpenError;
+
+/// Why a device could not be opened or attached.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum HostError {
+    /// A parameter is missing or wrong.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
+    /// There is no device of this kind.
+    #[error(
+        "{origin}: device {device}: there is no device {kind}{hint}; `yarp dev --list` shows all"
+    )]
+    UnknownKind {
+        /// Where it is asked for.
+        origin: Origin,
+        /// Its name.
+        device: String,
+        /// What it should be.
+        kind: String,
+        /// What may have been meant.
+        hint: String,
+    },
+    /// The device did not start.
+    #[error("{origin}: device {device} did not start")]
+    Device {
+        /// Where it is described.
+        origin: Origin,
+        /// Its name.
+        device: String,
+        /// Why not.
+        #[source]
+        source: Box<DeviceError>,
+    },
+    /// Its ports did not open.
+    #[error("{origin}: device {device} did not open")]
+    Open {
+        /// Where it is described.
+        origin: Origin,
+        /// Its name.
+        device: String,
+        /// Why not.
+        #[source]
+        source: Box<OpenError>,
+    },
+    /// The device attaches to nothing.
+    #[error("it is no device that attaches to others")]
+    NoWrapper,
+    /// The device cannot attach to this one.
+    #[error("it cannot attach to {device}, expected {expected}")]
+    Unsuitable {
+        /// What it should attach to.
+        device: String,
+        /// What it attaches to.
+        expected: &'static str,
+    },
+    /// The device cannot attach to so many.
+    #[error("it attaches to one device, got {got}; a controlBoardRemapper makes one of several")]
+    Several {
+        /// How many were asked for.
+        got: usize,
+    },
+    /// The device is attached already.
+    #[error("it is attached already")]
+    Attached,
+}

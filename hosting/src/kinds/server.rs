@@ -1,0 +1,97 @@
+//! Joints on ports.
+
+use std::time::Duration;
+
+use yarp_ports::Network;
+use yarp_wire::PortName;
+use yarp_wire::settings::Origin;
+use yarp_wrappers::{ControlBoardOptions, ControlBoardServer};
+
+use super::{Opening, Outcome};
+use crate::{Attached, Future, HostError, Hosted};
+
+pub(super) async fn open(opening: Opening<'_>) -> Outcome {
+    let period = opening.parameters.get::<Duration>("period")?;
+    with_period(opening, period, "0.001 to 60 seconds")
+}
+
+/// With the period as stock's `controlboardwrapper2` wants it: a whole number of milliseconds.
+pub(super) async fn open_old(opening: Opening<'_>) -> Outcome {
+    let period = opening.parameters.get::<usize>("period")?;
+    let period = period.map(|period| Duration::from_millis(period as u64));
+    with_period(opening, period, "1 to 60000 milliseconds")
+}
+
+fn with_period(opening: Opening<'_>, period: Option<Duration>, expected: &str) -> Outcome {
+    let parameters = opening.parameters;
+    let name: PortName = parameters.need("name")?;
+    let mut options = ControlBoardOptions::new();
+    if let Some(period) = period {
+        if !(0.001..=60.0).contains(&period.as_secs_f64()) {
+            return Err(parameters.refuse("period", expected).into());
+        }
+        options = options.period(period);
+    }
+    Ok(Box::new(Server {
+        network: opening.network.clone(),
+        name: name.to_string(),
+        options,
+        device: parameters.device().to_owned(),
+        origin: parameters.origin().clone(),
+        running: None,
+    }))
+}
+
+/// Its ports are open while it is attached.
+struct Server {
+    network: Network,
+    name: String,
+    options: ControlBoardOptions,
+    device: String,
+    origin: Origin,
+    running: Option<ControlBoardServer>,
+}
+
+impl Hosted for Server {
+    fn attach(&mut self, others: Vec<Attached>) -> Future<'_, Result<(), HostError>> {
+        Box::pin(async move {
+            if self.running.is_some() {
+                return Err(HostError::Attached);
+            }
+            let [other] = &others[..] else {
+                return Err(HostError::Several { got: others.len() });
+            };
+            let board = other.parts.board.clone();
+            let board = board.ok_or_else(|| HostError::Unsuitable {
+                device: other.device.clone(),
+                expected: "a device with joints",
+            })?;
+            let options = self.options.clone();
+            let opened = ControlBoardServer::open(&self.network, board, &self.name, options);
+            let running = opened.await.map_err(|source| HostError::Open {
+                origin: self.origin.clone(),
+                device: self.device.clone(),
+                source: Box::new(source),
+            })?;
+            self.running = Some(running);
+            Ok(())
+        })
+    }
+
+    fn detach(&mut self) -> Future<'_, Result<(), HostError>> {
+        Box::pin(async move {
+            if let Some(running) = self.running.take() {
+                running.close().await;
+            }
+            Ok(())
+        })
+    }
+
+    fn close(mut self: Box<Self>) -> Future<'static, ()> {
+        Box::pin(async move {
+            if let Some(running) = self.running.take() {
+                running.close().await;
+            }
+        })
+    }
+}

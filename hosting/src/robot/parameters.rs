@@ -1,0 +1,153 @@
+//! Parameters of devices as settings.
+
+use yarp_wire::settings::{Origin, Parameters, Setting, Settings};
+use yarp_wire::{Bottle, Value};
+
+use super::{DeviceEntry, Param, ParamValue, Robot, RobotError};
+
+impl Robot {
+    /// The parameters of a device: its own, those of the robot, and `device`, `id` and `robotName`.
+    ///
+    /// Groups of one name are one group. Errors: [`RobotError::Repeated`].
+    pub(super) fn parameters(&self, device: &DeviceEntry) -> Result<Parameters, RobotError> {
+        let mut settings = Settings::new();
+        let given = [
+            ("robotName", &self.port_prefix),
+            ("id", &device.name),
+            ("device", &device.kind),
+        ];
+        for (name, value) in given {
+            settings.put(name, value.as_str(), &Origin::Program);
+        }
+        for param in &self.params {
+            // Devices may well have no use for them.
+            let items = entry(param, Some(&Origin::Program));
+            settings.put_entry(param.name.clone(), items);
+        }
+        let mut own: Vec<Param> = Vec::new();
+        for param in &device.params {
+            match own.iter_mut().find(|first| first.name == param.name) {
+                None => own.push(param.clone()),
+                Some(first) => match (&mut first.value, &param.value) {
+                    (ParamValue::Group(first), ParamValue::Group(more)) => {
+                        first.extend(more.iter().cloned());
+                    }
+                    _ => {
+                        return Err(RobotError::Repeated {
+                            origin: param.origin.clone(),
+                            what: "parameter",
+                            name: param.name.clone(),
+                            first: first.origin.clone(),
+                        });
+                    }
+                },
+            }
+        }
+        for param in &own {
+            settings.put_entry(param.name.clone(), entry(param, None));
+        }
+        Ok(Parameters::new(
+            &device.name,
+            settings,
+            device.origin.clone(),
+        ))
+    }
+
+    /// Puts `${portprefix}`, `${portprefixnoslash}` and `${robotname}` in place.
+    pub(super) fn replace_variables(&mut self) {
+        let values = [
+            ("${portprefixnoslash}", self.port_prefix.clone()),
+            ("${portprefix}", format!("/{}", self.port_prefix)),
+            ("${robotname}", self.name.clone()),
+        ];
+        replace(&mut self.params, &values);
+        for device in &mut self.devices {
+            replace(&mut device.params, &values);
+            for action in &mut device.actions {
+                replace(&mut action.params, &values);
+            }
+        }
+    }
+}
+
+fn replace(params: &mut [Param], variables: &[(&str, String)]) {
+    for param in params {
+        match &mut param.value {
+            ParamValue::Group(inner) => replace(inner, variables),
+            ParamValue::Values(values) => {
+                let items = std::mem::take(values).into_iter();
+                values.extend(items.map(|value| with_variables(value, variables)));
+            }
+        }
+    }
+}
+
+fn with_variables(value: Value, variables: &[(&str, String)]) -> Value {
+    match value {
+        Value::String(text) if text.to_lossy().contains("${") => {
+            let text = text.to_lossy().into_owned();
+            let put = |text: String, (name, value): &(&str, String)| text.replace(name, value);
+            variables.iter().fold(text, put).into()
+        }
+        Value::List(list) => {
+            let items = list.into_iter();
+            Value::List(items.map(|item| with_variables(item, variables)).collect())
+        }
+        other => other,
+    }
+}
+
+/// The entry of a parameter: its name, and its values or the entries of its group.
+fn entry(param: &Param, origin: Option<&Origin>) -> Vec<Setting> {
+    let at = origin.unwrap_or(&param.origin);
+    let mut items = vec![Setting::new(param.name.as_str().into(), at)];
+    match &param.value {
+        ParamValue::Values(values) => {
+            items.extend(values.iter().map(|value| Setting::new(value.clone(), at)));
+        }
+        ParamValue::Group(params) => {
+            let lists = params.iter();
+            items.extend(lists.map(|param| {
+                let at = origin.unwrap_or(&param.origin);
+                Setting::list(entry(param, origin), at)
+            }));
+        }
+    }
+    items
+}
+
+impl Param {
+    /// A parameter whose value is the text of a bottle, as in XML.
+    pub(super) fn from_text(name: String, text: &str, origin: Origin) -> Result<Self, RobotError> {
+        let open = text.matches('(').count();
+        let values = Bottle::parse(text).ok();
+        // What is left open would be lost.
+        let whole =
+            open == text.matches(')').count() && text.matches('"').count().is_multiple_of(2);
+        let values = values.filter(|_| whole).ok_or_else(|| {
+            RobotError::expected(
+                &origin,
+                "a value with as many brackets and quotes that close as open",
+                text.trim(),
+            )
+        })?;
+        Ok(Self {
+            name,
+            value: ParamValue::Values(values.into_items()),
+            origin,
+        })
+    }
+
+    /// The text of the first value.
+    pub(super) fn word(&self) -> Option<String> {
+        match &self.value {
+            ParamValue::Values(values) => values.first().map(Value::to_plain_string),
+            ParamValue::Group(_) => None,
+        }
+    }
+}
+
+/// The parameter called `name`.
+pub(super) fn find<'a>(params: &'a [Param], name: &str) -> Option<&'a Param> {
+    params.iter().find(|param| param.name == name)
+}
