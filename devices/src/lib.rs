@@ -5,6 +5,7 @@
 //! * [`fake`]: simulated axes, as pure models without clock or thread.
 //! * [`wam`]: the seven-joint WAM arm, for now simulated: ideal, or with masses, friction and control.
 //! * [`kinematics`], [`dynamics`], [`trajectory`], [`simulation`]: the mathematics of an arm, in radians.
+//! * [`hand`]: the BarrettHand on its serial line, and a simulated one at the other end of such a line.
 //! * [`guard`]: limits and a watchdog around any device.
 //! * [`checks`]: behaviours that every device with these interfaces must show.
 //!
@@ -32,6 +33,7 @@ pub mod dynamics;
 mod error;
 pub mod fake;
 pub mod guard;
+pub mod hand;
 pub mod iface;
 pub mod kinematics;
 mod random;
@@ -44,11 +46,12 @@ pub use device::Device;
 pub use error::DeviceError;
 pub use iface::{
     AmplifierControl, AmplifierLimit, AxisInfo, CalibrationParameters, ControlCalibration,
-    ControlLimits, ControlMode, CurrentControl, EncoderReading, Encoders, Fault, Impedance,
-    ImpedanceControl, ImpedanceLimits, Interaction, InteractionMode, JointBrake, JointFault,
-    JointType, Limits, Mode, MotionControl, Motor, MotorEncoders, MotorTorqueParameters, Pid,
-    PidControl, PidKind, PidValue, PositionControl, PositionDirect, PwmControl, RemoteCalibrator,
-    RemoteVariables, TorqueControl, VariableValue, VelocityControl, VelocityDirect,
+    ControlLimits, ControlMode, CurrentControl, EncoderReading, Encoders, Fault, Grasp, GraspKind,
+    Hand, Impedance, ImpedanceControl, ImpedanceLimits, Interaction, InteractionMode, JointBrake,
+    JointFault, JointType, Limits, Mode, MotionControl, Motor, MotorEncoders,
+    MotorTorqueParameters, Pid, PidControl, PidKind, PidValue, PositionControl, PositionDirect,
+    PwmControl, RemoteCalibrator, RemoteVariables, TorqueControl, UnknownGrasp, VariableValue,
+    VelocityControl, VelocityDirect,
 };
 
 /// Compiles the example of the README.
