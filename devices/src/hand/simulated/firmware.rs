@@ -52,6 +52,8 @@ pub struct Firmware {
     hot: bool,
     /// s since power-up.
     up: f64,
+    /// Whether time stands still for the motors.
+    frozen: bool,
     output: Vec<u8>,
 }
 
@@ -92,6 +94,7 @@ impl Firmware {
             peak: ROOM,
             hot: false,
             up: 0.0,
+            frozen: false,
             output: Vec::new(),
         }
     }
@@ -178,12 +181,17 @@ impl Firmware {
         self.temperature = celsius;
     }
 
+    /// Lets time stand still for the motors, or go on: motions under way neither move nor end, and can be stopped.
+    pub fn freeze(&mut self, frozen: bool) {
+        self.frozen = frozen;
+    }
+
     fn step(&mut self, seconds: f64) {
         self.up += seconds;
         let positions = self.positions();
         let fingers_block = positions[..3].iter().any(|position| *position > IN_THE_WAY);
         self.motors[Motor::Spread.index()].blocked = fingers_block;
-        for motor in &mut self.motors {
+        for motor in self.motors.iter_mut().filter(|_| !self.frozen) {
             motor.step(seconds);
         }
         self.heat(seconds);
@@ -196,6 +204,7 @@ impl Firmware {
             }
             State::Listening(_) => {}
             State::Moving(_) if self.hot => self.end(Status::OVER_TEMPERATURE),
+            State::Moving(_) if self.frozen => {}
             State::Moving(motion) => {
                 if motion.watch(&mut self.motors, &self.settings) {
                     self.end(Status::FINE);

@@ -216,6 +216,17 @@ impl SimulatedHand {
         world.line.outgoing.clear();
     }
 
+    /// Lets time stand still for the motors, or go on, while the line and the hand's processor go on: a motion under way
+    /// stays under way until it is stopped.
+    pub fn freeze(&self, frozen: bool) {
+        self.world().firmware.freeze(frozen);
+    }
+
+    /// Whether the hand is in a motion or in RealTime mode, or still starts up.
+    pub fn is_busy(&self) -> bool {
+        self.world().firmware.is_busy()
+    }
+
     /// Where the motors really are, counts.
     pub fn positions(&self) -> [f64; 4] {
         self.world().firmware.positions()
