@@ -89,21 +89,32 @@ fn while_a_typed_command_runs() {
 
 #[test]
 fn while_in_realtime() {
-    plug_pulled("exchanging blocks", |hand| {
-        let told = MotorLayout {
-            speed: Some(1),
-            position: true,
-            ..MotorLayout::default()
-        };
-        let session = hand.realtime(Layout::same(Motors::FINGERS, told));
-        let mut session = session.map_err(|error| error.at("the hand"))?;
-        let slow = [MotorControl { speed: 1, gain: 0 }; 4];
-        loop {
-            session
-                .control(&slow)
-                .map_err(|error| error.at("the hand"))?;
-        }
-    });
+    let stage = Stage::new();
+    let hand = stage.ready();
+    let told = MotorLayout {
+        speed: Some(1),
+        position: true,
+        ..MotorLayout::default()
+    };
+    let layout = Layout::same(Motors::FINGERS, told);
+    let slow = [MotorControl { speed: 1, gain: 0 }; 4];
+    let mut session = hand.realtime(layout.clone()).unwrap();
+    session.control(&slow).unwrap();
+    stage.there.hang_up();
+    let error = session.control(&slow).expect_err("the line broke");
+    assert!(
+        matches!(&error, HandError::LineLost { step, .. } if step == "exchanging blocks"),
+        "{error:?}"
+    );
+    assert!(session.end().is_err(), "there is no line to leave it over");
+    stage.there.plug_in().unwrap();
+    // The next command brings the hand out of RealTime, which stops its motors.
+    hand.finger_positions().unwrap();
+    let stopped = stage.there.travelled();
+    let mut session = hand.realtime(layout).unwrap();
+    session.ask().unwrap();
+    session.end().unwrap();
+    assert_eq!(stage.there.travelled(), stopped);
 }
 
 #[test]

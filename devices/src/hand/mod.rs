@@ -6,6 +6,7 @@
 //! | `line`, `driver`, `session` | the serial line; commands over it; RealTime over it |
 //! | `control`, `grasp` | the interfaces [`Hand`](crate::Hand) and [`Grasp`](crate::Grasp), made of commands |
 //! | `board/` | the hand as a control board of four axes, in RealTime mode |
+//! | `node/` | a hand behind a server, over TCP: both sides |
 //! | `units`, `coupling`, `kinematics` | counts and degrees; what a motor does to two links; where fingertips are |
 //! | `simulated/` | a hand without the hand, at the other end of a pseudo-terminal |
 //!
@@ -20,6 +21,7 @@ pub mod gcl;
 pub mod grasp;
 pub mod kinematics;
 mod line;
+pub mod node;
 mod session;
 #[cfg(unix)]
 pub mod simulated;

@@ -20,7 +20,7 @@ use self::follow::Follower;
 use super::control::GclLine;
 use super::driver::BarrettHand;
 use super::error::HandError;
-use super::gcl::{Layout, MotorLayout, Motors, Reply, Status};
+use super::gcl::{Feedback, Layout, MotorLayout, Motors, Reply, Status};
 use crate::fake::{AxisParameters, Model};
 use crate::{Axes, DeviceError, JointType, Limits};
 
@@ -203,7 +203,7 @@ impl Shared {
         let mut session = self.hand.realtime(layout())?;
         let feedback = session.ask()?;
         let mut follower = Follower::new(&feedback, Instant::now());
-        self.begin(&follower);
+        self.begin(&mut follower, &feedback);
         loop {
             let speeds = {
                 let mut state = self.state();
@@ -223,10 +223,13 @@ impl Shared {
     }
 
     /// The motors answer: set points begin where they are.
-    fn begin(&self, follower: &Follower) {
-        let mut state = self.state();
+    fn begin(&self, follower: &mut Follower, feedback: &Feedback) {
+        let mut guard = self.state();
+        let state = &mut *guard;
         let before = std::mem::replace(&mut state.readiness, Readiness::Ready);
         follower.place(&mut state.set_points);
+        state.measured = follower.measure(feedback, &mut state.set_points, Instant::now());
+        state.time = Some(wall_clock());
         if before == Readiness::Lost {
             let idle = [crate::Mode::Idle; AXES];
             let set = state.set_points.set_control_modes(Axes::All, &idle);
