@@ -28,6 +28,9 @@ const POWER_UP_BAUD: u32 = 9600;
 pub(super) const ABORT: u8 = 3;
 /// What makes any line an error instead of a command.
 const SPOILER: &[u8] = b"!\r";
+/// What completes any block of RealTime that was cut off: speeds and gains of zero. A whole block leads to RealTime's end
+/// by way of an error; a hand that listens to commands gets a line that is called off.
+const REST_OF_BLOCK: [u8; 8] = [0; 8];
 /// How often a command is sent before noise on the line is reported.
 const ATTEMPTS: usize = 4;
 /// How often both ends are brought in step before no hand is reported.
@@ -119,6 +122,8 @@ pub(super) struct Line {
     baud: u32,
     /// Whether the hand waits for a command, as far as is known.
     in_step: bool,
+    /// Whether it may be in RealTime mode, in the middle of a block.
+    in_realtime: bool,
 }
 
 impl BarrettHand {
@@ -131,6 +136,7 @@ impl BarrettHand {
                 port: None,
                 baud: options.baud,
                 in_step: false,
+                in_realtime: true,
             }),
             options,
             abort: AtomicBool::new(false),
@@ -187,6 +193,7 @@ impl BarrettHand {
             self.send_until_echoed(&mut line, &text)?;
             self.type_in_end(&mut line, &text)?;
             line.in_step = false;
+            line.in_realtime = true;
             self.enter(&mut line, &text)?;
         }
         Ok(RealTime::new(self, line, layout, self.options.block))
@@ -212,6 +219,7 @@ impl BarrettHand {
                 if let Some(reply) = complaint.push(&[byte]) {
                     let reply = reply.map_err(|source| garbled(text, source))?;
                     line.in_step = true;
+                    line.in_realtime = false;
                     judge(text, reply)?;
                     return Err(HandError::Unreadable {
                         command: text.to_owned(),
@@ -360,6 +368,7 @@ impl BarrettHand {
             }
             if self.call_off(line, &mut seen)? {
                 line.in_step = true;
+                line.in_realtime = false;
                 return Ok(());
             }
         }
@@ -374,6 +383,9 @@ impl BarrettHand {
     fn call_off(&self, line: &mut Line, seen: &mut Vec<u8>) -> Result<bool, HandError> {
         const STEP: &str = "calling the hand off";
         seen.clear();
+        if line.in_realtime {
+            self.send(line, &REST_OF_BLOCK, || STEP.to_owned())?;
+        }
         self.send(line, &[ABORT], || STEP.to_owned())?;
         // A hand in motion, or in RealTime, first comes back to its prompt; an idle one may say nothing.
         self.collect(line, seen, self.options.echo / 4, |seen| {
