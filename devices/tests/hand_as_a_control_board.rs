@@ -23,7 +23,8 @@ fn stage() -> Stage {
 fn board(stage: &Stage) -> HandBoard {
     let board = HandBoard::start(stage.open()).expect("it starts");
     board.initialise().expect("nothing is in its way");
-    is_in(&board, Mode::Position);
+    // At once, without waiting for anything else.
+    assert_eq!(board.control_modes(Axes::All).unwrap(), [Mode::Position; 4]);
     board
 }
 

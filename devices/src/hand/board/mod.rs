@@ -98,6 +98,23 @@ struct Job {
     answers: SyncSender<Result<Vec<Reply>, HandError>>,
 }
 
+/// The answer to a job, which goes out when it is dropped.
+struct Answer<'s> {
+    shared: &'s Shared,
+    to: SyncSender<Result<Vec<Reply>, HandError>>,
+    outcome: Option<Result<Vec<Reply>, HandError>>,
+}
+
+impl Drop for Answer<'_> {
+    fn drop(&mut self) {
+        self.shared.state().at_work = false;
+        if let Some(outcome) = self.outcome.take() {
+            // Whoever asked may have gone.
+            let _ = self.to.try_send(outcome);
+        }
+    }
+}
+
 impl HandBoard {
     /// Takes over a hand.
     ///
@@ -168,8 +185,8 @@ impl Shared {
 
     fn run(&self) {
         while !self.is_ending() {
-            self.work();
-            match self.realtime() {
+            let answer = self.work();
+            match self.realtime(answer) {
                 Ok(()) => {}
                 Err(error) => {
                     self.tell(&error);
@@ -183,27 +200,29 @@ impl Shared {
     }
 
     /// Carries out what was asked for in the hand's own language.
-    fn work(&self) {
-        let Some(job) = self.state().job.take() else {
-            return;
-        };
+    fn work(&self) -> Option<Answer<'_>> {
+        let job = self.state().job.take()?;
         let outcome = self.hand.run(&job.lines);
-        self.state().at_work = false;
         if let Err(error) = &outcome
             && error.is_loss()
         {
             self.tell(error);
         }
-        // Whoever asked may have gone.
-        let _ = job.answers.try_send(outcome);
+        Some(Answer {
+            shared: self,
+            to: job.answers,
+            outcome: Some(outcome),
+        })
     }
 
-    /// Stays in RealTime mode until there is something else to do.
-    fn realtime(&self) -> Result<(), HandError> {
+    /// Stays in RealTime mode until there is something else to do. The answer goes out once the axes take orders again, or
+    /// cannot.
+    fn realtime(&self, answer: Option<Answer<'_>>) -> Result<(), HandError> {
         let mut session = self.hand.realtime(layout())?;
         let feedback = session.ask()?;
         let mut follower = Follower::new(&feedback, Instant::now());
         self.begin(&mut follower, &feedback);
+        drop(answer);
         loop {
             let speeds = {
                 let mut state = self.state();
