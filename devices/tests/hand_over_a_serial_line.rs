@@ -308,10 +308,7 @@ fn realtime_tells_positions_while_motors_move() {
         ..Layout::same(Motors::FINGERS, told)
     };
     let mut session = hand.realtime(layout).unwrap();
-    assert!(
-        matches!(hand.finger_positions(), Err(_)),
-        "the line is taken"
-    );
+    assert!(hand.finger_positions().is_err(), "the line is taken");
     let closing = MotorControl { speed: 50, gain: 0 };
     let mut walked = 0;
     eventually("a finger at 20 degrees", || {
