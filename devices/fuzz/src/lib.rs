@@ -4,3 +4,4 @@
 //! The same functions are replayed over the committed corpora by the tests `*fuzz_corpus.rs`.
 
 pub mod hand;
+pub mod embedded;
