@@ -217,22 +217,18 @@ fn a_hand_that_begins_to_babble_is_not_obeyed_nor_told_anything() {
     let hand = BarrettHand::open(options).unwrap();
     hand.initialise().unwrap();
     let before = stage.there.travelled();
-    for seed in 0..2 {
-        stage.there.set_babble(Some(seed));
-        for _ in 0..2 {
-            let outcome = hand.close_fingers().expect_err("nobody understands");
-            let cause = outcome
-                .source()
-                .and_then(|cause| cause.downcast_ref::<HandError>());
-            assert!(
-                matches!(
-                    cause,
-                    Some(HandError::Garbled { .. } | HandError::NoHand { .. })
-                ),
-                "{cause:?}"
-            );
-        }
-    }
+    stage.there.set_babble(Some(3));
+    let outcome = hand.close_fingers().expect_err("nobody understands");
+    let cause = outcome
+        .source()
+        .and_then(|cause| cause.downcast_ref::<HandError>());
+    assert!(
+        matches!(
+            cause,
+            Some(HandError::Garbled { .. } | HandError::NoHand { .. })
+        ),
+        "{cause:?}"
+    );
     assert_eq!(stage.there.travelled(), before);
     stage.there.set_babble(None);
     hand.close_fingers().unwrap();
