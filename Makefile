@@ -3,6 +3,7 @@
 #   make run        install what is missing, build, bring up a YARP network with a simulated arm
 #   make test       everything that needs no stock YARP
 #   make test-live  ours against stock YARP 3.5.0, which is built first if it is not there
+#   make test-can   the CAN driver of the arm on a bus of Debian's kernel, booted in QEMU (about a minute)
 #   make soak       100 000 connections that come and go leave nothing behind
 #   make idle       what connections cost that are open and at rest
 #   make hour       an hour of the embedded arm at 500 Hz: missed deadlines, ours and the machine's
@@ -13,7 +14,7 @@
 STOCK ?= $(HOME)/.cache/stock-yarp-3.5.0
 export STOCK
 
-.PHONY: run build test test-live soak idle hour bench check setup stock
+.PHONY: run build test test-live test-can soak idle hour bench check setup stock
 
 run: build
 	target/release/yarp up
@@ -37,6 +38,9 @@ stock: setup
 
 test-live: build stock
 	conformance/live/run.sh
+
+test-can: setup
+	conformance/can/run.sh
 
 soak: setup
 	cargo run --release -p yarp-conformance --bin soak

@@ -7,11 +7,12 @@ use std::str::FromStr;
 use std::sync::Arc;
 
 use yarp_devices::embedded::{ARM_PORT, DriverOptions, EmbeddedWam, Meeting, PACKET_PORT, Places};
+use yarp_devices::wam::can::{CanOptions, CanWam};
 use yarp_devices::wam::{DynamicWam, SimulatedWam};
 use yarp_devices::{Device, DeviceError};
 
 /// An arm as it is named on the command line.
-#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+#[derive(Clone, Debug, Eq, PartialEq)]
 pub(crate) enum Arm {
     /// Moves exactly as it is told.
     Simulated,
@@ -19,29 +20,39 @@ pub(crate) enum Arm {
     Dynamic,
     /// Behind its embedded PC, which runs `yarp wam-node`.
     Embedded,
+    /// On a CAN bus: this interface of the machine.
+    Can(String),
 }
 
-/// Every arm with its name.
+/// Every arm that has a name of its own.
 const NAMES: [(&str, Arm); 3] = [
     ("simulated", Arm::Simulated),
     ("dynamic", Arm::Dynamic),
     ("embedded", Arm::Embedded),
 ];
+/// What stands in front of the interface of an arm on a CAN bus.
+const CAN: &str = "can:";
 
 impl FromStr for Arm {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let found = NAMES.iter().find(|(name, _)| *name == text);
-        found.map(|(_, arm)| *arm).ok_or_else(|| {
+        if let Some(interface) = text.strip_prefix(CAN).filter(|name| !name.is_empty()) {
+            return Ok(Self::Can(interface.to_owned()));
+        }
+        let found = NAMES.into_iter().find(|(name, _)| *name == text);
+        found.map(|(_, arm)| arm).ok_or_else(|| {
             let names = NAMES.map(|(name, _)| name).join(", ");
-            format!("there is no arm \"{text}\"; expected one of {names}")
+            format!("there is no arm \"{text}\"; expected one of {names}, or {CAN}INTERFACE")
         })
     }
 }
 
 impl fmt::Display for Arm {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Self::Can(interface) = self {
+            return write!(f, "{CAN}{interface}");
+        }
         let named = NAMES.iter().find(|(_, arm)| arm == self);
         f.write_str(named.map_or("", |(name, _)| name))
     }
@@ -54,6 +65,9 @@ impl Arm {
             Self::Simulated => Arc::new(SimulatedWam::start()?),
             Self::Dynamic => Arc::new(DynamicWam::start()?),
             Self::Embedded => Arc::new(EmbeddedWam::start(DriverOptions::new(meeting))?),
+            Self::Can(interface) => {
+                Arc::new(CanWam::on_interface(&interface, CanOptions::default())?)
+            }
         })
     }
 }
@@ -117,15 +131,16 @@ mod tests {
 
     #[test]
     fn names_are_read_as_they_are_printed() {
-        for (name, arm) in NAMES {
-            assert_eq!(name.parse(), Ok(arm));
+        let on_a_bus = [("can:can0", Arm::Can("can0".to_owned()))];
+        for (name, arm) in NAMES.into_iter().chain(on_a_bus) {
             assert_eq!(arm.to_string(), name);
+            assert_eq!(name.parse(), Ok(arm));
         }
-        let refused = "ghost".parse::<Arm>().unwrap_err();
-        assert!(
-            refused.contains("simulated, dynamic, embedded"),
-            "{refused}"
-        );
+        for wrong in ["ghost", "can:", "can"] {
+            let refused = wrong.parse::<Arm>().unwrap_err();
+            let known = "simulated, dynamic, embedded, or can:INTERFACE";
+            assert!(refused.contains(known), "{refused}");
+        }
     }
 
     #[test]

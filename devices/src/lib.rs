@@ -2,8 +2,9 @@
 //!
 //! * [`iface`]: one trait per device interface, with its contract.
 //! * [`Device`]: which of the interfaces a device has.
+//! * [`can`]: the CAN bus, and the frames of Barrett's pucks.
 //! * [`fake`]: simulated axes, as pure models without clock or thread.
-//! * [`wam`]: the seven-joint WAM arm, for now simulated: ideal, or with masses, friction and control.
+//! * [`wam`]: the seven-joint WAM arm: simulated, ideal or with masses, friction and control; or real, over CAN.
 //! * [`kinematics`], [`dynamics`], [`trajectory`], [`simulation`]: the mathematics of an arm, in radians.
 //! * [`hand`]: the BarrettHand on its serial line, and a simulated one at the other end of such a line.
 //! * [`embedded`]: the arm behind its embedded PC, driver and server.
@@ -11,7 +12,8 @@
 //! * [`checks`]: behaviours that every device with these interfaces must show.
 //!
 //! Values are degrees, deg/s and deg/s² for revolute joints, metres, m/s and m/s² for prismatic ones:
-//! the convention of the stock interfaces. No radians cross an interface; [`wam::units`] is the border.
+//! the convention of the stock interfaces. No radians cross an interface; [`wam::units`] is the border. Sockets and
+//! buses are known only where a device is behind one.
 //!
 //! ```
 //! use yarp_devices::wam::SimulatedWam;
@@ -28,6 +30,7 @@
 //! ```
 
 mod axes;
+pub mod can;
 pub mod checks;
 mod device;
 pub mod dynamics;

@@ -37,7 +37,8 @@ pub(crate) struct Args {
     /// How the arm is simulated
     #[arg(long, value_enum, conflicts_with = "arm")]
     simulation: Option<Simulation>,
-    /// Which arm: simulated, dynamic (with masses and friction), or embedded (behind its own PC, which runs `yarp wam-node`)
+    /// Which arm: simulated, dynamic (with masses and friction), embedded (behind its own PC, which runs `yarp wam-node`),
+    /// or can:INTERFACE (on a CAN bus of this machine that is up, as in can:can0)
     #[arg(long, default_value_t = Arm::Simulated)]
     arm: Arm,
     #[command(flatten)]
@@ -55,7 +56,7 @@ enum Simulation {
 impl Args {
     fn arm(&self) -> Arm {
         match self.simulation {
-            None => self.arm,
+            None => self.arm.clone(),
             Some(Simulation::Ideal) => Arm::Simulated,
             Some(Simulation::Dynamic) => Arm::Dynamic,
         }
@@ -71,7 +72,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let opened = tokio::select! {
         biased;
         () = interrupt.heard() => None,
-        opened = open(&base.network, &args.name, arm, meeting) => Some(opened),
+        opened = open(&base.network, &args.name, arm.clone(), meeting) => Some(opened),
     };
     let board = match opened {
         Some(Ok(board)) => board,
@@ -206,7 +207,8 @@ async fn tell(
     writeln!(out, "\nName server {namespace} at {host}:{port} ({whose})")?;
     match arm {
         Arm::Embedded => writeln!(out, "WAM arm {name} behind its PC: {}\n", way(meeting))?,
-        _ => writeln!(out, "Simulated WAM arm {name}, seven joints\n")?,
+        Arm::Can(interface) => writeln!(out, "WAM arm {name} on the CAN bus {interface}\n")?,
+        Arm::Simulated | Arm::Dynamic => writeln!(out, "Simulated WAM arm {name}, seven joints\n")?,
     }
     let width = name.len() + "/stateExt:o".len();
     writeln!(out, "{:<width$}  {:<26}  what it is for", "port", "address")?;

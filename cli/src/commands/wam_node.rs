@@ -22,7 +22,8 @@ const LOOK: Duration = Duration::from_millis(100);
 /// holds; Ctrl-C ends the server and lets go of the arm.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Which arm: simulated (moves exactly as told) or dynamic (with masses and friction)
+    /// Which arm: simulated (moves exactly as told), dynamic (with masses and friction), or can:INTERFACE (on a CAN bus of
+    /// this machine that is up, as in can:can0)
     #[arg(long, default_value_t = Arm::Dynamic, value_parser = own_arm)]
     arm: Arm,
     #[command(flatten)]
@@ -40,7 +41,7 @@ fn own_arm(text: &str) -> std::result::Result<Arm, String> {
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let mut interrupt = Interrupt::listen();
     let meeting = args.meeting.meeting(false).map_err(Failure::Meeting)?;
-    let node = WamNode::start(args.arm.start(meeting)?, NodeOptions::new(meeting))?;
+    let node = WamNode::start(args.arm.clone().start(meeting)?, NodeOptions::new(meeting))?;
     let places = node.places();
     let verb = match meeting {
         Meeting::Listen(_) => "waits for the driver at",

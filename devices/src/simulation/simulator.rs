@@ -138,8 +138,20 @@ impl<const N: usize> Simulator<N> {
         if let Some(torques) = torques {
             self.command(torques);
         }
+        self.pass(torques.is_some())
+    }
+
+    /// As [`step`](Self::step), with the commands of the motors in their own units, as they come on the bus.
+    pub fn step_units(&mut self, units: Option<&[i16; N]>) -> [i32; N] {
+        if let Some(units) = units {
+            self.commands = units.map(f64::from);
+        }
+        self.pass(units.is_some())
+    }
+
+    fn pass(&mut self, commanded: bool) -> [i32; N] {
         let seconds = self.options.period.as_secs_f64();
-        let came = torques.map(|_| self.commands.as_slice());
+        let came = commanded.then_some(self.commands.as_slice());
         self.safety.watch(self.speed(), came, seconds);
         let load = self.load();
         let substeps = self.options.substeps.max(1);

@@ -1,36 +1,19 @@
-//! The simulated machine behind the calls of the device interfaces; stepped by its owner.
+//! The simulated machine under control; stepped by its owner.
+
+use std::ops::{Deref, DerefMut};
 
 use nalgebra::Vector3;
 
-use super::units::{degrees, gains_per_degree, gains_per_radian};
-use super::{AXES, WamModel, parameters};
-use crate::fake::{Model, MotionState};
-use crate::kinematics::Joints;
-use crate::simulation::{
-    Controller, Gains, Order, SafetyMode, SafetyModule, Simulator, SimulatorOptions,
-};
-use crate::{Axes, AxisIndex, DeviceError, Limits, Mode};
-
-/// What a joint can be set to.
-const MODES: [Mode; 5] = [
-    Mode::Idle,
-    Mode::Position,
-    Mode::PositionDirect,
-    Mode::Velocity,
-    Mode::Torque,
-];
-/// The low-pass behind the difference quotient of positions, rad/s (libbarrett, `wam7w.conf`).
-const SPEED_FILTER: f64 = 180.0;
-/// A joint slower than this stands, deg/s: less than what one count of an encoder makes of it.
-const STANDING: f64 = 1.0;
+use super::arm_device::SteeredArm;
+use super::{AXES, ArmControl, WamModel};
+use crate::simulation::{SafetyMode, SafetyModule, Simulator, SimulatorOptions};
+use crate::{Axes, AxisIndex, DeviceError, Mode};
 
 /// The seven-joint arm with masses, friction, encoders and a PID per joint, in **degrees**, as pure model.
 ///
-/// The methods are those of the interfaces in [`iface`](crate::iface) and keep their contracts, with what a machine
-/// adds: a move ends near its target, as near as gains and friction allow; encoders count; an idle joint sinks
-/// gently; a fault of the safety module puts all joints into [`Mode::HardwareFault`], out of which
-/// [`Mode::ForceIdle`] leads, as the pendant of the real arm would. Set points come from the same
-/// [`Model`] as those of [`SimulatedWam`](super::SimulatedWam).
+/// It is its [`ArmControl`], which has the calls of the interfaces, with a simulated machine under it: an idle joint
+/// sinks gently; a fault of the safety module puts all joints into [`Mode::HardwareFault`], out of which
+/// [`Mode::ForceIdle`] leads, as the pendant of the real arm would.
 ///
 /// ```
 /// use yarp_devices::simulation::SimulatorOptions;
@@ -50,108 +33,36 @@ const STANDING: f64 = 1.0;
 /// ```
 #[derive(Clone, Debug)]
 pub struct DynamicArm {
-    set_points: Model,
+    control: ArmControl,
     simulator: Simulator<AXES>,
-    controller: Controller<AXES>,
-    counts: [i32; AXES],
-    /// What the last period drove the joints with, Nm.
-    driven: Joints<AXES>,
-    measured: [MotionState; AXES],
-    streams: [Stream; AXES],
-}
-
-/// Commands that the set points of moves know nothing of.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Stream {
-    /// None: the joint follows its set point, or is idle.
-    None,
-    /// Degrees.
-    Position(f64),
-    /// Nm.
-    Torque(f64),
 }
 
 impl DynamicArm {
     /// An arm in its home pose, at rest, active, in position mode.
     pub fn new(model: WamModel<AXES>, options: SimulatorOptions) -> Self {
-        let controller = Controller::new(model.clone(), options.period);
-        let mut simulator = Simulator::new(model, options);
+        let mut simulator = Simulator::new(model.clone(), options);
         simulator.safety_mut().press_activate();
-        let counts = simulator.counts();
-        let positions = degrees(controller.measure(&counts).into());
         Self {
-            set_points: Model::new(parameters()),
-            controller,
-            counts,
-            driven: Joints::zeros(),
-            measured: positions.map(|position| MotionState {
-                position,
-                ..MotionState::default()
-            }),
-            streams: [Stream::None; AXES],
+            control: ArmControl::new(model, options.period, simulator.counts()),
             simulator,
         }
     }
 
     /// Lets one control period pass.
     pub fn tick(&mut self) {
-        let period = self.simulator.options().period;
-        self.set_points.step(period);
-        let active = self.is_active();
-        let orders = std::array::from_fn(|joint| {
-            let axis = AxisIndex::from(joint);
-            if !active {
-                self.streams[joint] = Stream::None;
-                self.rest(axis);
-            }
-            let idle = self.mode(axis) == Mode::Idle;
+        self.look_at_safety();
+        for joint in 0..AXES {
+            let idle = self.control.mode(AxisIndex::from(joint)) == Mode::Idle;
             self.simulator.set_idle(joint, idle);
-            match self.streams[joint] {
-                Stream::Position(place) => Order::At(place.to_radians()),
-                Stream::Torque(torque) => Order::Drive(torque),
-                Stream::None if idle => {
-                    self.put_set_point(axis, self.measured[joint].position);
-                    Order::Float
-                }
-                Stream::None => Order::At(self.set_point(axis).to_radians()),
-            }
-        });
-        self.driven = self.controller.step(&self.counts, &orders);
-        self.counts = self.simulator.step(Some(&self.driven));
-        self.measure(period.as_secs_f64());
-    }
-
-    /// Position, filtered velocity, and how that changes.
-    fn measure(&mut self, seconds: f64) {
-        let positions = degrees(self.controller.measure(&self.counts).into());
-        let share = SPEED_FILTER * seconds / (1.0 + SPEED_FILTER * seconds);
-        for (now, position) in self.measured.iter_mut().zip(positions) {
-            let quotient = (position - now.position) / seconds;
-            let velocity = now.velocity + share * (quotient - now.velocity);
-            *now = MotionState {
-                position,
-                velocity,
-                acceleration: (velocity - now.velocity) / seconds,
-            };
         }
+        let torques = self.control.drive();
+        let counts = self.simulator.step(Some(&torques));
+        self.control.take_counts(counts);
     }
 
-    /// What the encoders say of an axis, degrees and per second.
-    ///
-    /// Errors: [`DeviceError::NoSuchAxis`].
-    pub fn state(&self, axis: AxisIndex) -> Result<MotionState, DeviceError> {
-        Axes::One(axis).check(AXES)?;
-        Ok(self.measured[axis.index()])
-    }
-
-    /// The part of it that makes set points for position and velocity mode, to be asked for names, limits and references.
-    pub fn set_points(&self) -> &Model {
-        &self.set_points
-    }
-
-    /// The same, to set limits and references.
-    pub fn set_points_mut(&mut self) -> &mut Model {
-        &mut self.set_points
+    fn look_at_safety(&mut self) {
+        let active = self.simulator.safety().mode() == SafetyMode::Active;
+        self.control.set_ready(active);
     }
 
     /// The machine.
@@ -159,7 +70,7 @@ impl DynamicArm {
         &self.simulator
     }
 
-    /// The safety module, to press its buttons.
+    /// The safety module, to press its buttons: the next period sees it.
     pub fn safety_mut(&mut self) -> &mut SafetyModule {
         self.simulator.safety_mut()
     }
@@ -169,357 +80,53 @@ impl DynamicArm {
         self.simulator.push(Vector3::from(force));
     }
 
-    /// As [`PositionControl::position_move`](crate::PositionControl::position_move).
-    pub fn position_move(&mut self, axes: Axes<'_>, targets: &[f64]) -> Result<(), DeviceError> {
-        self.check_mode(axes, "position move", Mode::Position)?;
-        self.set_points.position_move(axes, targets)
-    }
-
-    /// As [`PositionControl::relative_move`](crate::PositionControl::relative_move), from the present set point.
-    pub fn relative_move(&mut self, axes: Axes<'_>, distances: &[f64]) -> Result<(), DeviceError> {
-        self.check_mode(axes, "position move", Mode::Position)?;
-        self.set_points.relative_move(axes, distances)
-    }
-
-    /// As [`VelocityControl::velocity_move`](crate::VelocityControl::velocity_move).
-    pub fn velocity_move(&mut self, axes: Axes<'_>, velocities: &[f64]) -> Result<(), DeviceError> {
-        self.check_mode(axes, "velocity move", Mode::Velocity)?;
-        self.set_points.velocity_move(axes, velocities)
-    }
-
-    /// As [`MotionControl::stop`](crate::MotionControl::stop); a joint under torques or direct positions holds where it is.
-    pub fn stop(&mut self, axes: Axes<'_>) -> Result<(), DeviceError> {
-        self.set_points.stop(axes)?;
-        for axis in axes.iter(AXES) {
-            let joint = axis.index();
-            match self.streams[joint] {
-                Stream::None => {}
-                Stream::Position(_) => {
-                    self.streams[joint] = Stream::Position(self.measured[joint].position);
-                }
-                Stream::Torque(_) => self.streams[joint] = Stream::Torque(0.0),
-            }
-        }
-        Ok(())
-    }
-
-    /// Whether the set points have arrived and the joints stand.
-    ///
-    /// Errors: [`DeviceError::NoSuchAxis`].
-    pub fn motion_done(&self, axes: Axes<'_>) -> Result<bool, DeviceError> {
-        let arrived = self.set_points.motion_done(axes)?;
-        let still = |axis: AxisIndex| self.measured[axis.index()].velocity.abs() < STANDING;
-        Ok(arrived && axes.iter(AXES).all(still))
-    }
-
-    /// Sends joints in position direct mode to places, degrees, at once: the caller makes the path.
-    ///
-    /// Errors: [`DeviceError::OutOfRange`], [`DeviceError::NotFinite`], [`DeviceError::WrongMode`], or what is wrong
-    /// with the selection; then no joint moves.
-    pub fn set_direct_positions(
-        &mut self,
-        axes: Axes<'_>,
-        positions: &[f64],
-    ) -> Result<(), DeviceError> {
-        axes.check_command(AXES, "positions", positions.len())?;
-        self.check_mode(axes, "direct position", Mode::PositionDirect)?;
-        for (axis, &asked) in axes.iter(AXES).zip(positions) {
-            let limits = self.set_points.position_limits(axis)?;
-            check(axis, "position", asked, limits, "deg")?;
-        }
-        for (axis, &asked) in axes.iter(AXES).zip(positions) {
-            self.streams[axis.index()] = Stream::Position(asked);
-        }
-        Ok(())
-    }
-
-    /// The places last sent, degrees; where a joint is if none was.
-    ///
-    /// Errors: [`DeviceError::NoSuchAxis`].
-    pub fn direct_positions(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
-        axes.check(AXES)?;
-        let place = |axis: AxisIndex| match self.streams[axis.index()] {
-            Stream::Position(place) => place,
-            _ => self.set_point(axis),
-        };
-        Ok(axes.iter(AXES).map(place).collect())
-    }
-
-    /// Drives joints in torque mode with torques, Nm, until told otherwise; gravity stays compensated.
-    ///
-    /// Errors: [`DeviceError::OutOfRange`], [`DeviceError::NotFinite`], [`DeviceError::WrongMode`], or what is wrong
-    /// with the selection; then every joint goes on as before.
-    pub fn set_reference_torques(
-        &mut self,
-        axes: Axes<'_>,
-        torques: &[f64],
-    ) -> Result<(), DeviceError> {
-        axes.check_command(AXES, "torques", torques.len())?;
-        self.check_mode(axes, "torque", Mode::Torque)?;
-        for (axis, &asked) in axes.iter(AXES).zip(torques) {
-            check(axis, "torque", asked, self.torque_range(axis)?, "Nm")?;
-        }
-        for (axis, &asked) in axes.iter(AXES).zip(torques) {
-            self.streams[axis.index()] = Stream::Torque(asked);
-        }
-        Ok(())
-    }
-
-    /// The torques last asked for, Nm; 0 outside torque mode.
-    ///
-    /// Errors: [`DeviceError::NoSuchAxis`].
-    pub fn reference_torques(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
-        axes.check(AXES)?;
-        let asked = |axis: AxisIndex| match self.streams[axis.index()] {
-            Stream::Torque(torque) => torque,
-            _ => 0.0,
-        };
-        Ok(axes.iter(AXES).map(asked).collect())
-    }
-
-    /// The torques that the motors were driven with in the last period, Nm at the joints, gravity compensation included.
-    ///
-    /// Errors: [`DeviceError::NoSuchAxis`].
-    pub fn torques(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
-        axes.check(AXES)?;
-        Ok(axes
-            .iter(AXES)
-            .map(|axis| self.driven[axis.index()])
-            .collect())
-    }
-
-    /// How hard a joint can be driven, Nm: as hard as its control loop may.
-    ///
-    /// Errors: [`DeviceError::NoSuchAxis`].
-    pub fn torque_range(&self, axis: AxisIndex) -> Result<Limits, DeviceError> {
-        Axes::One(axis).check(AXES)?;
-        let most = self.controller.gains()[axis.index()].limit;
-        Ok(Limits::new(-most, most))
-    }
-
-    /// The gains of a joint's position loop, in Nm per degree.
-    ///
-    /// Errors: [`DeviceError::NoSuchAxis`].
-    pub fn gains(&self, axis: AxisIndex) -> Result<Gains, DeviceError> {
-        Axes::One(axis).check(AXES)?;
-        Ok(gains_per_degree(self.controller.gains()[axis.index()]))
-    }
-
-    /// Sets the gains of a joint's position loop, in Nm per degree.
-    ///
-    /// Errors: [`DeviceError::NoSuchAxis`], [`DeviceError::NotFinite`], [`DeviceError::OutOfRange`] for a negative one.
-    pub fn set_gains(&mut self, axis: AxisIndex, gains: Gains) -> Result<(), DeviceError> {
-        Self::check_gains(axis, gains)?;
-        self.controller
-            .set_gains(axis.index(), gains_per_radian(gains));
-        Ok(())
-    }
-
-    /// Checks gains before they are set, with the errors of [`set_gains`](Self::set_gains).
-    pub(super) fn check_gains(axis: AxisIndex, gains: Gains) -> Result<(), DeviceError> {
-        Axes::One(axis).check(AXES)?;
-        let positive = Limits::new(0.0, f64::MAX);
-        for (quantity, asked) in [
-            ("proportional gain", gains.proportional),
-            ("integral gain", gains.integral),
-            ("derivative gain", gains.derivative),
-            ("torque limit", gains.limit),
-        ] {
-            check(axis, quantity, asked, positive, "Nm/deg")?;
-        }
-        Ok(())
-    }
-
-    /// What a joint's position loop, or who drives it, asked for in the last period, Nm without gravity.
-    ///
-    /// Errors: [`DeviceError::NoSuchAxis`].
-    pub fn loop_output(&self, axis: AxisIndex) -> Result<f64, DeviceError> {
-        Axes::One(axis).check(AXES)?;
-        Ok(self.controller.outputs()[axis.index()])
-    }
-
-    /// Forgets the integrals of position loops.
-    ///
-    /// Errors: [`DeviceError::NoSuchAxis`].
-    pub fn reset_loops(&mut self, axes: Axes<'_>) -> Result<(), DeviceError> {
-        axes.check(AXES)?;
-        for axis in axes.iter(AXES) {
-            self.controller.reset_joint(axis.index());
-        }
-        Ok(())
-    }
-
-    /// What the encoders of the motors count.
-    pub fn motor_counts(&self) -> [i32; AXES] {
-        self.counts
-    }
-
-    /// The modes a joint can be set to.
-    ///
-    /// Errors: [`DeviceError::NoSuchAxis`].
-    pub fn available_control_modes(&self, axis: AxisIndex) -> Result<Vec<Mode>, DeviceError> {
-        Axes::One(axis).check(AXES)?;
-        Ok(MODES.to_vec())
-    }
-
-    /// As [`ControlMode::read_control_modes`](crate::ControlMode::read_control_modes).
-    pub fn read_control_modes(&self, axes: Axes<'_>, out: &mut [Mode]) -> Result<(), DeviceError> {
-        axes.check_count(AXES, "slots for modes", out.len())?;
-        axes.check(AXES)?;
-        for (slot, axis) in out.iter_mut().zip(axes.iter(AXES)) {
-            *slot = self.mode(axis);
-        }
-        Ok(())
-    }
-
-    /// As [`ControlMode::set_control_modes`](crate::ControlMode::set_control_modes).
-    ///
-    /// After a fault of the safety module only [`Mode::ForceIdle`] is taken.
+    /// As [`ArmControl::set_control_modes`]; [`Mode::ForceIdle`] presses the buttons of the pendant if need be.
     pub fn set_control_modes(&mut self, axes: Axes<'_>, modes: &[Mode]) -> Result<(), DeviceError> {
-        axes.check_command(AXES, "modes", modes.len())?;
-        for (joint, &mode) in axes.iter(AXES).zip(modes) {
-            if mode == Mode::ForceIdle {
-                continue;
-            }
-            if !MODES.contains(&mode) {
-                return Err(DeviceError::NoSuchMode { joint, mode });
-            }
-            if !self.is_active() {
-                return Err(DeviceError::WrongMode {
-                    joint,
-                    command: "a change of mode",
-                    mode: Mode::HardwareFault,
-                    needed: Mode::ForceIdle,
-                });
-            }
-        }
-        for (axis, &mode) in axes.iter(AXES).zip(modes) {
-            self.change_mode(axis, mode);
-        }
-        Ok(())
-    }
-
-    fn change_mode(&mut self, axis: AxisIndex, mode: Mode) {
-        if mode == Mode::ForceIdle && !self.is_active() {
+        self.look_at_safety();
+        self.control.set_control_modes(axes, modes)?;
+        if modes.contains(&Mode::ForceIdle) && !self.control.is_ready() {
             self.simulator.safety_mut().press_idle();
             self.simulator.safety_mut().press_activate();
+            self.look_at_safety();
         }
-        let before = self.mode(axis);
-        if before == mode {
-            return;
-        }
-        let joint = axis.index();
-        let here = match before {
-            // The joint goes on from where it shall be: no jump.
-            Mode::Position | Mode::Velocity => self.set_point(axis),
-            _ => match self.streams[joint] {
-                Stream::Position(place) => place,
-                _ => self.measured[joint].position,
-            },
-        };
-        match mode {
-            Mode::PositionDirect | Mode::Torque => {
-                self.rest(axis);
-                self.put_set_point(axis, here);
-                self.streams[joint] = if mode == Mode::Torque {
-                    Stream::Torque(0.0)
-                } else {
-                    Stream::Position(here)
-                };
-            }
-            mode => {
-                self.streams[joint] = Stream::None;
-                if !matches!(before, Mode::Position | Mode::Velocity) {
-                    self.put_set_point(axis, here);
-                }
-                let set = self.set_points.set_control_modes(axis.into(), &[mode]);
-                debug_assert!(set.is_ok(), "axis and mode were checked");
-            }
-        }
-    }
-
-    fn mode(&self, axis: AxisIndex) -> Mode {
-        if !self.is_active() {
-            return Mode::HardwareFault;
-        }
-        match self.streams[axis.index()] {
-            Stream::Position(_) => Mode::PositionDirect,
-            Stream::Torque(_) => Mode::Torque,
-            Stream::None => {
-                let mut mode = [Mode::UNKNOWN];
-                let read = self.set_points.read_control_modes(axis.into(), &mut mode);
-                debug_assert!(read.is_ok(), "the axis was checked");
-                mode[0]
-            }
-        }
-    }
-
-    fn is_active(&self) -> bool {
-        self.simulator.safety().mode() == SafetyMode::Active
-    }
-
-    fn check_mode(
-        &self,
-        axes: Axes<'_>,
-        command: &'static str,
-        needed: Mode,
-    ) -> Result<(), DeviceError> {
-        axes.check(AXES)?;
-        match axes.iter(AXES).find(|axis| self.mode(*axis) != needed) {
-            Some(joint) => Err(DeviceError::WrongMode {
-                joint,
-                command,
-                mode: self.mode(joint),
-                needed,
-            }),
-            None => Ok(()),
-        }
-    }
-
-    /// Takes the set point of an axis out of whatever it does.
-    fn rest(&mut self, axis: AxisIndex) {
-        let set = self
-            .set_points
-            .set_control_modes(axis.into(), &[Mode::Idle]);
-        debug_assert!(set.is_ok(), "every axis can be idle");
-        self.put_set_point(axis, self.measured[axis.index()].position);
-    }
-
-    fn put_set_point(&mut self, axis: AxisIndex, position: f64) {
-        let placed = self.set_points.place(axis, position);
-        debug_assert!(placed.is_ok(), "the axis was checked");
-    }
-
-    fn set_point(&self, axis: AxisIndex) -> f64 {
-        self.set_points
-            .state(axis)
-            .map_or(self.measured[axis.index()].position, |state| state.position)
+        Ok(())
     }
 }
 
-fn check(
-    joint: AxisIndex,
-    quantity: &'static str,
-    asked: f64,
-    allowed: Limits,
-    unit: &'static str,
-) -> Result<(), DeviceError> {
-    if !asked.is_finite() {
-        return Err(DeviceError::NotFinite {
-            joint,
-            quantity,
-            asked,
-        });
+impl Deref for DynamicArm {
+    type Target = ArmControl;
+
+    fn deref(&self) -> &ArmControl {
+        &self.control
     }
-    if allowed.contains(asked) {
-        return Ok(());
+}
+
+impl DerefMut for DynamicArm {
+    fn deref_mut(&mut self) -> &mut ArmControl {
+        &mut self.control
     }
-    Err(DeviceError::OutOfRange {
-        joint,
-        quantity,
-        asked,
-        min: allowed.min,
-        max: allowed.max,
-        unit,
-    })
+}
+
+impl SteeredArm for DynamicArm {
+    fn control(&self) -> &ArmControl {
+        &self.control
+    }
+
+    fn control_mut(&mut self) -> &mut ArmControl {
+        &mut self.control
+    }
+
+    fn set_control_modes(&mut self, axes: Axes<'_>, modes: &[Mode]) -> Result<(), DeviceError> {
+        Self::set_control_modes(self, axes, modes)
+    }
+
+    fn fault(&self) -> Option<String> {
+        let safety = self.simulator.safety();
+        match (safety.mode(), safety.fault()) {
+            (_, Some(fault)) => Some(fault.to_string()),
+            (SafetyMode::Active, None) => None,
+            (SafetyMode::Idle, None) => Some("idle was pressed on the pendant".to_owned()),
+            (SafetyMode::EmergencyStop, None) => Some("emergency stop".to_owned()),
+        }
+    }
 }

@@ -1,7 +1,8 @@
-//! The interfaces of the arm with dynamics that concern its motors.
+//! The interfaces of an arm under control that concern its motors.
 
-use super::{AXES, DynamicArm, DynamicWam};
-use crate::simulation::{Gains, SafetyMode};
+use super::arm_device::{ArmDevice, SteeredArm};
+use super::{AXES, ArmControl};
+use crate::simulation::Gains;
 use crate::{
     Axes, AxisIndex, DeviceError, EncoderReading, Encoders, Fault, JointFault, Limits, Mode,
     MotorEncoders, MotorTorqueParameters, Pid, PidControl, PidKind, PidValue, PositionDirect,
@@ -14,32 +15,32 @@ fn not_supported<T>(what: &str) -> Result<T, DeviceError> {
     })
 }
 
-impl PositionDirect for DynamicWam {
+impl<A: SteeredArm> PositionDirect for ArmDevice<A> {
     fn set_direct_positions(&self, axes: Axes<'_>, positions: &[f64]) -> Result<(), DeviceError> {
-        self.with(|arm| arm.set_direct_positions(axes, positions))
+        self.control(|arm| arm.set_direct_positions(axes, positions))
     }
 
     fn direct_positions(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
-        self.with(|arm| arm.direct_positions(axes))
+        self.control(|arm| arm.direct_positions(axes))
     }
 }
 
-impl TorqueControl for DynamicWam {
+impl<A: SteeredArm> TorqueControl for ArmDevice<A> {
     fn set_reference_torques(&self, axes: Axes<'_>, torques: &[f64]) -> Result<(), DeviceError> {
-        self.with(|arm| arm.set_reference_torques(axes, torques))
+        self.control(|arm| arm.set_reference_torques(axes, torques))
     }
 
     fn reference_torques(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
-        self.with(|arm| arm.reference_torques(axes))
+        self.control(|arm| arm.reference_torques(axes))
     }
 
     fn torques(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
-        self.with(|arm| arm.torques(axes))
+        self.control(|arm| arm.torques(axes))
     }
 
     fn torque_ranges(&self, axes: Axes<'_>) -> Result<Vec<Limits>, DeviceError> {
         axes.check(AXES)?;
-        self.with(|arm| axes.iter(AXES).map(|axis| arm.torque_range(axis)).collect())
+        self.control(|arm| axes.iter(AXES).map(|axis| arm.torque_range(axis)).collect())
     }
 
     fn motor_torque_parameters(&self, _: AxisIndex) -> Result<MotorTorqueParameters, DeviceError> {
@@ -55,7 +56,7 @@ impl TorqueControl for DynamicWam {
     }
 }
 
-impl DynamicWam {
+impl<A: SteeredArm> ArmDevice<A> {
     /// Only positions are controlled by a loop.
     fn check_loop(kind: PidKind, axes: Axes<'_>) -> Result<(), DeviceError> {
         if kind != PidKind::Position {
@@ -66,7 +67,7 @@ impl DynamicWam {
 }
 
 /// One loop per joint, that of its position: gains in Nm per degree, per degree and second, and seconds per degree.
-impl PidControl for DynamicWam {
+impl<A: SteeredArm> PidControl for ArmDevice<A> {
     fn available_pids(&self, axis: AxisIndex) -> Result<Vec<PidKind>, DeviceError> {
         Axes::One(axis).check(AXES)?;
         Ok(vec![PidKind::Position])
@@ -74,7 +75,7 @@ impl PidControl for DynamicWam {
 
     fn pids(&self, kind: PidKind, axes: Axes<'_>) -> Result<Vec<Pid>, DeviceError> {
         Self::check_loop(kind, axes)?;
-        self.with(|arm| {
+        self.control(|arm| {
             let pid = |axis| {
                 arm.gains(axis).map(|gains| Pid {
                     kp: gains.proportional,
@@ -96,9 +97,9 @@ impl PidControl for DynamicWam {
         Self::check_loop(kind, axes)?;
         axes.check_command(AXES, "gains", pids.len())?;
         let gains = |pid: &Pid| Gains::new(pid.kp, pid.ki, pid.kd, pid.max_output);
-        self.with(|arm| {
+        self.control(|arm| {
             for (axis, pid) in axes.iter(AXES).zip(pids) {
-                DynamicArm::check_gains(axis, gains(pid))?;
+                ArmControl::check_gains(axis, gains(pid))?;
             }
             for (axis, pid) in axes.iter(AXES).zip(pids) {
                 arm.set_gains(axis, gains(pid))?;
@@ -114,7 +115,7 @@ impl PidControl for DynamicWam {
         axes: Axes<'_>,
     ) -> Result<Vec<f64>, DeviceError> {
         Self::check_loop(kind, axes)?;
-        self.with(|arm| {
+        self.control(|arm| {
             let measured = |axis| arm.state(axis).map(|state| state.position);
             let reference = |axis: AxisIndex| {
                 arm.direct_positions(axis.into())
@@ -146,7 +147,7 @@ impl PidControl for DynamicWam {
     fn pids_enabled(&self, kind: PidKind, axes: Axes<'_>) -> Result<Vec<bool>, DeviceError> {
         Self::check_loop(kind, axes)?;
         let mut modes = vec![Mode::UNKNOWN; axes.len(AXES)];
-        self.with(|arm| arm.read_control_modes(axes, &mut modes))?;
+        self.control(|arm| arm.read_control_modes(axes, &mut modes))?;
         let closed = [Mode::Position, Mode::PositionDirect, Mode::Velocity];
         Ok(modes.iter().map(|mode| closed.contains(mode)).collect())
     }
@@ -158,20 +159,20 @@ impl PidControl for DynamicWam {
 
     fn reset_pids(&self, kind: PidKind, axes: Axes<'_>) -> Result<(), DeviceError> {
         Self::check_loop(kind, axes)?;
-        self.with(|arm| arm.reset_loops(axes))
+        self.control(|arm| arm.reset_loops(axes))
     }
 }
 
-impl MotorEncoders for DynamicWam {
+impl<A: SteeredArm> MotorEncoders for ArmDevice<A> {
     /// Degrees of the shafts.
     fn motor_readings(&self, axes: Axes<'_>) -> Result<Vec<EncoderReading>, DeviceError> {
         axes.check(AXES)?;
         let joints = self.encoder_readings(Axes::All)?;
         let motors = |value: fn(&EncoderReading) -> f64| {
-            self.with(|arm| {
+            self.control(|arm| {
                 let values =
                     crate::kinematics::Joints::<AXES>::from_fn(|joint, _| value(&joints[joint]));
-                arm.simulator().model().transmission.motors_of(&values)
+                arm.model().transmission.motors_of(&values)
             })
         };
         let positions = motors(|reading| reading.position);
@@ -193,8 +194,8 @@ impl MotorEncoders for DynamicWam {
 
     fn counts_per_revolution(&self, axis: AxisIndex) -> Result<f64, DeviceError> {
         Axes::One(axis).check(AXES)?;
-        Ok(self.with(|arm| {
-            let transmission = &arm.simulator().model().transmission;
+        Ok(self.control(|arm| {
+            let transmission = &arm.model().transmission;
             f64::from(transmission.counts_per_turn())
         }))
     }
@@ -205,21 +206,14 @@ impl MotorEncoders for DynamicWam {
     }
 }
 
-impl JointFault for DynamicWam {
-    /// Code 1 is a fault of the safety module, which concerns all joints; the message is its own.
+impl<A: SteeredArm> JointFault for ArmDevice<A> {
+    /// Code 1 is a fault of the safety module or of the way to the arm, which concerns all joints.
     fn last_fault(&self, axis: AxisIndex) -> Result<Fault, DeviceError> {
         Axes::One(axis).check(AXES)?;
-        let (mode, fault) = self.with(|arm| {
-            let safety = arm.simulator().safety();
-            (safety.mode(), safety.fault())
-        });
-        let message = match (mode, fault) {
-            (_, Some(fault)) => fault.to_string(),
-            (SafetyMode::Active, None) => return Ok(no_fault()),
-            (SafetyMode::Idle, None) => "idle was pressed on the pendant".to_owned(),
-            (SafetyMode::EmergencyStop, None) => "emergency stop".to_owned(),
-        };
-        Ok(Fault { code: 1, message })
+        Ok(match self.with(|arm| arm.fault()) {
+            Some(message) => Fault { code: 1, message },
+            None => no_fault(),
+        })
     }
 }
 

@@ -1,0 +1,56 @@
+//! The driver of the arm's CAN bus against simulated pucks on a CAN interface of the kernel, which `conformance/can`
+//! runs in a virtual machine: `arm_on_vcan INTERFACE`, as root, since the interface goes up and down.
+//!
+//! Prints a line for each scenario, and `VERDICT: ` with `all N scenarios hold` or what failed.
+
+#[cfg(target_os = "linux")]
+#[path = "../tests/support/can/mod.rs"]
+mod can;
+
+#[cfg(target_os = "linux")]
+#[path = "arm_on_vcan/kernel.rs"]
+mod kernel;
+
+#[cfg(target_os = "linux")]
+fn main() -> std::process::ExitCode {
+    use std::panic::{AssertUnwindSafe, catch_unwind};
+    use std::process::ExitCode;
+
+    let Some(interface) = std::env::args().nth(1) else {
+        eprintln!("usage: arm_on_vcan INTERFACE (a vcan that is there)");
+        return ExitCode::from(2);
+    };
+    let mut failed = Vec::new();
+    let scenarios = can::scenarios::ALL
+        .into_iter()
+        .chain([kernel::NOISE, kernel::RATE]);
+    let mut count = 0;
+    for (name, scenario) in scenarios {
+        count += 1;
+        println!("{name} ...");
+        let whole = catch_unwind(AssertUnwindSafe(|| {
+            let rig = kernel::Kernel::start(&interface);
+            scenario(&rig);
+        }));
+        println!("{name} {}", if whole.is_ok() { "ok" } else { "FAILED" });
+        if whole.is_err() {
+            failed.push(name);
+        }
+    }
+    if failed.is_empty() {
+        println!("VERDICT: all {count} scenarios hold");
+        ExitCode::SUCCESS
+    } else {
+        println!(
+            "VERDICT: {} of {count} failed: {}",
+            failed.len(),
+            failed.join(", ")
+        );
+        ExitCode::FAILURE
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+fn main() {
+    eprintln!("CAN interfaces are the Linux kernel's");
+}

@@ -1,0 +1,243 @@
+//! An arm as its CAN bus shows it: seven pucks and a safety module, with the mechanics behind them.
+
+mod motor;
+mod safety;
+mod serve;
+
+use std::time::Duration;
+
+use motor::MotorPuck;
+use safety::SafetyPuck;
+pub use serve::serve_pucks;
+
+use super::{SafetyMode, Simulator, SimulatorOptions};
+use crate::can::Frame;
+use crate::can::puck::{Address, Group, Message, Node, Property, Target, mode};
+use crate::kinematics::Joints;
+use crate::wam::{AXES, WamModel};
+
+/// How often the safety module broadcasts something of its own.
+const BROADCAST: Duration = Duration::from_secs(1);
+/// To group 0 from node 10; what is in it is not published.
+const BROADCAST_ID: u16 = 0x540;
+
+/// The other end of an arm's CAN bus: frames in, frames out, stepped by its owner.
+///
+/// Pucks behave like their firmware, as far as it is published: switched on they only monitor; awake they answer questions
+/// for properties, follow packed torques when the safety module has set their mode, and count where their rotors are
+/// from where they were told. A question for a property that they do not have stays without answer. The safety module
+/// lets software only lower its mode, judges speeds, torques and silence, and switches the pucks.
+///
+/// For tests, pucks can fall silent or restart, and the pendant has buttons.
+///
+/// ```
+/// use yarp_devices::can::Frame;
+/// use yarp_devices::simulation::{SimulatedPucks, SimulatorOptions};
+/// use yarp_devices::wam::WamModel;
+///
+/// let mut pucks = SimulatedPucks::new(WamModel::<7>::new(), SimulatorOptions::default());
+/// let mut answers = Vec::new();
+/// // Puck 1, what state are you in? Just switched on.
+/// pucks.receive(&Frame::new(0x001, &[0x05]).unwrap(), &mut answers);
+/// assert_eq!(answers[0].to_string(), "426: 85 00 00 00");
+/// ```
+#[derive(Clone, Debug)]
+pub struct SimulatedPucks {
+    simulator: Simulator<AXES>,
+    motors: [MotorPuck; AXES],
+    safety: SafetyPuck,
+    /// What the safety module last switched the pucks for.
+    switched: SafetyMode,
+    silent: [bool; 32],
+    commanded: bool,
+    owed: Duration,
+    since_broadcast: Duration,
+}
+
+impl SimulatedPucks {
+    /// An arm in its home pose that has just been switched on: pucks in monitor state, safety module idle.
+    pub fn new(model: WamModel<AXES>, options: SimulatorOptions) -> Self {
+        let simulator = Simulator::new(model, options);
+        let counts = simulator.counts();
+        let turn = simulator.model().transmission.counts_per_turn() as i32;
+        Self {
+            motors: std::array::from_fn(|motor| {
+                MotorPuck::switched_on(motor, &simulator.model().motors[motor], turn, counts[motor])
+            }),
+            safety: SafetyPuck::switched_on(),
+            switched: simulator.safety().mode(),
+            silent: [false; 32],
+            commanded: false,
+            owed: Duration::ZERO,
+            since_broadcast: Duration::ZERO,
+            simulator,
+        }
+    }
+
+    /// Hears a frame; answers are added to `answers`.
+    pub fn receive(&mut self, frame: &Frame, answers: &mut Vec<Frame>) {
+        let Ok((address, message)) = Message::read(frame) else {
+            return;
+        };
+        if address.from != Node::HOST {
+            return;
+        }
+        let counts = self.simulator.counts();
+        for (motor, puck) in self.motors.iter_mut().enumerate() {
+            let node = Node::of_motor(motor);
+            if self.silent[usize::from(node.number())] || !puck.listens(address.to, node) {
+                continue;
+            }
+            self.commanded |= matches!(message, Message::Torques(_));
+            if let Some((group, answer)) = puck.hear(message, counts[motor]) {
+                answers.push(answer.frame(Address {
+                    from: node,
+                    to: group.into(),
+                }));
+            }
+        }
+        if self.silent[usize::from(Node::SAFETY.number())] {
+            return;
+        }
+        if let Message::Value {
+            property: Property::P,
+            ..
+        } = message
+            && address.to != Target::Node(Node::SAFETY)
+        {
+            self.safety
+                .see_position_written(self.simulator.safety_mut());
+        }
+        if address.to == Target::Node(Node::SAFETY)
+            && let Some(answer) = self.safety.hear(message, self.simulator.safety_mut())
+        {
+            answers.push(answer.frame(Address {
+                from: Node::SAFETY,
+                to: Group::REPLIES.into(),
+            }));
+        }
+        self.switch(answers);
+    }
+
+    /// Lets time pass, in whole control periods; the rest is kept. Frames that come of it are added to `frames`.
+    pub fn advance(&mut self, time: Duration, frames: &mut Vec<Frame>) {
+        let period = self.simulator.options().period;
+        self.owed += time;
+        while !period.is_zero() && self.owed >= period {
+            self.owed -= period;
+            self.step();
+            self.switch(frames);
+        }
+        self.since_broadcast += time;
+        if self.since_broadcast >= BROADCAST {
+            self.since_broadcast = Duration::ZERO;
+            frames.extend(Frame::new(BROADCAST_ID, &[0x2B, 0, 0]));
+        }
+    }
+
+    fn step(&mut self) {
+        for joint in 0..AXES {
+            let mut unit = Joints::<AXES>::zeros();
+            unit[joint] = 1.0;
+            let turned = self.simulator.model().transmission.motors_of(&unit);
+            let mut motors = self.motors.iter().enumerate();
+            let idle = motors.all(|(motor, puck)| turned[motor] == 0.0 || !puck.follows());
+            self.simulator.set_idle(joint, idle);
+        }
+        let units = std::array::from_fn(|motor| self.motors[motor].units());
+        if self.commanded {
+            self.simulator.step_units(Some(&units));
+        } else {
+            self.simulator.step_units(None);
+        }
+        self.commanded = false;
+    }
+
+    /// The safety module switches the motors when its mode has changed.
+    fn switch(&mut self, frames: &mut Vec<Frame>) {
+        let now = self.simulator.safety().mode();
+        if now == self.switched {
+            return;
+        }
+        self.switched = now;
+        let value = match now {
+            SafetyMode::Active => mode::TORQUE_OR_ACTIVE,
+            _ => mode::IDLE_OR_STOPPED,
+        };
+        for (motor, puck) in self.motors.iter_mut().enumerate() {
+            puck.switch(value);
+            let order = Message::Value {
+                property: Property::MODE,
+                value,
+            };
+            frames.push(order.frame(Address {
+                from: Node::SAFETY,
+                to: Node::of_motor(motor).into(),
+            }));
+        }
+    }
+
+    /// Whether a frame is the question that a control period begins with: where all motors are.
+    ///
+    /// Whoever wants an arm whose time goes with the traffic, and not with the clock, lets a period pass for each.
+    pub fn asks_for_positions(frame: &Frame) -> bool {
+        matches!(
+            Message::read(frame),
+            Ok((
+                Address { from: Node::HOST, to: Target::Group(_) },
+                Message::Get(property),
+            )) if property == Property::P
+        )
+    }
+
+    /// Makes a node deaf and mute, as if its plug were pulled, or ends that.
+    pub fn set_silent(&mut self, node: Node, silent: bool) {
+        self.silent[usize::from(node.number())] = silent;
+    }
+
+    /// Switches a motor's puck off and on again: it monitors, and knows its angle only inside one turn.
+    pub fn restart_motor(&mut self, motor: usize) {
+        let counts = self.simulator.counts();
+        let model = self.simulator.model();
+        let turn = model.transmission.counts_per_turn() as i32;
+        if let Some(puck) = self.motors.get_mut(motor) {
+            *puck = MotorPuck::switched_on(motor, &model.motors[motor], turn, counts[motor]);
+        }
+    }
+
+    /// Switches the safety module off and on again: it monitors, idle, and takes no position for true.
+    pub fn restart_safety(&mut self) {
+        self.safety = SafetyPuck::switched_on();
+        self.simulator.safety_mut().press_idle();
+    }
+
+    /// Shift and idle on the pendant.
+    pub fn press_idle(&mut self) {
+        self.simulator.safety_mut().press_idle();
+    }
+
+    /// Shift and activate on the pendant.
+    pub fn press_activate(&mut self) {
+        self.simulator.safety_mut().press_activate();
+    }
+
+    /// The red button.
+    pub fn press_stop(&mut self) {
+        self.simulator.safety_mut().press_stop();
+    }
+
+    /// The machine.
+    pub fn simulator(&self) -> &Simulator<AXES> {
+        &self.simulator
+    }
+
+    /// The machine, to push it.
+    pub fn simulator_mut(&mut self) -> &mut Simulator<AXES> {
+        &mut self.simulator
+    }
+
+    /// What a motor follows, in its units; 0 if it does not.
+    pub fn commanded_units(&self, motor: usize) -> i16 {
+        self.motors.get(motor).map_or(0, MotorPuck::units)
+    }
+}

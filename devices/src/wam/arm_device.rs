@@ -1,0 +1,310 @@
+//! An arm under control, run by a thread of its own, as a device.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use tracing::{debug, info};
+
+use super::{AXES, ArmControl};
+use crate::{
+    Axes, AxisIndex, AxisInfo, ControlLimits, ControlMode, Device, DeviceError, EncoderReading,
+    Encoders, JointFault, JointType, Limits, Mode, MotionControl, MotorEncoders, PidControl,
+    PositionControl, PositionDirect, TorqueControl, VelocityControl,
+};
+
+/// An [`ArmControl`] and the machine under it.
+pub trait SteeredArm: Send + 'static {
+    /// The control of the arm.
+    fn control(&self) -> &ArmControl;
+
+    /// The control of the arm, to command it.
+    fn control_mut(&mut self) -> &mut ArmControl;
+
+    /// As [`ControlMode::set_control_modes`].
+    fn set_control_modes(&mut self, axes: Axes<'_>, modes: &[Mode]) -> Result<(), DeviceError> {
+        self.control_mut().set_control_modes(axes, modes)
+    }
+
+    /// Why the motors do not follow, in words; `None` if they do.
+    fn fault(&self) -> Option<String>;
+}
+
+/// A seven-joint arm as a device: its control, shared with the thread that runs it.
+///
+/// Encoders cannot be set: they are absolute. Dropping the device ends and joins the thread.
+#[derive(Debug)]
+pub struct ArmDevice<A> {
+    shared: Arc<Shared<A>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// What the device and its thread share.
+#[derive(Debug)]
+pub(super) struct Shared<A> {
+    arm: Mutex<Timed<A>>,
+    ending: AtomicBool,
+}
+
+#[derive(Debug)]
+pub(super) struct Timed<A> {
+    pub(super) arm: A,
+    /// Of the newest state, in seconds since the start of 1970.
+    time: f64,
+}
+
+impl<A> Timed<A> {
+    /// Says that the state is of now.
+    pub(super) fn stamp(&mut self) {
+        self.time = wall_clock();
+    }
+}
+
+impl<A> Shared<A> {
+    pub(super) fn lock(&self) -> MutexGuard<'_, Timed<A>> {
+        // The arm is whole between any two calls, so a panic elsewhere does not spoil it.
+        self.arm.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Whether the thread shall end.
+    pub(super) fn is_ending(&self) -> bool {
+        self.ending.load(Ordering::Acquire)
+    }
+}
+
+impl<A: SteeredArm> ArmDevice<A> {
+    /// Runs an arm by a thread of this name, which does `control` until it is told to end.
+    pub(super) fn spawn(
+        arm: A,
+        name: &'static str,
+        control: impl FnOnce(&Shared<A>) + Send + 'static,
+    ) -> Result<Self, DeviceError> {
+        let shared = Arc::new(Shared {
+            arm: Mutex::new(Timed {
+                arm,
+                time: wall_clock(),
+            }),
+            ending: AtomicBool::new(false),
+        });
+        let theirs = Arc::clone(&shared);
+        let thread = thread::Builder::new()
+            .name(name.into())
+            .spawn(move || control(&theirs))
+            .map_err(|source| DeviceError::Start {
+                what: "the control thread of the arm",
+                source,
+            })?;
+        info!(axes = AXES, name, "control of the arm started");
+        Ok(Self {
+            shared,
+            thread: Some(thread),
+        })
+    }
+
+    /// Does something with the arm between two control periods.
+    ///
+    /// The control loop waits meanwhile, so it should not take long.
+    pub fn with<T>(&self, what: impl FnOnce(&mut A) -> T) -> T {
+        what(&mut self.shared.lock().arm)
+    }
+
+    /// Does something with the control of the arm between two periods: torques, direct positions, gains.
+    pub fn control<T>(&self, what: impl FnOnce(&mut ArmControl) -> T) -> T {
+        self.with(|arm| what(arm.control_mut()))
+    }
+}
+
+impl<A> Drop for ArmDevice<A> {
+    fn drop(&mut self) {
+        self.shared.ending.store(true, Ordering::Release);
+        if let Some(thread) = self.thread.take() {
+            thread.thread().unpark();
+            if thread.join().is_err() {
+                tracing::error!("the control thread of the arm had panicked");
+            }
+        }
+        debug!("control of the arm ended");
+    }
+}
+
+fn wall_clock() -> f64 {
+    SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .unwrap_or_default()
+        .as_secs_f64()
+}
+
+impl<A: SteeredArm> Device for ArmDevice<A> {
+    fn axis_info(&self) -> Option<&dyn AxisInfo> {
+        Some(self)
+    }
+
+    fn position_control(&self) -> Option<&dyn PositionControl> {
+        Some(self)
+    }
+
+    fn velocity_control(&self) -> Option<&dyn VelocityControl> {
+        Some(self)
+    }
+
+    fn encoders(&self) -> Option<&dyn Encoders> {
+        Some(self)
+    }
+
+    fn control_mode(&self) -> Option<&dyn ControlMode> {
+        Some(self)
+    }
+
+    fn control_limits(&self) -> Option<&dyn ControlLimits> {
+        Some(self)
+    }
+
+    fn position_direct(&self) -> Option<&dyn PositionDirect> {
+        Some(self)
+    }
+
+    fn torque_control(&self) -> Option<&dyn TorqueControl> {
+        Some(self)
+    }
+
+    fn pid_control(&self) -> Option<&dyn PidControl> {
+        Some(self)
+    }
+
+    fn motor_encoders(&self) -> Option<&dyn MotorEncoders> {
+        Some(self)
+    }
+
+    fn joint_fault(&self) -> Option<&dyn JointFault> {
+        Some(self)
+    }
+}
+
+impl<A: SteeredArm> AxisInfo for ArmDevice<A> {
+    fn axes(&self) -> usize {
+        AXES
+    }
+
+    fn axis_name(&self, axis: AxisIndex) -> Result<String, DeviceError> {
+        self.control(|arm| arm.set_points().axis_name(axis).map(str::to_owned))
+    }
+
+    fn joint_type(&self, axis: AxisIndex) -> Result<JointType, DeviceError> {
+        self.control(|arm| arm.set_points().joint_type(axis))
+    }
+}
+
+impl<A: SteeredArm> MotionControl for ArmDevice<A> {
+    fn stop(&self, axes: Axes<'_>) -> Result<(), DeviceError> {
+        self.control(|arm| arm.stop(axes))
+    }
+
+    fn set_reference_accelerations(
+        &self,
+        axes: Axes<'_>,
+        accelerations: &[f64],
+    ) -> Result<(), DeviceError> {
+        self.control(|arm| {
+            arm.set_points_mut()
+                .set_reference_accelerations(axes, accelerations)
+        })
+    }
+
+    fn reference_accelerations(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
+        self.control(|arm| arm.set_points().reference_accelerations(axes))
+    }
+}
+
+impl<A: SteeredArm> PositionControl for ArmDevice<A> {
+    fn position_move(&self, axes: Axes<'_>, targets: &[f64]) -> Result<(), DeviceError> {
+        self.control(|arm| arm.position_move(axes, targets))
+    }
+
+    fn relative_move(&self, axes: Axes<'_>, distances: &[f64]) -> Result<(), DeviceError> {
+        self.control(|arm| arm.relative_move(axes, distances))
+    }
+
+    fn motion_done(&self, axes: Axes<'_>) -> Result<bool, DeviceError> {
+        self.control(|arm| arm.motion_done(axes))
+    }
+
+    fn target_positions(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
+        self.control(|arm| arm.set_points().target_positions(axes))
+    }
+
+    fn set_reference_speeds(&self, axes: Axes<'_>, speeds: &[f64]) -> Result<(), DeviceError> {
+        self.control(|arm| arm.set_points_mut().set_reference_speeds(axes, speeds))
+    }
+
+    fn reference_speeds(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
+        self.control(|arm| arm.set_points().reference_speeds(axes))
+    }
+}
+
+impl<A: SteeredArm> VelocityControl for ArmDevice<A> {
+    fn velocity_move(&self, axes: Axes<'_>, velocities: &[f64]) -> Result<(), DeviceError> {
+        self.control(|arm| arm.velocity_move(axes, velocities))
+    }
+
+    fn reference_velocities(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
+        self.control(|arm| arm.set_points().reference_velocities(axes))
+    }
+}
+
+impl<A: SteeredArm> Encoders for ArmDevice<A> {
+    fn read_encoders(&self, axes: Axes<'_>, out: &mut [EncoderReading]) -> Result<(), DeviceError> {
+        axes.check(AXES)?;
+        axes.check_count(AXES, "slots for readings", out.len())?;
+        let timed = self.shared.lock();
+        for (slot, axis) in out.iter_mut().zip(axes.iter(AXES)) {
+            let state = timed.arm.control().state(axis)?;
+            *slot = EncoderReading {
+                position: state.position,
+                speed: state.velocity,
+                acceleration: state.acceleration,
+                time: timed.time,
+            };
+        }
+        Ok(())
+    }
+
+    fn set_encoders(&self, axes: Axes<'_>, positions: &[f64]) -> Result<(), DeviceError> {
+        axes.check_command(AXES, "encoder positions", positions.len())?;
+        Err(DeviceError::NotSupported {
+            what: "setting absolute encoders".to_owned(),
+        })
+    }
+}
+
+impl<A: SteeredArm> ControlMode for ArmDevice<A> {
+    fn available_control_modes(&self, axis: AxisIndex) -> Result<Vec<Mode>, DeviceError> {
+        self.control(|arm| arm.available_control_modes(axis))
+    }
+
+    fn read_control_modes(&self, axes: Axes<'_>, out: &mut [Mode]) -> Result<(), DeviceError> {
+        self.control(|arm| arm.read_control_modes(axes, out))
+    }
+
+    fn set_control_modes(&self, axes: Axes<'_>, modes: &[Mode]) -> Result<(), DeviceError> {
+        self.with(|arm| arm.set_control_modes(axes, modes))
+    }
+}
+
+impl<A: SteeredArm> ControlLimits for ArmDevice<A> {
+    fn position_limits(&self, axis: AxisIndex) -> Result<Limits, DeviceError> {
+        self.control(|arm| arm.set_points().position_limits(axis))
+    }
+
+    fn set_position_limits(&self, axis: AxisIndex, limits: Limits) -> Result<(), DeviceError> {
+        self.control(|arm| arm.set_points_mut().set_position_limits(axis, limits))
+    }
+
+    fn velocity_limits(&self, axis: AxisIndex) -> Result<Limits, DeviceError> {
+        self.control(|arm| arm.set_points().velocity_limits(axis))
+    }
+
+    fn set_velocity_limits(&self, axis: AxisIndex, limits: Limits) -> Result<(), DeviceError> {
+        self.control(|arm| arm.set_points_mut().set_velocity_limits(axis, limits))
+    }
+}

@@ -1,0 +1,221 @@
+//! What passes over the bus in a control period.
+
+use std::time::{Duration, Instant};
+
+use super::connect::PuckUnits;
+use super::line::{Line, MOST_FRAMES};
+use super::trouble::During;
+use super::{CanOptions, CanTrouble, Problem, Step};
+use crate::can::BusError;
+use crate::can::puck::{Group, Message, Node, Pendant, Property, mode};
+use crate::kinematics::Joints;
+use crate::simulation::SafetyMode;
+use crate::wam::{AXES, WamModel};
+
+/// Every so many periods the safety module is asked for its mode, and so many questions may stay without answer.
+const WATCH: u64 = 10;
+const UNANSWERED: u32 = 10;
+/// A rotor that seems to have gone on by more than a quarter of a turn in a period is not believed (btclient), counts.
+const JUMP: u32 = 1024;
+/// The largest torque there is room for: 13 bits and a sign.
+const LARGEST: f64 = 8191.0;
+
+/// An arm that is ready for control.
+pub(super) struct Link {
+    line: Line,
+    units: Vec<PuckUnits>,
+    /// In which groups positions are asked for, each once.
+    groups: Vec<Group>,
+    /// Which frames of torques there are, each once.
+    torque_groups: Vec<Group>,
+    options: CanOptions,
+    counts: [i32; AXES],
+    missed: [u32; AXES],
+    /// When each position came that is believed.
+    seen: [Instant; AXES],
+    cycles: u64,
+    unanswered: u32,
+    safety: Option<SafetyMode>,
+    pendant: Option<Pendant>,
+    left_out: u64,
+}
+
+impl Link {
+    pub(super) fn new(
+        line: Line,
+        units: Vec<PuckUnits>,
+        options: &CanOptions,
+        counts: [i32; AXES],
+    ) -> Self {
+        Self {
+            line,
+            groups: distinct(units.iter().map(|unit| unit.group)),
+            torque_groups: distinct(units.iter().map(|unit| unit.torque_group)),
+            units,
+            options: *options,
+            counts,
+            missed: [0; AXES],
+            seen: [Instant::now(); AXES],
+            cycles: 0,
+            unanswered: 0,
+            safety: None,
+            pendant: None,
+            left_out: 0,
+        }
+    }
+
+    /// What the safety module lets the arm do; `None` before its first answer.
+    pub(super) fn safety(&self) -> Option<SafetyMode> {
+        self.safety
+    }
+
+    /// What the pendant shows, since the arm is not active.
+    pub(super) fn pendant(&self) -> Option<Pendant> {
+        self.pendant
+    }
+
+    /// How many positions have not come in time so far.
+    pub(super) fn left_out(&self) -> u64 {
+        self.left_out
+    }
+
+    /// Asks all pucks where they are and waits for them; a puck that leaves it out counts as where it was.
+    pub(super) fn positions(&mut self) -> Result<[i32; AXES], CanTrouble> {
+        self.forget_stale().during(Step::Positions)?;
+        self.watch().during(Step::Watch)?;
+        let start = Instant::now();
+        for &group in &self.groups {
+            let question = Message::Get(Property::P);
+            self.line.send(group, question).during(Step::Positions)?;
+        }
+        let deadline = start + self.options.replies;
+        let mut come = [false; AXES];
+        let mut left = MOST_FRAMES;
+        while !come.iter().all(|&come| come) {
+            let heard = self.line.hear(deadline, &mut left);
+            let Some((from, message)) = heard.during(Step::Positions)? else {
+                break;
+            };
+            self.note(from, message);
+            if let Message::Position { motor: counts, .. } = message
+                && let Some(motor) = from.motor(AXES)
+                && self.is_believable(motor, counts, start)
+            {
+                come[motor] = true;
+                self.counts[motor] = counts;
+                self.seen[motor] = start;
+            }
+        }
+        self.cycles += 1;
+        for (motor, come) in come.into_iter().enumerate() {
+            self.missed[motor] = if come { 0 } else { self.missed[motor] + 1 };
+            self.left_out += u64::from(!come);
+            if self.missed[motor] > self.options.tolerated {
+                let node = Node::of_motor(motor);
+                return Err(Problem::Silent { node }).during(Step::Positions);
+            }
+        }
+        Ok(self.counts)
+    }
+
+    /// Answers that came after the end of their period.
+    fn forget_stale(&mut self) -> Result<(), BusError> {
+        let now = Instant::now();
+        let mut left = MOST_FRAMES;
+        while let Some((from, message)) = self.line.hear(now, &mut left)? {
+            self.note(from, message);
+        }
+        Ok(())
+    }
+
+    /// A rotor cannot have turned further than so; in a longer time it can go further.
+    fn is_believable(&self, motor: usize, counts: i32, now: Instant) -> bool {
+        let time = now.saturating_duration_since(self.seen[motor]);
+        let periods = time.as_secs_f64() / self.options.period.as_secs_f64();
+        let most = f64::from(JUMP) * periods.max(1.0);
+        f64::from(counts.abs_diff(self.counts[motor])) <= most
+    }
+
+    /// Asks the safety module for its mode, and for what the pendant shows when the arm is not active.
+    fn watch(&mut self) -> Result<(), Problem> {
+        if !self.cycles.is_multiple_of(WATCH) {
+            return Ok(());
+        }
+        if self.unanswered >= UNANSWERED {
+            return Err(Problem::Silent { node: Node::SAFETY });
+        }
+        self.unanswered += 1;
+        self.line.send(Node::SAFETY, Message::Get(Property::MODE))?;
+        if self.safety.is_some() && self.safety != Some(SafetyMode::Active) {
+            self.line.send(Node::SAFETY, Message::Get(Property::PEN))?;
+        }
+        Ok(())
+    }
+
+    /// Takes note of what the safety module says.
+    fn note(&mut self, from: Node, message: Message) {
+        let Message::Value { property, value } = message else {
+            return;
+        };
+        if from != Node::SAFETY {
+            return;
+        }
+        if property == Property::MODE {
+            let now = match value {
+                mode::IDLE_OR_STOPPED => SafetyMode::EmergencyStop,
+                mode::SAFETY_IDLE => SafetyMode::Idle,
+                mode::TORQUE_OR_ACTIVE => SafetyMode::Active,
+                _ => return,
+            };
+            self.unanswered = 0;
+            self.safety = Some(now);
+            if now == SafetyMode::Active {
+                self.pendant = None;
+            }
+        } else if property == Property::PEN {
+            self.pendant = Some(Pendant::of_bits(value));
+        }
+    }
+
+    /// Sends torques, Nm at the joints, as whole units of the motors.
+    pub(super) fn drive(
+        &mut self,
+        model: &WamModel<AXES>,
+        torques: &Joints<AXES>,
+    ) -> Result<(), CanTrouble> {
+        let motors = model.transmission.motor_torques(torques);
+        for &group in &self.torque_groups {
+            let mut slots = [0; 4];
+            for (motor, unit) in self.units.iter().enumerate() {
+                if unit.torque_group == group {
+                    let most = unit.largest.min(LARGEST);
+                    let units = (unit.per_newton_metre * motors[motor]).floor();
+                    // What is no number becomes 0.
+                    slots[unit.slot] = units.clamp(-most, most) as i16;
+                }
+            }
+            let message = Message::Torques(slots);
+            self.line.send(group, message).during(Step::Torques)?;
+        }
+        Ok(())
+    }
+
+    /// Has the safety module brake the arm, if it still hears us.
+    pub(super) fn brake(&mut self) {
+        // Where it does not, it brakes by itself: torques have ended.
+        let _ = self
+            .line
+            .tell(Node::SAFETY, Property::MODE, mode::SAFETY_IDLE);
+        let _ = self.line.pause(Duration::from_millis(1));
+    }
+}
+
+fn distinct(groups: impl Iterator<Item = Group>) -> Vec<Group> {
+    let mut found = Vec::new();
+    for group in groups {
+        if !found.contains(&group) {
+            found.push(group);
+        }
+    }
+    found
+}

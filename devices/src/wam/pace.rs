@@ -1,0 +1,60 @@
+//! A thread that does something every so often.
+
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// The most time that is made up for. After a longer pause of the machine the loop goes on from where it was.
+const LONGEST_PAUSE: Duration = Duration::from_millis(100);
+/// A period of 0 would never end.
+const SHORTEST: Duration = Duration::from_micros(100);
+
+/// Periods that do not drift: the n-th ends n periods after the start.
+#[derive(Debug)]
+pub(super) struct Pace {
+    period: Duration,
+    deadline: Instant,
+    late: u64,
+}
+
+impl Pace {
+    pub(super) fn new(period: Duration) -> Self {
+        let period = period.max(SHORTEST);
+        Self {
+            period,
+            deadline: Instant::now() + period,
+            late: 0,
+        }
+    }
+
+    /// Waits for the end of the period; false if the loop shall end. Wakes up at once when the thread is unparked.
+    pub(super) fn wait(&mut self, is_ending: impl Fn() -> bool) -> bool {
+        loop {
+            if is_ending() {
+                return false;
+            }
+            let now = Instant::now();
+            if now >= self.deadline {
+                self.go_on(now);
+                return true;
+            }
+            // May wake early, then the loop comes back here.
+            thread::park_timeout(self.deadline - now);
+        }
+    }
+
+    fn go_on(&mut self, now: Instant) {
+        let lateness = now - self.deadline;
+        if lateness > self.period {
+            self.late += 1;
+        }
+        if lateness > LONGEST_PAUSE {
+            self.deadline = now;
+        }
+        self.deadline += self.period;
+    }
+
+    /// How many periods began more than a period late.
+    pub(super) fn late(&self) -> u64 {
+        self.late
+    }
+}

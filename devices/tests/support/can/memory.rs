@@ -1,0 +1,126 @@
+//! A bus in memory. Time at its other end goes with the traffic: a control period for each question where all motors are, so
+//! that nothing depends on how busy the machine is.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use yarp_devices::can::{BusError, CanBus, Frame};
+use yarp_devices::simulation::{SimulatedPucks, SimulatorOptions};
+use yarp_devices::wam::WamModel;
+use yarp_devices::wam::can::OpenBus;
+
+use super::{Hook, Plug, Rig, Shared, Switch, run_hook};
+
+const PERIOD: Duration = Duration::from_millis(2);
+
+/// Changes what the host hears.
+pub type Noise = Box<dyn FnMut(Vec<Frame>) -> Vec<Frame> + Send>;
+
+pub struct Memory {
+    pucks: Shared<SimulatedPucks>,
+    hook: Shared<Option<Hook>>,
+    wire: Shared<Wire>,
+}
+
+#[derive(Default)]
+pub struct Wire {
+    to_host: VecDeque<Frame>,
+    failure: Option<BusError>,
+    pub noise: Option<Noise>,
+}
+
+impl Memory {
+    pub fn new() -> Self {
+        let pucks = SimulatedPucks::new(WamModel::<7>::new(), SimulatorOptions::default());
+        Self {
+            pucks: Shared::new(pucks),
+            hook: Shared::new(None),
+            wire: Shared::new(Wire::default()),
+        }
+    }
+
+    pub fn wire(&self) -> &Shared<Wire> {
+        &self.wire
+    }
+}
+
+struct End {
+    pucks: Shared<SimulatedPucks>,
+    hook: Shared<Option<Hook>>,
+    wire: Shared<Wire>,
+}
+
+impl CanBus for End {
+    fn send(&mut self, frame: &Frame) -> Result<(), BusError> {
+        run_hook(&self.hook, frame);
+        let mut wire = self.wire.lock();
+        if let Some(failure) = &wire.failure {
+            return Err(failure.clone());
+        }
+        let mut answers = Vec::new();
+        let mut pucks = self.pucks.lock();
+        if SimulatedPucks::asks_for_positions(frame) {
+            pucks.advance(PERIOD, &mut answers);
+        }
+        pucks.receive(frame, &mut answers);
+        if let Some(noise) = &mut wire.noise {
+            answers = noise(answers);
+        }
+        wire.to_host.extend(answers);
+        Ok(())
+    }
+
+    fn receive(&mut self, _: Instant) -> Result<Option<Frame>, BusError> {
+        let mut wire = self.wire.lock();
+        match &wire.failure {
+            Some(failure) => Err(failure.clone()),
+            None => Ok(wire.to_host.pop_front()),
+        }
+    }
+}
+
+impl Rig for Memory {
+    fn open(&self) -> OpenBus {
+        let (pucks, hook, wire) = (self.pucks.clone(), self.hook.clone(), self.wire.clone());
+        Box::new(move || {
+            if let Some(failure) = &wire.lock().failure {
+                return Err(failure.clone());
+            }
+            Ok(Box::new(End {
+                pucks: pucks.clone(),
+                hook: hook.clone(),
+                wire: wire.clone(),
+            }))
+        })
+    }
+
+    fn pucks(&self) -> &Shared<SimulatedPucks> {
+        &self.pucks
+    }
+
+    fn hook(&self) -> &Shared<Option<Hook>> {
+        &self.hook
+    }
+
+    fn switch(&self) -> Switch {
+        let (pucks, wire) = (self.pucks.clone(), self.wire.clone());
+        Arc::new(move |plug| {
+            let mut wire = wire.lock();
+            wire.failure = match plug {
+                Plug::PutBack => None,
+                Plug::BusOff => Some(BusError::Off),
+                Plug::Pull => Some(BusError::Down {
+                    why: "the plug was pulled".into(),
+                }),
+            };
+            wire.to_host.clear();
+            if plug != Plug::PutBack {
+                // Longer than the safety module bears silence.
+                pucks
+                    .lock()
+                    .advance(Duration::from_secs(1), &mut Vec::new());
+            }
+        })
+    }
+}

@@ -1,0 +1,109 @@
+//! An arm on a bus with simulated pucks at the other end, in memory or in the kernel, and what must hold for both.
+
+#![allow(dead_code, unreachable_pub)]
+
+pub mod memory;
+pub mod scenarios;
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use yarp_devices::can::puck::{Address, Message};
+use yarp_devices::can::{BusError, CanBus, Frame};
+use yarp_devices::simulation::SimulatedPucks;
+use yarp_devices::wam::can::OpenBus;
+
+/// What happens before the pucks hear a frame; true ends it.
+pub type Hook = Box<dyn FnMut(&Frame) -> bool + Send>;
+
+/// A bus with simulated pucks.
+pub trait Rig: Sync {
+    /// The driver's way onto the bus.
+    fn open(&self) -> OpenBus;
+    /// The other end.
+    fn pucks(&self) -> &Shared<SimulatedPucks>;
+    /// What happens before pucks hear frames.
+    fn hook(&self) -> &Shared<Option<Hook>>;
+    /// Takes the bus away, as when the plug is pulled, or gives it back. May be called by a hook.
+    fn switch(&self) -> Switch;
+}
+
+/// What must hold, by its name.
+pub type Scenario = (&'static str, fn(&dyn Rig));
+
+/// The plug of the bus.
+pub type Switch = Arc<dyn Fn(Plug) + Send + Sync>;
+
+/// What is done to the plug.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Plug {
+    Pull,
+    PutBack,
+    /// The controller leaves the bus.
+    BusOff,
+}
+
+/// Something that two threads use.
+#[derive(Debug)]
+pub struct Shared<T>(pub Arc<Mutex<T>>);
+
+impl<T> Shared<T> {
+    pub fn new(value: T) -> Self {
+        Self(Arc::new(Mutex::new(value)))
+    }
+
+    pub fn lock(&self) -> MutexGuard<'_, T> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl<T> Clone for Shared<T> {
+    fn clone(&self) -> Self {
+        Self(Arc::clone(&self.0))
+    }
+}
+
+/// Lets the hook see a frame, and forgets it when it is done.
+pub fn run_hook(hook: &Shared<Option<Hook>>, frame: &Frame) {
+    // Out of the lock while it runs: it may take its time.
+    let Some(mut found) = hook.lock().take() else {
+        return;
+    };
+    if !found(frame) {
+        hook.lock().get_or_insert(found);
+    }
+}
+
+/// The pucks' end of a bus, where hooks see what comes.
+pub struct Hooked<B> {
+    pub bus: B,
+    pub hook: Shared<Option<Hook>>,
+}
+
+impl<B: CanBus> CanBus for Hooked<B> {
+    fn send(&mut self, frame: &Frame) -> Result<(), BusError> {
+        self.bus.send(frame)
+    }
+
+    fn receive(&mut self, deadline: Instant) -> Result<Option<Frame>, BusError> {
+        let frame = self.bus.receive(deadline)?;
+        if let Some(frame) = &frame {
+            run_hook(&self.hook, frame);
+        }
+        Ok(frame)
+    }
+}
+
+/// Whether a frame says this to this receiver.
+pub fn says(frame: &Frame, address: Address, message: Message) -> bool {
+    Message::read(frame) == Ok((address, message))
+}
+
+/// Waits for what shall come true.
+pub fn until(what: &str, mut holds: impl FnMut() -> bool) {
+    let deadline = Instant::now() + Duration::from_secs(120);
+    while !holds() {
+        assert!(Instant::now() < deadline, "never came: {what}");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}

@@ -1,0 +1,363 @@
+//! What must hold for an arm on any bus.
+
+use std::time::Duration;
+
+use yarp_devices::can::puck::{Address, Group, Message, Node, Property, status};
+use yarp_devices::simulation::{SafetyLimits, SafetyMode};
+use yarp_devices::wam::WamModel;
+use yarp_devices::wam::can::{CanOptions, CanWam};
+use yarp_devices::{
+    Axes, AxisIndex, ControlMode, DeviceError, Encoders, JointFault, Mode, PositionControl,
+};
+
+use super::{Plug, Rig, Scenario, says, until};
+
+const ELBOW: Axes<'static> = Axes::One(AxisIndex::new(3));
+/// Where the elbow is at home, degrees.
+const FOLDED: f64 = 179.3;
+
+/// The name of each, and what it does.
+pub const ALL: [Scenario; 9] = [
+    ("an_arm_is_found_and_moves", an_arm_is_found_and_moves),
+    (
+        "a_puck_that_falls_silent_is_named_in_every_phase",
+        a_puck_that_falls_silent_is_named_in_every_phase,
+    ),
+    (
+        "a_plug_pulled_in_any_phase_names_the_step",
+        a_plug_pulled_in_any_phase_names_the_step,
+    ),
+    (
+        "a_plug_pulled_in_a_move_leaves_the_arm_held_until_it_is_found_again",
+        a_plug_pulled_in_a_move_leaves_the_arm_held_until_it_is_found_again,
+    ),
+    (
+        "bus_off_is_told_and_the_arm_is_found_again",
+        bus_off_is_told_and_the_arm_is_found_again,
+    ),
+    (
+        "a_silent_puck_has_the_arm_braked",
+        a_silent_puck_has_the_arm_braked,
+    ),
+    (
+        "a_puck_that_restarts_has_lost_its_position",
+        a_puck_that_restarts_has_lost_its_position,
+    ),
+    (
+        "the_safety_module_stops_a_push_and_says_why",
+        the_safety_module_stops_a_push_and_says_why,
+    ),
+    (
+        "limits_reach_the_safety_module",
+        limits_reach_the_safety_module,
+    ),
+];
+
+/// Tries again soon, and knows the rotors' angles at home: the simulated arm sinks onto its stops while it is idle.
+pub fn options() -> CanOptions {
+    let model = WamModel::<7>::new();
+    CanOptions {
+        marks: Some(model.transmission.counts(&model.home)),
+        retry: Duration::from_millis(20),
+        ..CanOptions::default()
+    }
+}
+
+pub fn start(rig: &dyn Rig) -> CanWam {
+    CanWam::start(WamModel::<7>::new(), options(), rig.open()).expect("the arm is found")
+}
+
+/// An arm whose pendant was pressed.
+pub fn active(rig: &dyn Rig) -> CanWam {
+    let arm = start(rig);
+    activate(rig, &arm);
+    arm
+}
+
+/// Presses the buttons once the arm is there and stands, as a careful operator.
+fn activate(rig: &dyn Rig, arm: &CanWam) {
+    until("an arm that stands", || {
+        arm.status().connected && rig.pucks().lock().simulator().speed() < 0.05
+    });
+    rig.pucks().lock().press_idle();
+    rig.pucks().lock().press_activate();
+    until("position mode once the pendant is pressed", || {
+        modes(arm) == [Mode::Position; 7]
+    });
+}
+
+pub fn modes(arm: &CanWam) -> [Mode; 7] {
+    let mut modes = [Mode::UNKNOWN; 7];
+    arm.read_control_modes(Axes::All, &mut modes)
+        .expect("seven slots");
+    modes
+}
+
+/// Where the elbow truly is, degrees.
+pub fn elbow(rig: &dyn Rig) -> f64 {
+    rig.pucks().lock().simulator().angles()[3].to_degrees()
+}
+
+pub fn move_elbow(rig: &dyn Rig, arm: &CanWam, degrees: f64) {
+    arm.set_reference_speeds(ELBOW, &[40.0]).expect("a speed");
+    arm.position_move(ELBOW, &[degrees]).expect("it may move");
+    until("the end of a move", || arm.motion_done(ELBOW).unwrap());
+    let (there, off) = (elbow(rig), (elbow(rig) - degrees).abs());
+    assert!(off < 2.0, "it is at {there}, asked for {degrees}");
+}
+
+pub fn an_arm_is_found_and_moves(rig: &dyn Rig) {
+    let arm = start(rig);
+    until("an answer of the safety module", || {
+        arm.status().safety.is_some()
+    });
+    assert_eq!(arm.status().safety, Some(SafetyMode::Idle));
+    assert_eq!(modes(&arm), [Mode::HardwareFault; 7]);
+    let refused = arm.position_move(ELBOW, &[150.0]);
+    assert!(matches!(refused, Err(DeviceError::WrongMode { .. })));
+    let why = arm.last_fault(3.into()).unwrap().message;
+    assert!(why.contains("Shift and Activate"), "{why}");
+    let folded = arm.encoder_readings(ELBOW).unwrap()[0].position;
+    assert!((folded - FOLDED).abs() < 2.0, "{folded}");
+    activate(rig, &arm);
+    assert_eq!(arm.last_fault(3.into()).unwrap().code, 0);
+    move_elbow(rig, &arm, 165.0);
+    let measured = arm.encoder_readings(ELBOW).unwrap()[0].position;
+    assert!(
+        (measured - elbow(rig)).abs() < 0.2,
+        "{measured}, truly {}",
+        elbow(rig)
+    );
+    drop(arm);
+    until("the arm braked as its driver ends", || {
+        safety(rig) == SafetyMode::Idle
+    });
+}
+
+fn safety(rig: &dyn Rig) -> SafetyMode {
+    rig.pucks().lock().simulator().safety().mode()
+}
+
+/// The first frame of each phase of the start-up, and what the driver calls the phase.
+fn phases(node: Node) -> Vec<(&'static str, Message)> {
+    let get = Message::Get;
+    let mut phases = vec![
+        ("looking for pucks", get(Property::STAT)),
+        (
+            "waking pucks",
+            Message::Value {
+                property: Property::STAT,
+                value: status::READY,
+            },
+        ),
+        ("identifying pucks", get(Property::VERS)),
+    ];
+    if node == Node::SAFETY {
+        phases.push((
+            "setting the limits of the safety module",
+            get(Property::VL1),
+        ));
+        phases.push(("telling the pucks where they are", get(Property::ZERO)));
+    } else {
+        phases.push(("reading the units of pucks", get(Property::CTS)));
+        phases.push(("telling the pucks where they are", get(Property::P)));
+    }
+    phases
+}
+
+/// Does something when this is said to a node, before it hears it.
+fn when(rig: &dyn Rig, node: Node, message: Message, what: impl Fn() + Send + 'static) {
+    let address = Address::from_host(node);
+    *rig.hook().lock() = Some(Box::new(move |frame| {
+        let now = says(frame, address, message);
+        if now {
+            what();
+        }
+        now
+    }));
+}
+
+fn refusal(rig: &dyn Rig) -> String {
+    CanWam::start(WamModel::<7>::new(), options(), rig.open())
+        .map(|_| ())
+        .expect_err("somebody is missing")
+        .to_string()
+}
+
+pub fn a_puck_that_falls_silent_is_named_in_every_phase(rig: &dyn Rig) {
+    for node in [Node::of_motor(4), Node::SAFETY] {
+        for (step, message) in phases(node) {
+            let pucks = rig.pucks().clone();
+            when(rig, node, message, move || {
+                pucks.lock().set_silent(node, true);
+            });
+            let told = refusal(rig);
+            assert!(told.contains(step), "{step}: {told}");
+            let silent = format!("{node} is silent");
+            assert!(told.contains(&silent), "{step}: {told}");
+            rig.pucks().lock().set_silent(node, false);
+            switch_off_and_on(rig);
+        }
+    }
+}
+
+/// All pucks restart, so that the next start-up has every phase; safety module included, as far as positions go.
+fn switch_off_and_on(rig: &dyn Rig) {
+    let mut pucks = rig.pucks().lock();
+    for motor in 0..7 {
+        pucks.restart_motor(motor);
+    }
+    pucks.restart_safety();
+}
+
+pub fn a_plug_pulled_in_any_phase_names_the_step(rig: &dyn Rig) {
+    let node = Node::of_motor(2);
+    for (step, message) in phases(node) {
+        let switch = rig.switch();
+        when(rig, node, message, move || switch(Plug::Pull));
+        let told = refusal(rig);
+        assert!(told.contains(step), "{step}: {told}");
+        (rig.switch())(Plug::PutBack);
+        switch_off_and_on(rig);
+    }
+    let arm = active(rig);
+    move_elbow(rig, &arm, 172.0);
+}
+
+pub fn a_plug_pulled_in_a_move_leaves_the_arm_held_until_it_is_found_again(rig: &dyn Rig) {
+    let arm = active(rig);
+    arm.position_move(ELBOW, &[100.0]).unwrap();
+    until("the move on its way", || elbow(rig) < 174.0);
+    (rig.switch())(Plug::Pull);
+    until("the loss noticed", || !arm.status().connected);
+    let refused = arm.position_move(ELBOW, &[90.0]).unwrap_err().to_string();
+    assert!(refused.contains("the arm on the CAN bus"), "{refused}");
+    assert!(refused.contains("down"), "{refused}");
+    assert!(arm.encoder_readings(ELBOW).is_err());
+    assert_eq!(arm.last_fault(3.into()).unwrap().code, 1);
+    until("braked by the missing heartbeat", || {
+        safety(rig) == SafetyMode::Idle
+    });
+    let held = elbow(rig);
+    (rig.switch())(Plug::PutBack);
+    until("the arm found again", || {
+        let status = arm.status();
+        status.connected && status.connections == 2
+    });
+    // Nothing goes on by itself: the pendant decides, and then it holds.
+    until("hardware fault", || modes(&arm) == [Mode::HardwareFault; 7]);
+    activate(rig, &arm);
+    let now = elbow(rig);
+    assert!(
+        (now - held).abs() < 5.0,
+        "it was held at {held}, is at {now}"
+    );
+    let target = arm.target_positions(ELBOW).unwrap()[0];
+    assert!((target - now).abs() < 5.0, "{target} and {now}");
+    move_elbow(rig, &arm, now - 4.0);
+}
+
+pub fn bus_off_is_told_and_the_arm_is_found_again(rig: &dyn Rig) {
+    let arm = active(rig);
+    (rig.switch())(Plug::BusOff);
+    until("bus-off told", || {
+        let trouble = arm.status().trouble;
+        trouble.is_some_and(|trouble| trouble.to_string().contains("bus-off"))
+    });
+    (rig.switch())(Plug::PutBack);
+    until("the arm found again", || {
+        let status = arm.status();
+        status.connected && status.connections >= 2
+    });
+    activate(rig, &arm);
+    move_elbow(rig, &arm, 172.0);
+}
+
+pub fn a_silent_puck_has_the_arm_braked(rig: &dyn Rig) {
+    let arm = active(rig);
+    for node in [Node::of_motor(4), Node::SAFETY] {
+        let found = arm.status().connections;
+        rig.pucks().lock().set_silent(node, true);
+        until("the loss noticed", || !arm.status().connected);
+        let refused = arm.position_move(ELBOW, &[90.0]).unwrap_err().to_string();
+        assert!(refused.contains(&format!("{node} is silent")), "{refused}");
+        if node != Node::SAFETY {
+            until("braked", || safety(rig) == SafetyMode::Idle);
+        }
+        rig.pucks().lock().set_silent(node, false);
+        until("the arm found again", || {
+            arm.status().connected && arm.status().connections > found
+        });
+        activate(rig, &arm);
+    }
+}
+
+pub fn a_puck_that_restarts_has_lost_its_position(rig: &dyn Rig) {
+    let arm = active(rig);
+    rig.pucks().lock().restart_motor(1);
+    until("the lost position told", || {
+        let trouble = arm.status().trouble;
+        trouble.is_some_and(|trouble| trouble.to_string().contains("lost its position"))
+    });
+    rig.pucks().lock().press_activate();
+    let refused = arm.position_move(ELBOW, &[90.0]).unwrap_err().to_string();
+    assert!(refused.contains("home pose"), "{refused}");
+}
+
+pub fn the_safety_module_stops_a_push_and_says_why(rig: &dyn Rig) {
+    let arm = active(rig);
+    move_elbow(rig, &arm, 160.0);
+    rig.pucks()
+        .lock()
+        .simulator_mut()
+        .push([900.0, 900.0, 0.0].into());
+    until("a velocity fault", || {
+        arm.last_fault(0.into())
+            .unwrap()
+            .message
+            .contains("velocity")
+    });
+    rig.pucks().lock().simulator_mut().push([0.0; 3].into());
+    assert_eq!(modes(&arm), [Mode::HardwareFault; 7]);
+    activate(rig, &arm);
+    rig.pucks().lock().press_stop();
+    until("the red button told", || {
+        arm.last_fault(0.into())
+            .unwrap()
+            .message
+            .contains("emergency stop")
+    });
+    assert!(arm.status().connected);
+}
+
+pub fn limits_reach_the_safety_module(rig: &dyn Rig) {
+    let limits = SafetyLimits {
+        velocity_warning: 0.25,
+        velocity_fault: 0.75,
+        torque_warning: 500.0,
+        torque_fault: 1000.0,
+        ..SafetyLimits::default()
+    };
+    let options = CanOptions {
+        limits,
+        ..options()
+    };
+    let arm = CanWam::start(WamModel::<7>::new(), options, rig.open()).expect("the arm is found");
+    assert_eq!(rig.pucks().lock().simulator().safety().limits(), limits);
+    activate(rig, &arm);
+    // The elbow's motor cannot have as much as this takes.
+    let mut gains = arm.control(|arm| arm.gains(3.into())).unwrap();
+    gains.proportional *= 100.0;
+    arm.control(|arm| arm.set_gains(3.into(), gains)).unwrap();
+    arm.position_move(ELBOW, &[120.0]).unwrap();
+    until("a torque fault", || {
+        arm.last_fault(0.into()).unwrap().message.contains("torque")
+    });
+}
+
+/// Whether a frame has torques in it.
+pub fn is_torque(frame: &yarp_devices::can::Frame) -> bool {
+    [Group::LOWER_TORQUES, Group::UPPER_TORQUES]
+        .iter()
+        .any(|&group| frame.id() == Address::from_host(group).id())
+}
