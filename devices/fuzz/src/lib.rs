@@ -3,6 +3,6 @@
 //!
 //! The same functions are replayed over the committed corpora by the tests `*fuzz_corpus.rs`.
 
-pub mod hand;
 pub mod can;
 pub mod embedded;
+pub mod hand;
