@@ -146,6 +146,15 @@ for server in ours stock; do
     suite "modifiers of carriers, server: $server" \
         "$with_stock" "$python" conformance/live/monitors.py "$ours"
     suite "yarp up ends cleanly" bash -c "kill -INT $arm; for i in \$(seq 100); do kill -0 $arm 2>/dev/null || exit 0; sleep 0.1; done; exit 1"
+    line=$work/$server/line-of-the-hand
+    "$ours" hand-sim --link "$line" >"$work/hand-sim.log" 2>&1 &
+    running+=($!)
+    until_ok test -e "$line"
+    "$ours" hand-board --serial "$line" >"$work/hand-board.log" 2>&1 &
+    running+=($!)
+    until_ok "$ours" exists /hand/stateExt:o
+    suite "stock remote_controlboard moves the fingers of a hand, server: $server" \
+        "$with_stock" "$python" conformance/live/hand.py /hand
     left=$("$ours" name list | grep -c ' /wam/' || true)
     suite "no name is left behind" test "$left" = 0
 

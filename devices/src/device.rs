@@ -2,9 +2,9 @@
 
 use crate::{
     AmplifierControl, AxisInfo, ControlCalibration, ControlLimits, ControlMode, CurrentControl,
-    Encoders, ImpedanceControl, InteractionMode, JointBrake, JointFault, Motor, MotorEncoders,
-    PidControl, PositionControl, PositionDirect, PwmControl, RemoteCalibrator, RemoteVariables,
-    TorqueControl, VelocityControl, VelocityDirect,
+    Encoders, Grasp, Hand, ImpedanceControl, InteractionMode, JointBrake, JointFault, Motor,
+    MotorEncoders, PidControl, PositionControl, PositionDirect, PwmControl, RemoteCalibrator,
+    RemoteVariables, TorqueControl, VelocityControl, VelocityDirect,
 };
 
 /// A device, seen as the set of interfaces it has.
@@ -139,6 +139,16 @@ pub trait Device: Send + Sync {
 
     /// Brakes (`IJointBrake`).
     fn joint_brake(&self) -> Option<&dyn JointBrake> {
+        None
+    }
+
+    /// A hand as a whole; no stock interface is like it.
+    fn hand(&self) -> Option<&dyn Hand> {
+        None
+    }
+
+    /// Grasps by name; no stock interface is like it.
+    fn grasp(&self) -> Option<&dyn Grasp> {
         None
     }
 }

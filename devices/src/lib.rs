@@ -6,6 +6,7 @@
 //! * [`fake`]: simulated axes, as pure models without clock or thread.
 //! * [`wam`]: the seven-joint WAM arm: simulated, ideal or with masses, friction and control; or real, over CAN.
 //! * [`kinematics`], [`dynamics`], [`trajectory`], [`simulation`]: the mathematics of an arm, in radians.
+//! * [`hand`]: the BarrettHand on its serial line, and a simulated one at the other end of such a line.
 //! * [`embedded`]: the arm behind its embedded PC, driver and server.
 //! * [`guard`]: limits and a watchdog around any device.
 //! * [`checks`]: behaviours that every device with these interfaces must show.
@@ -37,6 +38,7 @@ pub mod embedded;
 mod error;
 pub mod fake;
 pub mod guard;
+pub mod hand;
 pub mod iface;
 pub mod kinematics;
 mod random;
@@ -49,11 +51,12 @@ pub use device::Device;
 pub use error::DeviceError;
 pub use iface::{
     AmplifierControl, AmplifierLimit, AxisInfo, CalibrationParameters, ControlCalibration,
-    ControlLimits, ControlMode, CurrentControl, EncoderReading, Encoders, Fault, Impedance,
-    ImpedanceControl, ImpedanceLimits, Interaction, InteractionMode, JointBrake, JointFault,
-    JointType, Limits, Mode, MotionControl, Motor, MotorEncoders, MotorTorqueParameters, Pid,
-    PidControl, PidKind, PidValue, PositionControl, PositionDirect, PwmControl, RemoteCalibrator,
-    RemoteVariables, TorqueControl, VariableValue, VelocityControl, VelocityDirect,
+    ControlLimits, ControlMode, CurrentControl, EncoderReading, Encoders, Fault, Grasp, GraspKind,
+    Hand, Impedance, ImpedanceControl, ImpedanceLimits, Interaction, InteractionMode, JointBrake,
+    JointFault, JointType, Limits, Mode, MotionControl, Motor, MotorEncoders,
+    MotorTorqueParameters, Pid, PidControl, PidKind, PidValue, PositionControl, PositionDirect,
+    PwmControl, RemoteCalibrator, RemoteVariables, TorqueControl, UnknownGrasp, VariableValue,
+    VelocityControl, VelocityDirect,
 };
 
 /// Compiles the example of the README.

@@ -9,6 +9,10 @@ mod detect;
 mod dev;
 mod disconnect;
 mod exists;
+mod hand_board;
+mod hand_node;
+#[cfg(unix)]
+mod hand_sim;
 mod help;
 mod name;
 mod namespace;
@@ -52,6 +56,13 @@ pub(crate) enum Command {
     Dev(dev::Args),
     Disconnect(disconnect::Args),
     Exists(exists::Args),
+    #[command(name = "hand-board")]
+    HandBoard(hand_board::Args),
+    #[command(name = "hand-node")]
+    HandNode(hand_node::Args),
+    #[cfg(unix)]
+    #[command(name = "hand-sim")]
+    HandSim(hand_sim::Args),
     Help(help::Args),
     Name(name::Args),
     Namespace(namespace::Args),
@@ -92,6 +103,10 @@ impl Command {
             Self::Dev(args) => dev::run(args, out).await,
             Self::Disconnect(args) => disconnect::run(args, out).await,
             Self::Exists(args) => exists::run(args, out).await,
+            Self::HandBoard(args) => hand_board::run(args, out).await,
+            Self::HandNode(args) => hand_node::run(args, out).await,
+            #[cfg(unix)]
+            Self::HandSim(args) => hand_sim::run(args, out).await,
             Self::Help(args) => help::run(args, out),
             Self::Name(args) => name::run(args, out).await,
             Self::Namespace(args) => namespace::run(args, out),

@@ -1,0 +1,65 @@
+//! `yarp hand-board`: a hand as a control board.
+
+use std::io::Write;
+use std::process::ExitCode;
+use std::sync::Arc;
+
+use yarp_devices::hand::{BarrettHand, HandBoard, HandOptions};
+use yarp_devices::{DeviceError, Hand};
+use yarp_ports::{Network, PortError};
+use yarp_wire::PortName;
+use yarp_wrappers::{ControlBoardOptions, ControlBoardServer, OpenError};
+
+use crate::error::Result;
+use crate::signals::Interrupt;
+
+/// serve a BarrettHand on a serial line as a control board
+///
+/// Serves the four motors of a BarrettHand as a control board: three fingers and the spread, in degrees.
+///
+/// The hand is initialised first: its fingers open.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The serial line of the hand, for instance /dev/ttyUSB0 or what `yarp hand-sim` prints
+    #[arg(long, value_name = "PATH")]
+    serial: String,
+    /// The speed of the line, bits per second
+    #[arg(long, value_name = "BAUD", default_value_t = 9600)]
+    baud: u32,
+    /// What the ports of the hand have in front of their names
+    #[arg(long, value_name = "PREFIX", default_value = "/hand")]
+    name: String,
+}
+
+pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
+    args.name.parse::<PortName>().map_err(PortError::from)?;
+    let mut interrupt = Interrupt::listen();
+    let network = Network::from_process()?;
+    let options = HandOptions::new(&args.serial).baud(args.baud);
+    let path = args.serial.clone();
+    let opening = tokio::task::spawn_blocking(move || ready(options, &path));
+    let hand = tokio::select! {
+        biased;
+        () = interrupt.heard() => return Ok(ExitCode::SUCCESS),
+        hand = opening => hand.expect("opening a hand does not panic")?,
+    };
+    let options = ControlBoardOptions::new();
+    let board = ControlBoardServer::open(&network, Arc::new(hand), &args.name, options).await;
+    let board = match board {
+        Ok(board) => board,
+        Err(OpenError::Port { source, .. }) => return Err(source.into()),
+        Err(error) => return Err(error.into()),
+    };
+    writeln!(out, "Hand on {}, served as {}", args.serial, args.name)?;
+    out.flush()?;
+    interrupt.heard().await;
+    board.close().await;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn ready(options: HandOptions, path: &str) -> std::result::Result<HandBoard, DeviceError> {
+    let hand = BarrettHand::open(options).map_err(|error| error.at(path))?;
+    let board = HandBoard::start(hand)?;
+    board.initialise()?;
+    Ok(board)
+}

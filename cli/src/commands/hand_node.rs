@@ -1,0 +1,56 @@
+//! `yarp hand-node`: the server beside a hand.
+
+use std::io::Write;
+use std::net::ToSocketAddrs;
+use std::process::ExitCode;
+use std::sync::Arc;
+
+use yarp_devices::DeviceError;
+use yarp_devices::hand::node::HandNode;
+use yarp_devices::hand::{BarrettHand, HandOptions};
+
+use crate::error::Result;
+use crate::signals::Interrupt;
+
+/// serve a BarrettHand on a serial line to a driver elsewhere
+///
+/// Connects to a driver that waits on a TCP port, and carries out its requests on the hand at the end of a serial line.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The serial line of the hand, for instance /dev/ttyUSB0 or what `yarp hand-sim` prints
+    #[arg(long, value_name = "PATH")]
+    serial: String,
+    /// The speed of the line, bits per second
+    #[arg(long, value_name = "BAUD", default_value_t = 9600)]
+    baud: u32,
+    /// Where the driver waits
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:4322")]
+    driver: String,
+}
+
+pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
+    let mut interrupt = Interrupt::listen();
+    let driver = args.driver.to_socket_addrs()?.next();
+    let driver = driver.ok_or_else(|| DeviceError::NotSupported {
+        what: format!("a driver at {}", args.driver),
+    })?;
+    let options = HandOptions::new(&args.serial).baud(args.baud);
+    let opening = tokio::task::spawn_blocking(|| BarrettHand::open(options));
+    let hand = tokio::select! {
+        biased;
+        () = interrupt.heard() => return Ok(ExitCode::SUCCESS),
+        hand = opening => hand.expect("opening a hand does not panic"),
+    };
+    let hand = hand.map_err(|error| error.at(&args.serial))?;
+    let node = HandNode::start(Arc::new(hand), driver)?;
+    writeln!(
+        out,
+        "Hand on {}, looking for a driver at {driver}",
+        args.serial
+    )?;
+    out.flush()?;
+    interrupt.heard().await;
+    // Stops a motion under way, which takes a moment.
+    drop(node);
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,44 @@
+//! `yarp hand-sim`: a simulated hand on a serial line.
+
+use std::io::Write;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use yarp_devices::hand::simulated::{SimulatedHand, SimulatedHandOptions};
+
+use crate::error::Result;
+use crate::signals::Interrupt;
+
+/// run a simulated BarrettHand on a serial line
+///
+/// Runs a simulated BarrettHand at the other end of a pseudo-terminal and prints its path, which any program opens as
+/// the serial line of a hand.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// A path that shall lead to the line; otherwise the system chooses one
+    #[arg(long, value_name = "PATH")]
+    link: Option<PathBuf>,
+    /// How much faster than a real hand it is
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = factor)]
+    speed: f64,
+}
+
+fn factor(word: &str) -> std::result::Result<f64, String> {
+    match word.parse::<f64>() {
+        Ok(factor) if (0.01..=1000.0).contains(&factor) => Ok(factor),
+        _ => Err("expected a number from 0.01 to 1000".to_owned()),
+    }
+}
+
+pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
+    let mut interrupt = Interrupt::listen();
+    let mut options = SimulatedHandOptions::new().speed(args.speed);
+    if let Some(link) = args.link {
+        options = options.link(link);
+    }
+    let hand = SimulatedHand::start(options)?;
+    writeln!(out, "{}", hand.path())?;
+    out.flush()?;
+    interrupt.heard().await;
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,82 @@
+"""Moves the fingers of a served hand with stock YARP's own client, and prints `ok` or `FAIL` per check.
+
+    yarp hand-sim --link LINE & yarp hand-board --serial LINE &
+    "$STOCK/bin/python" conformance/live/hand.py /hand
+
+Ends with 1 if any check failed. The network is that of YARP's configuration.
+"""
+
+import os
+import sys
+import time
+
+import yarp
+
+POSITION = yarp.encode("pos")
+VELOCITY = yarp.encode("vel")
+IDLE = yarp.encode("idl")
+# How far from its target a finger may come to rest, degrees.
+CLOSE = 0.5
+
+failures = 0
+
+
+def check(what, good, found=""):
+    """Prints one line."""
+    global failures
+    failures += not good
+    print(f"{'ok  ' if good else 'FAIL'} {what}{f': {found}' if found != '' else ''}", flush=True)
+    return good
+
+
+def eventually(condition, patience=30.0):
+    """Whether it became true."""
+    end = time.monotonic() + patience
+    while time.monotonic() < end:
+        if condition():
+            return True
+        time.sleep(0.01)
+    return False
+
+
+def main():
+    yarp.Network.init()
+    options = yarp.Property()
+    options.put("device", "remote_controlboard")
+    options.put("remote", sys.argv[1])
+    options.put("local", f"/live-{os.getpid()}/hand")
+    driver = yarp.PolyDriver(options)
+    if not check("remote_controlboard opens", driver.isValid()):
+        return 1
+    position, velocity = driver.viewIPositionControl(), driver.viewIVelocityControl()
+    encoders, modes = driver.viewIEncoders(), driver.viewIControlMode()
+    values = yarp.DVector(4)
+
+    def at(axis):
+        return values[axis] if encoders.getEncoders(values) else None
+
+    def near(axis, target):
+        return at(axis) is not None and abs(at(axis) - target) < CLOSE
+
+    def mode(axis, wanted):
+        return modes.setControlMode(axis, wanted) and eventually(lambda: modes.getControlMode(axis) == wanted)
+
+    check("four axes", position.getAxes() == 4)
+    check("position mode", all(mode(axis, POSITION) for axis in range(4)))
+    targets = [30.0, 40.0, 50.0, 90.0]
+    check("positionMove of all", position.positionMove(yarp.DVector(targets)))
+    check("they arrive", eventually(lambda: all(near(axis, target) for axis, target in enumerate(targets))))
+    check("checkMotionDone becomes true", eventually(position.checkMotionDone))
+    check("relativeMove of one", position.relativeMove(1, -10.0) and eventually(lambda: near(1, 30.0)))
+    check("a target out of range is refused", not position.positionMove(0, 141.0))
+    check("velocity mode", mode(0, VELOCITY))
+    check("velocityMove of one", velocity.velocityMove(0, 10.0) and eventually(lambda: (at(0) or 0.0) > 35.0))
+    check("stop", velocity.stop(0) and eventually(position.checkMotionDone))
+    check("idle", mode(0, IDLE))
+    driver.close()
+    print(f"{failures} failed")
+    return 1 if failures else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,364 @@
+//! The hand as a control board of four axes: `finger_1`, `finger_2`, `finger_3`, `spread`.
+//!
+//! A thread of its own keeps the hand in RealTime mode: each round it tells the motors their speeds and gets their
+//! positions, some sixty times a second at 9600 bits per second. Paths come from the same [`Model`] as those of the
+//! simulated arm. A grasp, or any other command of the hand's own language, interrupts that until it has ended.
+
+mod follow;
+mod interfaces;
+
+use std::fmt;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, SyncSender, sync_channel};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use tracing::{info, warn};
+
+use self::follow::Follower;
+use super::control::GclLine;
+use super::driver::BarrettHand;
+use super::error::HandError;
+use super::gcl::{Feedback, Layout, MotorLayout, Motors, Reply, Status};
+use crate::fake::{AxisParameters, Model};
+use crate::{Axes, DeviceError, JointType, Limits};
+
+/// How many axes it has.
+const AXES: usize = 4;
+/// How long it waits before it looks again for a hand that is not there, or not initialised.
+const PAUSE: Duration = Duration::from_millis(100);
+/// How long a command of the hand's own language is waited for at most, with all that may go before it.
+const LONGEST: Duration = Duration::from_secs(120);
+
+/// A hand as a control board, and as a hand.
+///
+/// * Axes count from 0: fingers 1 to 3 (degrees of the inner link), then the spread (degrees of one finger). Modes: idle,
+///   position, velocity. A finger that meets something for 0.3 s stays there, and that becomes its target.
+/// * Until the hand is initialised its axes are in `NotConfigured` mode, and moves are refused; a line that broke puts
+///   them into `HardwareFault`. When the line is back the axes are idle: **no move is resumed**.
+/// * [`Hand`](crate::Hand) and [`Grasp`](crate::Grasp) stop moves that are under way.
+/// * The hand itself has no watchdog in RealTime mode: if this process is frozen, fingers go on at their speed until they
+///   meet something.
+///
+/// ```no_run
+/// use yarp_devices::hand::{BarrettHand, HandBoard, HandOptions};
+/// use yarp_devices::{Hand, PositionControl};
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let board = HandBoard::start(BarrettHand::open(HandOptions::new("/dev/ttyUSB0"))?)?;
+/// board.initialise()?;
+/// board.position_move(yarp_devices::Axes::One(0.into()), &[45.0])?;
+/// # Ok(())
+/// # }
+/// ```
+pub struct HandBoard {
+    shared: Arc<Shared>,
+    thread: Option<JoinHandle<()>>,
+}
+
+struct Shared {
+    hand: BarrettHand,
+    state: Mutex<State>,
+    /// There is a job, or the end has come.
+    news: Condvar,
+    ending: AtomicBool,
+}
+
+struct State {
+    set_points: Model,
+    readiness: Readiness,
+    /// What was measured, degrees and per second.
+    measured: [Measured; AXES],
+    /// Seconds since the start of 1970; `None` before the first.
+    time: Option<f64>,
+    job: Option<Job>,
+    /// Whether a job is being carried out.
+    at_work: bool,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Measured {
+    position: f64,
+    speed: f64,
+    /// Whether it follows its set point closely.
+    there: bool,
+}
+
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+enum Readiness {
+    Ready,
+    NotInitialised,
+    Lost,
+}
+
+/// Lines of the hand's language, and where their answers go.
+struct Job {
+    lines: Vec<String>,
+    answers: SyncSender<Result<Vec<Reply>, HandError>>,
+}
+
+/// The answer to a job, which goes out when it is dropped.
+struct Answer<'s> {
+    shared: &'s Shared,
+    to: SyncSender<Result<Vec<Reply>, HandError>>,
+    outcome: Option<Result<Vec<Reply>, HandError>>,
+}
+
+impl Drop for Answer<'_> {
+    fn drop(&mut self) {
+        self.shared.state().at_work = false;
+        if let Some(outcome) = self.outcome.take() {
+            // Whoever asked may have gone.
+            let _ = self.to.try_send(outcome);
+        }
+    }
+}
+
+impl HandBoard {
+    /// Takes over a hand.
+    ///
+    /// Errors: [`DeviceError::Start`] when the machine has no thread left.
+    pub fn start(hand: BarrettHand) -> Result<Self, DeviceError> {
+        let shared = Arc::new(Shared {
+            hand,
+            state: Mutex::new(State {
+                set_points: Model::new(parameters()),
+                readiness: Readiness::NotInitialised,
+                measured: Default::default(),
+                time: None,
+                job: None,
+                at_work: false,
+            }),
+            news: Condvar::new(),
+            ending: AtomicBool::new(false),
+        });
+        let theirs = Arc::clone(&shared);
+        let thread = thread::Builder::new()
+            .name("hand-board".into())
+            .spawn(move || theirs.run())
+            .map_err(|source| DeviceError::Start {
+                what: "the control thread of the hand",
+                source,
+            })?;
+        info!(path = shared.hand.path(), "hand served as four axes");
+        Ok(Self {
+            shared,
+            thread: Some(thread),
+        })
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.shared.state()
+    }
+}
+
+impl Drop for HandBoard {
+    /// Stops the motors.
+    fn drop(&mut self) {
+        self.shared.ending.store(true, Ordering::Release);
+        self.shared.news.notify_all();
+        if let Some(thread) = self.thread.take()
+            && thread.join().is_err()
+        {
+            tracing::error!("the control thread of the hand had panicked");
+        }
+    }
+}
+
+impl fmt::Debug for HandBoard {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("HandBoard")
+            .field("hand", &self.shared.hand)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Shared {
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn is_ending(&self) -> bool {
+        self.ending.load(Ordering::Acquire)
+    }
+
+    fn run(&self) {
+        while !self.is_ending() {
+            let answer = self.work();
+            match self.realtime(answer) {
+                Ok(()) => {}
+                Err(error) => {
+                    self.tell(&error);
+                    let state = self.state();
+                    if state.job.is_none() && !self.is_ending() {
+                        drop(self.news.wait_timeout(state, PAUSE));
+                    }
+                }
+            }
+        }
+    }
+
+    /// Carries out what was asked for in the hand's own language.
+    fn work(&self) -> Option<Answer<'_>> {
+        let job = self.state().job.take()?;
+        let outcome = self.hand.run(&job.lines);
+        if let Err(error) = &outcome
+            && error.is_loss()
+        {
+            self.tell(error);
+        }
+        Some(Answer {
+            shared: self,
+            to: job.answers,
+            outcome: Some(outcome),
+        })
+    }
+
+    /// Stays in RealTime mode until there is something else to do. The answer goes out once the axes take orders again, or
+    /// cannot.
+    fn realtime(&self, answer: Option<Answer<'_>>) -> Result<(), HandError> {
+        let mut session = self.hand.realtime(layout())?;
+        let feedback = session.ask()?;
+        let mut follower = Follower::new(&feedback, Instant::now());
+        self.begin(&mut follower, &feedback);
+        drop(answer);
+        loop {
+            let speeds = {
+                let mut state = self.state();
+                if self.is_ending() || state.job.is_some() {
+                    break;
+                }
+                follower.speeds(&mut state.set_points, Instant::now())
+            };
+            let feedback = session.control(&speeds)?;
+            let mut state = self.state();
+            let set_points = &mut state.set_points;
+            let measured = follower.measure(&feedback, set_points, Instant::now());
+            state.measured = measured;
+            state.time = Some(wall_clock());
+        }
+        session.end()
+    }
+
+    /// The motors answer: set points begin where they are.
+    fn begin(&self, follower: &mut Follower, feedback: &Feedback) {
+        let mut guard = self.state();
+        let state = &mut *guard;
+        let before = std::mem::replace(&mut state.readiness, Readiness::Ready);
+        follower.place(&mut state.set_points);
+        state.measured = follower.measure(feedback, &mut state.set_points, Instant::now());
+        state.time = Some(wall_clock());
+        if before == Readiness::Lost {
+            let idle = [crate::Mode::Idle; AXES];
+            let set = state.set_points.set_control_modes(Axes::All, &idle);
+            debug_assert!(set.is_ok(), "all axes can be idle");
+            info!(
+                path = self.hand.path(),
+                "the hand is back, its axes are idle"
+            );
+        }
+    }
+
+    fn tell(&self, error: &HandError) {
+        let uninitialised = error.status() == Some(Status::NOT_INITIALISED);
+        let mut state = self.state();
+        let readiness = match (uninitialised, state.readiness) {
+            (true, Readiness::Lost) => Readiness::Lost,
+            (true, _) => Readiness::NotInitialised,
+            (false, _) => Readiness::Lost,
+        };
+        if state.readiness != readiness {
+            warn!(path = self.hand.path(), %error, "the hand takes no orders");
+        }
+        state.readiness = readiness;
+    }
+}
+
+impl GclLine for HandBoard {
+    fn peer(&self) -> &str {
+        self.shared.hand.path()
+    }
+
+    fn run(&self, lines: &[String]) -> Result<Vec<Reply>, HandError> {
+        let (answers, answer) = sync_channel(1);
+        {
+            let mut state = self.state();
+            if state.at_work {
+                let doing = "another command".to_owned();
+                return Err(HandError::Busy { doing });
+            }
+            state.at_work = true;
+            let lines = lines.to_vec();
+            state.job = Some(Job { lines, answers });
+        }
+        self.shared.news.notify_all();
+        let deadline = LONGEST * (lines.len().max(1) as u32);
+        match answer.recv_timeout(deadline) {
+            Ok(outcome) => outcome,
+            Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {
+                Err(HandError::NoPrompt {
+                    command: lines.join(", "),
+                    waited: deadline,
+                    got: String::new(),
+                })
+            }
+        }
+    }
+
+    fn abort(&self) -> Result<(), HandError> {
+        let at_work = {
+            let mut state = self.state();
+            // Where they are now: a jump, which ends the motion, and not a path to rest.
+            let here = state.measured.map(|measured| measured.position);
+            for (axis, position) in here.into_iter().enumerate() {
+                let placed = state.set_points.place(axis.into(), position);
+                debug_assert!(placed.is_ok(), "there are four axes");
+            }
+            state.at_work
+        };
+        match at_work {
+            true => self.shared.hand.abort(),
+            false => Ok(()),
+        }
+    }
+
+    fn is_connected(&self) -> bool {
+        GclLine::is_connected(&self.shared.hand)
+    }
+}
+
+/// Speeds out, positions in.
+fn layout() -> Layout {
+    let motor = MotorLayout {
+        speed: Some(1),
+        position: true,
+        ..MotorLayout::default()
+    };
+    Layout::same(Motors::ALL, motor)
+}
+
+/// What the axes are built like: ranges of the data sheet, speeds up to what a block can say.
+fn parameters() -> [AxisParameters; AXES] {
+    let names = ["finger_1", "finger_2", "finger_3", "spread"];
+    std::array::from_fn(|axis| {
+        let spread = axis == 3;
+        AxisParameters {
+            name: names[axis].to_owned(),
+            joint_type: JointType::Revolute,
+            limits: Limits::new(0.0, if spread { 180.0 } else { 140.0 }),
+            max_speed: if spread { 360.0 } else { 100.0 },
+            max_acceleration: if spread { 3600.0 } else { 1000.0 },
+            reference_speed: if spread { 120.0 } else { 60.0 },
+            reference_acceleration: if spread { 600.0 } else { 300.0 },
+            home: 0.0,
+        }
+    })
+}
+
+fn wall_clock() -> f64 {
+    SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .unwrap_or_default()
+        .as_secs_f64()
+}

@@ -1,0 +1,151 @@
+//! What can go wrong with a hand.
+
+use std::io;
+use std::time::Duration;
+
+use super::gcl::{BlockError, ReplyError, Status};
+use crate::DeviceError;
+
+/// Why the hand did not do, or did not answer, what it was told.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum HandError {
+    /// The line could not be opened.
+    #[error("opening the line failed")]
+    Open {
+        /// Why not.
+        #[source]
+        source: io::Error,
+    },
+    /// The line broke: hung up, unplugged, or closed at the other end.
+    #[error("the line broke while {step}")]
+    LineLost {
+        /// What was being done.
+        step: String,
+        /// What the system says.
+        #[source]
+        source: io::Error,
+    },
+    /// The line is there, and nobody speaks as a hand does.
+    #[error("no hand answers, expected a prompt within {waited:?}, got \"{got}\"")]
+    NoHand {
+        /// How long it was waited for.
+        waited: Duration,
+        /// The last bytes that came, escaped.
+        got: String,
+    },
+    /// The hand did not repeat the command as it was sent; it was not carried out.
+    #[error("`{command}` did not reach the hand as it was sent")]
+    Garbled {
+        /// The command.
+        command: String,
+        /// What came back.
+        #[source]
+        source: ReplyError,
+    },
+    /// The hand did not come back to its prompt in time; it was stopped.
+    #[error("`{command}` has not ended after {waited:?}, the hand was told to stop; got \"{got}\"")]
+    NoPrompt {
+        /// The command.
+        command: String,
+        /// How long it was waited for.
+        waited: Duration,
+        /// The last bytes that came, escaped.
+        got: String,
+    },
+    /// The hand refused a command, or did not end it well.
+    #[error("the hand answered `{command}` with an error: {status}")]
+    Status {
+        /// The command.
+        command: String,
+        /// What the hand complains of.
+        status: Status,
+        /// Its whole answer.
+        answer: String,
+    },
+    /// An answer is not what was asked for.
+    #[error("`{command}` was answered with \"{answer}\", expected {expected}")]
+    Unreadable {
+        /// The command.
+        command: String,
+        /// The answer.
+        answer: String,
+        /// What it should have been.
+        expected: &'static str,
+    },
+    /// A block of RealTime went wrong.
+    #[error("RealTime ended while {step}")]
+    RealTime {
+        /// What was being done.
+        step: &'static str,
+        /// What came instead of feedback.
+        #[source]
+        source: BlockError,
+    },
+    /// The hand does something else.
+    #[error("the hand is busy with `{doing}`")]
+    Busy {
+        /// The command being carried out.
+        doing: String,
+    },
+    /// A command that is not for passing through.
+    #[error("`{command}` is not sent: {why}")]
+    NotSent {
+        /// The command.
+        command: String,
+        /// Why not.
+        why: &'static str,
+    },
+    /// The server in front of the hand refused.
+    #[error("the hand server refused `{command}`: {answer}")]
+    Refused {
+        /// The command.
+        command: String,
+        /// What it said.
+        answer: String,
+    },
+}
+
+impl HandError {
+    /// The status that the hand answered with, if it did.
+    pub fn status(&self) -> Option<Status> {
+        match self {
+            HandError::Status { status, .. } => Some(*status),
+            _ => None,
+        }
+    }
+
+    /// Whether the line must be opened again.
+    pub fn is_loss(&self) -> bool {
+        matches!(self, HandError::LineLost { .. } | HandError::Open { .. })
+    }
+
+    /// What to try next.
+    pub fn advice(&self) -> &'static str {
+        match self {
+            HandError::Open { .. } => {
+                "whether the hand is plugged in, its path, and the rights to it"
+            }
+            HandError::LineLost { .. } => "the cable; the next command opens the line again",
+            HandError::NoHand { .. } => "whether the hand has power, and the speed of the line",
+            HandError::Garbled { .. } => "the cable and the speed of the line",
+            HandError::NoPrompt { .. } => "what holds the fingers, and the supply of the hand",
+            HandError::Status { status, .. } => status.advice(),
+            HandError::Unreadable { .. } => "again: noise on the line can do this",
+            HandError::RealTime { .. } => "again, once the line is quiet",
+            HandError::Busy { .. } => "to wait, or to abort what it does",
+            HandError::NotSent { .. } => "the method that is made for it",
+            HandError::Refused { .. } => "to initialise the hand, and the log of its server",
+        }
+    }
+
+    /// The same for the device interfaces: `peer` is the path or the address of the hand.
+    pub fn at(self, peer: &str) -> DeviceError {
+        DeviceError::Remote {
+            peer: peer.to_owned(),
+            step: "speaking to the hand".to_owned(),
+            advice: self.advice().to_owned(),
+            source: Some(Box::new(self)),
+        }
+    }
+}

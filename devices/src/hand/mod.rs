@@ -1,0 +1,36 @@
+//! The BarrettHand BH8-262: three fingers, a spread, and a language of its own on a serial line.
+//!
+//! | file | what it is about |
+//! | --- | --- |
+//! | `gcl/` | the language: commands, answers, blocks; no line, no clock |
+//! | `line`, `driver`, `session` | the serial line; commands over it; RealTime over it |
+//! | `control`, `grasp` | the interfaces [`Hand`](crate::Hand) and [`Grasp`](crate::Grasp), made of commands |
+//! | `board/` | the hand as a control board of four axes, in RealTime mode |
+//! | `node/` | a hand behind a server, over TCP: both sides |
+//! | `units`, `coupling`, `kinematics` | counts and degrees; what a motor does to two links; where fingertips are |
+//! | `simulated/` | a hand without the hand, at the other end of a pseudo-terminal |
+//!
+//! Source: Barrett's manuals of the BH8 series; tables 3, 4 and 17 to 23, section 5.5.1 and annex B.3.1 of the thesis.
+
+mod board;
+mod control;
+pub mod coupling;
+mod driver;
+mod error;
+pub mod gcl;
+pub mod grasp;
+pub mod kinematics;
+mod line;
+pub mod node;
+mod session;
+#[cfg(unix)]
+pub mod simulated;
+pub mod units;
+
+pub use board::HandBoard;
+pub use control::{GclLine, read};
+pub use coupling::Links;
+pub use driver::{BarrettHand, HandOptions};
+pub use error::HandError;
+pub use kinematics::{FingerJoints, FingerSolution};
+pub use session::RealTime;

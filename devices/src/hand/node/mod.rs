@@ -1,0 +1,33 @@
+//! A hand behind a server: three letters a request, over a TCP connection.
+//!
+//! | request | body | what the hand does | answer |
+//! | --- | --- | --- | --- |
+//! | `hhi` | | initialises | `d`, or `q` for no |
+//! | `cgo` | | opens the spread | the same |
+//! | `opn`, `cls` | | opens, closes the fingers | the same |
+//! | `hhe` | | goes home: fingers to 4000 counts, then all close | the same |
+//! | `cmd` | a line of GCL, 00 | the line | `d` or `q`, text without echo and prompt, 00 |
+//!
+//! An answer comes when the hand's prompt is back, in the order of the requests. `cmd` with ^C alone stops the hand at
+//! once, also during another request, which then answers `q`. As with the arm, the driver listens and the server
+//! connects.
+//!
+//! | file | what it is about |
+//! | --- | --- |
+//! | `messages` | the bytes; no socket |
+//! | `driver` | [`RemoteHand`]: waits for the server and gives it requests |
+//! | `server` | [`HandNode`]: what runs beside the hand |
+//!
+//! Source: tables 4 and 17 of the thesis. What it leaves open (the end of a line, what a refusal says, how ^C goes
+//! through) is decided here: the 00, the text behind `q`, and the port 4322 are ours.
+
+mod driver;
+mod messages;
+mod server;
+
+pub use driver::{RemoteHand, RemoteHandOptions};
+pub use messages::{MAX_LINE, NodeReply, NodeReplyReader, Request, RequestError, RequestReader};
+pub use server::HandNode;
+
+/// The port on which the driver waits for the server.
+pub const PORT: u16 = 4322;

@@ -1,0 +1,501 @@
+//! The interpreter: what comes down the line, and what the hand does and says.
+
+use super::super::gcl::{
+    BANNER, Command, Control, Feedback, Header, Layout, Motor, MotorFeedback, Motors, PROMPT,
+    Parameter, Scope, Status, Verb,
+};
+use super::motion::{Motion, Purpose, strain};
+use super::motor::{Drive, Object, SimulatedMotor};
+use super::settings::Settings;
+
+/// ^C.
+const ABORT: u8 = 3;
+/// How long the hand needs after power-up until it listens, s.
+const BOOTING: f64 = 0.5;
+/// The longest piece of time in which nothing is looked at, s.
+const STEP: f64 = 0.001;
+/// The longest line; what is typed beyond is not repeated.
+const LONGEST_LINE: usize = 255;
+/// Counts/s of a unit of speed in RealTime.
+const REALTIME_UNIT: f64 = 100.0;
+/// Fingers closed farther than this are in the way of the spread, counts.
+const IN_THE_WAY: f64 = 14000.0;
+/// Of the room, °C; how fast the hand cools down to it, 1/s; what a pushing and a moving motor add, °C/s.
+const ROOM: f64 = 35.0;
+const COOLING: f64 = 1.0 / 300.0;
+const PUSHING_HEATS: f64 = 2.0;
+const MOVING_HEATS: f64 = 0.02;
+/// How far below its limit a hot hand must cool before it moves again, °C.
+const COOLED: f64 = 5.0;
+
+/// The hand's processor, motors and all: bytes and time in, bytes out.
+///
+/// ```
+/// use yarp_devices::hand::simulated::Firmware;
+///
+/// let mut hand = Firmware::new();
+/// hand.advance(1.0);
+/// hand.take_output();
+/// hand.receive(b"GC\r");
+/// assert_eq!(hand.take_output(), b"GC\n\rERR 4\n\r=> ");
+/// ```
+#[derive(Clone, Debug)]
+pub struct Firmware {
+    state: State,
+    settings: Settings,
+    motors: [SimulatedMotor; 4],
+    initialised: Motors,
+    /// °C.
+    temperature: f64,
+    peak: f64,
+    /// Whether it got too hot and has not cooled down since.
+    hot: bool,
+    /// s since power-up.
+    up: f64,
+    /// Whether time stands still for the motors.
+    frozen: bool,
+    output: Vec<u8>,
+}
+
+#[derive(Clone, Debug)]
+enum State {
+    /// Until then, s.
+    Booting(f64),
+    /// Waits for a command; what was typed so far.
+    Listening(Vec<u8>),
+    Moving(Motion),
+    RealTime(Loop),
+}
+
+/// RealTime mode.
+#[derive(Clone, Debug)]
+struct Loop {
+    layout: Layout,
+    block: Vec<u8>,
+    /// What the other end knows of each position.
+    reported: [i32; 4],
+}
+
+impl Default for Firmware {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Firmware {
+    /// A hand that has just got power, with its fingers somewhere.
+    pub fn new() -> Self {
+        Self {
+            state: State::Booting(BOOTING),
+            settings: Settings::new(),
+            motors: Motor::ALL.map(SimulatedMotor::new),
+            initialised: Motors::NONE,
+            temperature: ROOM,
+            peak: ROOM,
+            hot: false,
+            up: 0.0,
+            frozen: false,
+            output: Vec::new(),
+        }
+    }
+
+    /// Takes its power and gives it back: it forgets what was not saved, and fingers stay where they are.
+    pub fn restart(&mut self) {
+        self.state = State::Booting(BOOTING);
+        self.settings.restart();
+        self.initialised = Motors::NONE;
+        self.up = 0.0;
+        self.motors.iter_mut().for_each(SimulatedMotor::stop);
+    }
+
+    /// Bytes from the other end of the line.
+    pub fn receive(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            match &mut self.state {
+                State::Booting(_) => {}
+                State::Listening(line) => match byte {
+                    ABORT => {
+                        line.clear();
+                        self.answer("");
+                    }
+                    b'\r' => {
+                        let line = std::mem::take(line);
+                        self.execute(&line);
+                    }
+                    b'\n' => {}
+                    _ if line.len() < LONGEST_LINE => {
+                        line.push(byte);
+                        self.output.push(byte);
+                    }
+                    _ => {}
+                },
+                State::Moving(_) if byte == ABORT => self.end(Status::ABORTED),
+                State::Moving(_) => {}
+                State::RealTime(_) => self.block(byte),
+            }
+        }
+    }
+
+    /// Lets time pass, s.
+    pub fn advance(&mut self, seconds: f64) {
+        let mut left = seconds;
+        while left > 0.0 {
+            let step = left.min(STEP);
+            left -= step;
+            self.step(step);
+        }
+    }
+
+    /// What it has said since this was last asked.
+    pub fn take_output(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.output)
+    }
+
+    /// Whether time changes anything: a motion, RealTime, or starting up.
+    pub fn is_busy(&self) -> bool {
+        !matches!(self.state, State::Listening(_))
+    }
+
+    /// The speed of the line, bits per second.
+    pub fn baud(&self) -> u32 {
+        self.settings.hand("BAUD").cast_unsigned() * 100
+    }
+
+    /// Where the motors really are, counts.
+    pub fn positions(&self) -> [f64; 4] {
+        self.motors.each_ref().map(SimulatedMotor::position)
+    }
+
+    /// How far each motor has ever gone, counts.
+    pub fn travelled(&self) -> [f64; 4] {
+        self.motors.each_ref().map(SimulatedMotor::travelled)
+    }
+
+    /// Puts something in the way of a motor, or takes it away.
+    pub fn set_object(&mut self, motor: Motor, object: Option<Object>) {
+        self.motors[motor.index()].object = object;
+    }
+
+    /// Makes it this hot, °C.
+    pub fn set_temperature(&mut self, celsius: f64) {
+        self.temperature = celsius;
+    }
+
+    /// Lets time stand still for the motors, or go on: motions under way neither move nor end, and can be stopped.
+    pub fn freeze(&mut self, frozen: bool) {
+        self.frozen = frozen;
+    }
+
+    fn step(&mut self, seconds: f64) {
+        self.up += seconds;
+        let positions = self.positions();
+        let fingers_block = positions[..3].iter().any(|position| *position > IN_THE_WAY);
+        self.motors[Motor::Spread.index()].blocked = fingers_block;
+        for motor in self.motors.iter_mut().filter(|_| !self.frozen) {
+            motor.step(seconds);
+        }
+        self.heat(seconds);
+        match &mut self.state {
+            State::Booting(left) => {
+                *left -= seconds;
+                if *left <= 0.0 {
+                    self.answer(&format!("{BANNER} 4.40 (simulated BH8-262)"));
+                }
+            }
+            State::Listening(_) => {}
+            State::Moving(_) if self.hot => self.end(Status::OVER_TEMPERATURE),
+            State::Moving(_) if self.frozen => {}
+            State::Moving(motion) => {
+                if motion.watch(&mut self.motors, &self.settings) {
+                    self.end(Status::FINE);
+                }
+            }
+            State::RealTime(_) if self.hot => self.leave_realtime(Status::OVER_TEMPERATURE),
+            State::RealTime(_) => {}
+        }
+    }
+
+    fn heat(&mut self, seconds: f64) {
+        let heating: f64 = self
+            .motors
+            .iter()
+            .map(|motor| match motor {
+                motor if motor.pushing() > 0.0 => PUSHING_HEATS,
+                motor if motor.speed() != 0.0 => MOVING_HEATS,
+                _ => 0.0,
+            })
+            .sum();
+        self.temperature += (heating - (self.temperature - ROOM) * COOLING) * seconds;
+        self.peak = self.peak.max(self.temperature);
+        let limit = f64::from(self.settings.hand("OTEMP")) / 10.0;
+        self.hot = self.temperature > limit || (self.hot && self.temperature > limit - COOLED);
+    }
+
+    /// The motion is over.
+    fn end(&mut self, status: Status) {
+        let state = std::mem::replace(&mut self.state, State::Listening(Vec::new()));
+        self.motors.iter_mut().for_each(SimulatedMotor::stop);
+        let status = match state {
+            State::Moving(motion) => {
+                let status = motion.status.and(status);
+                if motion.purpose == Purpose::Initialise && status.is_fine() {
+                    self.initialised = motion.motors.iter().fold(self.initialised, Motors::with);
+                }
+                status
+            }
+            _ => status,
+        };
+        self.complain(status);
+    }
+
+    fn execute(&mut self, line: &[u8]) {
+        let text = String::from_utf8_lossy(line);
+        match Command::parse(&text) {
+            Ok(command) => self.carry_out(command),
+            Err(status) => self.complain(status),
+        }
+    }
+
+    fn carry_out(&mut self, command: Command) {
+        let motors = command.motors.unwrap_or_else(|| self.enabled());
+        if command.moves() {
+            return self.set_off(motors, &command.verb);
+        }
+        let text = match &command.verb {
+            Verb::Terminate => {
+                for motor in motors.iter() {
+                    self.motors[motor.index()].stop();
+                }
+                String::new()
+            }
+            Verb::Set(scope, pairs) => {
+                for (parameter, value) in pairs {
+                    for motor in about(*scope, motors).iter() {
+                        self.settings.set(*parameter, motor, *value);
+                    }
+                }
+                String::new()
+            }
+            Verb::Get(scope, parameters) => {
+                let numbers = parameters.iter().flat_map(|parameter| {
+                    about(*scope, motors)
+                        .iter()
+                        .map(|motor| self.value(*parameter, motor).to_string())
+                });
+                numbers.collect::<Vec<_>>().join(" ")
+            }
+            Verb::Keep(scope, kept, parameters) => {
+                let all: Vec<Parameter> = match parameters.is_empty() {
+                    true => Parameter::all().filter(|each| each.scope() == *scope).collect(),
+                    false => parameters.clone(),
+                };
+                for parameter in all {
+                    for motor in about(*scope, motors).iter() {
+                        self.settings.keep(parameter, motor, *kept);
+                    }
+                }
+                String::new()
+            }
+            Verb::List(scope, listing) => {
+                let lines = Parameter::list(*scope, listing.advanced).map(|parameter| {
+                    let mut line = parameter.to_string();
+                    for motor in about(*scope, motors).iter().filter(|_| listing.values) {
+                        line += &format!(" {}", self.value(parameter, motor));
+                    }
+                    line
+                });
+                lines.collect::<Vec<_>>().join("\n\r")
+            }
+            Verb::Help { advanced: false } => "C O TC TO IC IO M HOME HI T LOOP\n\rFSET FGET FLIST \
+                FLISTV FLOAD FSAVE FDEF\n\rPSET PGET PLIST PLISTV PLOAD PSAVE PDEF\n\r? ERR RESET VERS"
+                .to_owned(),
+            Verb::Help { advanced: true } => "A? FLISTA FLISTAV PLISTA PLISTAV".to_owned(),
+            Verb::Errors => (0..15)
+                .map(|bit| Status::new(1 << bit).to_string())
+                .collect::<Vec<_>>()
+                .join("\n\r"),
+            Verb::Version => format!("{BANNER} 4.40 (simulated BH8-262)"),
+            Verb::Reset => return self.restart(),
+            _ => String::new(),
+        };
+        self.answer(&text);
+    }
+
+    /// Begins a motion or RealTime, if nothing speaks against it.
+    fn set_off(&mut self, motors: Motors, verb: &Verb) {
+        let ready = motors.iter().all(|motor| self.initialised.contains(motor));
+        if !ready && *verb != Verb::Initialise {
+            return self.complain(Status::NOT_INITIALISED);
+        }
+        if self.hot {
+            return self.complain(Status::OVER_TEMPERATURE);
+        }
+        let Some(purpose) = Purpose::of(verb) else {
+            return self.enter_realtime(motors);
+        };
+        let motion = Motion::start(motors, purpose, &mut self.motors, &self.settings);
+        self.state = State::Moving(motion);
+    }
+
+    fn enabled(&self) -> Motors {
+        Motors::ALL
+            .iter()
+            .filter(|motor| self.settings.motor("EN", *motor) != 0)
+            .fold(Motors::NONE, Motors::with)
+    }
+
+    /// What a parameter is now.
+    fn value(&self, parameter: Parameter, motor: Motor) -> i32 {
+        let moved = &self.motors[motor.index()];
+        match (parameter.scope(), parameter.name()) {
+            (Scope::Motor, "P") => self.counted(motor),
+            (Scope::Motor, "S") => match self.initialised.contains(motor) {
+                true => 0,
+                false => i32::from(Status::NOT_INITIALISED.bits()),
+            },
+            (Scope::Motor, "SG") => strain(motor, moved),
+            (Scope::Motor, "BD") => i32::from(moved.breakaway().is_some()),
+            (Scope::Motor, "BP") => moved.breakaway().unwrap_or(0.0) as i32,
+            (Scope::Motor, "OD") => (moved.travelled() / 1000.0) as i32,
+            (Scope::Hand, "TEMP") => (self.temperature * 10.0) as i32,
+            (Scope::Hand, "PTEMP") => (self.peak * 10.0) as i32,
+            (Scope::Hand, "UPSECS") => self.up as i32,
+            _ => self.settings.get(parameter, motor),
+        }
+    }
+
+    /// The counter of a motor, which begins at the open stop once that was found.
+    fn counted(&self, motor: Motor) -> i32 {
+        match self.initialised.contains(motor) {
+            true => self.motors[motor.index()].position().round() as i32,
+            false => 0,
+        }
+    }
+
+    fn enter_realtime(&mut self, motors: Motors) {
+        let value = |name: &str, motor| self.settings.motor(name, motor);
+        let temperature = self.settings.hand("LFT") != 0;
+        self.state = State::RealTime(Loop {
+            layout: Layout::from_parameters(motors, value, temperature),
+            block: Vec::new(),
+            reported: Motor::ALL.map(|motor| self.counted(motor)),
+        });
+        self.output.extend(b"\n\r*");
+    }
+
+    /// A byte of a control block.
+    fn block(&mut self, byte: u8) {
+        let State::RealTime(realtime) = &mut self.state else {
+            return;
+        };
+        if realtime.block.is_empty() {
+            if byte == ABORT {
+                return self.leave_realtime(Status::FINE);
+            }
+            if Header::from_byte(byte).is_none() {
+                return self.leave_realtime(Status::BAD_HEADER);
+            }
+        }
+        realtime.block.push(byte);
+        let Some(header) = Header::from_byte(realtime.block[0]) else {
+            return;
+        };
+        let wanted = match header.has_data() {
+            true => realtime.layout.control_length(),
+            false => 0,
+        };
+        if realtime.block.len() <= wanted {
+            return;
+        }
+        let control = realtime.layout.read_control(&realtime.block[1..]);
+        realtime.block.clear();
+        let layout = realtime.layout.clone();
+        if let Some(control) = control.filter(|_| header.has_data()) {
+            self.follow(&layout, &control);
+        }
+        let feedback = self.measure(&layout);
+        self.output.extend(layout.write_feedback(header, &feedback));
+    }
+
+    fn follow(&mut self, layout: &Layout, control: &Control) {
+        for (motor, layout) in Motor::ALL.into_iter().zip(&layout.motors) {
+            let Some(scale) = layout.and_then(|layout| layout.speed) else {
+                continue;
+            };
+            let units = f64::from(control[motor.index()].speed) * f64::from(scale);
+            let moved = &mut self.motors[motor.index()];
+            let drive = match units == 0.0 {
+                true => Drive::Off,
+                false => Drive::At(units * REALTIME_UNIT),
+            };
+            if moved.drive != drive {
+                moved.drive(drive);
+            }
+        }
+    }
+
+    fn measure(&mut self, layout: &Layout) -> Feedback {
+        let mut feedback = Feedback::default();
+        for (motor, layout) in Motor::ALL.into_iter().zip(&layout.motors) {
+            let Some(layout) = layout else { continue };
+            let position = self.counted(motor);
+            let moved = &self.motors[motor.index()];
+            let speed = moved.speed() / REALTIME_UNIT;
+            let speed = speed / f64::from(layout.measured_speed.unwrap_or(1).max(1));
+            let mut change = None;
+            if let (Some(scale), State::RealTime(realtime)) = (layout.change, &mut self.state) {
+                let scale = i32::from(scale.max(1));
+                let known = &mut realtime.reported[motor.index()];
+                let steps = ((position - *known) / scale).clamp(-128, 127);
+                // What does not fit is told next time.
+                *known += steps * scale;
+                change = Some(steps as i8);
+            }
+            feedback.motors[motor.index()] = MotorFeedback {
+                speed: Some(speed.clamp(-128.0, 127.0) as i8),
+                strain: Some(strain(motor, &self.motors[motor.index()]) as u8),
+                position: Some(position as i16),
+                change,
+            };
+        }
+        feedback.temperature = Some((self.temperature * 10.0) as i16);
+        feedback
+    }
+
+    fn leave_realtime(&mut self, status: Status) {
+        self.motors.iter_mut().for_each(SimulatedMotor::stop);
+        self.state = State::Listening(Vec::new());
+        if !status.is_fine() {
+            self.output.extend(b"\r\n");
+            self.output.extend(format!("ERR {}", status.bits()).bytes());
+        }
+        self.output.extend(b"\n\r");
+        self.output.extend(PROMPT);
+    }
+
+    fn complain(&mut self, status: Status) {
+        match status.is_fine() {
+            true => self.answer(""),
+            false => self.answer(&format!("ERR {}", status.bits())),
+        }
+    }
+
+    /// Says something and waits for the next command.
+    fn answer(&mut self, text: &str) {
+        self.state = State::Listening(Vec::new());
+        if !text.is_empty() {
+            self.output.extend(b"\n\r");
+            self.output.extend(text.bytes());
+        }
+        self.output.extend(b"\n\r");
+        self.output.extend(PROMPT);
+    }
+}
+
+/// The motors that a value is about: a parameter of the hand has one value.
+fn about(scope: Scope, motors: Motors) -> Motors {
+    match scope {
+        Scope::Motor => motors,
+        Scope::Hand => Motors::from(Motor::F1),
+    }
+}

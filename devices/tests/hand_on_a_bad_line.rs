@@ -1,0 +1,235 @@
+//! Plugs pulled, noise and strangers on the serial line of the hand.
+#![cfg(unix)]
+
+mod hand_support;
+
+use std::error::Error;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use hand_support::{Stage, eventually};
+use yarp_devices::hand::gcl::{Layout, MotorControl, MotorLayout, Motors, Status};
+use yarp_devices::hand::simulated::Noise;
+use yarp_devices::hand::{BarrettHand, HandError, HandOptions};
+use yarp_devices::{Axes, DeviceError, Grasp, GraspKind, Hand};
+
+/// Pulls the plug while a call is under way, and looks at what comes of it.
+fn plug_pulled(step: &str, call: impl Fn(&BarrettHand) -> Result<(), DeviceError> + Send + Sync) {
+    let stage = Stage::new();
+    let hand = stage.ready();
+    stage.there.freeze(true);
+    thread::scope(|scope| {
+        let moving = scope.spawn(|| call(&hand));
+        eventually("a motion under way", || stage.there.is_busy());
+        stage.there.hang_up();
+        let error = moving.join().unwrap().expect_err("the line broke");
+        let cause = error.source().and_then(|cause| cause.downcast_ref());
+        let Some(HandError::LineLost { step: told, .. }) = cause else {
+            panic!("{step}: {error:?}");
+        };
+        assert!(told.contains(step), "{told}, expected {step}");
+    });
+    assert!(!Hand::is_connected(&hand));
+    assert!(hand.finger_positions().is_err(), "there is no line");
+    // What the driver does from here on moves nothing that the hand was not told before.
+    stage.there.plug_in().unwrap();
+    let before = stage.there.travelled();
+    match hand.finger_positions() {
+        Ok(_) => {}
+        Err(error) => panic!("the line is back: {error:?}"),
+    }
+    assert!(Hand::is_connected(&hand));
+    stage.there.freeze(false);
+    hand.finger_positions().unwrap();
+    assert_eq!(stage.there.travelled(), before, "what it did had ended");
+}
+
+#[test]
+fn while_closing() {
+    plug_pulled("waiting for `GC` to end", |hand| hand.close_fingers());
+}
+
+#[test]
+fn while_opening() {
+    plug_pulled("waiting for `GO` to end", |hand| hand.open_fingers());
+}
+
+#[test]
+fn while_closing_with_torque() {
+    plug_pulled("waiting for `GTC` to end", |hand| {
+        hand.close_fingers_with_torque()
+    });
+}
+
+#[test]
+fn while_initialising() {
+    plug_pulled("waiting for `HI` to end", |hand| hand.initialise());
+}
+
+#[test]
+fn while_moving_a_finger() {
+    plug_pulled("waiting for `1M 15000` to end", |hand| {
+        hand.move_fingers(Axes::One(0.into()), &[120.0])
+    });
+}
+
+#[test]
+fn while_grasping() {
+    for kind in GraspKind::ALL {
+        plug_pulled("to end", |hand| hand.grasp(kind));
+    }
+}
+
+#[test]
+fn while_a_typed_command_runs() {
+    plug_pulled("waiting for `GIC 9000` to end", |hand| {
+        hand.send_command("GIC 9000").map(drop)
+    });
+}
+
+#[test]
+fn while_in_realtime() {
+    let stage = Stage::new();
+    let hand = stage.ready();
+    let told = MotorLayout {
+        speed: Some(1),
+        position: true,
+        ..MotorLayout::default()
+    };
+    let layout = Layout::same(Motors::FINGERS, told);
+    let slow = [MotorControl { speed: 1, gain: 0 }; 4];
+    let mut session = hand.realtime(layout.clone()).unwrap();
+    session.control(&slow).unwrap();
+    stage.there.hang_up();
+    let error = session.control(&slow).expect_err("the line broke");
+    assert!(
+        matches!(&error, HandError::LineLost { step, .. } if step == "exchanging blocks"),
+        "{error:?}"
+    );
+    assert!(session.end().is_err(), "there is no line to leave it over");
+    stage.there.plug_in().unwrap();
+    // The next command brings the hand out of RealTime, which stops its motors.
+    hand.finger_positions().unwrap();
+    let stopped = stage.there.travelled();
+    let mut session = hand.realtime(layout).unwrap();
+    session.ask().unwrap();
+    session.end().unwrap();
+    assert_eq!(stage.there.travelled(), stopped);
+}
+
+#[test]
+fn a_line_that_stays_away_is_refused_at_once_and_used_when_it_is_back() {
+    let stage = Stage::new();
+    let hand = stage.ready();
+    stage.there.hang_up();
+    let refused = || {
+        let error = hand.close_fingers().expect_err("no line");
+        let cause = error
+            .source()
+            .and_then(|cause| cause.downcast_ref::<HandError>());
+        cause.is_some_and(HandError::is_loss)
+    };
+    assert!(refused() && refused());
+    let before = stage.there.travelled();
+    // It lost its power as well.
+    stage.there.restart();
+    stage.there.plug_in().unwrap();
+    let outcome = hand
+        .close_fingers()
+        .expect_err("it forgot where its fingers are");
+    let cause = outcome
+        .source()
+        .and_then(|cause| cause.downcast_ref::<HandError>());
+    assert_eq!(
+        cause.and_then(HandError::status),
+        Some(Status::NOT_INITIALISED)
+    );
+    assert_eq!(stage.there.travelled(), before);
+    hand.initialise().unwrap();
+    hand.close_fingers().unwrap();
+}
+
+/// One byte in a hundred is spoiled in each direction: commands are repeated until they came through whole.
+#[test]
+fn noise_moves_nothing_that_was_not_asked_for() {
+    let stage = Stage::new();
+    let options = stage.options().motion(Duration::from_secs(10));
+    let hand = BarrettHand::open(options).unwrap();
+    hand.initialise().unwrap();
+    let noise = Noise {
+        spoiled: 0.01,
+        seed: 5,
+    };
+    stage.there.set_noise(Some(noise));
+    let mut through = 0;
+    for round in 0..30 {
+        let target = f64::from(round % 2 * 40 + 20);
+        let before = stage.there.positions();
+        match hand.move_fingers(Axes::One(1.into()), &[target]) {
+            Ok(()) => through += 1,
+            // An answer that was spoiled; the hand may have moved, but only there.
+            Err(error) => println!("{error}: {:?}", error.source().map(ToString::to_string)),
+        }
+        let after = stage.there.positions();
+        for motor in [0, 2, 3] {
+            assert_eq!(after[motor], before[motor], "motor {motor}");
+        }
+        assert!((0.0..=60.0 * 125.0 + 1.0).contains(&after[1]), "{after:?}");
+    }
+    assert!(through >= 5, "{through} of 30 came through");
+    stage.there.set_noise(None);
+    hand.move_fingers(Axes::One(1.into()), &[30.0]).unwrap();
+}
+
+/// Random bytes for a while: no panic, no movement, and every call comes back.
+#[test]
+fn a_stranger_on_the_line_moves_nothing() {
+    let stage = Stage::new();
+    let options = HandOptions::new(&stage.path)
+        .echo(Duration::from_millis(100))
+        .motion(Duration::from_secs(1))
+        .block(Duration::from_millis(100));
+    let hand = stage.ready();
+    drop(hand);
+    let hand = BarrettHand::open(options.clone().echo(hand_support::PATIENCE)).unwrap();
+    let before = stage.there.travelled();
+    stage.there.set_babble(Some(11));
+    let until = Instant::now() + Duration::from_secs(3);
+    let mut calls = 0;
+    drop(hand);
+    while Instant::now() < until || calls < 3 {
+        match BarrettHand::open(options.clone()) {
+            Ok(hand) => panic!("a stranger was taken for a hand: {hand:?}"),
+            Err(error) => assert!(matches!(error, HandError::NoHand { .. }), "{error}"),
+        }
+        calls += 1;
+    }
+    stage.there.set_babble(None);
+    assert_eq!(stage.there.travelled(), before);
+    stage.ready().close_fingers().unwrap();
+}
+
+/// The same, when the stranger comes while the driver already knows the hand.
+#[test]
+fn a_hand_that_begins_to_babble_is_not_obeyed_nor_told_anything() {
+    let stage = Stage::new();
+    let options = stage.options().echo(Duration::from_secs(1));
+    let hand = BarrettHand::open(options).unwrap();
+    hand.initialise().unwrap();
+    let before = stage.there.travelled();
+    stage.there.set_babble(Some(3));
+    let outcome = hand.close_fingers().expect_err("nobody understands");
+    let cause = outcome
+        .source()
+        .and_then(|cause| cause.downcast_ref::<HandError>());
+    assert!(
+        matches!(
+            cause,
+            Some(HandError::Garbled { .. } | HandError::NoHand { .. })
+        ),
+        "{cause:?}"
+    );
+    assert_eq!(stage.there.travelled(), before);
+    stage.there.set_babble(None);
+    hand.close_fingers().unwrap();
+}
