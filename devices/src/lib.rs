@@ -1,10 +1,11 @@
-//! Device interfaces and devices: the simulated WAM arm.
+//! Device interfaces and devices: the simulated WAM arm, a simulated camera.
 //!
 //! * [`iface`]: one trait per device interface, with its contract.
 //! * [`Device`]: which of the interfaces a device has.
 //! * [`fake`]: simulated axes, as pure models without clock or thread.
 //! * [`wam`]: the seven-joint WAM arm, for now simulated: ideal, or with masses, friction and control.
 //! * [`kinematics`], [`dynamics`], [`trajectory`], [`simulation`]: the mathematics of an arm, in radians.
+//! * [`image`], [`camera`]: images, and a camera that shows test patterns or files.
 //! * [`guard`]: limits and a watchdog around any device.
 //! * [`checks`]: behaviours that every device with these interfaces must show.
 //!
@@ -26,6 +27,7 @@
 //! ```
 
 mod axes;
+pub mod camera;
 pub mod checks;
 mod device;
 pub mod dynamics;
@@ -33,6 +35,7 @@ mod error;
 pub mod fake;
 pub mod guard;
 pub mod iface;
+pub mod image;
 pub mod kinematics;
 mod random;
 pub mod simulation;
@@ -43,12 +46,15 @@ pub use axes::{Axes, AxisIndex};
 pub use device::Device;
 pub use error::DeviceError;
 pub use iface::{
-    AmplifierControl, AmplifierLimit, AxisInfo, CalibrationParameters, ControlCalibration,
-    ControlLimits, ControlMode, CurrentControl, EncoderReading, Encoders, Fault, Impedance,
-    ImpedanceControl, ImpedanceLimits, Interaction, InteractionMode, JointBrake, JointFault,
-    JointType, Limits, Mode, MotionControl, Motor, MotorEncoders, MotorTorqueParameters, Pid,
-    PidControl, PidKind, PidValue, PositionControl, PositionDirect, PwmControl, RemoteCalibrator,
-    RemoteVariables, TorqueControl, VariableValue, VelocityControl, VelocityDirect,
+    AmplifierControl, AmplifierLimit, Audio, AudioBufferSize, AudioGrabber, AudioRender, AxisInfo,
+    Bus, CalibrationParameters, CameraConfiguration, CameraDescription, ControlCalibration,
+    ControlLimits, ControlMode, CurrentControl, EncoderReading, Encoders, Fault, Feature,
+    FeatureMode, FrameGrabberControls, FrameGrabberImage, FrameGrabberImageRaw, Impedance,
+    ImpedanceControl, ImpedanceLimits, Interaction, InteractionMode, Intrinsics, JointBrake,
+    JointFault, JointType, Limits, Mode, MotionControl, Motor, MotorEncoders,
+    MotorTorqueParameters, Pid, PidControl, PidKind, PidValue, PositionControl, PositionDirect,
+    PwmControl, RemoteCalibrator, RemoteVariables, RgbVisualParams, SerialDevice, TorqueControl,
+    VariableValue, VelocityControl, VelocityDirect,
 };
 
 /// Compiles the example of the README.
