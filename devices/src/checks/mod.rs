@@ -1,4 +1,4 @@
-//! Behaviours that every control board must show, to be run against any implementation.
+//! Behaviours that every control board must show, and in [`camera`] every camera, to be run against any implementation.
 //!
 //! Each check is a function that takes a [`Device`] and panics, as an assertion does, when the device behaves
 //! otherwise. The device must have all interfaces, at least two joints with more than ten degrees of room each, and be at
@@ -19,9 +19,12 @@
 //! ```
 
 mod board;
+pub mod camera;
 mod motors;
 
 use std::time::Duration;
+
+pub use self::camera::CAMERA;
 
 use self::board::{Board, CLOSE, DISTANCE};
 pub use self::motors::{
