@@ -21,13 +21,13 @@ pub(crate) enum Failure {
     /// The configuration is not to be used.
     #[error(transparent)]
     Config(#[from] ConfigError),
-    /// The simulated arm did not start.
+    /// The simulated arm or camera did not start.
     #[error(transparent)]
     Device(#[from] DeviceError),
     /// A demo ended early.
     #[error(transparent)]
     Demo(DemoError),
-    /// The ports of the arm were not opened.
+    /// The ports of the arm or camera were not opened.
     #[error(transparent)]
     Open(#[from] OpenError),
     /// A name server is configured on another machine, and does not answer.

@@ -58,7 +58,12 @@ impl Link {
         }
         let latest = Arc::new(Latest::new(options.timeout));
         let rpc_name = format!("{}/rpc_client", options.local);
-        let rpc = open(network, rpc_name, PortOptions::new().calling()).await?;
+        let mut calling = PortOptions::new().calling();
+        if let Some(generation) = options.generation {
+            // One that speaks both would say that it is of 4.0, and answer in 3.x all the same.
+            calling = calling.readers_are(generation);
+        }
+        let rpc = open(network, rpc_name, calling).await?;
         let mut link = Self {
             generation: Dialect::V3,
             rpc,
