@@ -35,6 +35,8 @@ static void look(const std::string& name, const std::string& local, bool stream)
     check("interfaces", driver.view(images) && driver.view(knobs) && driver.view(view));
     if (!images || !knobs || !view) return;
     ImageOf<PixelRgb> image;
+    // Before the first image has come, stock's getImage copies from nowhere, and nothing tells when it has.
+    Time::delay(2.0);
     auto shows = [&](bool (*good)(const ImageOf<PixelRgb>&)) { return bool(images->getImage(image)) && good(image); };
     check("the grid", eventually([&]{ return shows(grid); }));
     check("size", eventually([&]{ return images->width() == 32 && images->height() == 24; }));
@@ -82,6 +84,7 @@ int main(int argc, char** argv) {
     }
     Drivers::factory().add(new DriverCreatorOf<FakeFrameGrabber>("fakeFrameGrabber", "frameGrabber_nws_yarp", "FakeFrameGrabber"));
     Property a; a.fromString("(device fakeFrameGrabber) (width 32) (height 24) (mode line)");
+    a.put("fakeFrameGrabber_rpc_port", std::string(argv[2]) + "/fake/rpc");
     Property b; b.put("device", "frameGrabber_nws_yarp"); b.put("name", argv[2]);
     PolyDriver fake, nws; IWrapper* wrapper = nullptr;
     if (!fake.open(a) || !nws.open(b) || !nws.view(wrapper) || !wrapper->attach(&fake)) return 3;
