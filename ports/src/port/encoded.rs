@@ -96,7 +96,7 @@ impl<'a> Encoded<'a> {
 
 impl Drop for Encoded<'_> {
     fn drop(&mut self) {
-        for (_, form) in self.forms.drain(..) {
+        while let Some((_, form)) = self.forms.pop() {
             if let Some(form) = form {
                 keep(form.pieces);
             }

@@ -11,7 +11,7 @@ use yarp_wire::carrier::{Carrier, Framing, Sender, Transport};
 use yarp_wire::connection::{
     Acceptor, DatagramReader, Event, Message, ProtocolError, REFUSAL, header_reply,
 };
-use yarp_wire::message::Command;
+use yarp_wire::message::{Command, Payload};
 use yarp_wire::{Bottle, Limits};
 
 use super::admin;
@@ -154,34 +154,51 @@ pub(super) enum Next {
     Stop(End),
 }
 
+/// How far a message has come.
+enum Step {
+    Done(Next),
+    /// There is more to pass than the owner's queue.
+    Watched(Received, bool),
+    /// The owner has it, or will; tells whether the sender wants a reply.
+    Handed(Handed, bool),
+    /// It is not for the owner, or not from who may write.
+    Command(Command, Payload),
+}
+
 impl Connection {
     /// What comes seldom and takes much room while it runs stands in boxes here, so that a
     /// connection at rest is small.
     async fn run(&mut self) -> End {
         loop {
             loop {
-                match self.acceptor.poll(&mut self.input.bytes, &mut self.output) {
-                    Ok(Some(event)) => match self.take(event).await {
-                        Next::Go => {}
-                        Next::UnixSocket => match Box::pin(self.go_unix()).await {
-                            Ok(()) => {}
-                            Err(error) => return error.into(),
-                        },
-                        Next::SharedMemory => match self.go_shared().await {
-                            Ok(()) => {}
-                            Err(error) => return error.into(),
-                        },
-                        Next::Datagrams(group) => return Box::pin(self.run_datagrams(group)).await,
-                        Next::Stop(end) => {
-                            // The last words; the peer may be gone.
-                            let _ = stream::write_all(&self.stream, &mut self.output).await;
-                            return end;
-                        }
+                let next = match self.acceptor.poll(&mut self.input.bytes, &mut self.output) {
+                    // The commonest first: it makes no future.
+                    Ok(Some(Event::Message(message))) => match self.message_at_once(message) {
+                        Step::Done(next) => next,
+                        left => self.rest_of(left).await,
                     },
+                    Ok(Some(event)) => self.take(event).await,
                     Ok(None) => break,
                     Err(error) => {
                         self.refuse(&error).await;
                         return End::Broken(error);
+                    }
+                };
+                match next {
+                    Next::Go => {}
+                    Next::UnixSocket => match Box::pin(self.go_unix()).await {
+                        Ok(()) => {}
+                        Err(error) => return error.into(),
+                    },
+                    Next::SharedMemory => match self.go_shared().await {
+                        Ok(()) => {}
+                        Err(error) => return error.into(),
+                    },
+                    Next::Datagrams(group) => return Box::pin(self.run_datagrams(group)).await,
+                    Next::Stop(end) => {
+                        // The last words; the peer may be gone.
+                        let _ = stream::write_all(&self.stream, &mut self.output).await;
+                        return end;
                     }
                 }
             }
@@ -406,8 +423,59 @@ impl Connection {
     }
 
     async fn message(&mut self, message: Message) -> Next {
-        let next = match message.command {
-            Command::Data { reply, .. } if !self.may(Right::Write) => {
+        match self.message_at_once(message) {
+            Step::Done(next) => next,
+            left => self.rest_of(left).await,
+        }
+    }
+
+    /// Does with a message what needs no waiting: for most that is all.
+    fn message_at_once(&mut self, message: Message) -> Step {
+        let Message { command, payload } = message;
+        let Command::Data { reply, envelope } = command else {
+            return Step::Command(command, payload);
+        };
+        if !self.may(Right::Write) {
+            return Step::Command(Command::Data { reply, envelope }, payload);
+        }
+        self.meter.count(payload.len(), envelope.as_deref());
+        let received = Received {
+            payload,
+            envelope,
+            from: self.from.clone(),
+            address: self.address,
+            wants_reply: reply,
+            responder: None,
+            connection: self.id(),
+        };
+        if self.monitors.is_some() || self.core.is_watched() {
+            return Step::Watched(received, reply);
+        }
+        let answer = match self.core.hand(received) {
+            Handed::Answered(Answer::Nothing) => (None, false),
+            Handed::Answered(Answer::Reply(reply)) => (Some(reply), false),
+            handed => return Step::Handed(handed, reply),
+        };
+        let next = self.answer(answer, reply);
+        self.acceptor.acknowledge(&mut self.output);
+        Step::Done(next)
+    }
+
+    /// Does what is left to do with a message.
+    async fn rest_of(&mut self, left: Step) -> Next {
+        let next = match left {
+            Step::Done(next) => return next,
+            Step::Watched(received, reply) => {
+                let answer = self.deliver(received).await;
+                self.answer(answer, reply)
+            }
+            Step::Handed(handed, reply) => {
+                let core = self.core.clone();
+                let answer = self.wait_for(core.finish(handed)).await;
+                self.answer(answer, reply)
+            }
+            // Who may not write.
+            Step::Command(Command::Data { reply, .. }, _) => {
                 if !reply {
                     return Next::Stop(End::NotAllowed(Right::Write));
                 }
@@ -415,27 +483,13 @@ impl Connection {
                 self.acceptor.reply(&answer, &mut self.output);
                 Next::Go
             }
-            Command::Data { reply, envelope } => {
-                self.meter.count(message.payload.len(), envelope.as_deref());
-                let received = Received {
-                    payload: message.payload,
-                    envelope,
-                    from: self.from.clone(),
-                    address: self.address,
-                    wants_reply: reply,
-                    responder: None,
-                    connection: self.id(),
-                };
-                let answer = self.deliver(received).await;
-                self.answer(answer, reply)
-            }
-            Command::Admin => {
-                let request = message.payload.to_bottle().unwrap_or_default();
+            Step::Command(Command::Admin, payload) => {
+                let request = payload.to_bottle().unwrap_or_default();
                 let answer = self.administer(&request).await;
                 self.acceptor.reply(&answer, &mut self.output);
                 Next::Go
             }
-            command => self.command(command).await,
+            Step::Command(command, _) => self.command(command).await,
         };
         self.acceptor.acknowledge(&mut self.output);
         next

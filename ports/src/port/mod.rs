@@ -319,7 +319,8 @@ impl Port {
                 return;
             };
             match output.outbox.try_push(&command, form) {
-                Some(Ok(ticket)) => sent.push((output.clone(), ticket)),
+                Some(Ok(ticket)) if ticket.is_awaited() => sent.push((output.clone(), ticket)),
+                Some(Ok(_)) => taken += 1,
                 // It has ended.
                 Some(Err(_)) => {}
                 None => late.push((output.clone(), form.clone())),

@@ -93,6 +93,13 @@ pub(crate) struct Depth {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ticket(Option<u64>);
 
+impl Ticket {
+    /// Whether the reader will say when it is done.
+    pub(crate) fn is_awaited(self) -> bool {
+        self.0.is_some()
+    }
+}
+
 /// A message on its way to the monitors.
 #[derive(Debug)]
 pub(crate) struct Staged {
@@ -208,9 +215,12 @@ impl Outbox {
             drop(state);
             self.staged.notify_one();
         } else {
+            let is_expected = state.line.is_expected();
             state.put(command, form, answered, outcome);
             drop(state);
-            self.filled.notify_one();
+            if !is_expected {
+                self.filled.notify_one();
+            }
         }
         Ok(ticket)
     }
@@ -512,6 +522,15 @@ impl Line {
                 initiator.carrier().acknowledges || wants_reply(command)
             }
             Self::Local(_) => matches!(command, Command::Data { .. }),
+        }
+    }
+
+    /// Whether who sends has been told of something that it has not taken yet: it will take what
+    /// is put behind it along.
+    fn is_expected(&self) -> bool {
+        match self {
+            Self::Stream(_, batch) => !batch.is_empty(),
+            Self::Datagrams(..) | Self::Local(_) => false,
         }
     }
 

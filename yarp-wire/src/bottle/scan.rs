@@ -1,5 +1,7 @@
 //! Finding the end of a binary bottle while its bytes arrive.
 
+use smallvec::SmallVec;
+
 use super::binary::{Code, DecodeError};
 use crate::dialect::Dialect;
 use crate::limits::Limits;
@@ -13,11 +15,14 @@ pub struct Scanner {
     dialect: Dialect,
     limits: Limits,
     at: usize,
-    levels: Vec<Level>,
+    levels: SmallVec<[Level; SHALLOW]>,
     betrayed: bool,
     started: bool,
     values: u64,
 }
+
+/// Levels of nesting that cost no allocation.
+const SHALLOW: usize = 4;
 
 /// A list that is not finished yet.
 #[derive(Clone, Copy, Debug)]
@@ -48,7 +53,7 @@ impl Scanner {
             dialect,
             limits,
             at: 0,
-            levels: Vec::new(),
+            levels: SmallVec::new(),
             betrayed: false,
             started: false,
             values: 0,

@@ -106,16 +106,22 @@ impl MessageReader {
             _ => match Index::read(input, self.limits.message)? {
                 Some((index, length)) => {
                     input.advance(length);
-                    self.state = State::Indexed { total: index.total };
                     index.total
                 }
                 None => return Ok(None),
             },
         };
-        if input.len() < total {
+        let is_whole = input.len() >= total;
+        // Most messages are there as a whole when their index is read: they leave no trace.
+        if !is_whole || matches!(self.state, State::Indexed { .. }) {
+            self.state = match is_whole {
+                true => State::Start,
+                false => State::Indexed { total },
+            };
+        }
+        if !is_whole {
             return Ok(None);
         }
-        self.state = State::Start;
         let mut bytes = input.split_to(total).freeze();
         let (command, block) = Command::read(&bytes)?;
         bytes.advance(block);

@@ -98,8 +98,14 @@ impl Payload {
     /// The content as a bottle.
     pub fn to_bottle(&self) -> Result<Bottle, DecodeError> {
         match self.form {
-            Form::Binary(assumed) => Bottle::decode_any(&self.bytes(), assumed, Limits::DEFAULT)
-                .map(|(bottle, _)| bottle),
+            Form::Binary(assumed) => {
+                let decode = |bytes| Bottle::decode_any(bytes, assumed, Limits::DEFAULT);
+                let decoded = match &self.content {
+                    Content::Whole(bytes) => decode(bytes),
+                    Content::Pieces(_) => decode(&self.bytes()),
+                };
+                decoded.map(|(bottle, _)| bottle)
+            }
             Form::Text => Bottle::parse_bytes(&self.bytes()).map_err(|_| DecodeError::TooDeep {
                 limit: Limits::DEFAULT.depth,
             }),
