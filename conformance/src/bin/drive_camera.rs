@@ -13,8 +13,8 @@ use std::time::{Duration, Instant};
 
 use yarp_devices::image::Crop;
 use yarp_devices::{
-    DeviceError, Feature, FrameGrabberControls, FrameGrabberImage, FrameGrabberImageRaw,
-    RgbVisualParams,
+    DeviceError, Feature, FeatureMode, FrameGrabberControls, FrameGrabberImage,
+    FrameGrabberImageRaw, RgbVisualParams,
 };
 use yarp_ports::Network;
 use yarp_wrappers::{RemoteFrameGrabber, RemoteFrameGrabberOptions};
@@ -164,10 +164,25 @@ fn drive(checks: &mut Checks, camera: &RemoteFrameGrabber, generation: &str, str
         checks.check("a knob", camera.feature(Feature::Gain), |value| {
             *value == 0.5
         });
-        checks.check("has a knob", camera.has_feature(Feature::Gain), |has| *has);
+        // The fake camera keeps one knob for all of them, says of itself that it has none, and describes itself by
+        // nothing.
+        checks.check("has a knob", camera.has_feature(Feature::Gain), |has| !has);
         checks.check("description", camera.camera_description(), |about| {
-            !about.description.is_empty()
+            about.description.is_empty()
         });
+        for active in [true, false] {
+            let kept = camera.set_active(Feature::Gain, active);
+            let kept = kept.and_then(|()| camera.is_active(Feature::Gain));
+            checks.check("switched", kept, |kept| *kept == active);
+        }
+        for mode in [FeatureMode::Automatic, FeatureMode::Manual] {
+            let kept = camera.set_mode(Feature::Gain, mode);
+            let kept = kept.and_then(|()| camera.mode(Feature::Gain));
+            checks.check("mode", kept, |kept| *kept == mode);
+        }
+        let pushed = camera.one_push(Feature::Gain);
+        let pushed = pushed.and_then(|()| camera.has_one_push(Feature::Gain));
+        checks.check("pushed once", pushed, |pushed| *pushed);
     } else {
         // Of no meaning, but an answer.
         checks.check("a knob is answered", camera.feature(Feature::Gain), |_| {
