@@ -45,7 +45,7 @@ impl<T: Clone> Newest<T> {
                 Err(TryLockError::WouldBlock) => continue,
             };
             *slot = Some(newer);
-            drop(slot);
+            // Before the place is let go: whoever sees this one is then never sent to an older one.
             self.newest.store(place, Ordering::Release);
             return true;
         }

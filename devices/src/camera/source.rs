@@ -152,3 +152,54 @@ fn film(path: &Path) -> Result<Source, DeviceError> {
         next: 0,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shown(source: &mut Source, count: usize) -> Vec<u8> {
+        let mut next = || source.next(1, 1).expect("it shows").pixels()[0];
+        (0..count).map(|_| next()).collect()
+    }
+
+    #[test]
+    fn a_folder_is_shown_in_the_order_of_names_and_begins_again() {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, bytes) in [
+            ("b.ppm", &b"P6 1 1 255 BBB"[..]),
+            ("a.pgm", b"P5 1 1 255 A"),
+            ("c.png", b"no picture"),
+            ("d.txt", b"P6 1 1 255 DDD"),
+        ] {
+            fs::write(folder.path().join(name), bytes).unwrap();
+        }
+        let mut source = Source::open(&Scene::File(folder.path().into())).unwrap();
+        assert_eq!(shown(&mut source, 5), b"ABABA");
+        fs::remove_file(folder.path().join("b.ppm")).unwrap();
+        assert_eq!(shown(&mut source, 2), b"AA");
+        fs::remove_file(folder.path().join("a.pgm")).unwrap();
+        assert!(source.next(1, 1).is_err(), "none can be read");
+    }
+
+    #[test]
+    fn a_film_begins_again_at_its_end() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("film.MJPEG");
+        let picture = |grey: u8| {
+            let mut bytes = Vec::new();
+            let encoder = jpeg_encoder::Encoder::new(&mut bytes, 90);
+            let pixels = vec![grey; 64];
+            encoder
+                .encode(&pixels, 8, 8, jpeg_encoder::ColorType::Luma)
+                .unwrap();
+            bytes
+        };
+        fs::write(&path, [picture(0), picture(255)].concat()).unwrap();
+        let mut source = Source::open(&Scene::File(path)).unwrap();
+        let dark: Vec<bool> = shown(&mut source, 5)
+            .iter()
+            .map(|grey| *grey < 128)
+            .collect();
+        assert_eq!(dark, [true, false, true, false, true]);
+    }
+}

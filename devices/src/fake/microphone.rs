@@ -202,6 +202,11 @@ mod tests {
     fn what_follows_goes_on_where_the_last_ended() {
         let microphone = FakeMicrophone::new();
         microphone.set_recording(true).unwrap();
+        while microphone.recorded().unwrap().samples < 800 {
+            std::thread::yield_now();
+        }
+        // However long the machine forgets about us, nothing is lost from here on.
+        microphone.set_recording(false).unwrap();
         let one = microphone.sound(400, 400, PATIENCE).unwrap();
         let other = microphone.sound(400, 400, PATIENCE).unwrap();
         // 400 moments are eleven periods of the tone.

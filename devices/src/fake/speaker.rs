@@ -137,8 +137,8 @@ mod tests {
             80,
             "it does not play yet"
         );
-        speaker.set_playing(true).unwrap();
         let begun = Instant::now();
+        speaker.set_playing(true).unwrap();
         while speaker.unplayed().unwrap().samples > 0 {
             assert!(begun.elapsed() < Duration::from_secs(60));
             std::thread::yield_now();
