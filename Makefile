@@ -5,6 +5,7 @@
 #   make test-live  ours against stock YARP 3.5.0, which is built first if it is not there
 #   make soak       100 000 connections that come and go leave nothing behind
 #   make idle       what connections cost that are open and at rest
+#   make hour       an hour of the embedded arm at 500 Hz: missed deadlines, ours and the machine's
 #   make bench      ours beside stock YARP, with ratios
 #   make check      formatting and lints
 
@@ -12,7 +13,7 @@
 STOCK ?= $(HOME)/.cache/stock-yarp-3.5.0
 export STOCK
 
-.PHONY: run build test test-live soak idle bench check setup stock
+.PHONY: run build test test-live soak idle hour bench check setup stock
 
 run: build
 	target/release/yarp up
@@ -43,6 +44,12 @@ soak: setup
 idle: setup
 	cargo build --release -p yarp-conformance --bin idle
 	ulimit -n 8192 && target/release/idle
+
+# Minutes of `make hour`.
+MINUTES ?= 60
+
+hour: setup
+	cargo run --release -p yarp-conformance --bin hour -- --minutes $(MINUTES)
 
 bench: stock
 	cargo build --release -p yarp-conformance

@@ -21,7 +21,10 @@ pub(crate) enum Failure {
     /// The configuration is not to be used.
     #[error(transparent)]
     Config(#[from] ConfigError),
-    /// The simulated arm or camera did not start.
+    /// It cannot be where `--listen`, `--connect` or `--ports` say.
+    #[error("cannot meet the other end of the arm's connections")]
+    Meeting(#[source] io::Error),
+    /// The arm or the camera did not start.
     #[error(transparent)]
     Device(#[from] DeviceError),
     /// A demo ended early.

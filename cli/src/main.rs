@@ -5,10 +5,12 @@
 //! | `cli` | the words on the command line, and which command they mean |
 //! | `commands` | one file per command |
 //! | `session` | the network that the configuration names; opening ports on it |
+//! | `arm` | the arms that a command can serve |
 //! | `connecting` | connecting ports, in stock's words |
 //! | `input`, `signals` | lines that a person types, and the wish to end |
 //! | `log`, `text` | what the libraries report, and numbers, in stock's form |
 
+mod arm;
 mod cli;
 mod commands;
 mod connecting;

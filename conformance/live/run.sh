@@ -135,6 +135,14 @@ for server in ours stock; do
     left=$("$ours" name list | grep -c ' /wam/' || true)
     suite "no name is left behind" test "$left" = 0
 
+    "$ours" up --arm embedded --name /embedded --ports 14321,14323 >"$work/embedded.log" 2>&1 &
+    running+=($!)
+    "$ours" wam-node --arm simulated --ports 14321,14323 >"$work/node.log" 2>&1 &
+    running+=($!)
+    until_ok "$ours" exists /embedded/stateExt:o
+    suite "stock remote_controlboard drives an arm behind its PC, server: $server" \
+        "$with_stock" "$python" conformance/live/embedded_arm.py /embedded
+
     "$with_stock" yarpdev --device controlBoard_nws_yarp --subdevice fakeMotionControl \
         --name /fake --period 0.02 --GENERAL::Joints 3 >"$work/fake.log" 2>&1 &
     running+=($!)

@@ -6,11 +6,12 @@
 //! * [`wam`]: the seven-joint WAM arm, for now simulated: ideal, or with masses, friction and control.
 //! * [`kinematics`], [`dynamics`], [`trajectory`], [`simulation`]: the mathematics of an arm, in radians.
 //! * [`image`], [`camera`]: images, and a camera that shows test patterns or files.
+//! * [`embedded`]: the arm behind its embedded PC, driver and server.
 //! * [`guard`]: limits and a watchdog around any device.
 //! * [`checks`]: behaviours that every device with these interfaces must show.
 //!
 //! Values are degrees, deg/s and deg/s² for revolute joints, metres, m/s and m/s² for prismatic ones:
-//! the convention of the stock interfaces. No radians cross an interface; [`wam::units`] is the border. Nothing here knows a socket.
+//! the convention of the stock interfaces. No radians cross an interface; [`wam::units`] is the border.
 //!
 //! ```
 //! use yarp_devices::wam::SimulatedWam;
@@ -31,6 +32,7 @@ pub mod camera;
 pub mod checks;
 mod device;
 pub mod dynamics;
+pub mod embedded;
 mod error;
 pub mod fake;
 pub mod guard;

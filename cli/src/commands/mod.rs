@@ -26,6 +26,7 @@ mod topic;
 mod up;
 mod version;
 mod wait;
+mod wam_node;
 mod where_;
 mod words;
 mod write;
@@ -68,6 +69,8 @@ pub(crate) enum Command {
     Up(up::Args),
     Version(version::Args),
     Wait(wait::Args),
+    #[command(name = "wam-node")]
+    WamNode(wam_node::Args),
     Where(where_::Args),
     Write(write::Args),
 }
@@ -102,6 +105,7 @@ impl Command {
             Self::Up(args) => up::run(args, out).await,
             Self::Version(args) => version::run(args, out),
             Self::Wait(args) => wait::run(args, out).await,
+            Self::WamNode(args) => wam_node::run(args, out).await,
             Self::Where(args) => where_::run(args, out).await,
             Self::Write(args) => write::run(args, prefixes, out).await,
         }

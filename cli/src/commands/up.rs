@@ -2,16 +2,15 @@
 
 use std::io::Write;
 use std::process::ExitCode;
-use std::sync::Arc;
 
-use yarp_devices::Device;
-use yarp_devices::wam::{DynamicWam, SimulatedWam};
+use yarp_devices::embedded::{Meeting, Places};
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_ports::config::{self, Configuration, NameServer};
 use yarp_ports::{Network, PortError, addresses};
 use yarp_wire::PortName;
 use yarp_wrappers::{ControlBoardOptions, ControlBoardServer, OpenError};
 
+use crate::arm::{Arm, MeetingArgs};
 use crate::error::{Failure, Result};
 use crate::session;
 use crate::signals::Interrupt;
@@ -36,8 +35,13 @@ pub(crate) struct Args {
     #[arg(long, value_name = "PREFIX", default_value = "/wam")]
     name: String,
     /// How the arm is simulated
-    #[arg(long, value_enum, default_value_t = Simulation::Ideal)]
-    simulation: Simulation,
+    #[arg(long, value_enum, conflicts_with = "arm")]
+    simulation: Option<Simulation>,
+    /// Which arm: simulated, dynamic (with masses and friction), or embedded (behind its own PC, which runs `yarp wam-node`)
+    #[arg(long, default_value_t = Arm::Simulated)]
+    arm: Arm,
+    #[command(flatten)]
+    meeting: MeetingArgs,
 }
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
@@ -48,23 +52,26 @@ enum Simulation {
     Dynamic,
 }
 
-impl Simulation {
-    fn start(self) -> Result<Arc<dyn Device>> {
-        Ok(match self {
-            Self::Ideal => Arc::new(SimulatedWam::start()?),
-            Self::Dynamic => Arc::new(DynamicWam::start()?),
-        })
+impl Args {
+    fn arm(&self) -> Arm {
+        match self.simulation {
+            None => self.arm,
+            Some(Simulation::Ideal) => Arm::Simulated,
+            Some(Simulation::Dynamic) => Arm::Dynamic,
+        }
     }
 }
 
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     args.name.parse::<PortName>().map_err(PortError::from)?;
+    let arm = args.arm();
+    let meeting = args.meeting.meeting(true).map_err(Failure::Meeting)?;
     let mut interrupt = Interrupt::listen();
     let base = Base::find(out).await?;
     let opened = tokio::select! {
         biased;
         () = interrupt.heard() => None,
-        opened = open(&base.network, &args.name, args.simulation) => Some(opened),
+        opened = open(&base.network, &args.name, arm, meeting) => Some(opened),
     };
     let board = match opened {
         Some(Ok(board)) => board,
@@ -77,7 +84,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             return Ok(ExitCode::SUCCESS);
         }
     };
-    let told = tell(&base, &args.name, out).await;
+    let told = tell(&base, &args.name, arm, meeting, out).await;
     if told.is_ok() {
         interrupt.heard().await;
     }
@@ -149,8 +156,13 @@ fn is_here(host: &str) -> bool {
         || addresses::own().iter().any(|own| own == host)
 }
 
-async fn open(network: &Network, name: &str, simulation: Simulation) -> Result<ControlBoardServer> {
-    let arm = simulation.start()?;
+async fn open(
+    network: &Network,
+    name: &str,
+    arm: Arm,
+    meeting: Meeting,
+) -> Result<ControlBoardServer> {
+    let arm = arm.start(meeting)?;
     let options = ControlBoardOptions::new();
     match ControlBoardServer::open(network, arm, name, options).await {
         Ok(board) => Ok(board),
@@ -159,8 +171,31 @@ async fn open(network: &Network, name: &str, simulation: Simulation) -> Result<C
     }
 }
 
+/// How the PC of an arm is met.
+fn way(meeting: Meeting) -> String {
+    let at = |places: Places| format!("{} and {}", places.arm, places.packets);
+    match meeting {
+        Meeting::Listen(places) => {
+            format!(
+                "waiting for it at {}; run `yarp wam-node` on it",
+                at(places)
+            )
+        }
+        Meeting::Connect(places) => format!(
+            "going to it at {}; run `yarp wam-node --listen` on it",
+            at(places)
+        ),
+    }
+}
+
 /// Prints what is there and what to try.
-async fn tell(base: &Base, name: &str, out: &mut dyn Write) -> Result<()> {
+async fn tell(
+    base: &Base,
+    name: &str,
+    arm: Arm,
+    meeting: Meeting,
+    out: &mut dyn Write,
+) -> Result<()> {
     let network = &base.network;
     let (host, port) = network.server().unwrap_or_default();
     let namespace = network.namespace();
@@ -169,7 +204,10 @@ async fn tell(base: &Base, name: &str, out: &mut dyn Write) -> Result<()> {
         None => "was there",
     };
     writeln!(out, "\nName server {namespace} at {host}:{port} ({whose})")?;
-    writeln!(out, "Simulated WAM arm {name}, seven joints\n")?;
+    match arm {
+        Arm::Embedded => writeln!(out, "WAM arm {name} behind its PC: {}\n", way(meeting))?,
+        _ => writeln!(out, "Simulated WAM arm {name}, seven joints\n")?,
+    }
     let width = name.len() + "/stateExt:o".len();
     writeln!(out, "{:<width$}  {:<26}  what it is for", "port", "address")?;
     for (suffix, purpose) in PORTS {

@@ -13,11 +13,11 @@ pub(super) const CLOSE: f64 = 1e-6;
 /// How far the joints are moved.
 pub(super) const DISTANCE: f64 = 3.0;
 
-/// A device with all its interfaces, every joint in position mode.
+/// A device with the interfaces that most checks need, every joint in position mode.
 pub(super) struct Board<'a> {
     pub(super) info: &'a dyn AxisInfo,
     pub(super) position: &'a dyn PositionControl,
-    pub(super) velocity: &'a dyn VelocityControl,
+    velocity: Option<&'a dyn VelocityControl>,
     pub(super) encoders: &'a dyn Encoders,
     pub(super) modes: &'a dyn ControlMode,
     pub(super) limits: &'a dyn ControlLimits,
@@ -31,7 +31,7 @@ impl<'a> Board<'a> {
         let board = Self {
             info,
             position: device.position_control().expect("it has position control"),
-            velocity: device.velocity_control().expect("it has velocity control"),
+            velocity: device.velocity_control(),
             encoders: device.encoders().expect("it has encoders"),
             modes: device.control_mode().expect("it has control modes"),
             limits: device.control_limits().expect("it has control limits"),
@@ -45,6 +45,11 @@ impl<'a> Board<'a> {
         });
         board.set_mode(Mode::Position);
         board
+    }
+
+    /// Not every arm has it.
+    pub(super) fn velocity(&self) -> &'a dyn VelocityControl {
+        self.velocity.expect("it has velocity control")
     }
 
     pub(super) fn indices(&self) -> impl Iterator<Item = AxisIndex> + use<> {

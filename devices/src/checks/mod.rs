@@ -1,8 +1,8 @@
 //! Behaviours that every control board must show, and in [`camera`] every camera, to be run against any implementation.
 //!
 //! Each check is a function that takes a [`Device`] and panics, as an assertion does, when the device behaves
-//! otherwise. The device must have all interfaces, at least two joints with more than ten degrees of room each, and be at
-//! rest. A check moves joints and leaves them elsewhere; it ends with everything at rest.
+//! otherwise. The device must have the interfaces that the check is about and those of motion, at least two joints with
+//! more than ten degrees of room each, and be at rest. A check moves joints and leaves them elsewhere; it ends with everything at rest.
 //!
 //! A device may be at the far end of a network: its readings may be late and its refusals come without a reason. So
 //! a check waits until something becomes true, for at most `patience`, and never asks how long it took or
@@ -322,7 +322,7 @@ pub fn references_are_kept(device: &dyn Device, patience: Duration) {
     assert_eq!(both[..2], [22.0, 21.0]);
     // One setting, seen from both interfaces.
     let seen = board
-        .velocity
+        .velocity()
         .reference_accelerations(Axes::All)
         .expect("known");
     assert_eq!(seen, both);
@@ -408,13 +408,13 @@ pub fn a_velocity_holds_until_told_otherwise(device: &dyn Device, patience: Dura
 
     // Not asserted to be an error: a device behind a network may not hear of the refusal.
     let start = board.at(axis);
-    let _ = board.velocity.velocity_move(axis.into(), &[speed]);
+    let _ = board.velocity().velocity_move(axis.into(), &[speed]);
     board.time_passes();
     assert!((board.at(axis) - start).abs() < CLOSE);
 
     board.set_mode(Mode::Velocity);
     board
-        .velocity
+        .velocity()
         .velocity_move(axis.into(), &[speed])
         .expect("it is allowed");
     board.eventually("the velocity asked for", || {
@@ -422,7 +422,7 @@ pub fn a_velocity_holds_until_told_otherwise(device: &dyn Device, patience: Dura
     });
     board.eventually("that velocity given back", || {
         board
-            .velocity
+            .velocity()
             .reference_velocities(axis.into())
             .is_ok_and(|all| (all[0] - speed).abs() < CLOSE)
     });
@@ -431,7 +431,7 @@ pub fn a_velocity_holds_until_told_otherwise(device: &dyn Device, patience: Dura
         (board.at(axis) - start) * speed.signum() > 1.0
     });
     board
-        .velocity
+        .velocity()
         .stop(axis.into())
         .expect("it can always stop");
     board.rests();
@@ -453,7 +453,7 @@ pub fn a_velocity_ends_at_the_position_limit(device: &dyn Device, patience: Dura
     board.set_mode(Mode::Velocity);
     let speed = board.max_speed(axis);
     board
-        .velocity
+        .velocity()
         .velocity_move(axis.into(), &[speed])
         .expect("it is allowed");
     board.eventually("the limit", || {
@@ -462,11 +462,14 @@ pub fn a_velocity_ends_at_the_position_limit(device: &dyn Device, patience: Dura
         (now.position - limits.max).abs() < CLOSE && now.speed == 0.0
     });
     board
-        .velocity
+        .velocity()
         .velocity_move(axis.into(), &[-5.0])
         .expect("it is allowed");
     board.eventually("the way back", || board.at(axis) < limits.max - 1.0);
-    board.velocity.stop(Axes::All).expect("it can always stop");
+    board
+        .velocity()
+        .stop(Axes::All)
+        .expect("it can always stop");
     board.rests();
     board.set_mode(Mode::Position);
 }

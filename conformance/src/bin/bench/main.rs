@@ -3,7 +3,7 @@
 //! ```text
 //! bench                 runs everything, prints tables with ratios
 //! bench only PART       one of round-trips, one-way, datagrams, or a carrier's one-way messages
-//! bench serve|count|call|send|ping|pong ...   one peer of ours, as `bench/stock_peer.cpp` is one of stock's
+//! bench serve|count|call|send|ping|pong|pour|sink ...   one peer of ours, as `bench/stock_peer.cpp` is one of stock's
 //! ```
 //!
 //! Every peer is a process of its own, of ours or of stock's, so that both do the same work. The
@@ -45,6 +45,11 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("bench: {error}");
+            let mut cause = error.source();
+            while let Some(error) = cause {
+                eprintln!("  because: {error}");
+                cause = error.source();
+            }
             ExitCode::FAILURE
         }
     }

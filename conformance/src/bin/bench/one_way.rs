@@ -27,6 +27,9 @@ const ROWS: [(&str, usize, u32, u32); 8] = [
     ("shmem", 1_000_000, 2_000, 4_000),
 ];
 
+/// The carrier whose large messages are compared with a bare TCP connection.
+const BESIDE_BARE: &str = "fast_tcp";
+
 impl Bench {
     /// `wanted` names a carrier, or is empty for all.
     pub(crate) fn one_way(&self, wanted: &str) -> Result<(), Failure> {
@@ -34,7 +37,11 @@ impl Bench {
         let wanted = |row: &&(&str, usize, u32, u32)| wanted.is_empty() || row.0 == wanted;
         for &(carrier, bytes, from_stock, from_ours) in ROWS.iter().filter(wanted) {
             let mut rates = [const { Vec::new() }; PAIRS.len()];
+            let mut bare = Vec::new();
             for _ in 0..RUNS {
+                if carrier == BESIDE_BARE && bytes > 16 {
+                    bare.push(self.bare_rate(from_ours, bytes)?);
+                }
                 for ((writer, reader), rates) in PAIRS.into_iter().zip(&mut rates) {
                     // A stock reader is no faster, whoever writes.
                     let n = match (writer, reader) {
@@ -55,8 +62,26 @@ impl Bench {
                 .collect();
             let label = format!("{carrier}, {bytes} bytes");
             println!("{label:<22}{} {}", shown.join(""), ratios.join(" "));
+            if !bare.is_empty() {
+                let bare = median(bare.into_iter());
+                println!(
+                    "bare TCP, {bytes} bytes {:>8.2} GB/s; ours>ours over {carrier} / bare: {:.2}",
+                    bare * bytes as f64 / 1e9,
+                    rates[1] / bare
+                );
+            }
         }
         Ok(())
+    }
+
+    /// The same over a TCP connection without YARP.
+    fn bare_rate(&self, n: u32, bytes: usize) -> Result<f64, Failure> {
+        let mut sink = self.start(Side::Ours, &["sink"])?;
+        let ready = sink.line_starting("ready")?;
+        let port = ready.trim_start_matches("ready").trim();
+        let words = ["pour", port, &n.to_string(), &bytes.to_string()];
+        let nanoseconds = self.start(Side::Ours, &words)?.numbers(1)?[0];
+        Ok(f64::from(n) * 1e9 / nanoseconds)
     }
 
     /// Messages per second until the last has been read.

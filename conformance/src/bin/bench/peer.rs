@@ -17,6 +17,8 @@ pub(crate) fn work(words: &[&str]) -> Option<Result<(), Failure>> {
     Some(match words {
         ["pong"] => pong(),
         ["ping", port] => ping(port),
+        ["sink"] => sink(),
+        ["pour", port, n, bytes] => pour(port, n, bytes),
         ["serve", name] => peer(serve(name)),
         ["count", name] => peer(count(name)),
         ["call", name, n] => peer(call(name, n)),
@@ -173,6 +175,30 @@ fn ping(port: &str) -> Result<(), Failure> {
         times.push(begin.elapsed());
     }
     print_times(&times)
+}
+
+/// Takes what is poured over a bare TCP connection, and says so at its end; prints its port.
+fn sink() -> Result<(), Failure> {
+    let listener = std::net::TcpListener::bind("127.0.0.1:0")?;
+    println!("ready {}", listener.local_addr()?.port());
+    let (mut stream, _) = listener.accept()?;
+    let mut buffer = vec![0; 1_000_000];
+    while stream.read(&mut buffer)? > 0 {}
+    Ok(stream.write_all(b".")?)
+}
+
+/// Bytes one way over a bare TCP connection; prints how long it took until the last was read.
+fn pour(port: &str, n: &str, bytes: &str) -> Result<(), Failure> {
+    let mut stream = std::net::TcpStream::connect(("127.0.0.1", port.parse()?))?;
+    let n: u32 = n.parse()?;
+    let buffer = vec![7; bytes.parse()?];
+    let begin = Instant::now();
+    for _ in 0..n {
+        stream.write_all(&buffer)?;
+    }
+    stream.shutdown(std::net::Shutdown::Write)?;
+    stream.read_exact(&mut [0])?;
+    print_times(&[begin.elapsed()])
 }
 
 fn print_times(times: &[Duration]) -> Result<(), Failure> {

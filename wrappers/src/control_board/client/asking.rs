@@ -65,12 +65,7 @@ impl RemoteControlBoard {
     ) -> Result<Vec<f64>, DeviceError> {
         axes.check(self.axes)?;
         let spelling = quantity.spelling();
-        let selections = match self.generation() {
-            Dialect::V3 => spelling.words.sayable(axes, self.axes, "ask about", true)?,
-            Dialect::V4 => spelling
-                .functions
-                .sayable(axes, self.axes, "ask about", true)?,
-        };
+        let selections = spelling.sayable(self.generation(), axes, self.axes, "ask about", true)?;
         let mut all = Vec::new();
         for selection in selections {
             if selection.axes().len(self.axes) == 0 {
@@ -92,12 +87,7 @@ impl RemoteControlBoard {
     ) -> Result<Vec<T>, DeviceError> {
         axes.check(self.axes)?;
         let spelling = question.spelling();
-        let selections = match self.generation() {
-            Dialect::V3 => spelling.words.sayable(axes, self.axes, "ask about", true)?,
-            Dialect::V4 => spelling
-                .functions
-                .sayable(axes, self.axes, "ask about", true)?,
-        };
+        let selections = spelling.sayable(self.generation(), axes, self.axes, "ask about", true)?;
         let mut all = Vec::new();
         for selection in selections {
             let expected = selection.axes().len(self.axes);
@@ -122,10 +112,7 @@ impl RemoteControlBoard {
     ) -> Result<(), DeviceError> {
         axes.check(self.axes)?;
         let spelling = action.spelling();
-        let selections = match self.generation() {
-            Dialect::V3 => spelling.words.sayable(axes, self.axes, what, true)?,
-            Dialect::V4 => spelling.functions.sayable(axes, self.axes, what, true)?,
-        };
+        let selections = spelling.sayable(self.generation(), axes, self.axes, what, true)?;
         for selection in selections {
             if selection.axes().len(self.axes) > 0 {
                 self.order(Set::Act(action, selection))?;
@@ -160,10 +147,7 @@ impl RemoteControlBoard {
             }
         }
         let spelling = setting.spelling();
-        let selections = match self.generation() {
-            Dialect::V3 => spelling.words.sayable(axes, self.axes, "set", false)?,
-            Dialect::V4 => spelling.functions.sayable(axes, self.axes, "set", false)?,
-        };
+        let selections = spelling.sayable(self.generation(), axes, self.axes, "set", false)?;
         for selection in selections {
             self.order(Set::Values(setting, selection, values.to_vec()))?;
         }

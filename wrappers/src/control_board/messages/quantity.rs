@@ -1,9 +1,9 @@
 //! The numbers that can be asked for and set, one for each joint, and how each generation spells them.
 
-use yarp_devices::{AmplifierLimit, PidKind, PidValue};
-use yarp_wire::Vocab32;
+use yarp_devices::{AmplifierLimit, Axes, DeviceError, PidKind, PidValue};
+use yarp_wire::{Dialect, Vocab32};
 
-use super::selection::{Forms, Functions, Words};
+use super::selection::{Forms, Functions, Selection, Words};
 use super::vocabulary as word;
 
 /// A number that can be asked for.
@@ -116,6 +116,21 @@ pub(crate) struct Spelling {
 }
 
 impl Spelling {
+    /// The selections that mean these joints to a board of this generation, see [`Forms::sayable`].
+    pub(crate) fn sayable(
+        self,
+        generation: Dialect,
+        axes: Axes<'_>,
+        total: usize,
+        what: &str,
+        each: bool,
+    ) -> Result<Vec<Selection>, DeviceError> {
+        match generation {
+            Dialect::V3 => self.words.sayable(axes, total, what, each),
+            Dialect::V4 => self.functions.sayable(axes, total, what, each),
+        }
+    }
+
     pub(super) const fn plain(words: Words, functions: Functions) -> Self {
         Self {
             interface: None,

@@ -1,0 +1,157 @@
+//! The arms that a command can serve: `--arm`, in one place.
+
+use std::fmt;
+use std::io;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, ToSocketAddrs};
+use std::str::FromStr;
+use std::sync::Arc;
+
+use yarp_devices::embedded::{ARM_PORT, DriverOptions, EmbeddedWam, Meeting, PACKET_PORT, Places};
+use yarp_devices::wam::{DynamicWam, SimulatedWam};
+use yarp_devices::{Device, DeviceError};
+
+/// An arm as it is named on the command line.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub(crate) enum Arm {
+    /// Moves exactly as it is told.
+    Simulated,
+    /// Has masses, friction, encoders and a controller.
+    Dynamic,
+    /// Behind its embedded PC, which runs `yarp wam-node`.
+    Embedded,
+}
+
+/// Every arm with its name.
+const NAMES: [(&str, Arm); 3] = [
+    ("simulated", Arm::Simulated),
+    ("dynamic", Arm::Dynamic),
+    ("embedded", Arm::Embedded),
+];
+
+impl FromStr for Arm {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let found = NAMES.iter().find(|(name, _)| *name == text);
+        found.map(|(_, arm)| *arm).ok_or_else(|| {
+            let names = NAMES.map(|(name, _)| name).join(", ");
+            format!("there is no arm \"{text}\"; expected one of {names}")
+        })
+    }
+}
+
+impl fmt::Display for Arm {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let named = NAMES.iter().find(|(_, arm)| arm == self);
+        f.write_str(named.map_or("", |(name, _)| name))
+    }
+}
+
+impl Arm {
+    /// Starts it; `meeting` is for one behind its embedded PC.
+    pub(crate) fn start(self, meeting: Meeting) -> Result<Arc<dyn Device>, DeviceError> {
+        Ok(match self {
+            Self::Simulated => Arc::new(SimulatedWam::start()?),
+            Self::Dynamic => Arc::new(DynamicWam::start()?),
+            Self::Embedded => Arc::new(EmbeddedWam::start(DriverOptions::new(meeting))?),
+        })
+    }
+}
+
+/// Which end of the connections between driver and embedded PC this is.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct MeetingArgs {
+    /// Wait for the other end at this address of this machine
+    #[arg(long, value_name = "ADDRESS", conflicts_with = "connect")]
+    listen: Option<IpAddr>,
+    /// Go to the other end on this machine, again and again
+    #[arg(long, value_name = "HOST")]
+    connect: Option<String>,
+    /// TCP ports for commands and for asynchronous packets
+    #[arg(long, value_name = "ARM,PACKETS", value_delimiter = ',', num_args = 1,
+          default_values_t = [ARM_PORT, PACKET_PORT])]
+    ports: Vec<u16>,
+}
+
+impl MeetingArgs {
+    /// As told; where nothing is told, one listens and the other connects on this machine.
+    pub(crate) fn meeting(&self, listens: bool) -> io::Result<Meeting> {
+        let &[arm, packets] = self.ports.as_slice() else {
+            return Err(io::Error::new(
+                io::ErrorKind::InvalidInput,
+                format!("--ports needs two numbers, as in {ARM_PORT},{PACKET_PORT}"),
+            ));
+        };
+        let at = |address: IpAddr| Places {
+            arm: SocketAddr::new(address, arm),
+            packets: SocketAddr::new(address, packets),
+        };
+        let here = IpAddr::V4(Ipv4Addr::LOCALHOST);
+        Ok(match (&self.listen, &self.connect) {
+            (Some(address), _) => Meeting::Listen(at(*address)),
+            (None, Some(host)) => Meeting::Connect(at(resolve(host)?)),
+            (None, None) if listens => Meeting::Listen(at(here)),
+            (None, None) => Meeting::Connect(at(here)),
+        })
+    }
+}
+
+/// The first address of a host.
+fn resolve(host: &str) -> io::Result<IpAddr> {
+    let found = (host, 0).to_socket_addrs().and_then(|mut addresses| {
+        addresses
+            .next()
+            .ok_or_else(|| io::Error::new(io::ErrorKind::NotFound, "it has no address"))
+    });
+    found.map(|address| address.ip()).map_err(|error| {
+        io::Error::new(
+            error.kind(),
+            format!("cannot find the host {host}: {error}"),
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_read_as_they_are_printed() {
+        for (name, arm) in NAMES {
+            assert_eq!(name.parse(), Ok(arm));
+            assert_eq!(arm.to_string(), name);
+        }
+        let refused = "ghost".parse::<Arm>().unwrap_err();
+        assert!(
+            refused.contains("simulated, dynamic, embedded"),
+            "{refused}"
+        );
+    }
+
+    #[test]
+    fn by_default_one_end_listens_and_the_other_connects() {
+        let meet = |listen: Option<&str>, connect: Option<&str>, listens: bool| {
+            let args = MeetingArgs {
+                listen: listen.map(|text| text.parse().unwrap()),
+                connect: connect.map(str::to_owned),
+                ports: vec![1, 2],
+            };
+            args.meeting(listens).unwrap()
+        };
+        let at = |address: &str| Places {
+            arm: format!("{address}:1").parse().unwrap(),
+            packets: format!("{address}:2").parse().unwrap(),
+        };
+        let here = at("127.0.0.1");
+        assert_eq!(meet(None, None, true), Meeting::Listen(here));
+        assert_eq!(meet(None, None, false), Meeting::Connect(here));
+        assert_eq!(
+            meet(Some("0.0.0.0"), None, false),
+            Meeting::Listen(at("0.0.0.0"))
+        );
+        assert_eq!(
+            meet(None, Some("127.0.0.2"), true),
+            Meeting::Connect(at("127.0.0.2"))
+        );
+    }
+}

@@ -1,0 +1,83 @@
+//! `yarp wam-node`: the embedded server of a WAM arm.
+
+use std::io::Write;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use yarp_devices::embedded::{Meeting, NodeOptions, WamNode};
+
+use crate::arm::{Arm, MeetingArgs};
+use crate::error::{Failure, Result};
+use crate::signals::Interrupt;
+
+/// How often is looked whether somebody came or went.
+const LOOK: Duration = Duration::from_millis(100);
+
+/// serve an arm to its driver, on the arm's own PC
+///
+/// Runs on the PC in the arm and speaks the protocol of the thesis with the driver, which `yarp up --arm embedded` serves
+/// to the network. Needs no name server.
+///
+/// The arm is idle until the driver switches gravity compensation on. When the driver goes away the arm stops and
+/// holds; Ctrl-C ends the server and lets go of the arm.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Which arm: simulated (moves exactly as told) or dynamic (with masses and friction)
+    #[arg(long, default_value_t = Arm::Dynamic, value_parser = own_arm)]
+    arm: Arm,
+    #[command(flatten)]
+    meeting: MeetingArgs,
+}
+
+/// An arm that this PC can drive.
+fn own_arm(text: &str) -> std::result::Result<Arm, String> {
+    match text.parse()? {
+        Arm::Embedded => Err("an arm behind an embedded PC is served by that PC".to_owned()),
+        arm => Ok(arm),
+    }
+}
+
+pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
+    let mut interrupt = Interrupt::listen();
+    let meeting = args.meeting.meeting(false).map_err(Failure::Meeting)?;
+    let node = WamNode::start(args.arm.start(meeting)?, NodeOptions::new(meeting))?;
+    let places = node.places();
+    let verb = match meeting {
+        Meeting::Listen(_) => "waits for the driver at",
+        Meeting::Connect(_) => "goes to the driver at",
+    };
+    writeln!(
+        out,
+        "{} WAM arm {verb} {} and {}. Ctrl-C ends it.",
+        args.arm, places.arm, places.packets
+    )?;
+    out.flush()?;
+    let told = tell(&node, &mut interrupt, out).await;
+    drop(node);
+    told.map(|()| ExitCode::SUCCESS)
+}
+
+/// Prints who comes and goes, until a signal.
+async fn tell(node: &WamNode, interrupt: &mut Interrupt, out: &mut dyn Write) -> Result<()> {
+    let mut connected = false;
+    loop {
+        let status = node.status();
+        if status.connected != connected {
+            connected = status.connected;
+            match (connected, status.last_end) {
+                (true, _) => writeln!(out, "The driver is connected.")?,
+                (false, end) => writeln!(
+                    out,
+                    "The driver is gone ({}); the arm holds.",
+                    end.unwrap_or_default()
+                )?,
+            }
+            out.flush()?;
+        }
+        tokio::select! {
+            biased;
+            () = interrupt.heard() => return Ok(()),
+            () = tokio::time::sleep(LOOK) => {}
+        }
+    }
+}

@@ -1,0 +1,55 @@
+"""Drives an arm behind its embedded PC with stock YARP's own client, and prints `ok` or `FAIL` per check.
+
+    yarp up --arm embedded --name /embedded &
+    yarp wam-node --arm simulated &
+    "$STOCK/bin/python" conformance/live/embedded_arm.py /embedded
+
+The protocol of the embedded PC has words for positions alone; what stock's client asks for beside is refused, and the
+client must live with that. The arm is left elsewhere. Ends with 1 if any check failed.
+"""
+
+import os
+import sys
+from importlib import metadata
+
+import yarp
+
+import remote_controlboard as board
+from remote_controlboard import POSITION, check, eventually, short
+
+
+def main():
+    remote = sys.argv[1]
+    yarp.Network.init()
+    options = yarp.Property()
+    options.put("device", "remote_controlboard")
+    options.put("remote", remote)
+    options.put("local", f"/live-{os.getpid()}/arm")
+    driver = yarp.PolyDriver(options)
+    print(f"stock YARP {metadata.version('yarp-middleware')} against {remote}, an arm behind its PC")
+    if not check("remote_controlboard opens", driver.isValid()):
+        return 1
+    arm = board.Arm(driver)
+    check("a first state comes", eventually(lambda: arm.positions() is not None)[0])
+    check("it has seven joints", arm.axes == 7, arm.axes)
+    check("all are in position mode", eventually(lambda: arm.mode_list() == [POSITION] * 7)[0], arm.mode_list())
+    check("it takes position mode", arm.set_mode(POSITION))
+    check("it does not take velocity mode", not arm.modes.setControlMode(0, board.VELOCITY))
+    targets = arm.inward()
+    moved = arm.position.positionMove(yarp.DVector(targets))
+    check("it takes a move", moved, short(targets))
+    check("the joints arrive", eventually(lambda: arm.is_at(targets))[0], short(arm.positions()))
+    check("the end of the motion is told", eventually(lambda: arm.position.checkMotionDone())[0])
+    check("a place outside its limits is refused", not arm.position.positionMove(0, 1000.0) or arm.is_at(targets))
+    check("the arm stops", arm.position.stop())
+    variables = driver.viewIRemoteVariables()
+    names, pose = yarp.Bottle(), yarp.Bottle()
+    check("it has variables", variables.getRemoteVariablesList(names), names.toString())
+    check("one of them is the pose of the tool", variables.getRemoteVariable("pose", pose), pose.toString())
+    driver.close()
+    print(f"{board.failures} failed")
+    return 1 if board.failures else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,244 @@
+//! `hour [--minutes N] [--hertz N] [--arm simulated|dynamic]`: the arm behind its embedded PC, at work for an hour.
+//!
+//! A driver reads the joints of an arm at 500 Hz from its embedded server over TCP and moves it from pose to pose, and counts
+//! the deadlines that were missed: readings that were not there when the next was due. Beside it, in the same run and
+//! with the same timer, a thread that does nothing and a bare exchange of as many bytes over TCP show what the machine
+//! itself misses.
+//!
+//! Ends with 1 if the connection broke or a move did not end at its target; the deadlines are for the reader to judge.
+
+use std::io::{Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use yarp_devices::embedded::{
+    DriverOptions, EmbeddedWam, Meeting, NodeOptions, Pace, Timing, WamNode,
+};
+use yarp_devices::wam::{DynamicWam, SimulatedWam};
+use yarp_devices::{Axes, Device, Encoders, PositionControl};
+
+type Failure = Box<dyn std::error::Error + Send + Sync>;
+
+/// Where the arm goes, degrees, again and again.
+const POSES: [[f64; 7]; 3] = [
+    [10.0, -60.0, 10.0, 120.0, -20.0, 20.0, 20.0],
+    [-10.0, -80.0, -10.0, 140.0, 20.0, -20.0, -20.0],
+    [0.0, -70.0, 0.0, 110.0, 0.0, 10.0, 0.0],
+];
+/// How far from its target a joint may end, degrees: gains and friction of the simulated arm leave tenths.
+const NEAR: f64 = 1.5;
+/// What a question for the joints and its answer have, in bytes.
+const QUESTION: usize = 3;
+const ANSWER: usize = 57;
+/// How long both ends wait for each other: a machine that stands still for seconds is to be counted, not to end the run.
+const STANDSTILL: Duration = Duration::from_secs(20);
+/// How long a move may take.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+struct Words {
+    minutes: f64,
+    hertz: f64,
+    dynamic: bool,
+}
+
+fn main() -> ExitCode {
+    let Some(words) = words() else {
+        eprintln!("usage: hour [--minutes N] [--hertz N] [--arm simulated|dynamic]");
+        return ExitCode::FAILURE;
+    };
+    match run(&words) {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::FAILURE,
+        Err(error) => {
+            eprintln!("hour: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn words() -> Option<Words> {
+    let mut words = Words {
+        minutes: 60.0,
+        hertz: 500.0,
+        dynamic: true,
+    };
+    let positive = |text: String| text.parse().ok().filter(|number: &f64| *number > 0.0);
+    let mut given = std::env::args().skip(1);
+    while let Some(word) = given.next() {
+        let value = given.next()?;
+        match word.as_str() {
+            "--minutes" => words.minutes = positive(value)?,
+            "--hertz" => words.hertz = positive(value)?,
+            "--arm" => {
+                words.dynamic = match value.as_str() {
+                    "simulated" => false,
+                    "dynamic" => true,
+                    _ => return None,
+                }
+            }
+            _ => return None,
+        }
+    }
+    Some(words)
+}
+
+/// Runs; whether nothing broke.
+fn run(words: &Words) -> Result<bool, Failure> {
+    let period = Duration::try_from_secs_f64(1.0 / words.hertz)?;
+    let arm: Arc<dyn Device> = if words.dynamic {
+        Arc::new(DynamicWam::start()?)
+    } else {
+        Arc::new(SimulatedWam::start()?)
+    };
+    let driver = EmbeddedWam::start(DriverOptions {
+        period,
+        patience: STANDSTILL,
+        ..DriverOptions::new(Meeting::anywhere())
+    })?;
+    let node = WamNode::start(
+        arm,
+        NodeOptions {
+            patience: STANDSTILL,
+            silence: STANDSTILL,
+            ..NodeOptions::new(Meeting::Connect(driver.places()))
+        },
+    )?;
+    rest(&driver)?;
+
+    let end = Instant::now() + Duration::try_from_secs_f64(words.minutes * 60.0)?;
+    let before = driver.timing();
+    let idle = thread::spawn(move || keep(end, period, || Ok(())));
+    let bare = thread::spawn(move || bare(end, period));
+    let (mut moves, mut farthest, mut broken) = (0_u64, 0.0_f64, Vec::new());
+    for target in POSES.iter().cycle() {
+        if Instant::now() >= end {
+            break;
+        }
+        match go(&driver, target) {
+            Ok(off) => {
+                moves += 1;
+                farthest = farthest.max(off);
+                if off > NEAR {
+                    broken.push(format!("move {moves} ended {off:.2} degrees off"));
+                }
+            }
+            Err(error) => {
+                broken.push(format!("move {}: {error}", moves + 1));
+                rest(&driver)?;
+            }
+        }
+    }
+    let ours = driver.timing();
+    let ours = Timing {
+        cycles: ours.cycles - before.cycles,
+        missed: ours.missed - before.missed,
+        longest: ours.longest,
+    };
+    let idle = idle.join().map_err(|_| "the idle thread panicked")??;
+    let bare = bare.join().map_err(|_| "the bare exchange panicked")??;
+    let link = driver.link();
+    println!(
+        "{} Hz for {} minutes: {moves} moves, at most {farthest:.2} degrees from their targets; {} requests served",
+        words.hertz,
+        words.minutes,
+        node.status().served
+    );
+    println!(
+        "{:<34} {:>10} {:>8} {:>12}",
+        "", "cycles", "missed", "longest"
+    );
+    let tell = |what: &str, timing: Timing| {
+        let longest = format!("{:.3} ms", timing.longest.as_secs_f64() * 1e3);
+        println!(
+            "{what:<34} {:>10} {:>8} {longest:>12}",
+            timing.cycles, timing.missed
+        );
+    };
+    tell("driver and embedded server", ours);
+    tell("bare exchange over TCP (machine)", bare);
+    tell("idle thread (machine)", idle);
+    if link.failures > 0 {
+        broken.push(format!(
+            "the connection broke {} times, at last: {}",
+            link.failures,
+            link.last_failure.unwrap_or_default()
+        ));
+    }
+    for line in &broken {
+        println!("broken: {line}");
+    }
+    Ok(broken.is_empty())
+}
+
+/// Moves there; how far off the farthest joint ended.
+fn go(driver: &EmbeddedWam, target: &[f64; 7]) -> Result<f64, Failure> {
+    driver.position_move(Axes::All, target)?;
+    rest(driver)?;
+    if let Some(reason) = driver.link().last_interruption {
+        return Err(reason.into());
+    }
+    let readings = driver.encoder_readings(Axes::All)?;
+    let off = readings.iter().zip(target);
+    Ok(off.fold(0.0_f64, |most, (reading, target)| {
+        most.max((reading.position - target).abs())
+    }))
+}
+
+fn rest(driver: &EmbeddedWam) -> Result<(), Failure> {
+    let deadline = Instant::now() + PATIENCE;
+    while !matches!(driver.motion_done(Axes::All), Ok(true)) {
+        if Instant::now() > deadline {
+            let last = driver.link().last_failure.unwrap_or_default();
+            return Err(
+                format!("the arm did not come to rest within {PATIENCE:?} ({last})").into(),
+            );
+        }
+        thread::sleep(Duration::from_millis(10));
+    }
+    Ok(())
+}
+
+/// Does something at the rate of the driver until the end.
+fn keep(
+    end: Instant,
+    period: Duration,
+    mut what: impl FnMut() -> std::io::Result<()>,
+) -> Result<Timing, Failure> {
+    let mut pace = Pace::new(Instant::now(), period);
+    while pace.next() < end {
+        loop {
+            let now = Instant::now();
+            if now >= pace.next() {
+                break;
+            }
+            thread::park_timeout(pace.next() - now);
+        }
+        what()?;
+        pace.done(Instant::now());
+    }
+    Ok(pace.timing())
+}
+
+/// As many bytes there and back as a question for the joints, without anything around it.
+fn bare(end: Instant, period: Duration) -> Result<Timing, Failure> {
+    let listener = TcpListener::bind("127.0.0.1:0")?;
+    let mut near = TcpStream::connect(listener.local_addr()?)?;
+    let mut far = listener.accept()?.0;
+    near.set_nodelay(true)?;
+    far.set_nodelay(true)?;
+    let answering = thread::spawn(move || {
+        let mut question = [0; QUESTION];
+        // Ends when the other side closes.
+        while far.read_exact(&mut question).is_ok() && far.write_all(&[0; ANSWER]).is_ok() {}
+    });
+    let timing = keep(end, period, || {
+        near.write_all(&[0; QUESTION])?;
+        near.read_exact(&mut [0; ANSWER])
+    });
+    drop(near);
+    answering.join().map_err(|_| "the far end panicked")?;
+    timing
+}

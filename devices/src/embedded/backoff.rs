@@ -1,0 +1,71 @@
+//! Longer and longer pauses between attempts.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// The pause before the next attempt: each twice as long as the one before, up to a longest.
+#[derive(Debug)]
+pub(super) struct Backoff {
+    first: Duration,
+    longest: Duration,
+    next: Duration,
+}
+
+impl Backoff {
+    pub(super) fn new(first: Duration, longest: Duration) -> Self {
+        Self {
+            first,
+            longest: longest.max(first),
+            next: first,
+        }
+    }
+
+    /// After something that worked the pauses begin anew.
+    pub(super) fn reset(&mut self) {
+        self.next = self.first;
+    }
+
+    fn pause(&mut self) -> Duration {
+        let pause = self.next;
+        self.next = (self.next * 2).min(self.longest);
+        pause
+    }
+
+    /// Sleeps for the next pause, or until `ending` is set and the thread unparked.
+    pub(super) fn wait(&mut self, ending: &AtomicBool) {
+        sleep_until(Instant::now() + self.pause(), ending);
+    }
+}
+
+/// Sleeps until then, or until `ending` is set and the thread unparked.
+pub(super) fn sleep_until(deadline: Instant, ending: &AtomicBool) {
+    while !ending.load(Ordering::Acquire) {
+        let now = Instant::now();
+        if now >= deadline {
+            return;
+        }
+        thread::park_timeout(deadline - now);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pauses_double_up_to_the_longest_and_begin_anew() {
+        let milliseconds = Duration::from_millis;
+        let mut backoff = Backoff::new(milliseconds(50), milliseconds(150));
+        let pauses: Vec<_> = (0..4).map(|_| backoff.pause()).collect();
+        assert_eq!(pauses, [50, 100, 150, 150].map(milliseconds));
+        backoff.reset();
+        assert_eq!(backoff.pause(), milliseconds(50));
+    }
+
+    #[test]
+    fn an_end_is_noticed_at_once() {
+        let ending = AtomicBool::new(true);
+        Backoff::new(Duration::from_secs(600), Duration::from_secs(600)).wait(&ending);
+    }
+}

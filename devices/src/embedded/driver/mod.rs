@@ -1,0 +1,255 @@
+//! The driver: the arm as a device, at the host's end of the connection.
+
+mod interfaces;
+mod mailbox;
+mod pose;
+mod session;
+mod shared;
+mod variables;
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use tracing::{info, warn};
+
+use self::mailbox::Order;
+pub use self::pose::CartesianPose;
+use self::session::{End, Session};
+use self::shared::{Goal, Shared};
+pub use self::shared::{Link, LinkState};
+use super::Timing;
+use super::backoff::Backoff;
+use super::meeting::{Meeter, Meeting, Places, join};
+use super::protocol::{MOST_JOINTS, Reply, Request};
+use super::trouble::{Cause, Trouble};
+use crate::DeviceError;
+use crate::fake::AxisParameters;
+
+/// How a driver runs.
+#[derive(Clone, Debug)]
+pub struct DriverOptions {
+    /// Who listens, and where. In the thesis the driver.
+    pub meeting: Meeting,
+    /// How often the joints are read: 50 times a second in the thesis.
+    pub period: Duration,
+    /// How long an acknowledgement may take before the connection counts as broken.
+    pub patience: Duration,
+    /// How old a reading may be to be told to anybody.
+    pub trusted: Duration,
+    /// The pause after a connection that failed; it doubles with each that fails in a row.
+    pub first_pause: Duration,
+    /// The longest such pause.
+    pub longest_pause: Duration,
+    /// Whether gravity compensation is switched on (`gra`) as soon as a connection is there; otherwise by setting position mode.
+    pub gravity: bool,
+    /// The joints of the arm, base to tool: the protocol tells neither names nor limits.
+    pub joints: Vec<AxisParameters>,
+}
+
+impl DriverOptions {
+    /// The thesis's numbers, for a WAM with seven joints.
+    pub fn new(meeting: Meeting) -> Self {
+        Self {
+            meeting,
+            period: Duration::from_millis(20),
+            patience: Duration::from_secs(1),
+            trusted: Duration::from_millis(500),
+            first_pause: Duration::from_millis(50),
+            longest_pause: Duration::from_secs(1),
+            gravity: true,
+            joints: crate::wam::parameters().to_vec(),
+        }
+    }
+}
+
+/// An arm behind the protocol of its embedded PC, as a device.
+///
+/// * A thread of its own owns the connections, reads the joints at a fixed rate and connects again by itself, with longer and
+///   longer pauses. [`link`](Self::link) tells how it stands.
+/// * Calls that need the arm wait for its acknowledgement, at most some times the patience of the options, and fail at once while
+///   there is no connection. An error says which step failed. When the connection breaks the arm holds by itself, and
+///   nothing that was asked before is carried out later.
+/// * It offers axis info, encoders, position control, control modes, limits, homing and variables. What the protocol has
+///   no words for is refused: speeds and accelerations, modes other than position, setting encoders.
+/// * One message moves all joints. A joint that is not named in a command goes on to where it was told to go, or stays.
+/// * [`stop`](crate::MotionControl::stop) sends the arm to where it was measured last: it slows down and comes back to that place.
+/// * Velocities and accelerations are difference quotients of the angles.
+/// * The end of a move is told by the arm as a whole, so [`motion_done`](crate::PositionControl::motion_done) of any
+///   joint waits for all.
+/// * Dropping it sends `shu`, closes the connections and joins the thread.
+#[derive(Debug)]
+pub struct EmbeddedWam {
+    shared: Arc<Shared>,
+    places: Places,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl EmbeddedWam {
+    /// Starts a driver; it need not have a connection yet.
+    ///
+    /// Errors: [`DeviceError::Start`] if the ports to listen at are taken, or the machine has no thread left;
+    /// [`DeviceError::NotSupported`] for an arm with more than seven joints or none.
+    pub fn start(options: DriverOptions) -> Result<Self, DeviceError> {
+        if !(1..=MOST_JOINTS).contains(&options.joints.len()) {
+            return Err(DeviceError::NotSupported {
+                what: format!("an arm with {} joints", options.joints.len()),
+            });
+        }
+        let failed = |what| move |source| DeviceError::Start { what, source };
+        let begin = || {
+            let meeter = Meeter::begin(options.meeting)?;
+            let places = meeter.places()?;
+            Ok((meeter, places))
+        };
+        let (meeter, places) = begin().map_err(failed("the sockets of the driver"))?;
+        let shared = Arc::new(Shared::new(options));
+        let theirs = Arc::clone(&shared);
+        let thread = thread::Builder::new()
+            .name("embedded-wam".into())
+            .spawn(move || theirs.run(&meeter))
+            .map_err(failed("the thread of the driver"))?;
+        info!(arm = %places.arm, packets = %places.packets, "driver of the embedded arm started");
+        Ok(Self {
+            shared,
+            places,
+            thread: Some(thread),
+        })
+    }
+
+    /// Where it listens or connects to.
+    pub fn places(&self) -> Places {
+        self.places
+    }
+
+    /// How the connection stands.
+    pub fn link(&self) -> Link {
+        self.shared.lock().link.clone()
+    }
+
+    /// How the rate of reading was kept, over all connections.
+    pub fn timing(&self) -> Timing {
+        self.shared.lock().timing
+    }
+
+    /// Where the tool is (`gcp`).
+    ///
+    /// Errors: [`DeviceError::Remote`], [`DeviceError::Refused`].
+    pub fn pose(&self) -> Result<CartesianPose, DeviceError> {
+        match self.ask(Request::Pose, Goal::Unknown)? {
+            Reply::Pose(pose) => Ok(CartesianPose::from_wire(pose)),
+            _ => Err(DeviceError::NoDataYet { what: "pose" }),
+        }
+    }
+
+    /// Starts moving the tool to a pose (`moc`) and returns when the arm has taken the command.
+    ///
+    /// Errors: [`DeviceError::NotFinite`], [`DeviceError::Remote`], [`DeviceError::Refused`] when the arm cannot reach it.
+    pub fn move_to(&self, pose: CartesianPose) -> Result<(), DeviceError> {
+        pose.check()?;
+        self.ask(Request::MovePose(pose.to_wire()), Goal::Unknown)
+            .map(drop)
+    }
+
+    /// Starts moving all joints home (`hom`) and returns when the arm has taken the command.
+    ///
+    /// Errors: [`DeviceError::Remote`], [`DeviceError::Refused`].
+    pub fn move_home(&self) -> Result<(), DeviceError> {
+        self.ask(Request::Home, Goal::Home).map(drop)
+    }
+
+    /// Switches gravity compensation on (`gra`): the arm holds where it is and takes moves.
+    ///
+    /// Errors: [`DeviceError::Remote`], [`DeviceError::Refused`].
+    pub fn switch_gravity_on(&self) -> Result<(), DeviceError> {
+        self.ask(Request::Gravity, Goal::Unknown).map(drop)
+    }
+
+    /// Hands a request to the thread and waits for what becomes of it.
+    fn ask(&self, request: Request, goal: Goal) -> Result<Reply, DeviceError> {
+        let kind = request.kind();
+        let (order, answer) = Order::new(request, goal);
+        let abandoned = Arc::clone(&order.abandoned);
+        {
+            let mut state = self.shared.lock();
+            if !state.link.is_up() {
+                return Err(state.unreachable(kind.step()));
+            }
+            if let Some(older) = state.mailbox.put(order) {
+                older.fail_as_replaced(&state.link.peer);
+            }
+        }
+        self.wake();
+        // Everything before it in the mailbox may take its own time; one that takes too long breaks the connection.
+        let patience = self.shared.options.patience * 5;
+        answer.recv_timeout(patience).unwrap_or_else(|_| {
+            abandoned.store(true, Ordering::Release);
+            let state = self.shared.lock();
+            Err(state.link.failed(&Trouble {
+                step: format!("{}, waiting for its turn", kind.step()),
+                cause: Cause::Silent(patience),
+            }))
+        })
+    }
+
+    fn wake(&self) {
+        if let Some(thread) = &self.thread {
+            thread.thread().unpark();
+        }
+    }
+}
+
+impl Drop for EmbeddedWam {
+    fn drop(&mut self) {
+        self.shared.ending.store(true, Ordering::Release);
+        if let Some(thread) = self.thread.take() {
+            join(thread, "the thread of the embedded arm's driver");
+        }
+    }
+}
+
+impl Shared {
+    /// The life of the thread: connect, serve, and again.
+    fn run(&self, meeter: &Meeter) {
+        let options = &self.options;
+        let mut backoff = Backoff::new(options.first_pause, options.longest_pause);
+        while !self.ending.load(Ordering::Acquire) {
+            let trouble = match meeter.meet(&self.ending) {
+                Ok(None) => break,
+                Ok(Some(pair)) => {
+                    let (opened, end) = Session::run(self, meeter, pair);
+                    if opened {
+                        backoff.reset();
+                    }
+                    match end {
+                        End::Asked => break,
+                        End::Lost(trouble) => trouble,
+                    }
+                }
+                Err(error) => Trouble {
+                    step: "connecting".to_owned(),
+                    cause: Cause::io(&error, options.patience),
+                },
+            };
+            self.lose(&trouble);
+            backoff.wait(&self.ending);
+        }
+        self.lose(&Trouble {
+            step: "going on".to_owned(),
+            cause: Cause::Closed,
+        });
+    }
+
+    fn lose(&self, trouble: &Trouble) {
+        let mut state = self.lock();
+        let known = state.link.last_failure.as_ref();
+        if known.is_none_or(|known| *known != trouble.to_string())
+            && !self.ending.load(Ordering::Acquire)
+        {
+            warn!(peer = %state.link.peer, %trouble, "the embedded arm is out of reach; it holds by itself");
+        }
+        state.lose(trouble);
+        state.link.failures += 1;
+    }
+}

@@ -1,0 +1,173 @@
+//! What callers and the thread of the driver have in common.
+
+use std::sync::atomic::AtomicBool;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+use super::DriverOptions;
+use super::mailbox::Mailbox;
+use crate::embedded::Timing;
+use crate::embedded::trouble::Trouble;
+use crate::fake::Model;
+use crate::{DeviceError, EncoderReading};
+
+/// How the connection to the embedded PC stands.
+#[derive(Clone, Debug)]
+pub struct Link {
+    /// Whether there is one.
+    pub state: LinkState,
+    /// Who the other end is or was, in words.
+    pub peer: String,
+    /// How many connections there have been whose opening succeeded.
+    pub sessions: u64,
+    /// How often connecting failed or a connection broke.
+    pub failures: u64,
+    /// Which step that was at last, and why.
+    pub last_failure: Option<String>,
+    /// Why the last move ended otherwise than at its target.
+    pub last_interruption: Option<String>,
+    /// How many further connections were closed because there was one.
+    pub turned_away: u64,
+}
+
+/// Whether there is a connection to the embedded PC.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub enum LinkState {
+    /// Not now; the driver tries by itself.
+    Down,
+    /// Yes, but the arm is without gravity compensation, or a fault ended its move: position mode, that is `gra`, leads out.
+    Idle,
+    /// Yes, and the arm takes moves.
+    Up,
+}
+
+impl Link {
+    /// Whether there is a connection.
+    pub fn is_up(&self) -> bool {
+        self.state != LinkState::Down
+    }
+
+    /// That a step failed, for the caller who asked for it.
+    pub(super) fn failed(&self, trouble: &Trouble) -> DeviceError {
+        DeviceError::Remote {
+            peer: self.peer.clone(),
+            step: trouble.step.clone(),
+            advice: "again: the driver connects by itself, the arm holds meanwhile; see that `yarp wam-node` runs on the \
+                     arm's PC"
+                .to_owned(),
+            source: Some(Box::new(trouble.cause.clone())),
+        }
+    }
+}
+
+/// Where the joints are after a move that was accepted.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Goal {
+    /// Not known in joint angles.
+    Unknown,
+    /// Home.
+    Home,
+    /// Degrees.
+    Joints(Vec<f64>),
+}
+
+#[derive(Debug)]
+pub(super) struct Shared {
+    pub(super) options: DriverOptions,
+    pub(super) ending: AtomicBool,
+    state: Mutex<State>,
+}
+
+#[derive(Debug)]
+pub(super) struct State {
+    pub(super) link: Link,
+    pub(super) mailbox: Mailbox,
+    /// Names, kinds and limits; where its joints are does not count.
+    pub(super) limits: Model,
+    /// The newest, and when it came.
+    pub(super) readings: Vec<EncoderReading>,
+    pub(super) read_at: Option<Instant>,
+    /// Where the joints were told to go on this connection, degrees.
+    pub(super) targets: Option<Vec<f64>>,
+    pub(super) moving: bool,
+    /// A move is on its way to the arm, which has not answered yet.
+    pub(super) sending: bool,
+    pub(super) timing: Timing,
+}
+
+impl Shared {
+    pub(super) fn new(options: DriverOptions) -> Self {
+        let state = State {
+            link: Link {
+                state: LinkState::Down,
+                peer: "the embedded PC".to_owned(),
+                sessions: 0,
+                failures: 0,
+                last_failure: None,
+                last_interruption: None,
+                turned_away: 0,
+            },
+            mailbox: Mailbox::default(),
+            limits: Model::new(options.joints.clone()),
+            readings: Vec::new(),
+            read_at: None,
+            targets: None,
+            moving: false,
+            sending: false,
+            timing: Timing::default(),
+        };
+        Self {
+            options,
+            ending: AtomicBool::new(false),
+            state: Mutex::new(state),
+        }
+    }
+
+    pub(super) fn lock(&self) -> MutexGuard<'_, State> {
+        // The state is whole between any two statements that could panic.
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl State {
+    /// That there is no connection for a step, with what ended the last one.
+    pub(super) fn unreachable(&self, step: &str) -> DeviceError {
+        let last = match &self.link.last_failure {
+            Some(last) => format!("the last connection broke at {last}"),
+            None => "none has come yet".to_owned(),
+        };
+        DeviceError::Remote {
+            peer: self.link.peer.clone(),
+            step: step.to_owned(),
+            advice: format!(
+                "whether `yarp wam-node` runs on the arm's PC: there is no connection, {last}"
+            ),
+            source: None,
+        }
+    }
+
+    /// Whether a move is under way, or will be.
+    pub(super) fn is_moving(&self) -> bool {
+        self.moving || self.sending || self.mailbox.has_move()
+    }
+
+    /// The connection is gone: nobody is kept waiting, and nothing is carried out later.
+    pub(super) fn lose(&mut self, trouble: &Trouble) {
+        self.link.state = LinkState::Down;
+        self.link.last_failure = Some(trouble.to_string());
+        self.targets = None;
+        self.moving = false;
+        self.sending = false;
+        for order in self.mailbox.clear() {
+            let unsent = Trouble {
+                step: format!(
+                    "{}, not sent because the connection broke at {}",
+                    order.request.kind().step(),
+                    trouble.step
+                ),
+                cause: trouble.cause.clone(),
+            };
+            order.answer(Err(self.link.failed(&unsent)));
+        }
+    }
+}

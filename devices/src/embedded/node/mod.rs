@@ -1,0 +1,176 @@
+//! The embedded server: what the arm's PC runs.
+
+mod arm;
+mod motion;
+mod session;
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use tracing::{info, warn};
+
+use self::arm::Arm;
+use self::session::{End, Session};
+use super::backoff::Backoff;
+use super::meeting::{Meeter, Meeting, Places, join};
+use crate::{Device, DeviceError};
+
+/// How a server runs.
+#[derive(Clone, Copy, Debug)]
+pub struct NodeOptions {
+    /// Who listens, and where. In the thesis the driver does, so that the server connects.
+    pub meeting: Meeting,
+    /// How long the rest of a request that has begun may take, and a client to take an answer.
+    pub patience: Duration,
+    /// How long a client may say nothing before it counts as gone. Our driver asks for the joints all the time.
+    pub silence: Duration,
+    /// The pause after a connection that ended; it doubles with each that fails in a row.
+    pub first_pause: Duration,
+    /// The longest such pause.
+    pub longest_pause: Duration,
+}
+
+impl NodeOptions {
+    /// A second for the rest of a request, five of silence, and an attempt to connect each second.
+    pub fn new(meeting: Meeting) -> Self {
+        Self {
+            meeting,
+            patience: Duration::from_secs(1),
+            silence: Duration::from_secs(5),
+            first_pause: Duration::from_millis(50),
+            longest_pause: Duration::from_secs(1),
+        }
+    }
+}
+
+/// How a server stands.
+#[derive(Clone, Debug, Default)]
+pub struct NodeStatus {
+    /// Whether a client is connected.
+    pub connected: bool,
+    /// How many clients there have been.
+    pub sessions: u64,
+    /// Requests that were carried out or answered.
+    pub served: u64,
+    /// Requests that were answered `q`.
+    pub refused: u64,
+    /// How the last connection ended.
+    pub last_end: Option<String>,
+}
+
+/// The server of the protocol, around a device with the seven joints of a WAM.
+///
+/// * The arm is idle until the first `gra`, which puts its joints into position mode: held, with gravity compensated.
+/// * A command takes the place of the one before; nothing is queued.
+/// * When the client goes away, in whatever way, a move under way is stopped and the arm holds.
+/// * A thread of its own does all of it. Dropping the server joins it; the arm holds as long as its device lives.
+#[derive(Debug)]
+pub struct WamNode {
+    shared: Arc<Shared>,
+    places: Places,
+    thread: Option<JoinHandle<()>>,
+}
+
+#[derive(Debug, Default)]
+struct Shared {
+    ending: AtomicBool,
+    status: Mutex<NodeStatus>,
+}
+
+impl Shared {
+    fn status(&self) -> MutexGuard<'_, NodeStatus> {
+        // Numbers are whole whatever happens.
+        self.status.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl WamNode {
+    /// Starts a server for this arm, which becomes idle.
+    ///
+    /// Errors: [`DeviceError::NotSupported`] for a device that has not seven joints with encoders, position control and
+    /// modes; [`DeviceError::Start`] if the ports to listen at are taken, or the machine has no thread left.
+    pub fn start(device: Arc<dyn Device>, options: NodeOptions) -> Result<Self, DeviceError> {
+        let arm = Arm::new(device)?;
+        arm.rest()?;
+        let failed = |what| move |source| DeviceError::Start { what, source };
+        let begin = || {
+            let meeter = Meeter::begin(options.meeting)?;
+            let places = meeter.places()?;
+            Ok((meeter, places))
+        };
+        let (meeter, places) = begin().map_err(failed("the sockets of the arm's server"))?;
+        let shared = Arc::new(Shared::default());
+        let theirs = Arc::clone(&shared);
+        let thread = thread::Builder::new()
+            .name("wam-node".into())
+            .spawn(move || theirs.run(&meeter, arm, &options))
+            .map_err(failed("the thread of the arm's server"))?;
+        info!(arm = %places.arm, packets = %places.packets, "server of the arm started");
+        Ok(Self {
+            shared,
+            places,
+            thread: Some(thread),
+        })
+    }
+
+    /// Where it listens or connects to.
+    pub fn places(&self) -> Places {
+        self.places
+    }
+
+    /// How it stands.
+    pub fn status(&self) -> NodeStatus {
+        self.shared.status().clone()
+    }
+}
+
+impl Drop for WamNode {
+    fn drop(&mut self) {
+        self.shared.ending.store(true, Ordering::Release);
+        if let Some(thread) = self.thread.take() {
+            join(thread, "the thread of the arm's server");
+        }
+    }
+}
+
+impl Shared {
+    fn run(&self, meeter: &Meeter, mut arm: Arm, options: &NodeOptions) {
+        let mut backoff = Backoff::new(options.first_pause, options.longest_pause);
+        let mut told = String::new();
+        while !self.ending.load(Ordering::Acquire) {
+            match meeter.meet(&self.ending) {
+                Ok(None) => break,
+                Ok(Some(pair)) => {
+                    {
+                        let mut status = self.status();
+                        status.connected = true;
+                        status.sessions += 1;
+                    }
+                    let (served, end) = Session::run(self, meeter, &mut arm, options, pair);
+                    arm.hold();
+                    if served > 0 {
+                        backoff.reset();
+                    }
+                    match &end {
+                        End::Shutdown => info!("the client said goodbye; the arm holds"),
+                        End::Lost(trouble) => warn!(%trouble, "the client is gone; the arm holds"),
+                    }
+                    let mut status = self.status();
+                    status.connected = false;
+                    status.last_end = Some(end.to_string());
+                }
+                Err(error) => {
+                    let error = error.to_string();
+                    if error != told {
+                        warn!(error, "no client yet");
+                        told = error;
+                    }
+                }
+            }
+            backoff.wait(&self.ending);
+        }
+        arm.hold();
+    }
+}

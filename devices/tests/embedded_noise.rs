@@ -1,0 +1,151 @@
+//! Random bytes from the embedded PC, and to it: no panic, no movement, no hang.
+
+mod embedded;
+
+use std::io::{ErrorKind, Read, Write};
+use std::thread;
+use std::time::Duration;
+
+use embedded::{
+    Listeners, Peer, at_rest, connect, driver_options, eventually, ideal_arm, node_options, place,
+};
+use yarp_devices::embedded::protocol::{Kind, Reply, Request};
+use yarp_devices::embedded::{EmbeddedWam, Meeting, WamNode};
+use yarp_devices::{Axes, DeviceError, Encoders, PositionControl};
+
+/// Numbers that look random and are the same each time (xorshift).
+struct Noise(u64);
+
+impl Noise {
+    fn next(&mut self) -> u64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        self.0
+    }
+
+    fn below(&mut self, end: usize) -> usize {
+        (self.next() % end as u64) as usize
+    }
+
+    fn bytes(&mut self, most: usize) -> Vec<u8> {
+        let length = self.below(most + 1);
+        (0..length).map(|_| self.next() as u8).collect()
+    }
+}
+
+/// How many connections are spoilt.
+const CONNECTIONS: usize = 150;
+
+/// What a spoilt embedded PC answers.
+fn spoilt(noise: &mut Noise, request: &Request) -> Vec<u8> {
+    let mut right = Peer::reply(request).to_bytes();
+    match noise.below(4) {
+        0 => noise.bytes(100),
+        // The acknowledgement is right and the values are not.
+        1 if right.len() > 1 => {
+            let at = 1 + noise.below(right.len() - 1);
+            right[at..].fill_with(|| noise.next() as u8);
+            right
+        }
+        2 => {
+            right.extend(noise.bytes(20));
+            right
+        }
+        _ => right,
+    }
+}
+
+#[test]
+fn from_the_device_moves_nothing_and_the_driver_comes_back() {
+    let listeners = Listeners::new();
+    let mut options = driver_options(Meeting::Connect(listeners.places()));
+    options.longest_pause = Duration::from_millis(2);
+    let driver = EmbeddedWam::start(options).expect("it starts");
+    let mut noise = Noise(0x5eed);
+    let mut asked = Vec::new();
+    for _ in 0..CONNECTIONS {
+        let mut peer = listeners.accept();
+        // Some connections begin well.
+        let mut well = noise.below(12);
+        while let Some(request) = peer.request() {
+            asked.push(request.kind());
+            let bytes = if well > 0 {
+                Peer::reply(&request).to_bytes()
+            } else {
+                spoilt(&mut noise, &request)
+            };
+            well = well.saturating_sub(1);
+            if noise.below(3) == 0 && peer.packets.write_all(&noise.bytes(300)).is_err() {
+                break;
+            }
+            let short = bytes.len() < Peer::reply(&request).to_bytes().len();
+            // An answer that ends too early would be waited for.
+            if peer.arm.write_all(&bytes).is_err() || short {
+                break;
+            }
+        }
+    }
+    eventually("the failures counted", || driver.link().failures > 0);
+    // Only what a driver asks by itself: it moved nothing.
+    assert!(
+        asked
+            .iter()
+            .all(|kind| matches!(kind, Kind::Gravity | Kind::Joints | Kind::TellFinish)),
+        "{asked:?}"
+    );
+    // What was read meanwhile are places where an arm can be.
+    match driver.encoder_readings(Axes::All) {
+        Ok(readings) => assert!(readings.iter().all(|one| one.position.abs() < 600.0)),
+        Err(error) => assert!(matches!(error, DeviceError::NoDataYet { .. }), "{error}"),
+    }
+    let mut peer = listeners.accept();
+    let serving = thread::spawn(move || {
+        while let Some(request) = peer.request() {
+            if peer.answer(&request).is_err() {
+                break;
+            }
+        }
+    });
+    at_rest(&driver);
+    drop(driver);
+    serving.join().expect("the peer lives");
+}
+
+#[test]
+fn from_a_client_moves_nothing_and_the_next_is_served() {
+    let arm = ideal_arm();
+    let node = WamNode::start(arm.clone(), node_options(Meeting::anywhere())).expect("it starts");
+    let home: Vec<f64> = (0..7).map(|joint| place(arm.as_ref(), joint)).collect();
+    let mut noise = Noise(0xca5e);
+    for _ in 0..CONNECTIONS {
+        eventually("the end of the client before", || !node.status().connected);
+        let (mut stream, _packets) = connect(node.places());
+        let mut bytes = if noise.below(2) == 0 {
+            b"gra".to_vec()
+        } else {
+            Vec::new()
+        };
+        // No header begins so: that these bytes are a move by chance is impossible.
+        bytes.push(b'z');
+        bytes.extend(noise.bytes(600));
+        bytes.extend(*b"zzz");
+        // It may have closed before it has everything.
+        let _ = stream.write_all(&bytes);
+        let mut answers = Vec::new();
+        match stream.read_to_end(&mut answers) {
+            Ok(_) => assert_eq!(answers.last(), Some(&b'q')),
+            Err(error) => assert_eq!(error.kind(), ErrorKind::ConnectionReset),
+        }
+    }
+    for (joint, home) in home.into_iter().enumerate() {
+        assert_eq!(place(arm.as_ref(), joint), home);
+    }
+    assert!(arm.motion_done(Axes::All).unwrap());
+    eventually("the end of the client before", || !node.status().connected);
+    let (mut stream, _packets) = connect(node.places());
+    stream.write_all(b"gra").expect("it is there");
+    let mut answer = [0];
+    stream.read_exact(&mut answer).expect("it is answered");
+    assert_eq!(answer.to_vec(), Reply::Done.to_bytes());
+}
