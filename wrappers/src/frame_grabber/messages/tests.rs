@@ -333,10 +333,10 @@ proptest! {
         what in prop::sample::select(vec!["crop", "feat", "fea2", "res", "fov", "mirr", "actv", "mode", "conf"]),
         tail in "[-0-9. ()\\[\\]a-z]{0,20}",
     ) {
-        if let Ok(message) = Bottle::parse(&format!("{head} {act} {what} {tail}")) {
-            if let Err(error) = Request::parse(&message) {
-                prop_assert!(!refusal(&message, &error.to_string()).is_empty());
-            }
+        if let Ok(message) = Bottle::parse(&format!("{head} {act} {what} {tail}"))
+            && let Err(error) = Request::parse(&message)
+        {
+            prop_assert!(!refusal(&message, &error.to_string()).is_empty());
         }
     }
 
