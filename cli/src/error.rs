@@ -26,13 +26,13 @@ pub(crate) enum Failure {
     /// It cannot be where `--listen`, `--connect` or `--ports` say.
     #[error("cannot meet the other end of the arm's connections")]
     Meeting(#[source] io::Error),
-    /// The arm did not start.
+    /// The arm or the camera did not start.
     #[error(transparent)]
     Device(#[from] DeviceError),
     /// A demo ended early.
     #[error(transparent)]
     Demo(DemoError),
-    /// The ports of the arm were not opened.
+    /// The ports of the arm or camera were not opened.
     #[error(transparent)]
     Open(#[from] OpenError),
     /// A device was not hosted.

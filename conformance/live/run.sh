@@ -173,6 +173,17 @@ for server in ours stock; do
     suite "our client drives stock's control board, server: $server" target/release/drive_stock /fake
     suite "devices and robots from the same files, server: $server" \
         "$with_stock" "$python" conformance/live/hosting.py "$ours"
+
+    "$ours" camera --name /eye --mode grid --width 32 --height 24 >"$work/camera.log" 2>&1 &
+    running+=($!)
+    until_ok "$ours" exists /eye
+    suite "stock's clients look through our camera, server: $server" \
+        "$with_stock" "$python" conformance/live/frame_grabber.py /eye
+    "$with_stock" yarpdev --device frameGrabber_nws_yarp --subdevice fakeFrameGrabber \
+        --name /fakecam --width 32 --height 24 --mode line >"$work/fakecam.log" 2>&1 &
+    running+=($!)
+    until_ok "$ours" exists /fakecam
+    suite "our client looks through stock's camera, server: $server" target/release/drive_camera /fakecam 3.x
     stop
     # Numbers that the first server gave out may still be busy.
     port=$((port + 1000))

@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
-# Our control boards against live stock YARP 4.0, in both directions. Fails, and never skips, when stock is missing.
+# Our control boards and cameras against live stock YARP 4.0, in both directions. Fails, and never skips, when stock is missing.
 #
 #   STOCK4_SOURCE   sources of YARP 4.0.0
-#   STOCK4_BUILD    a build of them, with the plugins fakeMotionControl and controlBoard_nws_yarp
+#   STOCK4_BUILD    a build of them, with the plugins fakeMotionControl, controlBoard_nws_yarp, frameGrabber_nws_yarp
+#                   and frameGrabber_nwc_yarp
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 : "${STOCK4_SOURCE:?set it to the sources of YARP 4.0.0}" "${STOCK4_BUILD:?set it to a build of them}"
@@ -38,6 +39,9 @@ messages=$STOCK4_BUILD/src/devices/messages/ControlBoardMsgs/CMakeFiles/ControlB
 g++ -std=c++17 -O1 "-I$client" "${include[@]}" conformance/live/control_board_4.cpp "$client"/*.cpp "$messages"/*.o \
     "${libraries[@]}" -o "$work/client"
 g++ -std=c++17 -O1 "${include[@]}" conformance/live/fake_board_4.cpp "${libraries[@]}" -o "$work/board"
+grabber=$STOCK4_SOURCE/src/devices/fake/fakeFrameGrabber
+g++ -std=c++17 -O1 "-I$grabber" "${include[@]}" conformance/live/frame_grabber_4.cpp "$grabber"/*.cpp \
+    "${libraries[@]}" -o "$work/grabber"
 
 cargo build --quiet --release -p yarp-cli -p yarp-conformance
 target=${CARGO_TARGET_DIR:-target}/release
@@ -58,4 +62,14 @@ running+=($!)
 until_ok "$target/yarp" exists /fake4/stateExt:o
 echo "---- our client drives stock's control board of 4.0"
 timeout 300 "$target/drive_stock" /fake4
+"$target/yarp" camera --name /eye --mode grid --width 32 --height 24 >"$work/camera.log" 2>&1 &
+running+=($!)
+until_ok "$target/yarp" exists /eye
+echo "---- stock 4.0 looks through our camera"
+timeout 300 "$work/grabber" look /eye /live4/eye 2>"$work/look.log"
+"$work/grabber" serve /fakecam4 600 >"$work/fakecam.log" 2>&1 &
+running+=($!)
+until_ok "$target/yarp" exists /fakecam4
+echo "---- our client looks through stock's camera of 4.0"
+timeout 300 "$target/drive_camera" /fakecam4 4.0
 echo "live: everything passed against stock 4.0"

@@ -1,10 +1,12 @@
 //! What a device can do, asked at run time.
 
 use crate::{
-    AmplifierControl, AxisInfo, ControlCalibration, ControlLimits, ControlMode, CurrentControl,
-    Encoders, Grasp, Hand, ImpedanceControl, InteractionMode, JointBrake, JointFault, Motor,
-    MotorEncoders, PidControl, PositionControl, PositionDirect, PwmControl, RemoteCalibrator,
-    RemoteVariables, TorqueControl, VelocityControl, VelocityDirect,
+    AmplifierControl, AudioGrabber, AudioRender, AxisInfo, ControlCalibration, ControlLimits,
+    ControlMode, CurrentControl, Encoders, FrameGrabberControls, FrameGrabberImage,
+    FrameGrabberImageRaw, Grasp, Hand, ImpedanceControl, InteractionMode, JointBrake, JointFault,
+    Motor, MotorEncoders, PidControl, PositionControl, PositionDirect, PwmControl,
+    RemoteCalibrator, RemoteVariables, RgbVisualParams, SerialDevice, TorqueControl,
+    VelocityControl, VelocityDirect,
 };
 
 /// A device, seen as the set of interfaces it has.
@@ -149,6 +151,41 @@ pub trait Device: Send + Sync {
 
     /// Grasps by name; no stock interface is like it.
     fn grasp(&self) -> Option<&dyn Grasp> {
+        None
+    }
+
+    /// Images in colour (`IFrameGrabberImage`).
+    fn frame_grabber_image(&self) -> Option<&dyn FrameGrabberImage> {
+        None
+    }
+
+    /// Images in one channel (`IFrameGrabberImageRaw`).
+    fn frame_grabber_image_raw(&self) -> Option<&dyn FrameGrabberImageRaw> {
+        None
+    }
+
+    /// The knobs of a camera (`IFrameGrabberControls`).
+    fn frame_grabber_controls(&self) -> Option<&dyn FrameGrabberControls> {
+        None
+    }
+
+    /// What a camera's pictures are like (`IRgbVisualParams`).
+    fn rgb_visual_params(&self) -> Option<&dyn RgbVisualParams> {
+        None
+    }
+
+    /// Sound from a microphone (`IAudioGrabberSound`).
+    fn audio_grabber(&self) -> Option<&dyn AudioGrabber> {
+        None
+    }
+
+    /// Sound to a loudspeaker (`IAudioRender`).
+    fn audio_render(&self) -> Option<&dyn AudioRender> {
+        None
+    }
+
+    /// Bytes over a line (`ISerialDevice`).
+    fn serial_device(&self) -> Option<&dyn SerialDevice> {
         None
     }
 }

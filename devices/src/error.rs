@@ -167,6 +167,27 @@ pub enum DeviceError {
         /// What is asked and what is allowed.
         source: Box<DeviceError>,
     },
+    /// A value that belongs to no joint is not one the device takes.
+    #[error("{what} {asked} is refused, expected {expected}")]
+    Unsuitable {
+        /// What the value is, for instance `resolution`.
+        what: &'static str,
+        /// The value refused.
+        asked: String,
+        /// What would do.
+        expected: String,
+    },
+    /// A file or folder could not be used.
+    #[error("cannot {step} {path}")]
+    File {
+        /// What was to be done with it, for instance `read a picture from`.
+        step: &'static str,
+        /// Where it is.
+        path: String,
+        /// Why not.
+        #[source]
+        source: Box<dyn Error + Send + Sync>,
+    },
     /// A resource of the machine, such as a thread or a bus, could not be had.
     #[error("could not start {what}")]
     Start {

@@ -1,4 +1,4 @@
-//! Device interfaces and devices: the simulated WAM arm.
+//! Device interfaces and devices: the simulated WAM arm, a simulated camera.
 //!
 //! * [`iface`]: one trait per device interface, with its contract.
 //! * [`Device`]: which of the interfaces a device has.
@@ -7,6 +7,7 @@
 //! * [`wam`]: the seven-joint WAM arm: simulated, ideal or with masses, friction and control; or real, over CAN.
 //! * [`kinematics`], [`dynamics`], [`trajectory`], [`simulation`]: the mathematics of an arm, in radians.
 //! * [`hand`]: the BarrettHand on its serial line, and a simulated one at the other end of such a line.
+//! * [`image`], [`camera`]: images, and a camera that shows test patterns or files.
 //! * [`embedded`]: the arm behind its embedded PC, driver and server.
 //! * [`guard`]: limits and a watchdog around any device.
 //! * [`checks`]: behaviours that every device with these interfaces must show.
@@ -30,6 +31,7 @@
 //! ```
 
 mod axes;
+pub mod camera;
 pub mod can;
 pub mod checks;
 mod device;
@@ -40,6 +42,7 @@ pub mod fake;
 pub mod guard;
 pub mod hand;
 pub mod iface;
+pub mod image;
 pub mod kinematics;
 mod random;
 pub mod simulation;
@@ -50,13 +53,15 @@ pub use axes::{Axes, AxisIndex};
 pub use device::Device;
 pub use error::DeviceError;
 pub use iface::{
-    AmplifierControl, AmplifierLimit, AxisInfo, CalibrationParameters, ControlCalibration,
-    ControlLimits, ControlMode, CurrentControl, EncoderReading, Encoders, Fault, Grasp, GraspKind,
-    Hand, Impedance, ImpedanceControl, ImpedanceLimits, Interaction, InteractionMode, JointBrake,
-    JointFault, JointType, Limits, Mode, MotionControl, Motor, MotorEncoders,
+    AmplifierControl, AmplifierLimit, Audio, AudioBufferSize, AudioGrabber, AudioRender, AxisInfo,
+    Bus, CalibrationParameters, CameraConfiguration, CameraDescription, ControlCalibration,
+    ControlLimits, ControlMode, CurrentControl, EncoderReading, Encoders, Fault, Feature,
+    FeatureMode, FrameGrabberControls, FrameGrabberImage, FrameGrabberImageRaw, Grasp, GraspKind,
+    Hand, Impedance, ImpedanceControl, ImpedanceLimits, Interaction, InteractionMode, Intrinsics,
+    JointBrake, JointFault, JointType, Limits, Mode, MotionControl, Motor, MotorEncoders,
     MotorTorqueParameters, Pid, PidControl, PidKind, PidValue, PositionControl, PositionDirect,
-    PwmControl, RemoteCalibrator, RemoteVariables, TorqueControl, UnknownGrasp, VariableValue,
-    VelocityControl, VelocityDirect,
+    PwmControl, RemoteCalibrator, RemoteVariables, RgbVisualParams, SerialDevice, TorqueControl,
+    UnknownGrasp, VariableValue, VelocityControl, VelocityDirect,
 };
 
 /// Compiles the example of the README.

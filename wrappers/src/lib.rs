@@ -5,16 +5,25 @@
 //! what 4.0 speaks: a server both at once, a client what the server at the other end does.
 //!
 //! * [`control_board`]: joints that move. [`ControlBoardServer`], [`RemoteControlBoard`].
+//! * [`frame_grabber`]: cameras. [`FrameGrabberServer`], [`RemoteFrameGrabber`].
 //! * [`thrift`]: calls of services as 4.0 puts them on the wire.
 //!
 //! Units are those of the interfaces: degrees and metres. No radians cross a wrapper.
 
+mod clock;
 pub mod control_board;
+pub mod frame_grabber;
+mod linking;
+mod opening;
+mod periodic;
 pub mod thrift;
 
 pub use control_board::{
     ControlBoardOptions, ControlBoardServer, OpenError, RemoteControlBoard,
     RemoteControlBoardOptions,
+};
+pub use frame_grabber::{
+    FrameGrabberOptions, FrameGrabberServer, RemoteFrameGrabber, RemoteFrameGrabberOptions,
 };
 
 /// Compiles the example of the README.

@@ -78,6 +78,26 @@ const CALLS: [&str; 16] = [
     "([ok]) 0.5 (1.0 2.0)",
 ];
 
+/// Requests to cameras of both generations, replies, and some that are wrong.
+const CAMERA: [&str; 16] = [
+    "[fgi] [get] [w]",
+    "[fgi] [get] [crop] 0 (1 2 3 4)",
+    "[visr] [set] [res] 640 480",
+    "[fgc] [has] [feat] 0",
+    "[fgc] [set] [fea2] 3 0.25 0.75",
+    "[fgc] [set] [actv] 3 -1",
+    "[fgir] [get] [crop] 1 (1 2 3)",
+    "[visr] [conf] [is] 1 320 240 30.0 [rgb]",
+    "[visr] [intp] [is] ((focalLengthX 4.0) (focalLengthY 5.0) (principalPointX 6.0) (principalPointY 7.0))",
+    "[fgi] [imgr] [is] ([mat] [rgb] (3 8 8 1 1) {1 2 3 0 0 0 0 0})",
+    "getImageCropRPC 0 ((1 2) (3 4))",
+    "setFeature2RPC 3 0.25 nan",
+    "setActiveRPC 1 [fail]",
+    "getFormat7WindowDC1394RPC",
+    "((320 240 30.0 6449010))",
+    "setModeRPC 99999999999 2",
+];
+
 /// Heads of streamed commands of both generations.
 const HEADS: [&str; 8] = [
     "[vmo] 0",
@@ -109,6 +129,9 @@ fn write_seeds() {
         }
         for (number, text) in CALLS.iter().enumerate() {
             write("call", number, &Bottle::parse(text).unwrap(), dialect);
+        }
+        for (number, text) in CAMERA.iter().enumerate() {
+            write("camera", number, &Bottle::parse(text).unwrap(), dialect);
         }
         for (number, text) in HEADS.iter().enumerate() {
             let command = Command {

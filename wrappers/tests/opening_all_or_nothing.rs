@@ -74,7 +74,7 @@ fn a_client_without_a_board_says_which_port_is_missing() {
     let error = remote(&stage).expect_err("nobody there");
     assert_eq!(
         error.to_string(),
-        "there is no port /wam/rpc:i; is the control board running?"
+        "there is no port /wam/rpc:i; is its device running?"
     );
     assert!(stage.registered().is_empty());
 }

@@ -1,5 +1,6 @@
 //! The commands, one file each.
 
+mod camera;
 mod check;
 mod clean;
 mod conf;
@@ -47,6 +48,7 @@ use crate::error::Result;
 #[derive(Debug, clap::Subcommand)]
 #[command(rename_all = "lower")]
 pub(crate) enum Command {
+    Camera(camera::Args),
     Check(check::Args),
     Clean(clean::Args),
     Conf(conf::Args),
@@ -94,6 +96,7 @@ impl Command {
     /// Does it; gives the exit code.
     pub(crate) async fn run(self, prefixes: Prefixes, out: &mut dyn Write) -> Result<ExitCode> {
         match self {
+            Self::Camera(args) => camera::run(args, out).await,
             Self::Check(args) => check::run(args, out).await,
             Self::Clean(args) => clean::run(args, out).await,
             Self::Conf(args) => conf::run(args, out),

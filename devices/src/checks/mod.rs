@@ -1,4 +1,4 @@
-//! Behaviours that every control board must show, to be run against any implementation.
+//! Behaviours that every control board must show, and in [`camera`] every camera, to be run against any implementation.
 //!
 //! Each check is a function that takes a [`Device`] and panics, as an assertion does, when the device behaves
 //! otherwise. The device must have the interfaces that the check is about and those of motion, at least two joints with
@@ -19,9 +19,12 @@
 //! ```
 
 mod board;
+pub mod camera;
 mod motors;
 
 use std::time::Duration;
+
+pub use self::camera::CAMERA;
 
 use self::board::{Board, CLOSE, DISTANCE};
 pub use self::motors::{

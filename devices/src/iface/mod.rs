@@ -7,12 +7,17 @@
 //! before anything moves: all of it happens, or none.
 
 mod amplifier_control;
+mod audio;
+mod audio_grabber;
+mod audio_render;
 mod axis_info;
 mod control_calibration;
 mod control_limits;
 mod control_mode;
 mod current_control;
 mod encoders;
+mod frame_grabber_controls;
+mod frame_grabber_image;
 mod grasp;
 mod hand;
 mod impedance_control;
@@ -28,17 +33,26 @@ mod position_direct;
 mod pwm_control;
 mod remote_calibrator;
 mod remote_variables;
+mod rgb_visual_params;
+mod serial_device;
 mod torque_control;
 mod velocity_control;
 mod velocity_direct;
 
 pub use amplifier_control::{AmplifierControl, AmplifierLimit};
+pub use audio::{Audio, AudioBufferSize};
+pub use audio_grabber::AudioGrabber;
+pub use audio_render::AudioRender;
 pub use axis_info::{AxisInfo, JointType};
 pub use control_calibration::{CalibrationParameters, ControlCalibration};
 pub use control_limits::{ControlLimits, Limits};
 pub use control_mode::{ControlMode, Mode};
 pub use current_control::CurrentControl;
 pub use encoders::{EncoderReading, Encoders};
+pub use frame_grabber_controls::{
+    Bus, CameraDescription, Feature, FeatureMode, FrameGrabberControls,
+};
+pub use frame_grabber_image::{FrameGrabberImage, FrameGrabberImageRaw};
 pub use grasp::{Grasp, GraspKind, UnknownGrasp};
 pub use hand::Hand;
 pub use impedance_control::{Impedance, ImpedanceControl, ImpedanceLimits};
@@ -54,6 +68,8 @@ pub use position_direct::PositionDirect;
 pub use pwm_control::PwmControl;
 pub use remote_calibrator::RemoteCalibrator;
 pub use remote_variables::{RemoteVariables, VariableValue};
+pub use rgb_visual_params::{CameraConfiguration, Intrinsics, RgbVisualParams};
+pub use serial_device::SerialDevice;
 pub use torque_control::{MotorTorqueParameters, TorqueControl};
 pub use velocity_control::VelocityControl;
 pub use velocity_direct::VelocityDirect;

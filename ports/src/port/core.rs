@@ -262,11 +262,12 @@ impl Core {
             return Ok(found.name);
         }
         let address = (found.host.as_str(), found.port);
-        let dialect = match carrier.framing {
-            framing if framing.is_binary() => {
+        let dialect = match self.options.readers {
+            Some(dialect) => Some(dialect),
+            None if carrier.framing.is_binary() => {
                 probe::generation(&found.name, address, &self.network).await
             }
-            _ => Some(Dialect::default()),
+            None => Some(Dialect::default()),
         };
         let group = match carrier.transport {
             Transport::Group => Some(self.group().await?),

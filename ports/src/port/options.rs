@@ -67,6 +67,7 @@ pub struct PortOptions {
     pub(crate) outputs: Outputs,
     pub(crate) registered: bool,
     pub(crate) dialect: Dialect,
+    pub(crate) readers: Option<Dialect>,
     pub(crate) admin: Option<AdminHandler>,
     pub(crate) pages: Option<Pages>,
     pub(crate) watcher: Option<Watcher>,
@@ -98,6 +99,7 @@ impl Default for PortOptions {
             outputs: Outputs::Any,
             registered: true,
             dialect: Dialect::default(),
+            readers: None,
             admin: None,
             pages: None,
             watcher: None,
@@ -174,6 +176,13 @@ impl PortOptions {
     /// The generation to assume of readers and callers that do not betray theirs.
     pub fn dialect(mut self, dialect: Dialect) -> Self {
         self.dialect = dialect;
+        self
+    }
+
+    /// The generation that readers are spoken to as, instead of asking each which it is: for callers of whoever
+    /// understands both.
+    pub fn readers_are(mut self, dialect: Dialect) -> Self {
+        self.readers = Some(dialect);
         self
     }
 

@@ -1,4 +1,4 @@
-//! What every fuzz target does with its bytes: feed them to a parser of control board messages,
+//! What every fuzz target does with its bytes: feed them to a parser of messages or pictures,
 //! and check what must hold whatever they are.
 //!
 //! The same functions are replayed over the committed corpora by `tests/fuzz_corpus.rs`.
@@ -7,17 +7,20 @@ use bytes::{Bytes, BytesMut};
 use yarp_wire::message::{ReadObject, WireObject};
 use yarp_wire::{Bottle, Dialect, Limits};
 use yarp_wrappers::control_board::messages::{Command, JointData, Reply, Request};
+use yarp_wrappers::frame_grabber::messages as grabber;
 use yarp_wrappers::thrift::{ReturnCode, ServiceVersion};
 
 /// One fuzz target: its name, which is also that of its corpus, and what it does.
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All targets.
-pub const TARGETS: [Target; 4] = [
+pub const TARGETS: [Target; 6] = [
     ("request", request),
     ("call", call),
     ("streamed", streamed),
     ("state", state),
+    ("camera", camera),
+    ("picture", picture),
 ];
 
 const DIALECTS: [Dialect; 2] = [Dialect::V3, Dialect::V4];
@@ -87,6 +90,51 @@ pub fn state(data: &[u8]) {
                     .map(|again| written(&again, dialect, |_| Ok(())))
             });
         }
+    }
+}
+
+/// Requests to cameras and replies, of both generations: what is understood is said again the same way.
+pub fn camera(data: &[u8]) {
+    let bytes = Bytes::copy_from_slice(data);
+    for dialect in DIALECTS {
+        let Ok(bottle) = Bottle::decode(&bytes, dialect, Limits::DEFAULT) else {
+            continue;
+        };
+        match grabber::Request::parse(&bottle) {
+            Ok(understood) => {
+                // Compared as they print: a nan is not equal to itself.
+                let same = |again| assert_eq!(format!("{again:?}"), format!("{understood:?}"));
+                if let Some(words) = understood.to_bottle() {
+                    same(grabber::Request::parse(&words).expect("our own words"));
+                }
+                if let Some(call) = understood.to_call() {
+                    written(&call, dialect, |bytes| {
+                        let again = Bottle::decode(bytes, dialect, Limits::DEFAULT)?;
+                        same(grabber::Request::parse(&again).expect("our own call"));
+                        Ok(())
+                    });
+                }
+            }
+            Err(error) => assert!(!grabber::refusal(&bottle, &error.to_string()).is_empty()),
+        }
+        for request in [
+            grabber::Request::Configurations,
+            grabber::Request::Intrinsics,
+            grabber::Request::Image(grabber::Channel::Colour),
+            grabber::Request::Description,
+            grabber::Request::SetMirroring(true),
+        ] {
+            let _ = request.read_reply(&bottle);
+            let _ = request.read_results(bottle.as_slice());
+        }
+    }
+}
+
+/// Files of pictures and films.
+pub fn picture(data: &[u8]) {
+    let _ = yarp_devices::image::file::decode(data);
+    for place in yarp_devices::camera::mjpeg::pictures(data) {
+        let _ = yarp_devices::image::file::decode(&data[place]);
     }
 }
 

@@ -9,7 +9,7 @@ use yarp_ports::PortError;
 
 use super::messages::ProtocolVersion;
 
-/// Why a control board, served or remote, could not be opened. Nothing is left registered then.
+/// Why a device, served or remote, could not be opened. Nothing is left registered then.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum OpenError {
@@ -28,8 +28,8 @@ pub enum OpenError {
         #[source]
         source: PortError,
     },
-    /// The remote control board is not there.
-    #[error("there is no port {name}; is the control board running?")]
+    /// The remote device is not there.
+    #[error("there is no port {name}; is its device running?")]
     NoRemote {
         /// The port looked for.
         name: String,
@@ -47,7 +47,7 @@ pub enum OpenError {
         #[source]
         source: Box<dyn Error + Send + Sync>,
     },
-    /// The remote control board speaks another protocol.
+    /// The remote device speaks another protocol.
     #[error("{peer} speaks protocol {found}, expected {expected}; is it of another generation?")]
     ProtocolVersion {
         /// The port asked.
@@ -57,8 +57,8 @@ pub enum OpenError {
         /// Theirs.
         found: ProtocolVersion,
     },
-    /// The remote control board did not answer as it should.
-    #[error("the control board did not say {question}")]
+    /// The remote device did not answer as it should.
+    #[error("the device did not say {question}")]
     Question {
         /// What it was asked.
         question: &'static str,
@@ -66,6 +66,9 @@ pub enum OpenError {
         #[source]
         source: DeviceError,
     },
+    /// The device lacks what it is to be served as.
+    #[error("the device has no {0}")]
+    NoInterface(&'static str),
     /// A device without axes is no control board.
     #[error("the device has no axes")]
     NoAxes,

@@ -19,7 +19,6 @@
 mod client;
 mod error;
 pub mod messages;
-mod opening;
 mod server;
 
 pub use client::{RemoteControlBoard, RemoteControlBoardOptions};

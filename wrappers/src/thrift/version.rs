@@ -27,8 +27,8 @@ const LIST: i32 = 256;
 const LENGTH: usize = 16;
 
 impl ServiceVersion {
-    /// What the control board of YARP 4.0.0 says.
-    pub const CONTROL_BOARD: Self = Self {
+    /// What the servers of YARP 4.0.0 say.
+    pub const SERVED: Self = Self {
         protocol: 0,
         yarp: [4, 0, 0],
     };
@@ -73,12 +73,12 @@ mod tests {
     fn bytes_are_those_recorded() {
         let recorded: &[u8] = b"\x00\x01\0\0\x01\0\0\0\0\0\x04\0\0\0\0\0";
         let mut out = BytesMut::new();
-        ServiceVersion::CONTROL_BOARD.write_binary(&mut out, Dialect::V4);
+        ServiceVersion::SERVED.write_binary(&mut out, Dialect::V4);
         assert_eq!(&out[..], recorded);
         let read = |bytes: &'static [u8]| {
             ServiceVersion::read_binary(&Bytes::from_static(bytes), Dialect::V4)
         };
-        assert_eq!(read(recorded), Ok(ServiceVersion::CONTROL_BOARD));
+        assert_eq!(read(recorded), Ok(ServiceVersion::SERVED));
         assert!(read(&recorded[..15]).is_err());
         assert!(read(b"\x09\x01\0\0\x01\0\0\0fail").is_err());
     }

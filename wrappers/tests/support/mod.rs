@@ -6,11 +6,13 @@ use std::time::{Duration, Instant};
 
 use tokio::runtime::{Builder, Runtime};
 use yarp_devices::Device;
+use yarp_devices::camera::{CameraOptions, Pattern, Scene, SimulatedCamera};
 use yarp_devices::wam::SimulatedWam;
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_ports::{Network, Port, PortOptions};
 use yarp_wrappers::{
-    ControlBoardOptions, ControlBoardServer, RemoteControlBoard, RemoteControlBoardOptions,
+    ControlBoardOptions, ControlBoardServer, FrameGrabberOptions, FrameGrabberServer,
+    RemoteControlBoard, RemoteControlBoardOptions,
 };
 
 /// Longer than anything here takes on a busy machine.
@@ -60,6 +62,19 @@ impl Stage {
     pub(crate) fn remote(&self, local: &str) -> RemoteControlBoard {
         let options = RemoteControlBoardOptions::new("/wam", local);
         RemoteControlBoard::open(&self.network, options).expect("it can be reached")
+    }
+
+    /// Serves a simulated camera as `/grabber`: a grid of 48 x 32 pixels, 100 times a second.
+    pub(crate) fn serve_camera(&self) -> FrameGrabberServer {
+        let options = CameraOptions::new()
+            .size(48, 32)
+            .rate(100.0)
+            .scene(Scene::Pattern(Pattern::Grid));
+        let camera = SimulatedCamera::start(options).expect("the machine has threads");
+        let options = FrameGrabberOptions::new().period(Duration::from_millis(5));
+        let opening =
+            FrameGrabberServer::open(&self.network, Arc::new(camera), "/grabber", options);
+        self.runtime.block_on(opening).expect("it can be served")
     }
 
     pub(crate) fn port(&self, name: &str, options: PortOptions) -> Port {

@@ -1,12 +1,13 @@
 //! The newest state that has come.
 
 use std::sync::{Mutex, PoisonError};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
 use yarp_devices::DeviceError;
 use yarp_ports::Received;
 
 use super::super::messages::JointData;
+use crate::clock::wall_clock;
 
 /// The newest state of the board, written by its feed and read by whoever asks.
 #[derive(Debug)]
@@ -47,10 +48,7 @@ impl Latest {
         let time = match received.stamp() {
             Some(stamp) => stamp.time,
             // Stock takes its own time where the board sends none.
-            None => SystemTime::now()
-                .duration_since(UNIX_EPOCH)
-                .unwrap_or_default()
-                .as_secs_f64(),
+            None => wall_clock(),
         };
         let state = State {
             data,

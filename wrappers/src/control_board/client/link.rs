@@ -14,10 +14,7 @@ use std::time::Duration;
 
 use tokio::task::JoinSet;
 use yarp_devices::DeviceError;
-use yarp_ports::{
-    LinkState, Network, Port, PortError, PortOptions, Received, Supervised, Supervision, blocking,
-    remote,
-};
+use yarp_ports::{Network, Port, PortError, PortOptions, Received, Supervised, blocking, remote};
 use yarp_wire::message::{ReadObject, WireObject};
 use yarp_wire::{Bottle, Dialect, Value};
 
@@ -25,19 +22,16 @@ use super::super::OpenError;
 use super::super::messages::{
     Command, Get, ProtocolVersion, Question, Reply, Request, Selection, count,
 };
-use super::super::opening::{close_all, open};
 use super::latest::Latest;
 use super::options::RemoteControlBoardOptions;
+use crate::linking::{WATCHING, ask_again, keep, said, there};
+use crate::opening::{close_all, open};
 use crate::thrift::{ReturnCode, ServiceVersion};
 
 /// Questions and orders need answers, so their carrier is not a choice.
 const RPC_CARRIER: &str = "tcp";
 /// How long closing may take.
 const CLOSING: Duration = Duration::from_secs(3);
-/// How often a lost connection is tried again.
-const PAUSES: (Duration, Duration) = (Duration::from_millis(100), Duration::from_secs(1));
-/// How often it is looked whether states still come; after twice as long without one they are asked for again.
-const WATCHING: Duration = Duration::from_millis(500);
 const RPC_3: (&str, &str) = ("rpc:o", "rpc:i");
 const RPC_4: (&str, &str) = ("nwc/rpc:o", "nws/rpc:i");
 
@@ -157,12 +151,13 @@ impl Link {
                 carrier: carrier.to_owned(),
                 source: source.into(),
             })?;
+        let latest = self.latest.clone();
         let again = ask_again(
             network.clone(),
             state,
             self.feed.name().to_owned(),
             carrier.to_owned(),
-            self.latest.clone(),
+            move || latest.is_older_than(2 * WATCHING),
         );
         self.asking.spawn(again);
         if self.generation == Dialect::V4 {
@@ -215,7 +210,7 @@ impl Link {
                     minor: 0,
                     tweak: 0,
                 };
-                (only(ServiceVersion::CONTROL_BOARD.protocol), only(found))
+                (only(ServiceVersion::SERVED.protocol), only(found))
             }
         };
         if found.is_compatible(expected) {
@@ -408,74 +403,9 @@ async fn generation(
     }
 }
 
-/// Sees to it that there is a port of that name.
-async fn there(network: &Network, name: String) -> Result<(), OpenError> {
-    match remote::exists(network, &name).await {
-        Ok(true) => Ok(()),
-        Ok(false) => Err(OpenError::NoRemote { name }),
-        Err(source) => Err(OpenError::Port { name, source }),
-    }
-}
-
-/// A message as a person would type it.
-fn said(message: &impl WireObject) -> String {
-    let mut text = bytes::BytesMut::new();
-    message.write_text(&mut text);
-    String::from_utf8_lossy(&text).trim_end().to_owned()
-}
-
 fn no_message(request: &Request) -> DeviceError {
     DeviceError::NotSupported {
         what: format!("{request:?} in one message"),
-    }
-}
-
-/// Connects a port, and again whenever the connection is lost. An error is that of the first try.
-async fn keep(
-    port: &Port,
-    to: &str,
-    carrier: &str,
-    deadline: Duration,
-) -> Result<Supervised, OpenError> {
-    let failed = |reason: &str| OpenError::Connect {
-        from: port.name().to_owned(),
-        to: to.to_owned(),
-        carrier: carrier.to_owned(),
-        source: reason.into(),
-    };
-    let (first, longest) = PAUSES;
-    let options = Supervision::new().pauses(first, longest).deadline(deadline);
-    let place = format!("{carrier}:/{to}");
-    let mut kept = port.supervise(&place, options);
-    loop {
-        match kept.state() {
-            LinkState::Up => return Ok(kept),
-            LinkState::Lost { reason } => {
-                kept.end().await;
-                return Err(failed(&reason));
-            }
-            LinkState::Ended => return Err(failed("the port closed")),
-            _ => drop(kept.changed().await),
-        }
-    }
-}
-
-/// Asks the board for its state again when none comes any more: it is the board that connects, so that nobody else
-/// notices when it comes back.
-async fn ask_again(
-    network: Network,
-    state: String,
-    feed: String,
-    carrier: String,
-    latest: Arc<Latest>,
-) {
-    loop {
-        tokio::time::sleep(WATCHING).await;
-        if latest.is_older_than(2 * WATCHING)
-            && let Err(error) = remote::connect(&network, &state, &feed, Some(&carrier)).await
-        {
-            tracing::debug!(%state, "cannot ask for the state: {error}");
-        }
     }
 }
 

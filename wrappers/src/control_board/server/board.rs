@@ -3,7 +3,6 @@
 use std::fmt::Display;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{SystemTime, UNIX_EPOCH};
 
 use yarp_devices::{
     AmplifierControl, AxisInfo, ControlCalibration, ControlLimits, ControlMode, CurrentControl,
@@ -18,6 +17,7 @@ use super::super::messages::{
     Command, Get, Malformed, ProtocolVersion, Question, Reply, Request, Set,
 };
 use super::{interfaces, usage};
+use crate::clock::wall_clock;
 use crate::thrift::{Item, Message, ReturnCode, ServiceVersion};
 
 /// A device with what its server must remember.
@@ -121,7 +121,7 @@ impl Board {
         };
         let items = match &request {
             Request::Help => return Answer::reply(usage::functions()),
-            Request::ProtocolVersion => return Answer::reply(ServiceVersion::CONTROL_BOARD),
+            Request::ProtocolVersion => return Answer::reply(ServiceVersion::SERVED),
             Request::Interfaces => ReturnCode::Ok.with([interfaces::list(self.device.as_ref())]),
             Request::Get(get) => match self.ask(get) {
                 Ok(results) => answered(get, results),
@@ -264,14 +264,6 @@ fn count_axes(device: &dyn Device) -> Option<usize> {
         .or_else(|| device.encoders().map(AxisInfo::axes))
         .or_else(|| device.control_mode().map(AxisInfo::axes))
         .or_else(|| device.control_limits().map(AxisInfo::axes))
-}
-
-/// Seconds since the start of 1970.
-pub(super) fn wall_clock() -> f64 {
-    SystemTime::now()
-        .duration_since(UNIX_EPOCH)
-        .unwrap_or_default()
-        .as_secs_f64()
 }
 
 #[cfg(test)]

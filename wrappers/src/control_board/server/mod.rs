@@ -24,10 +24,10 @@ use yarp_ports::{Answer, Network, Port, PortOptions, Received};
 use yarp_wire::Dialect;
 
 use self::board::Board;
-use self::publisher::Publisher;
 use super::OpenError;
 use super::messages::Command;
-use super::opening::{close_all, open};
+use crate::opening::{close_all, open};
+use crate::periodic::Periodic;
 
 /// How often the state is published: 50 Hz, as stock.
 const PERIOD: Duration = Duration::from_millis(20);
@@ -108,7 +108,7 @@ pub struct ControlBoardServer {
 struct Running {
     inputs: [Port; 3],
     outputs: [Arc<Port>; 2],
-    publisher: Publisher,
+    publisher: Periodic,
 }
 
 impl ControlBoardServer {
@@ -156,7 +156,7 @@ impl ControlBoardServer {
             opened.try_into().expect("five were asked for");
         let outputs = [Arc::new(state), Arc::new(extended)];
         let axes = board.axes();
-        let running = match Publisher::start(board, outputs.clone(), period) {
+        let running = match publisher::start(board, outputs.clone(), period) {
             Ok(publisher) => Running {
                 inputs: [rpc, calls, command],
                 outputs,

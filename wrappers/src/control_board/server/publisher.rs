@@ -2,89 +2,29 @@
 
 use std::io;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::{self, JoinHandle};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use tokio::sync::oneshot;
 use yarp_devices::{Axes, EncoderReading};
 use yarp_ports::Port;
 use yarp_wire::Stamp;
 use yarp_wire::vector::Vector;
 
 use super::super::messages::{Field, JointData};
-use super::board::{Board, wall_clock};
+use super::board::Board;
+use crate::clock::wall_clock;
+use crate::periodic::Periodic;
 
 /// How far apart the times of joints may be, in seconds. Source: stock from 3.7 on.
 const LARGEST_SPREAD: f64 = 1.0;
 
-/// The thread that publishes.
-///
-/// It is a thread and no task, so that the period does not depend on what the tasks of the program are doing.
-#[derive(Debug)]
-pub(super) struct Publisher {
-    ending: Arc<AtomicBool>,
-    thread: JoinHandle<()>,
-    ended: oneshot::Receiver<()>,
-}
-
-impl Publisher {
-    /// Starts publishing on `[state, extended]`.
-    pub(super) fn start(
-        board: Arc<Board>,
-        [state, extended]: [Arc<Port>; 2],
-        period: Duration,
-    ) -> io::Result<Self> {
-        let ending = Arc::new(AtomicBool::new(false));
-        let theirs = ending.clone();
-        let (alive, ended) = oneshot::channel();
-        let mut cycle = Cycle::new(board, state, extended);
-        let thread = thread::Builder::new()
-            .name("control-board".into())
-            .spawn(move || {
-                every(period, &theirs, || cycle.publish());
-                // The ports are let go before anybody hears that this has ended.
-                drop(cycle);
-                drop(alive);
-            })?;
-        Ok(Self {
-            ending,
-            thread,
-            ended,
-        })
-    }
-
-    /// Ends publishing; waits for a cycle that is under way at most until `deadline`.
-    pub(super) async fn end(self, deadline: Duration) {
-        self.ending.store(true, Ordering::Release);
-        self.thread.thread().unpark();
-        if tokio::time::timeout(deadline, self.ended).await.is_err() {
-            tracing::warn!("the device holds up the end of publishing; going on without it");
-        } else if self.thread.join().is_err() {
-            tracing::error!("publishing the state had panicked");
-        }
-    }
-}
-
-/// Calls `work` every `period` until told to end. Deadlines are multiples of the period from the start, so that
-/// lateness does not add up; after a pause of the machine the missed ones are left out, not run in a burst.
-fn every(period: Duration, ending: &AtomicBool, mut work: impl FnMut()) {
-    let mut deadline = Instant::now();
-    while !ending.load(Ordering::Acquire) {
-        let now = Instant::now();
-        if now < deadline {
-            // May wake early, then the loop comes back here.
-            thread::park_timeout(deadline - now);
-            continue;
-        }
-        work();
-        deadline += period;
-        let late = Instant::now().saturating_duration_since(deadline);
-        if late >= period {
-            let missed = late.as_nanos() / period.as_nanos();
-            deadline += period * u32::try_from(missed).unwrap_or(u32::MAX);
-        }
-    }
+/// Starts publishing on `[state, extended]`.
+pub(super) fn start(
+    board: Arc<Board>,
+    [state, extended]: [Arc<Port>; 2],
+    period: Duration,
+) -> io::Result<Periodic> {
+    let mut cycle = Cycle::new(board, state, extended);
+    Periodic::start("control-board", period, move || cycle.publish())
 }
 
 /// One reading of the board after the other, in buffers that stay.
@@ -271,26 +211,5 @@ mod tests {
         check(&[10.0, 10.5, 11.5], None);
         check(&[7.0], Some(7.0));
         check(&[], None);
-    }
-
-    #[test]
-    fn deadlines_do_not_drift_and_missed_ones_are_left_out() {
-        let ending = AtomicBool::new(false);
-        let start = Instant::now();
-        let mut times = Vec::new();
-        every(Duration::from_millis(2), &ending, || {
-            times.push(start.elapsed());
-            if times.len() == 3 {
-                thread::sleep(Duration::from_millis(9));
-            }
-            if times.len() == 20 {
-                ending.store(true, Ordering::Release);
-            }
-        });
-        // Nothing runs before its deadline, and the long third cycle costs the deadlines it overran.
-        for (place, time) in times.iter().enumerate() {
-            assert!(*time >= Duration::from_millis(2) * place as u32);
-        }
-        assert!(times[3] >= times[2] + Duration::from_millis(9));
     }
 }

@@ -2,13 +2,13 @@
 
 use yarp_ports::{Network, Port, PortOptions, remote};
 
-use super::OpenError;
+use crate::OpenError;
 
 /// Opens a port whose name nobody else has.
 ///
 /// A name server gives a name away again to whoever asks, so that a second port of one name takes the place of the
 /// first. For a robot that must not happen by mistake.
-pub(super) async fn open(
+pub(crate) async fn open(
     network: &Network,
     name: String,
     options: PortOptions,
@@ -25,7 +25,7 @@ pub(super) async fn open(
 }
 
 /// Closes ports side by side; takes a few seconds at the most, whatever peers do.
-pub(super) async fn close_all(ports: impl IntoIterator<Item = Port>) {
+pub(crate) async fn close_all(ports: impl IntoIterator<Item = Port>) {
     let closing: tokio::task::JoinSet<()> = ports.into_iter().map(Port::close).collect();
     closing.join_all().await;
 }

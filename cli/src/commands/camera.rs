@@ -1,0 +1,109 @@
+//! `yarp camera`: a simulated camera on the network.
+
+use std::io::Write;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::time::Duration;
+
+use yarp_devices::camera::{CameraOptions, Pattern, Scene, SimulatedCamera};
+use yarp_ports::PortError;
+use yarp_wire::PortName;
+use yarp_wrappers::frame_grabber::Capability;
+use yarp_wrappers::{FrameGrabberOptions, FrameGrabberServer, OpenError};
+
+use crate::error::Result;
+use crate::session;
+use crate::signals::Interrupt;
+
+/// show a test pattern, a picture or a film as a camera
+///
+/// Serves a simulated camera, for programs of YARP 3.x and of 4.0: NAME streams images, NAME/rpc turns its knobs.
+///
+/// Ctrl-C ends it and takes the names back.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The port with the images
+    #[arg(long, value_name = "NAME", default_value = "/grabber")]
+    name: String,
+    /// What it shows: line, ball, grid, rand (noise), none (black)
+    #[arg(long, value_name = "PATTERN", default_value = "line", value_parser = pattern)]
+    mode: Pattern,
+    /// Shows this instead: a picture (ppm, pgm, png, jpeg), a film (.mjpeg) or a folder of pictures
+    #[arg(long, value_name = "PATH")]
+    src: Option<PathBuf>,
+    /// Pixels in a row; files have their own size
+    #[arg(long, default_value_t = 320)]
+    width: usize,
+    /// Rows
+    #[arg(long, default_value_t = 240)]
+    height: usize,
+    /// Images a second
+    #[arg(long, value_name = "HERTZ", default_value_t = 30.0)]
+    freq: f64,
+    /// Streams images in grey
+    #[arg(long)]
+    raw: bool,
+}
+
+fn pattern(word: &str) -> std::result::Result<Pattern, String> {
+    let words: Vec<_> = Pattern::words().collect();
+    Pattern::from_word(word).ok_or_else(|| format!("expected one of {}", words.join(", ")))
+}
+
+pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
+    args.name.parse::<PortName>().map_err(PortError::from)?;
+    let mut interrupt = Interrupt::listen();
+    let network = session::network()?;
+    let scene = match args.src {
+        Some(path) => Scene::File(path),
+        None => Scene::Pattern(args.mode),
+    };
+    let options = CameraOptions::new()
+        .scene(scene)
+        .size(args.width, args.height)
+        .rate(args.freq);
+    let camera = Arc::new(SimulatedCamera::start(options)?);
+    // Looked for twice as often as images are taken, so that none is missed; up to 1000 times a second.
+    let period = Duration::from_secs_f64(0.5 / args.freq).max(Duration::from_millis(1));
+    let served = FrameGrabberOptions::new()
+        .period(period.min(Duration::from_millis(33)))
+        .capability(if args.raw {
+            Capability::Raw
+        } else {
+            Capability::Colour
+        });
+    let opened = tokio::select! {
+        biased;
+        () = interrupt.heard() => return Ok(ExitCode::SUCCESS),
+        opened = FrameGrabberServer::open(&network, camera, &args.name, served) => opened,
+    };
+    let server = match opened {
+        Ok(server) => server,
+        Err(OpenError::Port { source, .. }) => return Err(source.into()),
+        Err(error) => return Err(error.into()),
+    };
+    let told = tell(&args.name, out);
+    if told.is_ok() {
+        interrupt.heard().await;
+    }
+    server.close().await;
+    told.map(|()| ExitCode::SUCCESS)
+}
+
+/// Prints what to try.
+fn tell(name: &str, out: &mut dyn Write) -> Result<()> {
+    writeln!(
+        out,
+        "Camera {name}: images on {name}, questions and orders of YARP 3.x and 4.0 on {name}/rpc
+
+Try in another terminal:
+  yarp name query {name}                                # then open http://ADDRESS:PORT/?action=stream in a browser
+  echo '[fgc] [set] [feat] 0 0.8' | yarp rpc {name}/rpc   # brighter (feature 0 is brightness, 0.5 changes nothing)
+  echo '[visr] [set] [res] 640 480' | yarp rpc {name}/rpc # larger
+
+Ctrl-C ends it."
+    )?;
+    out.flush()?;
+    Ok(())
+}

@@ -1,0 +1,50 @@
+//! `yarp camera`: a camera that others see, or a line that says why not.
+
+#![cfg(unix)]
+
+mod common;
+
+use common::Home;
+
+#[test]
+fn it_shows_and_takes_orders_until_it_is_told_to_end() {
+    let home = Home::new();
+    let _server = home.serve();
+    let camera = home
+        .start("camera --name /eye --mode grid --width 32 --height 24")
+        .see("Ctrl-C ends it.");
+    let said = home.run_with("rpc /eye/rpc", "[fgi] [get] [w]\n").with(0);
+    assert!(said.says("[fgi] [w] [is] 32"), "{said:?}");
+    let said = home.run_with("rpc /eye/rpc", "getHeightRPC\n").with(0);
+    assert!(said.says("([ok]) 24"), "{said:?}");
+    let image = home.run("read ... /eye once").with(0);
+    assert!(
+        image.says("[mat] [rgb] (3 2304 8 32 24) {0 0 "),
+        "{image:?}"
+    );
+    let second = home.run("camera --name /eye").with(1);
+    assert!(
+        second.err.iter().any(|line| line.contains("/eye/rpc")),
+        "{second:?}"
+    );
+    camera.signal("TERM").finish().with(0);
+    assert!(home.names().is_empty());
+}
+
+#[test]
+fn what_makes_no_camera_is_refused() {
+    let home = Home::new();
+    let refused = home.run("camera --mode circus").with(1);
+    assert!(
+        refused.says("expected one of line, ball, grid, rand, none"),
+        "{refused:?}"
+    );
+    let refused = home.run("camera --src /no/such/picture.png").with(1);
+    let told = refused
+        .err
+        .iter()
+        .any(|line| line.contains("cannot read a picture from /no/such/picture.png"));
+    assert!(told, "{refused:?}");
+    home.run("camera --name eye").with(1);
+    home.run("camera --width 0").with(1);
+}

@@ -1,0 +1,197 @@
+//! Casts a stock camera with our client, and prints `ok` or `FAIL` per check.
+//!
+//! ```text
+//! drive_camera /camera 3.x
+//! ```
+//!
+//! Made for `fakeFrameGrabber` of 32 x 24 pixels in mode `line` behind `frameGrabber_nws_yarp` of 3.5.0 and of 4.0.0,
+//! whose knobs do nothing in 3.5.0. Ends with 1 if any check failed.
+
+use std::fmt::Debug;
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use yarp_devices::image::Crop;
+use yarp_devices::{
+    DeviceError, Feature, FeatureMode, FrameGrabberControls, FrameGrabberImage,
+    FrameGrabberImageRaw, RgbVisualParams,
+};
+use yarp_ports::Network;
+use yarp_wrappers::{RemoteFrameGrabber, RemoteFrameGrabberOptions};
+
+const PATIENCE: Duration = Duration::from_secs(20);
+
+struct Checks {
+    failed: usize,
+}
+
+impl Checks {
+    fn check<T: Debug>(
+        &mut self,
+        what: &str,
+        found: Result<T, DeviceError>,
+        good: impl Fn(&T) -> bool,
+    ) {
+        let fine = found.as_ref().is_ok_and(good);
+        self.failed += usize::from(!fine);
+        println!("{} {what}: {found:?}", if fine { "ok  " } else { "FAIL" });
+    }
+
+    /// Asks until the answer is good.
+    fn until<T: Debug>(
+        &mut self,
+        what: &str,
+        ask: impl Fn() -> Result<T, DeviceError>,
+        good: impl Fn(&T) -> bool,
+    ) {
+        let deadline = Instant::now() + PATIENCE;
+        let mut found = ask();
+        while !found.as_ref().is_ok_and(&good) && Instant::now() < deadline {
+            std::thread::sleep(Duration::from_millis(10));
+            found = ask();
+        }
+        self.check(what, found, good);
+    }
+}
+
+fn main() -> ExitCode {
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let [name, generation] = &words[..] else {
+        eprintln!("usage: drive_camera NAME 3.x|4.0");
+        return ExitCode::from(2);
+    };
+    let mut checks = Checks { failed: 0 };
+    for streams in [true, false] {
+        let mut options = RemoteFrameGrabberOptions::new(name, "/drive/camera").timeout(PATIENCE);
+        if !streams {
+            println!("---- each image asked for");
+            options = options.no_stream();
+        }
+        let network = match Network::from_process() {
+            Ok(network) => network,
+            Err(error) => {
+                println!("FAIL network: {error:?}");
+                return ExitCode::FAILURE;
+            }
+        };
+        match RemoteFrameGrabber::open(&network, options) {
+            Ok(camera) => drive(&mut checks, &camera, generation, streams),
+            Err(error) => {
+                println!("FAIL opens: {error:?}");
+                return ExitCode::FAILURE;
+            }
+        }
+    }
+    if checks.failed > 0 {
+        println!("{} checks failed", checks.failed);
+        return ExitCode::FAILURE;
+    }
+    ExitCode::SUCCESS
+}
+
+fn drive(checks: &mut Checks, camera: &RemoteFrameGrabber, generation: &str, streams: bool) {
+    let found = camera.generation().to_string();
+    checks.check("its generation", Ok(found), |found| found == generation);
+    let row = || {
+        let image = camera.image()?.image;
+        // The line is a row whose red is 255.
+        let rows: Vec<usize> = (0..image.height())
+            .filter(|y| (0..image.width()).all(|x| image.pixel(x, *y) == Some(&[255, 0, 0])))
+            .collect();
+        Ok((image.width(), image.height(), rows))
+    };
+    checks.until("a line", row, |(width, height, rows)| {
+        (*width, *height, rows.len()) == (32, 24, 1)
+    });
+    let first = row().map(|(.., rows)| rows).unwrap_or_default();
+    checks.until("the line moves", row, |(.., rows)| {
+        rows.len() == 1 && *rows != first
+    });
+    if streams {
+        let number = camera.image().map_or(0, |frame| frame.number);
+        checks.until(
+            "numbers go up",
+            || camera.image().map(|frame| frame.number),
+            |next| *next > number,
+        );
+        checks.check("times", camera.image().map(|frame| frame.time), |time| {
+            *time > 1.6e9
+        });
+    }
+    checks.check("size", camera.image_size(), |size| *size == (32, 24));
+    let crop = Crop::Rectangle((1, 2), (4, 3));
+    let part = camera
+        .image_crop(&crop)
+        .map(|frame| (frame.image.width(), frame.image.height()));
+    checks.check("a part", part, |size| *size == (4, 2));
+    let raw = camera.raw_image().map(|frame| frame.image.pixels().len());
+    checks.check("raw", raw, |count| *count == 32 * 24);
+    checks.check("resolution", camera.resolution(), |size| *size == (32, 24));
+    checks.check("field of view", camera.field_of_view(), |view| {
+        *view == (1.0, 2.0)
+    });
+    checks.check(
+        "set field of view",
+        camera.set_field_of_view(1.0, 2.0),
+        |()| true,
+    );
+    checks.check("configurations", camera.supported_configurations(), |all| {
+        all.len() == 3 && all[0].width == 128 && all[1].rate == 30.0
+    });
+    checks.check("lens", camera.intrinsics(), |lens| {
+        lens.focal_length == (4.0, 5.0)
+            && lens.distortion_model == "FishEye"
+            && lens.radial[2] == 10.0
+    });
+    checks.check(
+        "mirrored",
+        camera.set_mirroring(true).and_then(|()| camera.mirroring()),
+        |mirrored| *mirrored,
+    );
+    checks.check(
+        "not mirrored",
+        camera
+            .set_mirroring(false)
+            .and_then(|()| camera.mirroring()),
+        |mirrored| !mirrored,
+    );
+    checks.check(
+        "refuses no order to a knob",
+        camera.set_feature(Feature::Gain, 0.5),
+        |()| true,
+    );
+    if generation == "4.0" {
+        checks.check("a knob", camera.feature(Feature::Gain), |value| {
+            *value == 0.5
+        });
+        // The fake camera keeps one knob for all of them, says of itself that it has none, and describes itself by
+        // nothing.
+        checks.check("has a knob", camera.has_feature(Feature::Gain), |has| !has);
+        checks.check("description", camera.camera_description(), |about| {
+            about.description.is_empty()
+        });
+        for active in [true, false] {
+            let kept = camera.set_active(Feature::Gain, active);
+            let kept = kept.and_then(|()| camera.is_active(Feature::Gain));
+            checks.check("switched", kept, |kept| *kept == active);
+        }
+        for mode in [FeatureMode::Automatic, FeatureMode::Manual] {
+            let kept = camera.set_mode(Feature::Gain, mode);
+            let kept = kept.and_then(|()| camera.mode(Feature::Gain));
+            checks.check("mode", kept, |kept| *kept == mode);
+        }
+        let pushed = camera.one_push(Feature::Gain);
+        let pushed = pushed.and_then(|()| camera.has_one_push(Feature::Gain));
+        checks.check("pushed once", pushed, |pushed| *pushed);
+    } else {
+        // Of no meaning, but an answer.
+        checks.check("a knob is answered", camera.feature(Feature::Gain), |_| {
+            true
+        });
+        checks.check(
+            "whether it is there",
+            camera.has_feature(Feature::Gain),
+            |_| true,
+        );
+    }
+}

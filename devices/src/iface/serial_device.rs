@@ -1,0 +1,29 @@
+//! Bytes over a line.
+
+use std::time::Duration;
+
+use crate::DeviceError;
+
+/// A serial line (stock: `ISerialDevice`).
+pub trait SerialDevice: Send + Sync {
+    /// Sends bytes, all of them (`send`).
+    ///
+    /// Errors: [`DeviceError::Unsuitable`] where there is no room for them.
+    fn send(&self, bytes: &[u8]) -> Result<(), DeviceError>;
+
+    /// What has come, at most so many bytes (`receiveBytes`, `receiveChar`).
+    ///
+    /// Blocks until there is something, for `patience` at the most; nothing then is no error.
+    fn receive(&self, at_most: usize, patience: Duration) -> Result<Vec<u8>, DeviceError>;
+
+    /// What has come up to the next line feed, with it, at most so many bytes (`receiveLine`).
+    ///
+    /// Blocks until a line is there, for `patience` at the most, and then gives nothing: a line that is not whole stays.
+    fn receive_line(&self, at_most: usize, patience: Duration) -> Result<Vec<u8>, DeviceError>;
+
+    /// Raises or lowers the line "data terminal ready" (`setDTR`).
+    fn set_data_terminal_ready(&self, ready: bool) -> Result<(), DeviceError>;
+
+    /// Throws away what has come, and tells how many bytes that were (`flush`).
+    fn flush(&self) -> Result<usize, DeviceError>;
+}

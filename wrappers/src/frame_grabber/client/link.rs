@@ -1,0 +1,259 @@
+//! The two ports of a client, the conversation at opening, and calls.
+//!
+//! ```text
+//! images   LOCAL            <- REMOTE
+//! calls    LOCAL/rpc_client -> REMOTE/rpc
+//! ```
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::task::JoinSet;
+use yarp_devices::DeviceError;
+use yarp_ports::{Network, Port, PortError, PortOptions, Received, Supervised, blocking, remote};
+use yarp_wire::message::{ReadObject, WireObject};
+use yarp_wire::{Bottle, Dialect};
+
+use super::latest::Latest;
+use super::options::RemoteFrameGrabberOptions;
+use crate::OpenError;
+use crate::control_board::messages::ProtocolVersion;
+use crate::frame_grabber::messages::{Answer, As, Reply, Request};
+use crate::linking::{WATCHING, ask_again, keep, said, there};
+use crate::opening::{close_all, open};
+use crate::thrift::{ReturnCode, ServiceVersion};
+
+/// Questions and orders need answers, so their carrier is not a choice.
+const RPC_CARRIER: &str = "tcp";
+/// How long closing may take.
+const CLOSING: Duration = Duration::from_secs(3);
+
+/// Ports connected to a server.
+#[derive(Debug)]
+pub(super) struct Link {
+    pub(super) generation: Dialect,
+    rpc: Port,
+    stream: Option<Port>,
+    remote: String,
+    rpc_peer: String,
+    deadline: Duration,
+    pub(super) latest: Arc<Latest>,
+    /// The connection for calls, made again whenever it is lost.
+    kept: Vec<Supervised>,
+    /// Asks the server for its images again; ends with the link.
+    asking: JoinSet<()>,
+}
+
+impl Link {
+    /// Opens and connects the ports, and asks for the protocol; on an error nothing stays open.
+    pub(super) async fn open(
+        network: &Network,
+        options: &RemoteFrameGrabberOptions,
+    ) -> Result<Self, OpenError> {
+        let rpc_peer = format!("{}/rpc", options.remote);
+        // Before anything of our own is opened: usually the server is just not running.
+        there(network, rpc_peer.clone()).await?;
+        if options.streams {
+            there(network, options.remote.clone()).await?;
+        }
+        let latest = Arc::new(Latest::new(options.timeout));
+        let rpc_name = format!("{}/rpc_client", options.local);
+        let mut calling = PortOptions::new().calling();
+        if let Some(generation) = options.generation {
+            // One that speaks both would say that it is of 4.0, and answer in 3.x all the same.
+            calling = calling.readers_are(generation);
+        }
+        let rpc = open(network, rpc_name, calling).await?;
+        let mut link = Self {
+            generation: Dialect::V3,
+            rpc,
+            stream: None,
+            remote: options.remote.clone(),
+            rpc_peer,
+            deadline: options.deadline,
+            latest,
+            kept: Vec::new(),
+            asking: JoinSet::new(),
+        };
+        match link.greet(network, options).await {
+            Ok(()) => Ok(link),
+            Err(error) => {
+                link.close().await;
+                Err(error)
+            }
+        }
+    }
+
+    /// Connects the ports in the order of stock, and finds out the generation.
+    async fn greet(
+        &mut self,
+        network: &Network,
+        options: &RemoteFrameGrabberOptions,
+    ) -> Result<(), OpenError> {
+        if options.streams {
+            let newest = self.latest.clone();
+            let take = move |received: &mut Received| {
+                newest.take(received);
+                yarp_ports::Answer::Nothing
+            };
+            let port = PortOptions::new().handler(take).input_only();
+            let stream = open(network, options.local.clone(), port).await?;
+            let local = stream.name().to_owned();
+            self.stream = Some(stream);
+            let (from, carrier) = (&options.remote, &options.carrier);
+            remote::connect(network, from, &local, Some(carrier))
+                .await
+                .map_err(|source| OpenError::Connect {
+                    from: from.clone(),
+                    to: local.clone(),
+                    carrier: carrier.clone(),
+                    source: source.into(),
+                })?;
+            let latest = self.latest.clone();
+            // Cameras may be slow on purpose.
+            let silence = options.timeout.max(2 * WATCHING);
+            let are_missing = move || latest.is_older_than(silence);
+            let again = ask_again(
+                network.clone(),
+                from.clone(),
+                local,
+                carrier.clone(),
+                are_missing,
+            );
+            self.asking.spawn(again);
+        }
+        let kept = keep(&self.rpc, &self.rpc_peer, RPC_CARRIER, self.deadline);
+        self.kept.push(kept.await?);
+        self.generation = match options.generation {
+            Some(generation) => generation,
+            None => self.ask_generation().await?,
+        };
+        Ok(())
+    }
+
+    /// What answers the question for the version of the protocol is 4.0; 3.x does not understand it.
+    async fn ask_generation(&self) -> Result<Dialect, OpenError> {
+        let question = "which version of the protocol it speaks";
+        let call = Request::ProtocolVersion.to_call().unwrap_or_default();
+        let expected = ServiceVersion::SERVED.protocol;
+        match self.send::<ServiceVersion>(&call).await {
+            Ok(version) if version.protocol == expected => Ok(Dialect::V4),
+            Ok(version) => Err(OpenError::ProtocolVersion {
+                peer: self.rpc_peer.clone(),
+                expected: only(expected),
+                found: only(version.protocol),
+            }),
+            Err(PortError::Unreadable { .. }) => Ok(Dialect::V3),
+            Err(error) => {
+                let source = self.lost(&call, error);
+                Err(OpenError::Question { question, source })
+            }
+        }
+    }
+
+    pub(super) fn remote(&self) -> &str {
+        &self.remote
+    }
+
+    pub(super) fn streams(&self) -> bool {
+        self.stream.is_some()
+    }
+
+    /// Asks or orders, and waits for the answer.
+    pub(super) fn call(self: &Arc<Self>, request: Request) -> Result<Answer, DeviceError> {
+        let link = self.clone();
+        blocking::wait(async move {
+            let answer = match link.generation {
+                Dialect::V3 => link.exchange_words(&request).await,
+                Dialect::V4 => link.exchange_call(&request).await,
+            };
+            // Before anybody learns of the answer, so that dropping the camera finds itself alone.
+            drop(link);
+            answer
+        })
+    }
+
+    async fn exchange_words(&self, request: &Request) -> Result<Answer, DeviceError> {
+        let message = request.to_bottle().ok_or_else(|| no_message(request))?;
+        let reply = self.send::<Bottle>(&message).await;
+        let reply = reply.map_err(|error| self.lost(&message, error))?;
+        match request.read_reply(&reply) {
+            Some(Reply::Done(answer)) => Ok(answer),
+            Some(Reply::Refused) => Err(self.refused(&message, "the log of the server".to_owned())),
+            None => Err(self.unreadable(&message)),
+        }
+    }
+
+    async fn exchange_call(&self, request: &Request) -> Result<Answer, DeviceError> {
+        let message = request.to_call().ok_or_else(|| no_message(request))?;
+        let message = As(Dialect::V4, message);
+        let reply = self.send::<Bottle>(&message).await;
+        let reply = reply.map_err(|error| self.lost(&message, error))?;
+        match ReturnCode::read(reply) {
+            Some((ReturnCode::Ok, values)) => {
+                let answer = request.read_results(&values);
+                answer.ok_or_else(|| self.unreadable(&message))
+            }
+            Some((code, _)) => {
+                let advice = format!("the log of the server; it answered that {code}");
+                Err(self.refused(&message, advice))
+            }
+            None => Err(self.unreadable(&message)),
+        }
+    }
+
+    async fn send<R: ReadObject>(&self, message: &impl WireObject) -> Result<R, PortError> {
+        self.rpc.call_within::<R>(message, self.deadline).await
+    }
+
+    fn refused(&self, message: &impl WireObject, advice: String) -> DeviceError {
+        DeviceError::Refused {
+            peer: self.rpc_peer.clone(),
+            step: format!("`{}`", said(message)),
+            advice,
+        }
+    }
+
+    fn lost(&self, message: &impl WireObject, error: PortError) -> DeviceError {
+        let peer = &self.rpc_peer;
+        DeviceError::Remote {
+            peer: peer.clone(),
+            step: format!("`{}`", said(message)),
+            advice: format!("`yarp ping {peer}`; when the camera is back, it is connected again"),
+            source: Some(Box::new(error)),
+        }
+    }
+
+    /// What to say of an answer that is not of the kind expected. It may be an image, so it is not shown.
+    pub(super) fn unreadable(&self, message: &impl WireObject) -> DeviceError {
+        DeviceError::Remote {
+            peer: self.rpc_peer.clone(),
+            step: format!("understanding the answer to `{}`", said(message)),
+            advice: format!("whether it is a camera of YARP {}", self.generation),
+            source: None,
+        }
+    }
+
+    /// Closes the ports; takes a few seconds at the most.
+    pub(super) async fn close(mut self) {
+        self.asking.shutdown().await;
+        let closing = close_all([self.rpc].into_iter().chain(self.stream));
+        if tokio::time::timeout(CLOSING, closing).await.is_err() {
+            tracing::warn!(remote = %self.remote, "closing took too long; names may be left behind");
+        }
+    }
+}
+
+fn only(protocol: i16) -> ProtocolVersion {
+    ProtocolVersion {
+        major: protocol.into(),
+        minor: 0,
+        tweak: 0,
+    }
+}
+
+fn no_message(request: &Request) -> DeviceError {
+    DeviceError::NotSupported {
+        what: format!("{request:?} in one message"),
+    }
+}

@@ -1,0 +1,65 @@
+//! Whom to call, as whom, and how long to wait.
+
+use std::time::Duration;
+
+use yarp_wire::Dialect;
+
+/// How a [`RemoteFrameGrabber`](super::RemoteFrameGrabber) is opened.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct RemoteFrameGrabberOptions {
+    pub(super) remote: String,
+    pub(super) local: String,
+    pub(super) carrier: String,
+    pub(super) timeout: Duration,
+    pub(super) deadline: Duration,
+    pub(super) streams: bool,
+    pub(super) generation: Option<Dialect>,
+}
+
+impl RemoteFrameGrabberOptions {
+    /// The camera named `remote`, by ports named after `local`: `/grabber` and, for instance, `/me/camera`.
+    ///
+    /// Images travel over `fast_tcp`, one is trusted for 2 s, an answer is waited for 2 s.
+    pub fn new(remote: impl Into<String>, local: impl Into<String>) -> Self {
+        Self {
+            remote: remote.into(),
+            local: local.into(),
+            carrier: "fast_tcp".to_owned(),
+            timeout: Duration::from_secs(2),
+            deadline: Duration::from_secs(2),
+            streams: true,
+            generation: None,
+        }
+    }
+
+    /// The carrier for images (stock: `carrier`). Questions always go over `tcp`.
+    pub fn carrier(mut self, carrier: impl Into<String>) -> Self {
+        self.carrier = carrier.into();
+        self
+    }
+
+    /// How old the newest image may be to be trusted. Stock gives an image out for ever.
+    pub fn timeout(mut self, age: Duration) -> Self {
+        self.timeout = age;
+        self
+    }
+
+    /// How long an answer, or each step of opening, is waited for. Stock waits for ever.
+    pub fn deadline(mut self, deadline: Duration) -> Self {
+        self.deadline = deadline;
+        self
+    }
+
+    /// Has no images streamed, and asks for each (stock: `no_stream`).
+    pub fn no_stream(mut self) -> Self {
+        self.streams = false;
+        self
+    }
+
+    /// Speaks as this generation does, instead of finding out which the server is of.
+    pub fn generation(mut self, generation: Dialect) -> Self {
+        self.generation = Some(generation);
+        self
+    }
+}

@@ -1,0 +1,88 @@
+//! What is said about a camera, in both generations.
+//!
+//! | file | what it is about |
+//! | --- | --- |
+//! | `request` | [`Request`]: what is wanted, whichever way it is said |
+//! | `words` | requests and replies of 3.x |
+//! | `calls` | requests and replies of 4.0 |
+//! | `answer` | [`Answer`]: results, in both layouts |
+//! | [`image`] | images of devices as messages, and back |
+//!
+//! Both generations speak on one port: what begins with the name of a function is 4.0's.
+
+mod answer;
+mod calls;
+pub mod image;
+mod request;
+#[cfg(test)]
+mod tests;
+mod words;
+
+use bytes::BytesMut;
+use yarp_wire::message::WireObject;
+use yarp_wire::{Bottle, Dialect};
+
+use crate::thrift::{Message, ReturnCode};
+
+pub use answer::Answer;
+pub use calls::help;
+pub use request::{Ability, Channel, Malformed, Request};
+pub use words::Reply;
+
+impl Request {
+    /// The request as 3.x says it; `None` if it does not.
+    pub fn to_bottle(&self) -> Option<Bottle> {
+        words::to_bottle(self)
+    }
+
+    /// The request as 4.0 says it; `None` if it does not.
+    pub fn to_call(&self) -> Option<Message> {
+        calls::to_call(self)
+    }
+
+    /// The reply of 3.x to a request that was done; `None` if the result fits into no message.
+    pub fn reply(&self, answer: &Answer) -> Option<Bottle> {
+        words::reply(self, answer)
+    }
+
+    /// The reply of 4.0 to a request that was done; `None` if the result fits into no message.
+    pub fn reply_to_call(&self, answer: &Answer) -> Option<Message> {
+        calls::reply(answer)
+    }
+
+    /// The reply of 4.0 to a request that was refused.
+    pub fn refuse_call(&self, code: ReturnCode) -> Message {
+        calls::refusal(self, code)
+    }
+
+    /// Reads a reply of 3.x; `None` for what is no answer to this.
+    pub fn read_reply(&self, reply: &Bottle) -> Option<Reply> {
+        words::read(self, reply)
+    }
+
+    /// Reads the results in a reply of 4.0; `None` for what are no results of this.
+    pub fn read_results(&self, values: &[yarp_wire::Value]) -> Option<Answer> {
+        Answer::read(self, values, Dialect::V4)
+    }
+}
+
+/// The reply of 3.x to what was not understood or not done.
+pub fn refusal(message: &Bottle, why: &str) -> Bottle {
+    words::refusal(message, why)
+}
+
+/// A message that is written as one generation does, to whomever it goes.
+///
+/// A call of 4.0 is answered as 4.0 reads it, even where nothing on the connection said so before.
+#[derive(Clone, Debug)]
+pub struct As<T>(pub Dialect, pub T);
+
+impl<T: WireObject> WireObject for As<T> {
+    fn write_binary(&self, out: &mut BytesMut, _: Dialect) {
+        self.1.write_binary(out, self.0);
+    }
+
+    fn write_text(&self, out: &mut BytesMut) {
+        self.1.write_text(out);
+    }
+}

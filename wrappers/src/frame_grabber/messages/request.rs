@@ -1,0 +1,132 @@
+//! What can be wanted of a camera, whichever way it is said.
+
+use yarp_devices::image::Crop;
+use yarp_wire::{Bottle, Value, Vocab32};
+
+use super::{calls, words};
+
+/// Which images are meant.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub enum Channel {
+    /// In colour; in 4.0 whichever the camera has.
+    Colour,
+    /// As they come from the sensor.
+    Raw,
+}
+
+/// What a feature may be able to do.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub enum Ability {
+    /// To be there.
+    Feature,
+    /// To be switched off.
+    OnOff,
+    /// To be turned by the camera.
+    Auto,
+    /// To be turned from outside.
+    Manual,
+    /// To be turned by the camera once.
+    OnePush,
+}
+
+/// A question or an order. Features are numbers here, because there are more of them than we know.
+#[derive(Clone, Debug, PartialEq)]
+#[allow(missing_docs, reason = "the names are those of stock's functions")]
+pub enum Request {
+    Help,
+    ProtocolVersion,
+    Width(Channel),
+    Height(Channel),
+    Image(Channel),
+    Crop(Channel, Crop),
+    RgbWidth,
+    RgbHeight,
+    Configurations,
+    Resolution,
+    FieldOfView,
+    Intrinsics,
+    Mirroring,
+    SetResolution(i32, i32),
+    SetFieldOfView(f64, f64),
+    SetMirroring(bool),
+    Description,
+    Has(Ability, i32),
+    Value(i32),
+    Pair(i32),
+    Active(i32),
+    Mode(i32),
+    SetValue(i32, f64),
+    SetPair(i32, f64, f64),
+    SetActive(i32, bool),
+    SetMode(i32, i32),
+    OnePush(i32),
+    /// What only cameras on IEEE 1394 have; by its place among the functions of 4.0, or `None` as 3.x says it.
+    Firewire(Option<usize>),
+}
+
+/// Why a message is no request.
+#[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Malformed {
+    /// It begins with no word of an interface.
+    #[error("no interface of a camera")]
+    Interface,
+    /// A word that is none of the protocol, or not in this place.
+    #[error("unknown word [{0}]")]
+    UnknownWord(Vocab32),
+    /// A function that is none of the protocol.
+    #[error("unknown function {0}")]
+    UnknownFunction(String),
+    /// Values are missing, too many, or of another kind.
+    #[error("wrong number or kind of values for {0}")]
+    Values(String),
+}
+
+impl Request {
+    /// Whether a message is said as in 4.0. What is said on the same port as in 3.x begins with a word.
+    pub fn is_call(message: &Bottle) -> bool {
+        matches!(message.get(0), Some(Value::String(name)) if name.as_str().is_some_and(calls::is_name))
+    }
+
+    /// Reads a message of either generation.
+    pub fn parse(message: &Bottle) -> Result<Self, Malformed> {
+        match Self::is_call(message) {
+            true => calls::parse(message),
+            false => words::parse(message),
+        }
+    }
+
+    /// Whether it changes something.
+    pub fn is_order(&self) -> bool {
+        matches!(
+            self,
+            Self::SetResolution(..)
+                | Self::SetFieldOfView(..)
+                | Self::SetMirroring(_)
+                | Self::SetValue(..)
+                | Self::SetPair(..)
+                | Self::SetActive(..)
+                | Self::SetMode(..)
+                | Self::OnePush(_)
+        )
+    }
+}
+
+/// A whole number of 32 bits.
+pub(super) fn integer(value: &Value) -> Option<i32> {
+    let number = crate::control_board::messages::float(value)?;
+    let whole =
+        number.fract() == 0.0 && (f64::from(i32::MIN)..=f64::from(i32::MAX)).contains(&number);
+    whole.then_some(number as i32)
+}
+
+/// A truth value as either generation says it: a word, or a number.
+pub(super) fn flag(value: &Value) -> Option<bool> {
+    match value {
+        Value::Int8(_) | Value::Int16(_) | Value::Int32(_) | Value::Int64(_) => {
+            Some(value.as_i64()? != 0)
+        }
+        Value::Vocab32(_) => crate::control_board::messages::read_flag(value),
+        _ => None,
+    }
+}

@@ -1,0 +1,24 @@
+//! Cameras: the server `frameGrabber_nws_yarp` of stock, and its client `frameGrabber_nwc_yarp`.
+//!
+//! ```text
+//!   client                                          server, named /grabber
+//!   /local             ◀── images, with stamps ──   /grabber        every period, if there is a new one
+//!   /local/rpc_client  ── questions, orders ─────▶  /grabber/rpc    of 3.x and of 4.0, answered one by one
+//!                                                   /grabber        takes questions, too, as in stock
+//! ```
+//!
+//! | folder | what it is about |
+//! | --- | --- |
+//! | [`messages`] | the words and bytes, shared by both sides |
+//! | `server` | [`FrameGrabberServer`]: a camera on ports |
+//! | `client` | [`RemoteFrameGrabber`]: the camera at the other end |
+//! | `settings` | [`camera_options`]: a simulated camera out of stock's parameters |
+
+mod client;
+pub mod messages;
+mod server;
+mod settings;
+
+pub use client::{RemoteFrameGrabber, RemoteFrameGrabberOptions};
+pub use server::{Capability, FrameGrabberOptions, FrameGrabberServer};
+pub use settings::{SettingError, camera_options};

@@ -1,0 +1,221 @@
+//! A camera on ports.
+//!
+//! | file | what it is about |
+//! | --- | --- |
+//! | `camera` | the device, and what requests mean for it |
+//! | `publisher` | the newest image, every period |
+
+mod camera;
+mod publisher;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::runtime::Handle;
+use yarp_devices::Device;
+use yarp_ports::{Network, Port, PortOptions, Received};
+
+use self::camera::Camera;
+use crate::OpenError;
+use crate::opening::{close_all, open};
+use crate::periodic::Periodic;
+
+/// How often it is looked for a new image: 30 times a second, as stock.
+const PERIOD: Duration = Duration::from_millis(33);
+const SHORTEST_PERIOD: Duration = Duration::from_millis(1);
+const LONGEST_PERIOD: Duration = Duration::from_secs(60);
+/// How long the end of publishing is waited for.
+const ENDING: Duration = Duration::from_secs(1);
+
+/// Which images are streamed.
+#[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
+pub enum Capability {
+    /// In colour (stock: `COLOR`).
+    #[default]
+    Colour,
+    /// As they come from the sensor (stock: `RAW`).
+    Raw,
+}
+
+/// How a camera is served.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct FrameGrabberOptions {
+    period: Duration,
+    capability: Capability,
+}
+
+impl Default for FrameGrabberOptions {
+    fn default() -> Self {
+        Self {
+            period: PERIOD,
+            capability: Capability::default(),
+        }
+    }
+}
+
+impl FrameGrabberOptions {
+    /// Images in colour, looked for every 33 ms.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// How often it is looked for a new image, 1 ms to 60 s (stock: `period`).
+    pub fn period(mut self, period: Duration) -> Self {
+        self.period = period;
+        self
+    }
+
+    /// Which images are streamed (stock: `capabilities`).
+    pub fn capability(mut self, capability: Capability) -> Self {
+        self.capability = capability;
+        self
+    }
+}
+
+/// A camera, served as stock's `frameGrabber_nws_yarp` serves one, to clients of 3.x and of 4.0 at once.
+///
+/// * `NAME` sends images to each reader that is done with the one before, each image once: a reader that is slow misses
+///   images, and never gets an old one behind a newer one. Their envelope is the number and time of the image. While
+///   nobody reads, the camera is not asked.
+/// * `NAME/rpc` answers questions and carries out orders of both generations; so does `NAME`.
+/// * Pixels are not copied on their way from the camera to a port where a row is a multiple of 8 bytes.
+/// * A request that is malformed, or that the camera has no interface for or refuses, is answered at once, as its
+///   generation reads it. Cameras on IEEE 1394 are not supported: calls for them are refused by name.
+///
+/// ```no_run
+/// # async fn example() -> Result<(), Box<dyn std::error::Error>> {
+/// use std::sync::Arc;
+/// use yarp_devices::camera::{CameraOptions, SimulatedCamera};
+/// use yarp_ports::Network;
+/// use yarp_wrappers::{FrameGrabberOptions, FrameGrabberServer};
+///
+/// let network = Network::from_process()?;
+/// let camera = Arc::new(SimulatedCamera::start(CameraOptions::new())?);
+/// let server = FrameGrabberServer::open(&network, camera, "/grabber", FrameGrabberOptions::new()).await?;
+/// tokio::signal::ctrl_c().await?;
+/// server.close().await;
+/// # Ok(()) }
+/// ```
+///
+/// Source: `FrameGrabber_nws_yarp.cpp` of 3.5 and 4.0; answers of 3.5.0 and 4.0.0, recorded traffic of both.
+#[derive(Debug)]
+pub struct FrameGrabberServer {
+    name: String,
+    running: Option<Running>,
+    /// Where the ports live, for closing them from anywhere.
+    runtime: Handle,
+}
+
+#[derive(Debug)]
+struct Running {
+    rpc: Port,
+    stream: Arc<Port>,
+    publisher: Periodic,
+}
+
+impl FrameGrabberServer {
+    /// Opens the two ports and begins to publish.
+    ///
+    /// * `name`: begins with `/`; the ports are `NAME/rpc` and `NAME`.
+    /// * Errors: [`OpenError::NoInterface`] when the device has not the images asked for, [`OpenError::Period`],
+    ///   [`OpenError::NameTaken`], [`OpenError::Port`], [`OpenError::Thread`]; then all that was opened is closed again.
+    ///
+    /// Cancelling closes the ports in the background.
+    pub async fn open(
+        network: &Network,
+        device: Arc<dyn Device>,
+        name: &str,
+        options: FrameGrabberOptions,
+    ) -> Result<Self, OpenError> {
+        let FrameGrabberOptions { period, capability } = options;
+        if !(SHORTEST_PERIOD..=LONGEST_PERIOD).contains(&period) {
+            return Err(OpenError::Period {
+                asked: period,
+                min: SHORTEST_PERIOD,
+                max: LONGEST_PERIOD,
+            });
+        }
+        match capability {
+            Capability::Colour if device.frame_grabber_image().is_none() => {
+                return Err(OpenError::NoInterface("images in colour"));
+            }
+            Capability::Raw if device.frame_grabber_image_raw().is_none() => {
+                return Err(OpenError::NoInterface("raw images"));
+            }
+            _ => {}
+        }
+        let camera = Arc::new(Camera::new(device.clone(), name));
+        let rpc = open(
+            network,
+            format!("{name}/rpc"),
+            answering(&camera).input_only(),
+        )
+        .await?;
+        let images = answering(&camera).type_name("yarp/image");
+        let stream = match open(network, name.to_owned(), images).await {
+            Ok(port) => Arc::new(port),
+            Err(error) => {
+                close_all([rpc]).await;
+                return Err(error);
+            }
+        };
+        match publisher::start(device, stream.clone(), capability, period) {
+            Ok(publisher) => {
+                tracing::info!(name, ?period, ?capability, "camera served");
+                Ok(Self {
+                    name: name.to_owned(),
+                    running: Some(Running {
+                        rpc,
+                        stream,
+                        publisher,
+                    }),
+                    runtime: Handle::current(),
+                })
+            }
+            Err(error) => {
+                close_all([rpc].into_iter().chain(Arc::into_inner(stream))).await;
+                Err(OpenError::Thread(error))
+            }
+        }
+    }
+
+    /// The name of the port with the images.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Ends publishing, closes the two ports and unregisters their names.
+    ///
+    /// Takes a few seconds at the most, whatever peers do. The camera goes on.
+    pub async fn close(mut self) {
+        if let Some(running) = self.running.take() {
+            running.close().await;
+        }
+    }
+}
+
+impl Drop for FrameGrabberServer {
+    /// As [`close`](Self::close), in the background, as far as the runtime still runs.
+    fn drop(&mut self) {
+        if let Some(running) = self.running.take() {
+            self.runtime.spawn(running.close());
+        }
+    }
+}
+
+impl Running {
+    async fn close(self) {
+        self.publisher.end(ENDING).await;
+        // The publisher has let its part go; if it still hangs, the port closes when it does.
+        close_all([self.rpc].into_iter().chain(Arc::into_inner(self.stream))).await;
+    }
+}
+
+fn answering(camera: &Arc<Camera>) -> PortOptions {
+    let camera = camera.clone();
+    PortOptions::new().handler(move |received: &mut Received| {
+        let request = received.bottle().unwrap_or_default();
+        camera.answer(&request, &received.from)
+    })
+}

@@ -1,0 +1,78 @@
+//! Connections of clients to what they are clients of.
+
+use std::time::Duration;
+
+use yarp_ports::{LinkState, Network, Port, Supervised, Supervision, remote};
+use yarp_wire::message::WireObject;
+
+use crate::OpenError;
+
+/// How often a lost connection is tried again.
+const PAUSES: (Duration, Duration) = (Duration::from_millis(100), Duration::from_secs(1));
+/// How often it is looked whether messages still come.
+pub(crate) const WATCHING: Duration = Duration::from_millis(500);
+
+/// Sees to it that there is a port of that name.
+pub(crate) async fn there(network: &Network, name: String) -> Result<(), OpenError> {
+    match remote::exists(network, &name).await {
+        Ok(true) => Ok(()),
+        Ok(false) => Err(OpenError::NoRemote { name }),
+        Err(source) => Err(OpenError::Port { name, source }),
+    }
+}
+
+/// A message as a person would type it.
+pub(crate) fn said(message: &impl WireObject) -> String {
+    let mut text = bytes::BytesMut::new();
+    message.write_text(&mut text);
+    String::from_utf8_lossy(&text).trim_end().to_owned()
+}
+
+/// Connects a port, and again whenever the connection is lost. An error is that of the first try.
+pub(crate) async fn keep(
+    port: &Port,
+    to: &str,
+    carrier: &str,
+    deadline: Duration,
+) -> Result<Supervised, OpenError> {
+    let failed = |reason: &str| OpenError::Connect {
+        from: port.name().to_owned(),
+        to: to.to_owned(),
+        carrier: carrier.to_owned(),
+        source: reason.into(),
+    };
+    let (first, longest) = PAUSES;
+    let options = Supervision::new().pauses(first, longest).deadline(deadline);
+    let place = format!("{carrier}:/{to}");
+    let mut kept = port.supervise(&place, options);
+    loop {
+        match kept.state() {
+            LinkState::Up => return Ok(kept),
+            LinkState::Lost { reason } => {
+                kept.end().await;
+                return Err(failed(&reason));
+            }
+            LinkState::Ended => return Err(failed("the port closed")),
+            _ => drop(kept.changed().await),
+        }
+    }
+}
+
+/// Asks a writer for its messages again whenever none come any more: it is the writer that connects, so that nobody
+/// else notices when it comes back.
+pub(crate) async fn ask_again(
+    network: Network,
+    from: String,
+    to: String,
+    carrier: String,
+    are_missing: impl Fn() -> bool,
+) {
+    loop {
+        tokio::time::sleep(WATCHING).await;
+        if are_missing()
+            && let Err(error) = remote::connect(&network, &from, &to, Some(&carrier)).await
+        {
+            tracing::debug!(%from, "cannot ask for messages: {error}");
+        }
+    }
+}
