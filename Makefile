@@ -32,7 +32,7 @@ setup:
 
 test: setup check
 	cargo test --workspace --all-targets $(WORKSPACE_FEATURES)
-	cargo test --workspace --doc
+	cargo test --workspace --doc $(WORKSPACE_FEATURES)
 
 check:
 	cargo fmt --all --check
