@@ -184,10 +184,8 @@ pub(super) enum Next {
 /// How far a message has come.
 enum Step {
     Done(Next),
-    /// There is more to pass than the owner's queue.
-    Watched(Received, bool),
-    /// The owner has it, or will; tells whether the sender wants a reply.
-    Handed(Handed, bool),
+    /// It is on its way to the owner; tells whether the sender wants a reply.
+    Handing(Handing, bool),
     /// It is not for the owner, or not from who may write.
     Command(Command, Payload),
 }
@@ -204,7 +202,12 @@ impl Connection {
                         Step::Done(next) => next,
                         left => self.rest_of(left).await,
                     },
-                    Ok(Some(event)) => self.take(event).await,
+                    Ok(Some(Event::Opened {
+                        carrier,
+                        sender,
+                        group,
+                    })) => self.begin(carrier, sender, group),
+                    Ok(Some(Event::Browser(request))) => Box::pin(self.browse(request)).await,
                     Ok(None) => break,
                     Err(error) => {
                         self.refuse(&error).await;
@@ -365,51 +368,45 @@ impl Connection {
         let _ = stream::write_all(&self.stream, &mut self.output).await;
     }
 
-    async fn take(&mut self, event: Event) -> Next {
-        match event {
-            Event::Opened {
-                carrier,
-                sender,
-                group,
-            } => {
-                self.sender = sender;
-                // A port that comes over a carrier that pushes comes to write.
-                let wants = match carrier.push {
-                    true => is_port(&self.sender.name).then_some(Right::Write),
-                    false => Some(Right::Read),
-                };
-                if let Some(right) = wants.filter(|right| !self.may(*right)) {
-                    // Without an answer to its header the peer knows that it is not connected.
-                    self.output.clear();
-                    return Next::Stop(End::NotAllowed(right));
+    /// Goes on once the header is complete: may this peer come, and can it have what it asks for?
+    fn begin(
+        &mut self,
+        carrier: &'static Carrier,
+        sender: Sender,
+        group: Option<SocketAddrV4>,
+    ) -> Next {
+        self.sender = sender;
+        // A port that comes over a carrier that pushes comes to write.
+        let wants = match carrier.push {
+            true => is_port(&self.sender.name).then_some(Right::Write),
+            false => Some(Right::Read),
+        };
+        if let Some(right) = wants.filter(|right| !self.may(*right)) {
+            // Without an answer to its header the peer knows that it is not connected.
+            self.output.clear();
+            return Next::Stop(End::NotAllowed(right));
+        }
+        if !carrier.push {
+            return Next::Stop(End::Reversed);
+        }
+        let opened = self.opened(carrier);
+        if !matches!(opened, Ok(true)) {
+            // Without the header reply the peer knows that there is no connection.
+            self.output.clear();
+        }
+        match (opened, carrier.transport) {
+            (Ok(false), _) => Next::Stop(End::Closed),
+            (Err(error), _) => {
+                if carrier.framing == Framing::Lines && !carrier.acknowledges {
+                    let words = format!("* Error. {error}\r\n* Goodbye.\r\n");
+                    self.output.extend_from_slice(words.as_bytes());
                 }
-                if !carrier.push {
-                    return Next::Stop(End::Reversed);
-                }
-                let opened = self.opened(carrier);
-                if !matches!(opened, Ok(true)) {
-                    // Without the header reply the peer knows that there is no connection.
-                    self.output.clear();
-                }
-                if let Ok(false) = opened {
-                    return Next::Stop(End::Closed);
-                }
-                if let Err(error) = opened {
-                    if carrier.framing == Framing::Lines && !carrier.acknowledges {
-                        let words = format!("* Error. {error}\r\n* Goodbye.\r\n");
-                        self.output.extend_from_slice(words.as_bytes());
-                    }
-                    return Next::Stop(End::Refused(error));
-                }
-                match carrier.transport {
-                    Transport::Stream | Transport::WebSocket => Next::Go,
-                    Transport::UnixSocket => Next::UnixSocket,
-                    Transport::SharedMemory => Next::SharedMemory,
-                    _ => Next::Datagrams(group),
-                }
+                Next::Stop(End::Refused(error))
             }
-            Event::Message(message) => self.message(message).await,
-            Event::Browser(request) => Box::pin(self.browse(request)).await,
+            (Ok(true), Transport::Stream | Transport::WebSocket) => Next::Go,
+            (Ok(true), Transport::UnixSocket) => Next::UnixSocket,
+            (Ok(true), Transport::SharedMemory) => Next::SharedMemory,
+            (Ok(true), _) => Next::Datagrams(group),
         }
     }
 
@@ -503,13 +500,10 @@ impl Connection {
             responder: None,
             connection: self.number,
         };
-        if self.monitors.is_some() || self.core.is_watched() {
-            return Step::Watched(received, reply);
-        }
-        let answer = match self.core.hand(received) {
-            Handed::Answered(Answer::Nothing) => (None, false),
-            Handed::Answered(Answer::Reply(reply)) => (Some(reply), false),
-            handed => return Step::Handed(handed, reply),
+        let answer = match self.hand(received) {
+            Handing::Now(Handed::Answered(Answer::Nothing)) => (None, false),
+            Handing::Now(Handed::Answered(Answer::Reply(reply))) => (Some(reply), false),
+            handing => return Step::Handing(handing, reply),
         };
         let next = self.answer(answer, reply);
         self.acceptor.acknowledge(&mut self.output);
@@ -520,13 +514,8 @@ impl Connection {
     async fn rest_of(&mut self, left: Step) -> Next {
         let next = match left {
             Step::Done(next) => return next,
-            Step::Watched(received, reply) => {
-                let answer = self.deliver(received).await;
-                self.answer(answer, reply)
-            }
-            Step::Handed(handed, reply) => {
-                let core = self.core.clone();
-                let answer = self.wait_for(core.finish(handed)).await;
+            Step::Handing(handing, reply) => {
+                let answer = self.finish(handing).await;
                 self.answer(answer, reply)
             }
             // Who may not write.
@@ -562,19 +551,28 @@ impl Connection {
     /// Hands a message to the owner and waits for the reply, if there is to be one; tells whether
     /// the connection shall end with it.
     pub(super) async fn deliver(&mut self, received: Received) -> (Option<Reply>, bool) {
-        if self.monitors.is_some() || self.core.is_watched() {
-            let core = self.core.clone();
-            let copies = log::are_brought_by(&self.sender);
-            let monitors = self.monitors.clone();
-            let taking = core.take(monitors.as_ref(), received, copies);
-            return self.wait_for(taking).await;
+        let handing = self.hand(received);
+        self.finish(handing).await
+    }
+
+    /// Hands a message to the owner, unless there is more for it to pass.
+    fn hand(&self, received: Received) -> Handing {
+        match self.monitors.is_some() || self.core.is_watched() {
+            true => Handing::Watched(received),
+            false => Handing::Now(self.core.hand(received)),
         }
-        match self.core.hand(received) {
-            // Most messages: nobody waits for anything.
-            Handed::Answered(Answer::Nothing) => (None, false),
-            handed => {
-                let core = self.core.clone();
-                self.wait_for(core.finish(handed)).await
+    }
+
+    /// Waits for what is left to wait for.
+    async fn finish(&mut self, handing: Handing) -> (Option<Reply>, bool) {
+        let core = self.core.clone();
+        match handing {
+            Handing::Now(handed) => self.wait_for(core.finish(handed)).await,
+            Handing::Watched(received) => {
+                let copies = log::are_brought_by(&self.sender);
+                let monitors = self.monitors.clone();
+                self.wait_for(core.take(monitors.as_ref(), received, copies))
+                    .await
             }
         }
     }
@@ -694,6 +692,13 @@ impl Connection {
         );
         self.core.add_output(output);
     }
+}
+
+/// A message on its way to the owner.
+enum Handing {
+    Now(Handed),
+    /// There is more to pass than the owner's queue.
+    Watched(Received),
 }
 
 /// How far a message got without waiting.
