@@ -76,10 +76,8 @@ impl Bench {
 
     /// The same over a TCP connection without YARP.
     fn bare_rate(&self, n: u32, bytes: usize) -> Result<f64, Failure> {
-        let mut sink = self.start(Side::Ours, &["sink"])?;
-        let ready = sink.line_starting("ready")?;
-        let port = ready.trim_start_matches("ready").trim();
-        let words = ["pour", port, &n.to_string(), &bytes.to_string()];
+        let (_sink, port) = self.listener("sink")?;
+        let words = ["pour", &port, &n.to_string(), &bytes.to_string()];
         let nanoseconds = self.start(Side::Ours, &words)?.numbers(1)?[0];
         Ok(f64::from(n) * 1e9 / nanoseconds)
     }

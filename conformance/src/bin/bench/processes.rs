@@ -56,6 +56,14 @@ impl Bench {
         Ok(Running { child, output })
     }
 
+    /// Starts the listening end of a bare TCP connection; gives its port, too.
+    pub(crate) fn listener(&self, what: &str) -> Result<(Running, String), Failure> {
+        let mut running = self.start(Side::Ours, &[what])?;
+        let ready = running.line_starting("ready")?;
+        let port = ready.trim_start_matches("ready").trim().to_owned();
+        Ok((running, port))
+    }
+
     pub(crate) fn server(&self, side: Side, what: &str) -> Result<(Running, String), Failure> {
         let name = self.name();
         let mut running = self.start(side, &[what, &name])?;

@@ -15,12 +15,8 @@ impl Bench {
             ("ours calls stock", Vec::new()),
         ];
         for _ in 0..RUNS {
-            let mut pong = self.start(Side::Ours, &["pong"])?;
-            let ready = pong.line_starting("ready")?;
-            let mut ping = self.start(
-                Side::Ours,
-                &["ping", ready.trim_start_matches("ready").trim()],
-            )?;
+            let (_pong, port) = self.listener("pong")?;
+            let mut ping = self.start(Side::Ours, &["ping", &port])?;
             rows[0].1.push(percentiles(ping.numbers(CALLS)?));
             for (row, caller, server) in [
                 (1, Side::Stock, Side::Stock),
