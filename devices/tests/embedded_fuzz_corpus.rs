@@ -1,37 +1,18 @@
 //! Every file of the fuzz corpora about the embedded PC goes through its target once.
 
-use std::path::{Path, PathBuf};
-
 use yarp_devices::embedded::protocol::{ARM, Packet, Reply, Request, TRAJECTORY};
 
+#[allow(unreachable_pub)]
+#[path = "support/corpus.rs"]
+mod corpus;
 #[allow(unreachable_pub)]
 #[path = "../fuzz/src/embedded.rs"]
 mod fuzz;
 
-fn corpora() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus")
-}
-
 #[test]
 fn every_corpus_file_passes_also_with_a_byte_changed() {
     for (name, target) in fuzz::TARGETS {
-        let folder = corpora().join(name);
-        let files = std::fs::read_dir(&folder)
-            .unwrap_or_else(|error| panic!("no corpus at {}: {error}", folder.display()));
-        let mut count = 0;
-        for file in files {
-            let original = std::fs::read(file.unwrap().path()).unwrap();
-            target(&original);
-            for at in 0..original.len().min(256) {
-                for byte in [0, 0xff, original[at] ^ 1, original[at] ^ 0x80] {
-                    let mut changed = original.clone();
-                    changed[at] = byte;
-                    target(&changed);
-                }
-            }
-            count += 1;
-        }
-        assert!(count > 0, "no files in {}", folder.display());
+        corpus::replay(name, target, 256);
     }
 }
 
@@ -39,7 +20,7 @@ fn every_corpus_file_passes_also_with_a_byte_changed() {
 #[test]
 fn the_seeds_are_messages_as_they_are_written_today() {
     let same = |target: &str, name: &str, first: u8, bytes: &[u8]| {
-        let file = corpora().join(target).join(format!("seed_{name}"));
+        let file = corpus::folder(target).join(format!("seed_{name}"));
         let whole: Vec<u8> = std::iter::once(first)
             .chain(bytes.iter().copied())
             .collect();

@@ -1,35 +1,19 @@
 //! Every file of the hand's fuzz corpora goes through its target once, and with bytes changed; then any bytes do.
 #![cfg(unix)]
 
-use std::path::Path;
-
 use proptest::prelude::*;
 
+#[allow(unreachable_pub)]
+#[path = "support/corpus.rs"]
+mod corpus;
 #[allow(unreachable_pub)]
 #[path = "../fuzz/src/hand.rs"]
 mod fuzz;
 
 #[test]
 fn every_corpus_file_passes_also_with_a_byte_changed() {
-    let corpora = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus");
     for (name, target) in fuzz::TARGETS {
-        let folder = corpora.join(name);
-        let files = std::fs::read_dir(&folder)
-            .unwrap_or_else(|error| panic!("no corpus at {}: {error}", folder.display()));
-        let mut count = 0;
-        for file in files {
-            let original = std::fs::read(file.unwrap().path()).unwrap();
-            target(&original);
-            for at in 0..original.len().min(64) {
-                for byte in [0, 0xff, original[at] ^ 1, original[at] ^ 0x80] {
-                    let mut changed = original.clone();
-                    changed[at] = byte;
-                    target(&changed);
-                }
-            }
-            count += 1;
-        }
-        assert!(count > 0, "no files in {}", folder.display());
+        corpus::replay(name, target, 64);
     }
 }
 
