@@ -8,11 +8,10 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use yarp_devices::wam::SimulatedWam;
 use yarp_devices::{
-    AmplifierControl, Axes, AxisIndex, AxisInfo, ControlCalibration, ControlLimits, ControlMode,
-    CurrentControl, Device, DeviceError, EncoderReading, Encoders, ImpedanceControl,
-    InteractionMode, JointBrake, JointFault, JointType, Limits, Mode, MotionControl, Motor,
-    MotorEncoders, Pid, PidControl, PositionControl, PositionDirect, PwmControl, TorqueControl,
-    VelocityControl, VelocityDirect,
+    Axes, AxisIndex, AxisInfo, ControlCalibration, ControlLimits, ControlMode, CurrentControl,
+    Device, DeviceError, EncoderReading, Encoders, ImpedanceControl, InteractionMode, JointBrake,
+    JointFault, JointType, Limits, Mode, MotionControl, MotorEncoders, Pid, PositionControl,
+    PwmControl, VelocityControl, VelocityDirect,
 };
 
 /// A board of axes that stand still and accept everything.
@@ -97,48 +96,18 @@ impl RecordedBoard {
 }
 
 impl Device for RecordedBoard {
-    fn axis_info(&self) -> Option<&dyn AxisInfo> {
-        Some(self)
-    }
-
-    fn position_control(&self) -> Option<&dyn PositionControl> {
-        Some(self)
-    }
-
-    fn velocity_control(&self) -> Option<&dyn VelocityControl> {
-        Some(self)
-    }
-
-    fn encoders(&self) -> Option<&dyn Encoders> {
-        Some(self)
-    }
-
-    fn control_mode(&self) -> Option<&dyn ControlMode> {
-        Some(self)
-    }
-
-    fn control_limits(&self) -> Option<&dyn ControlLimits> {
-        Some(self)
-    }
-
-    fn pid_control(&self) -> Option<&dyn PidControl> {
-        Some(self)
-    }
-
-    fn torque_control(&self) -> Option<&dyn TorqueControl> {
-        Some(self)
-    }
-
-    fn amplifier_control(&self) -> Option<&dyn AmplifierControl> {
-        Some(self)
-    }
-
-    fn motor(&self) -> Option<&dyn Motor> {
-        Some(self)
-    }
-
-    fn position_direct(&self) -> Option<&dyn PositionDirect> {
-        Some(self)
+    yarp_devices::offers! {
+        axis_info: AxisInfo,
+        position_control: PositionControl,
+        velocity_control: VelocityControl,
+        encoders: Encoders,
+        control_mode: ControlMode,
+        control_limits: ControlLimits,
+        pid_control: PidControl,
+        torque_control: TorqueControl,
+        amplifier_control: AmplifierControl,
+        motor: Motor,
+        position_direct: PositionDirect,
     }
 
     fn velocity_direct(&self) -> Option<&dyn VelocityDirect> {

@@ -9,6 +9,30 @@ use crate::{
     VelocityControl, VelocityDirect,
 };
 
+/// In an `impl Device`: the interfaces that the type itself implements.
+///
+/// ```
+/// # use yarp_devices::{AxisIndex, AxisInfo, Device, DeviceError, JointType, offers};
+/// # struct Ruler;
+/// # impl AxisInfo for Ruler {
+/// #     fn axes(&self) -> usize { 1 }
+/// #     fn axis_name(&self, _: AxisIndex) -> Result<String, DeviceError> { Ok("slide".into()) }
+/// #     fn joint_type(&self, _: AxisIndex) -> Result<JointType, DeviceError> { Ok(JointType::Prismatic) }
+/// # }
+/// impl Device for Ruler {
+///     offers! { axis_info: AxisInfo }
+/// }
+/// assert!(Ruler.axis_info().is_some());
+/// ```
+#[macro_export]
+macro_rules! offers {
+    ($($method:ident: $interface:ident),* $(,)?) => {
+        $(fn $method(&self) -> Option<&dyn $crate::$interface> {
+            Some(self)
+        })*
+    };
+}
+
 /// A device, seen as the set of interfaces it has.
 ///
 /// This is what `view()` of the stock `PolyDriver` is: one question per interface, answered with the

@@ -10,6 +10,7 @@
 //! * [`image`], [`camera`]: images, and a camera that shows test patterns or files.
 //! * [`embedded`]: the arm behind its embedded PC, driver and server.
 //! * [`guard`]: limits and a watchdog around any device.
+//! * [`clock`]: the time of day.
 //! * [`checks`]: behaviours that every device with these interfaces must show.
 //!
 //! Values are degrees, deg/s and deg/s² for revolute joints, metres, m/s and m/s² for prismatic ones:
@@ -34,6 +35,7 @@ mod axes;
 pub mod camera;
 pub mod can;
 pub mod checks;
+pub mod clock;
 mod device;
 pub mod dynamics;
 pub mod embedded;

@@ -10,7 +10,6 @@
 //!
 //! Units are those of the interfaces: degrees and metres. No radians cross a wrapper.
 
-mod clock;
 pub mod control_board;
 pub mod frame_grabber;
 mod linking;

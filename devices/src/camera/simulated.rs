@@ -3,11 +3,12 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
 use super::settings::{Knob, Settings};
 use super::source::Source;
 use super::{CameraOptions, Newest};
+use crate::clock::wall_clock;
 use crate::image::{Frame, LONGEST_SIDE, PixelFormat};
 use crate::{
     Bus, CameraConfiguration, CameraDescription, Device, DeviceError, Feature, FeatureMode,
@@ -377,20 +378,11 @@ impl RgbVisualParams for SimulatedCamera {
 }
 
 impl Device for SimulatedCamera {
-    fn frame_grabber_image(&self) -> Option<&dyn FrameGrabberImage> {
-        Some(self)
-    }
-
-    fn frame_grabber_image_raw(&self) -> Option<&dyn FrameGrabberImageRaw> {
-        Some(self)
-    }
-
-    fn frame_grabber_controls(&self) -> Option<&dyn FrameGrabberControls> {
-        Some(self)
-    }
-
-    fn rgb_visual_params(&self) -> Option<&dyn RgbVisualParams> {
-        Some(self)
+    crate::offers! {
+        frame_grabber_image: FrameGrabberImage,
+        frame_grabber_image_raw: FrameGrabberImageRaw,
+        frame_grabber_controls: FrameGrabberControls,
+        rgb_visual_params: RgbVisualParams,
     }
 }
 
@@ -416,12 +408,4 @@ fn check_angles((across, down): (f64, f64)) -> Result<(), DeviceError> {
         asked: format!("{across} {down} deg"),
         expected: "more than 0 and up to 360 deg".to_owned(),
     })
-}
-
-/// Seconds since the start of 1970.
-fn wall_clock() -> f64 {
-    SystemTime::now()
-        .duration_since(UNIX_EPOCH)
-        .unwrap_or_default()
-        .as_secs_f64()
 }

@@ -3,15 +3,14 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
-use std::time::{SystemTime, UNIX_EPOCH};
 
 use tracing::{debug, info};
 
 use super::{AXES, ArmControl};
+use crate::clock::wall_clock;
 use crate::{
     Axes, AxisIndex, AxisInfo, ControlLimits, ControlMode, Device, DeviceError, EncoderReading,
-    Encoders, JointFault, JointType, Limits, Mode, MotionControl, MotorEncoders, PidControl,
-    PositionControl, PositionDirect, TorqueControl, VelocityControl,
+    Encoders, JointType, Limits, Mode, MotionControl, PositionControl, VelocityControl,
 };
 
 /// An [`ArmControl`] and the machine under it.
@@ -128,56 +127,19 @@ impl<A> Drop for ArmDevice<A> {
     }
 }
 
-fn wall_clock() -> f64 {
-    SystemTime::now()
-        .duration_since(UNIX_EPOCH)
-        .unwrap_or_default()
-        .as_secs_f64()
-}
-
 impl<A: SteeredArm> Device for ArmDevice<A> {
-    fn axis_info(&self) -> Option<&dyn AxisInfo> {
-        Some(self)
-    }
-
-    fn position_control(&self) -> Option<&dyn PositionControl> {
-        Some(self)
-    }
-
-    fn velocity_control(&self) -> Option<&dyn VelocityControl> {
-        Some(self)
-    }
-
-    fn encoders(&self) -> Option<&dyn Encoders> {
-        Some(self)
-    }
-
-    fn control_mode(&self) -> Option<&dyn ControlMode> {
-        Some(self)
-    }
-
-    fn control_limits(&self) -> Option<&dyn ControlLimits> {
-        Some(self)
-    }
-
-    fn position_direct(&self) -> Option<&dyn PositionDirect> {
-        Some(self)
-    }
-
-    fn torque_control(&self) -> Option<&dyn TorqueControl> {
-        Some(self)
-    }
-
-    fn pid_control(&self) -> Option<&dyn PidControl> {
-        Some(self)
-    }
-
-    fn motor_encoders(&self) -> Option<&dyn MotorEncoders> {
-        Some(self)
-    }
-
-    fn joint_fault(&self) -> Option<&dyn JointFault> {
-        Some(self)
+    crate::offers! {
+        axis_info: AxisInfo,
+        position_control: PositionControl,
+        velocity_control: VelocityControl,
+        encoders: Encoders,
+        control_mode: ControlMode,
+        control_limits: ControlLimits,
+        position_direct: PositionDirect,
+        torque_control: TorqueControl,
+        pid_control: PidControl,
+        motor_encoders: MotorEncoders,
+        joint_fault: JointFault,
     }
 }
 

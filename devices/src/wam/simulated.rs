@@ -3,18 +3,16 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
 use tracing::{debug, info};
 
 use super::parameters;
+use crate::clock::wall_clock;
 use crate::fake::{AxisParameters, Model};
 use crate::{
-    AmplifierControl, Axes, AxisIndex, AxisInfo, ControlCalibration, ControlLimits, ControlMode,
-    CurrentControl, Device, DeviceError, EncoderReading, Encoders, ImpedanceControl,
-    InteractionMode, JointBrake, JointFault, JointType, Limits, Mode, MotionControl, Motor,
-    MotorEncoders, PidControl, PositionControl, PositionDirect, PwmControl, RemoteCalibrator,
-    RemoteVariables, TorqueControl, VelocityControl, VelocityDirect,
+    Axes, AxisIndex, AxisInfo, ControlLimits, ControlMode, Device, DeviceError, EncoderReading,
+    Encoders, JointType, Limits, Mode, MotionControl, PositionControl, VelocityControl,
 };
 
 /// The control period of the arm: 500 Hz, as libbarrett runs it.
@@ -149,100 +147,30 @@ impl Shared {
     }
 }
 
-fn wall_clock() -> f64 {
-    SystemTime::now()
-        .duration_since(UNIX_EPOCH)
-        .unwrap_or_default()
-        .as_secs_f64()
-}
-
 impl Device for SimulatedWam {
-    fn axis_info(&self) -> Option<&dyn AxisInfo> {
-        Some(self)
-    }
-
-    fn position_control(&self) -> Option<&dyn PositionControl> {
-        Some(self)
-    }
-
-    fn velocity_control(&self) -> Option<&dyn VelocityControl> {
-        Some(self)
-    }
-
-    fn encoders(&self) -> Option<&dyn Encoders> {
-        Some(self)
-    }
-
-    fn control_mode(&self) -> Option<&dyn ControlMode> {
-        Some(self)
-    }
-
-    fn control_limits(&self) -> Option<&dyn ControlLimits> {
-        Some(self)
-    }
-
-    fn position_direct(&self) -> Option<&dyn PositionDirect> {
-        Some(self)
-    }
-
-    fn velocity_direct(&self) -> Option<&dyn VelocityDirect> {
-        Some(self)
-    }
-
-    fn torque_control(&self) -> Option<&dyn TorqueControl> {
-        Some(self)
-    }
-
-    fn current_control(&self) -> Option<&dyn CurrentControl> {
-        Some(self)
-    }
-
-    fn pwm_control(&self) -> Option<&dyn PwmControl> {
-        Some(self)
-    }
-
-    fn interaction_mode(&self) -> Option<&dyn InteractionMode> {
-        Some(self)
-    }
-
-    fn impedance_control(&self) -> Option<&dyn ImpedanceControl> {
-        Some(self)
-    }
-
-    fn pid_control(&self) -> Option<&dyn PidControl> {
-        Some(self)
-    }
-
-    fn motor_encoders(&self) -> Option<&dyn MotorEncoders> {
-        Some(self)
-    }
-
-    fn motor(&self) -> Option<&dyn Motor> {
-        Some(self)
-    }
-
-    fn amplifier_control(&self) -> Option<&dyn AmplifierControl> {
-        Some(self)
-    }
-
-    fn control_calibration(&self) -> Option<&dyn ControlCalibration> {
-        Some(self)
-    }
-
-    fn remote_calibrator(&self) -> Option<&dyn RemoteCalibrator> {
-        Some(self)
-    }
-
-    fn remote_variables(&self) -> Option<&dyn RemoteVariables> {
-        Some(self)
-    }
-
-    fn joint_fault(&self) -> Option<&dyn JointFault> {
-        Some(self)
-    }
-
-    fn joint_brake(&self) -> Option<&dyn JointBrake> {
-        Some(self)
+    crate::offers! {
+        axis_info: AxisInfo,
+        position_control: PositionControl,
+        velocity_control: VelocityControl,
+        encoders: Encoders,
+        control_mode: ControlMode,
+        control_limits: ControlLimits,
+        position_direct: PositionDirect,
+        velocity_direct: VelocityDirect,
+        torque_control: TorqueControl,
+        current_control: CurrentControl,
+        pwm_control: PwmControl,
+        interaction_mode: InteractionMode,
+        impedance_control: ImpedanceControl,
+        pid_control: PidControl,
+        motor_encoders: MotorEncoders,
+        motor: Motor,
+        amplifier_control: AmplifierControl,
+        control_calibration: ControlCalibration,
+        remote_calibrator: RemoteCalibrator,
+        remote_variables: RemoteVariables,
+        joint_fault: JointFault,
+        joint_brake: JointBrake,
     }
 }
 

@@ -7,36 +7,17 @@ use super::{EmbeddedWam, Request};
 use crate::{
     Axes, AxisIndex, AxisInfo, ControlLimits, ControlMode, Device, DeviceError, EncoderReading,
     Encoders, JointType, Limits, Mode, MotionControl, PositionControl, RemoteCalibrator,
-    RemoteVariables,
 };
 
 impl Device for EmbeddedWam {
-    fn axis_info(&self) -> Option<&dyn AxisInfo> {
-        Some(self)
-    }
-
-    fn position_control(&self) -> Option<&dyn PositionControl> {
-        Some(self)
-    }
-
-    fn encoders(&self) -> Option<&dyn Encoders> {
-        Some(self)
-    }
-
-    fn control_mode(&self) -> Option<&dyn ControlMode> {
-        Some(self)
-    }
-
-    fn control_limits(&self) -> Option<&dyn ControlLimits> {
-        Some(self)
-    }
-
-    fn remote_calibrator(&self) -> Option<&dyn RemoteCalibrator> {
-        Some(self)
-    }
-
-    fn remote_variables(&self) -> Option<&dyn RemoteVariables> {
-        Some(self)
+    crate::offers! {
+        axis_info: AxisInfo,
+        position_control: PositionControl,
+        encoders: Encoders,
+        control_mode: ControlMode,
+        control_limits: ControlLimits,
+        remote_calibrator: RemoteCalibrator,
+        remote_variables: RemoteVariables,
     }
 }
 

@@ -4,12 +4,13 @@ use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::sync::atomic::Ordering;
 use std::thread;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
 use tracing::{debug, info, warn};
 
 use super::mailbox::Order;
 use super::shared::{Goal, LinkState, Shared};
+use crate::clock::wall_clock;
 use crate::embedded::meeting::{Meeter, Pair};
 use crate::embedded::protocol::{ARM, PacketReader, Reply, ReplyReader, Request, TRAJECTORY};
 use crate::embedded::trouble::{Cause, Trouble};
@@ -268,10 +269,7 @@ impl<'a> Session<'a> {
             }
             _ => (none.clone(), none),
         };
-        let time = SystemTime::now()
-            .duration_since(UNIX_EPOCH)
-            .unwrap_or_default()
-            .as_secs_f64();
+        let time = wall_clock();
         {
             let mut state = self.shared.lock();
             state.readings.clear();

@@ -3,8 +3,7 @@
 use super::{AXES, HandBoard, Readiness, State};
 use crate::{
     Axes, AxisIndex, AxisInfo, ControlLimits, ControlMode, Device, DeviceError, EncoderReading,
-    Encoders, Grasp, Hand, JointType, Limits, Mode, MotionControl, PositionControl,
-    VelocityControl,
+    Encoders, JointType, Limits, Mode, MotionControl, PositionControl, VelocityControl,
 };
 
 /// What an axis can be set to.
@@ -27,36 +26,15 @@ impl State {
 }
 
 impl Device for HandBoard {
-    fn axis_info(&self) -> Option<&dyn AxisInfo> {
-        Some(self)
-    }
-
-    fn position_control(&self) -> Option<&dyn PositionControl> {
-        Some(self)
-    }
-
-    fn velocity_control(&self) -> Option<&dyn VelocityControl> {
-        Some(self)
-    }
-
-    fn encoders(&self) -> Option<&dyn Encoders> {
-        Some(self)
-    }
-
-    fn control_mode(&self) -> Option<&dyn ControlMode> {
-        Some(self)
-    }
-
-    fn control_limits(&self) -> Option<&dyn ControlLimits> {
-        Some(self)
-    }
-
-    fn hand(&self) -> Option<&dyn Hand> {
-        Some(self)
-    }
-
-    fn grasp(&self) -> Option<&dyn Grasp> {
-        Some(self)
+    crate::offers! {
+        axis_info: AxisInfo,
+        position_control: PositionControl,
+        velocity_control: VelocityControl,
+        encoders: Encoders,
+        control_mode: ControlMode,
+        control_limits: ControlLimits,
+        hand: Hand,
+        grasp: Grasp,
     }
 }
 

@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, SyncSender, sync_channel};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
 use tracing::{info, warn};
 
@@ -21,6 +21,7 @@ use super::control::GclLine;
 use super::driver::BarrettHand;
 use super::error::HandError;
 use super::gcl::{Feedback, Layout, MotorLayout, Motors, Reply, Status};
+use crate::clock::wall_clock;
 use crate::fake::{AxisParameters, Model};
 use crate::{Axes, DeviceError, JointType, Limits};
 
@@ -354,11 +355,4 @@ fn parameters() -> [AxisParameters; AXES] {
             home: 0.0,
         }
     })
-}
-
-fn wall_clock() -> f64 {
-    SystemTime::now()
-        .duration_since(UNIX_EPOCH)
-        .unwrap_or_default()
-        .as_secs_f64()
 }

@@ -7,7 +7,7 @@ use yarp_devices::DeviceError;
 use yarp_ports::Received;
 
 use super::super::messages::JointData;
-use crate::clock::wall_clock;
+use yarp_devices::clock::wall_clock;
 
 /// The newest state of the board, written by its feed and read by whoever asks.
 #[derive(Debug)]

@@ -17,8 +17,8 @@ use super::super::messages::{
     Command, Get, Malformed, ProtocolVersion, Question, Reply, Request, Set,
 };
 use super::{interfaces, usage};
-use crate::clock::wall_clock;
 use crate::thrift::{Item, Message, ReturnCode, ServiceVersion};
+use yarp_devices::clock::wall_clock;
 
 /// A device with what its server must remember.
 pub(super) struct Board {

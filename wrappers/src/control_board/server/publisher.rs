@@ -11,8 +11,8 @@ use yarp_wire::vector::Vector;
 
 use super::super::messages::{Field, JointData};
 use super::board::Board;
-use crate::clock::wall_clock;
 use crate::periodic::Periodic;
+use yarp_devices::clock::wall_clock;
 
 /// How far apart the times of joints may be, in seconds. Source: stock from 3.7 on.
 const LARGEST_SPREAD: f64 = 1.0;

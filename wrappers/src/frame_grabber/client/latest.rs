@@ -8,8 +8,8 @@ use yarp_devices::image::{Frame, Image};
 use yarp_ports::Received;
 use yarp_wire::typed;
 
-use crate::clock::wall_clock;
 use crate::frame_grabber::messages::image;
+use yarp_devices::clock::wall_clock;
 
 /// The newest image, written by the stream and read by whoever asks. Pixels are shared with the message they came in.
 #[derive(Debug)]

@@ -14,9 +14,7 @@ mod options;
 
 use std::sync::Arc;
 
-use yarp_devices::{
-    Device, FrameGrabberControls, FrameGrabberImage, FrameGrabberImageRaw, RgbVisualParams,
-};
+use yarp_devices::Device;
 use yarp_ports::{Network, blocking};
 use yarp_wire::Dialect;
 
@@ -106,19 +104,10 @@ impl Drop for RemoteFrameGrabber {
 }
 
 impl Device for RemoteFrameGrabber {
-    fn frame_grabber_image(&self) -> Option<&dyn FrameGrabberImage> {
-        Some(self)
-    }
-
-    fn frame_grabber_image_raw(&self) -> Option<&dyn FrameGrabberImageRaw> {
-        Some(self)
-    }
-
-    fn frame_grabber_controls(&self) -> Option<&dyn FrameGrabberControls> {
-        Some(self)
-    }
-
-    fn rgb_visual_params(&self) -> Option<&dyn RgbVisualParams> {
-        Some(self)
+    yarp_devices::offers! {
+        frame_grabber_image: FrameGrabberImage,
+        frame_grabber_image_raw: FrameGrabberImageRaw,
+        frame_grabber_controls: FrameGrabberControls,
+        rgb_visual_params: RgbVisualParams,
     }
 }
