@@ -11,6 +11,7 @@
 //! and the order of actions as in 4.0.
 
 mod error;
+mod files;
 mod parameters;
 mod run;
 mod tags;

@@ -29,14 +29,10 @@ use toml::de::{DeTable, DeValue};
 use yarp_wire::Value;
 use yarp_wire::settings::{Origin, Settings};
 
+use super::files::Files;
 use super::{
     Action, ActionKind, DeviceEntry, Param, ParamValue, Phase, ReadOptions, Robot, RobotError, tags,
 };
-
-/// How deep files may include one another.
-const DEEPEST: usize = 16;
-/// How many files a robot may have.
-const MOST_FILES: usize = 1000;
 
 pub(super) fn read(file: &Path, options: &ReadOptions) -> Result<Robot, RobotError> {
     let mut reader = Reader {
@@ -44,7 +40,7 @@ pub(super) fn read(file: &Path, options: &ReadOptions) -> Result<Robot, RobotErr
         robot: None,
         params: Vec::new(),
         devices: Vec::new(),
-        files: 0,
+        files: Files::default(),
     };
     reader.file(file, None, 0)?;
     let Some(robot) = reader.robot else {
@@ -63,7 +59,7 @@ struct Reader<'a> {
     robot: Option<Robot>,
     params: Vec<Param>,
     devices: Vec<DeviceEntry>,
-    files: usize,
+    files: Files,
 }
 
 /// A file, to tell lines in it.
@@ -156,19 +152,7 @@ impl Page<'_> {
 
 impl Reader<'_> {
     fn file(&mut self, file: &Path, by: Option<&Origin>, depth: usize) -> Result<(), RobotError> {
-        self.files += 1;
-        if depth > DEEPEST || self.files > MOST_FILES {
-            let origin = by.cloned().unwrap_or(Origin::Program);
-            return Err(RobotError::TooDeep {
-                origin,
-                limit: DEEPEST,
-            });
-        }
-        let text = std::fs::read_to_string(file).map_err(|source| RobotError::Read {
-            file: file.display().to_string(),
-            by: by.map_or(String::new(), |by| format!(" (included by {by})")),
-            source,
-        })?;
+        let text = self.files.read(file, by, depth)?;
         let page = Page {
             file: file.display().to_string().into(),
             text: &text,

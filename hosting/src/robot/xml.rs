@@ -24,14 +24,11 @@ use roxmltree::{Document, Node, ParsingOptions};
 use yarp_wire::Value;
 use yarp_wire::settings::{Origin, Settings};
 
+use super::files::Files;
 use super::{
     Action, ActionKind, DeviceEntry, Param, ParamValue, Phase, ReadOptions, Robot, RobotError, tags,
 };
 
-/// How deep files may include one another.
-const DEEPEST: usize = 16;
-/// How many files a robot may have.
-const MOST_FILES: usize = 1000;
 /// How many elements a file may have.
 const MOST_ELEMENTS: u32 = 1_000_000;
 /// How deep elements may stand in one another.
@@ -41,7 +38,7 @@ pub(super) fn read(file: &Path, options: &ReadOptions) -> Result<Robot, RobotErr
     let mut reader = Reader {
         given: &options.given,
         old: false,
-        files: 0,
+        files: Files::default(),
     };
     let root = reader.load(file, None, 0)?;
     reader.robot(&root)
@@ -95,7 +92,7 @@ struct Reader<'a> {
     given: &'a Settings,
     /// Whether the format is 1.
     old: bool,
-    files: usize,
+    files: Files,
 }
 
 impl Reader<'_> {
@@ -105,19 +102,7 @@ impl Reader<'_> {
         by: Option<&Origin>,
         depth: usize,
     ) -> Result<Element, RobotError> {
-        self.files += 1;
-        if depth > DEEPEST || self.files > MOST_FILES {
-            let origin = by.cloned().unwrap_or(Origin::Program);
-            return Err(RobotError::TooDeep {
-                origin,
-                limit: DEEPEST,
-            });
-        }
-        let text = std::fs::read_to_string(file).map_err(|source| RobotError::Read {
-            file: file.display().to_string(),
-            by: by.map_or(String::new(), |by| format!(" (included by {by})")),
-            source,
-        })?;
+        let text = self.files.read(file, by, depth)?;
         let name: Arc<str> = file.display().to_string().into();
         if by.is_none() {
             self.old = self.is_old(&text, &name)?;
