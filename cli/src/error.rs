@@ -34,7 +34,7 @@ pub(crate) enum Failure {
     Demo(DemoError),
     /// The ports of the arm or camera were not opened.
     #[error(transparent)]
-    Open(#[from] OpenError),
+    Open(OpenError),
     /// A device was not hosted.
     #[error(transparent)]
     Host(#[from] HostError),
@@ -49,6 +49,15 @@ pub(crate) enum Failure {
         /// Where it should be.
         place: String,
     },
+}
+
+impl From<OpenError> for Failure {
+    fn from(error: OpenError) -> Self {
+        match error {
+            OpenError::Port { source, .. } => source.into(),
+            other => Self::Open(other),
+        }
+    }
 }
 
 impl From<DemoError> for Failure {

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use yarp_ports::config::ResourceFinder;
 use yarp_ports::{Dialogue, Network, Place, Port, PortError, PortOptions, remote};
 use yarp_wire::carrier::Carrier;
 use yarp_wire::message::{Command, WireObject};
@@ -33,6 +34,16 @@ pub(crate) fn network() -> Result<Network> {
         }
     }
     Ok(network)
+}
+
+/// Where files are found for a program with this command line, whose configuration file is `file` if the command line
+/// names none. Says what is wrong with what it read.
+pub(crate) fn finder(words: &[String], file: Option<&str>) -> Result<ResourceFinder> {
+    let mut finder = ResourceFinder::from_process()?;
+    for problem in finder.configure(words, file)? {
+        tracing::error!(target: "yarp.os.Property", "{problem}");
+    }
+    Ok(finder)
 }
 
 /// Whether the name server of `network` answers to its name.

@@ -10,7 +10,7 @@ use yarp_devices::camera::{CameraOptions, Pattern, Scene, SimulatedCamera};
 use yarp_ports::PortError;
 use yarp_wire::PortName;
 use yarp_wrappers::frame_grabber::Capability;
-use yarp_wrappers::{FrameGrabberOptions, FrameGrabberServer, OpenError};
+use yarp_wrappers::{FrameGrabberOptions, FrameGrabberServer};
 
 use crate::error::Result;
 use crate::session;
@@ -78,11 +78,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         () = interrupt.heard() => return Ok(ExitCode::SUCCESS),
         opened = FrameGrabberServer::open(&network, camera, &args.name, served) => opened,
     };
-    let server = match opened {
-        Ok(server) => server,
-        Err(OpenError::Port { source, .. }) => return Err(source.into()),
-        Err(error) => return Err(error.into()),
-    };
+    let server = opened?;
     let told = tell(&args.name, out);
     if told.is_ok() {
         interrupt.heard().await;

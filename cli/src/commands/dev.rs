@@ -6,7 +6,6 @@ use std::time::Duration;
 
 use tokio::sync::watch;
 use yarp_hosting::{Hosted, kinds, open_wrapped, park};
-use yarp_ports::config::ResourceFinder;
 use yarp_ports::{Answer, Network, Port, PortOptions, Received};
 use yarp_wire::settings::{Origin, Parameters, Settings};
 use yarp_wire::{Bottle, Value, Vocab32};
@@ -58,10 +57,7 @@ pub(crate) struct Args {
 }
 
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
-    let mut finder = ResourceFinder::from_process()?;
-    for problem in finder.configure(&args.words, None)? {
-        tracing::error!(target: "yarp.os.Property", "{problem}");
-    }
+    let finder = session::finder(&args.words, None)?;
     let mut settings = finder.settings().clone();
     let nested = settings.get("nested").or_else(|| settings.get("lispy"));
     if let Some(text) = nested.map(|text| text.to_plain_string()) {

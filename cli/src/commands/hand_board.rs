@@ -8,7 +8,7 @@ use yarp_devices::hand::{BarrettHand, HandBoard, HandOptions};
 use yarp_devices::{DeviceError, Hand};
 use yarp_ports::{Network, PortError};
 use yarp_wire::PortName;
-use yarp_wrappers::{ControlBoardOptions, ControlBoardServer, OpenError};
+use yarp_wrappers::{ControlBoardOptions, ControlBoardServer};
 
 use crate::error::Result;
 use crate::signals::Interrupt;
@@ -44,12 +44,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         hand = opening => hand.expect("opening a hand does not panic")?,
     };
     let options = ControlBoardOptions::new();
-    let board = ControlBoardServer::open(&network, Arc::new(hand), &args.name, options).await;
-    let board = match board {
-        Ok(board) => board,
-        Err(OpenError::Port { source, .. }) => return Err(source.into()),
-        Err(error) => return Err(error.into()),
-    };
+    let board = ControlBoardServer::open(&network, Arc::new(hand), &args.name, options).await?;
     writeln!(out, "Hand on {}, served as {}", args.serial, args.name)?;
     out.flush()?;
     interrupt.heard().await;

@@ -3,10 +3,10 @@
 use std::io::Write;
 use std::process::ExitCode;
 
-use yarp_ports::config::ResourceFinder;
 use yarp_wire::settings::Settings;
 
 use crate::error::Result;
+use crate::session;
 
 const USAGE: &str = "Looks for, and prints the complete path to, resource files.
 Example usage:
@@ -40,10 +40,7 @@ pub(super) fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let mut asked = Settings::new();
     asked.add_command_line(&args.words);
     let find = asked.get("find").map(|file| file.to_plain_string());
-    let mut finder = ResourceFinder::from_process()?;
-    for problem in finder.configure(&args.words, find.as_deref())? {
-        tracing::error!(target: "yarp.os.Property", "{problem}");
-    }
+    let finder = session::finder(&args.words, find.as_deref())?;
     if finder.settings().has("show") {
         writeln!(out, ">>> {}", finder.settings())?;
     }

@@ -6,7 +6,6 @@ use std::time::Duration;
 
 use tokio::sync::watch;
 use yarp_hosting::robot::{Phase, Progress, ReadOptions, Robot, RunningRobot};
-use yarp_ports::config::ResourceFinder;
 use yarp_ports::{Answer, Network, Port, PortOptions, Received};
 use yarp_wire::{Bottle, Value, Vocab32};
 use yarp_wrappers::thrift::{Item, Message};
@@ -53,10 +52,7 @@ pub(crate) struct Args {
 }
 
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
-    let mut finder = ResourceFinder::from_process()?;
-    for problem in finder.configure(&args.words, Some(MAIN))? {
-        tracing::error!(target: "yarp.os.Property", "{problem}");
-    }
+    let finder = session::finder(&args.words, Some(MAIN))?;
     let settings = finder.settings();
     if !settings.has("config") {
         tracing::error!(target: COMPONENT, "Missing \"config\" argument: expected --config FILE, or config FILE in {MAIN}");

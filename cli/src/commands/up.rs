@@ -8,7 +8,7 @@ use yarp_nameserver::{Server, ServerOptions};
 use yarp_ports::config::{self, Configuration, NameServer};
 use yarp_ports::{Network, PortError, addresses};
 use yarp_wire::PortName;
-use yarp_wrappers::{ControlBoardOptions, ControlBoardServer, OpenError};
+use yarp_wrappers::{ControlBoardOptions, ControlBoardServer};
 
 use crate::arm::{Arm, MeetingArgs};
 use crate::error::{Failure, Result};
@@ -165,11 +165,7 @@ async fn open(
 ) -> Result<ControlBoardServer> {
     let arm = arm.start(meeting)?;
     let options = ControlBoardOptions::new();
-    match ControlBoardServer::open(network, arm, name, options).await {
-        Ok(board) => Ok(board),
-        Err(OpenError::Port { source, .. }) => Err(source.into()),
-        Err(error) => Err(error.into()),
-    }
+    Ok(ControlBoardServer::open(network, arm, name, options).await?)
 }
 
 /// How the PC of an arm is met.
