@@ -11,6 +11,7 @@ use socket2::{Domain, Protocol, Socket, Type};
 use tokio::net::UdpSocket;
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
+use tokio::time::timeout;
 use yarp_ports::roles::{Peer, Roles};
 use yarp_ports::{
     Answer, CallerLimits, Network, Port, PortError, PortOptions, Received, addresses, remote,
@@ -228,7 +229,7 @@ pub struct Server {
     desk: Arc<Desk>,
     /// The tasks that see to effects and to multicast detection.
     tasks: Vec<JoinHandle<()>>,
-    /// The task that writes what is shared; it ends by itself.
+    /// The task that writes what is shared; it ends by itself, unless that is away.
     writer: Option<JoinHandle<()>>,
 }
 
@@ -434,9 +435,12 @@ impl Server {
             port.close().await;
         }
         self.desk.close();
-        if let Some(writer) = self.writer.take() {
-            // Others notice by themselves, a little later.
-            let _ = tokio::time::timeout(GOODBYE, writer).await;
+        if let Some(mut writer) = self.writer.take()
+            && timeout(GOODBYE, &mut writer).await.is_err()
+        {
+            // What is shared is away. Others notice by themselves, a little later.
+            writer.abort();
+            let _ = writer.await;
         }
     }
 }
