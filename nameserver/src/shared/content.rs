@@ -113,26 +113,9 @@ impl Content {
 
     /// The changes that bring an empty registry there.
     pub(crate) fn changes(&self) -> Vec<Change> {
-        let changes = |topics: bool| {
-            let items = self.items.iter();
-            let some = items.filter(move |(item, _)| matches!(item, Item::Topic(_)) == topics);
-            some.flat_map(|(item, held)| item.changes(held.clone()))
-        };
-        // Topics first, in the order in which they were made: a connection that names one makes it.
-        let mut all: Vec<Change> = changes(true).chain(changes(false)).collect();
-        let known = |topic: &str| {
-            let mut items = self.items.iter();
-            items.any(|(item, _)| matches!(item, Item::Topic(name) if name == topic))
-        };
-        let mut none: Vec<Change> = Vec::new();
-        for (item, _) in &self.items {
-            if let Item::Connection(from, to) = item {
-                let gone = [from, to].into_iter().filter(|name| !known(name));
-                none.extend(gone.map(|name| Change::TopicGone(name.clone())));
-            }
-        }
-        all.extend(none);
-        all
+        let items = self.items.iter();
+        let changes = items.flat_map(|(item, held)| item.changes(held.clone()));
+        changes.collect()
     }
 }
 
