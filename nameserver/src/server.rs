@@ -25,7 +25,7 @@ use yarp_wire::{Bottle, Vocab32};
 use crate::access;
 use crate::desk::{self, Desk, Keeping};
 use crate::discovery;
-use crate::registry::{Body, Change, Effect, Known, Link, Registry, Settings, Subnet, Terms};
+use crate::registry::{Body, Change, Effect, Known, Link, Registry, Settings, Subnet};
 use crate::shared::{Content, DEADLINE, Line, Truth, TruthError, Writer};
 use crate::store::{Journal, Store, StoreError};
 use crate::watch;
@@ -380,9 +380,7 @@ impl Server {
             tokio::spawn(survey.run(desk.clone())),
         ];
         if let Some(every) = options.look_every {
-            let drop_after = options.drop_after;
-            let terms = Terms { every, drop_after };
-            tasks.push(tokio::spawn(watch::over(desk.clone(), terms)));
+            tasks.push(tokio::spawn(watch::over(desk.clone(), every)));
         }
         if let Some(number) = options.multicast_port {
             // Nobody shows a key in a datagram: where this server is, is all that is told then.

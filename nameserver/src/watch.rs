@@ -14,7 +14,7 @@ use yarp_wire::message::Command::Describe;
 use yarp_wire::name_service::Registration;
 
 use crate::desk::Desk;
-use crate::registry::{Look, Outcome, Terms};
+use crate::registry::{Look, Outcome};
 
 /// How we introduce ourselves; ports keep quiet about who is no port.
 const ADMIN: &str = "admin";
@@ -25,10 +25,10 @@ const PATIENCE: Duration = Duration::from_secs(2);
 /// Time between two rounds; in each, those are looked at that are due.
 const ROUND: Duration = Duration::from_secs(1);
 
-/// Looks at ports for ever.
-pub(crate) async fn over(desk: Arc<Desk>, terms: Terms) {
+/// Looks at ports for ever, at each once in the time given.
+pub(crate) async fn over(desk: Arc<Desk>, every: Duration) {
     let mut looking = JoinSet::new();
-    let mut round = tokio::time::interval(ROUND.min(terms.every));
+    let mut round = tokio::time::interval(ROUND.min(every));
     round.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
     let mut more = false;
     loop {
@@ -41,7 +41,7 @@ pub(crate) async fn over(desk: Arc<Desk>, terms: Terms) {
             }
         }
         let room = TOGETHER - looking.len();
-        let due = desk.registry().to_look_at(Instant::now(), &terms, room);
+        let due = desk.registry().to_look_at(Instant::now(), every, room);
         more = due.len() == room;
         for port in due {
             let desk = desk.clone();
