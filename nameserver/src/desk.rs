@@ -371,20 +371,20 @@ async fn settled(body: Body, kept: Kept, request: &Request) -> Body {
         Ok(Err(error)) => error,
         Err(_) => Arc::new(StoreError::Ended),
     };
-    let reason = format!("the name server cannot keep it: {error}");
-    match request.command.is_structured() {
-        true => Body::failure(&reason),
-        false => Body::refusal(&reason),
-    }
+    refused(request, &format!("the name server cannot keep it: {error}"))
 }
 
 /// A refusal that is about this server: another one of the same names may do it.
 fn elsewhere(request: &Request, reason: &str) -> Body {
     let said = ELSEWHERE.trim_start_matches("refused: ");
-    let reason = format!("{said}: {reason}");
+    refused(request, &format!("{said}: {reason}"))
+}
+
+/// A refusal in the form in which the request is answered.
+fn refused(request: &Request, reason: &str) -> Body {
     match request.command.is_structured() {
-        true => Body::failure(&reason),
-        false => Body::refusal(&reason),
+        true => Body::failure(reason),
+        false => Body::refusal(reason),
     }
 }
 
