@@ -282,7 +282,6 @@ impl Server {
         let mut server = opened.await?;
         let registry = server.desk.shared_registry();
         let listeners = server.desk.effects();
-        let now = SystemTime::now().duration_since(UNIX_EPOCH);
         let writer = Writer {
             truth,
             name,
@@ -295,7 +294,7 @@ impl Server {
             pulse,
             tell: Box::new(move |effects| desk::tell(&listeners, effects)),
             replace: options.replace,
-            run: now.map_or(0, |now| now.as_micros() as u64),
+            run: stamp(),
             tried: 0,
             single: 0,
         };
@@ -458,9 +457,7 @@ impl ServerOptions {
         settings.numbers.clone_from(&self.numbers);
         let subnet = |(own, bits)| Subnet { own, bits };
         settings.subnets = addresses::subnets().into_iter().map(subnet).collect();
-        let now = SystemTime::now().duration_since(UNIX_EPOCH);
-        let now = now.map_or(0, |now| now.as_micros() as u64);
-        settings.incarnation = self.incarnation.unwrap_or(now);
+        settings.incarnation = self.incarnation.unwrap_or_else(stamp);
         settings
     }
 
@@ -475,6 +472,12 @@ impl ServerOptions {
         registry.restore(Instant::now(), kept.iter().cloned());
         registry
     }
+}
+
+/// What tells one start from another: microseconds since 1970.
+pub(crate) fn stamp() -> u64 {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH);
+    now.map_or(0, |now| now.as_micros() as u64)
 }
 
 pub(crate) fn lock(registry: &Mutex<Registry>) -> MutexGuard<'_, Registry> {

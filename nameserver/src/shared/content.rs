@@ -7,10 +7,10 @@
 //! | `mark/HOST:PORT` | what the server there has committed last |
 
 use std::collections::BTreeMap;
-use std::time::{SystemTime, UNIX_EPOCH};
 
 use super::{Entry, Everything, Truth, TruthError, Verdict, Write};
 use crate::registry::{Change, Held, Item};
+use crate::server::stamp;
 
 const FORMAT: &str = "format";
 const PROGRAM: &str = "yarp-nameserver";
@@ -39,8 +39,7 @@ impl Content {
             if !all.entries.is_empty() {
                 return Self::read(place, all);
             }
-            let now = SystemTime::now().duration_since(UNIX_EPOCH);
-            let start = now.map_or(0, |now| now.as_micros() as u64);
+            let start = stamp();
             let first = Write {
                 key: FORMAT.to_owned(),
                 value: Some(format!("{PROGRAM} {VERSION} {start}").into_bytes()),
