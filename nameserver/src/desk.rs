@@ -326,9 +326,15 @@ impl Desk {
         if let Some(line) = self.line() {
             let port = port.clone();
             tokio::spawn(async move {
-                tracing::info!("{} has been gone for long, its name is free", port.name);
+                let drop = May::Drop(port.clone());
                 // As below.
-                line.perform(None, Some(request), May::Drop(port)).await;
+                let outcome = line.perform(None, Some(request), drop).await;
+                // Nothing is said of one that has moved.
+                if let shared::Outcome::Done(Body::Lines(lines)) = outcome
+                    && !lines.is_empty()
+                {
+                    tracing::info!("{} has been gone for long, its name is free", port.name);
+                }
             });
             return;
         }
