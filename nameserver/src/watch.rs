@@ -8,8 +8,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use tokio::task::JoinSet;
-use yarp_ports::{Dialogue, Network, PortError};
-use yarp_wire::carrier::Carrier;
+use yarp_ports::{Dialogue, Network, PortError, remote};
 use yarp_wire::message::Command::Describe;
 use yarp_wire::name_service::Registration;
 
@@ -64,9 +63,7 @@ pub(crate) async fn look(network: &Network, port: &Registration, deadline: Durat
 /// This is the one place where it is judged whether a port is there.
 pub(crate) async fn meet(network: &Network, port: &Registration) -> (Look, Option<Dialogue>) {
     let looking = async {
-        let carrier = Carrier::by_name("text_ack").expect("text_ack is in the table");
-        let address = (port.host.as_str(), port.port);
-        let mut dialogue = Dialogue::open(&port.name, address, carrier, ADMIN, network).await?;
+        let mut dialogue = remote::converse(network, port, ADMIN).await?;
         let lines = dialogue.command(&Describe).await?;
         Ok((lines, dialogue))
     };
@@ -118,7 +115,7 @@ fn failed(error: &PortError) -> Outcome {
             _ => Outcome::NoWay,
         },
         PortError::Deadline {
-            step: "TCP connection",
+            step: PortError::CONNECTING,
             ..
         } => Outcome::NoWay,
         PortError::Protocol { .. } => Outcome::Stranger,
