@@ -36,7 +36,8 @@ fn main() -> ExitCode {
         _ => peer::work(&words).unwrap_or_else(|| {
             Err(
                 "usage: bench [only PART | serve NAME | count NAME | call NAME N | \
-                 send NAME CARRIER N BYTES [PER_SECOND]]"
+                 send NAME CARRIER N BYTES [PER_SECOND] | pong | ping PORT | sink | \
+                 pour PORT N BYTES]"
                     .into(),
             )
         }),
