@@ -21,6 +21,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use socket2::{Domain, Socket, Type};
+use yarp_conformance::statistics::median;
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;
 
@@ -265,17 +266,12 @@ struct Load {
 impl Load {
     /// The medians of each figure, and all errors.
     fn median(loads: &[Self]) -> Self {
-        fn middle<T: Copy + PartialOrd>(values: impl Iterator<Item = T>) -> T {
-            let mut values: Vec<T> = values.collect();
-            values.sort_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
-            values[values.len() / 2]
-        }
         Self {
-            per_second: middle(loads.iter().map(|load| load.per_second)),
-            p50: middle(loads.iter().map(|load| load.p50)),
-            p99: middle(loads.iter().map(|load| load.p99)),
+            per_second: median(loads.iter().map(|load| load.per_second)),
+            p50: median(loads.iter().map(|load| load.p50)),
+            p99: median(loads.iter().map(|load| load.p99)),
             errors: loads.iter().map(|load| load.errors).sum(),
-            processor: middle(loads.iter().map(|load| load.processor)),
+            processor: median(loads.iter().map(|load| load.processor)),
         }
     }
 }
@@ -456,20 +452,19 @@ fn laboratory(home: &Home) -> Result<(), Failure> {
         }
     }
     let after = memory(&server)?;
-    let mut lists: Vec<_> = (0..20)
+    let lists: Vec<_> = (0..20)
         .map(|_| {
             let began = Instant::now();
             ask(port, 1, Style::Plain, "list").map(|answer| (began.elapsed(), answer.len()))
         })
         .collect::<Result<_, _>>()?;
-    lists.sort_unstable();
     let bytes = after.saturating_sub(before) as f64 / NAMES as f64;
     println!("{NAMES} names, five properties each:");
     println!("  memory per name        {bytes:>8.0} bytes                        aim < 2048");
     println!(
         "  list, {} bytes     {:>8.2} ms (median of {})       aim < 50",
         lists[0].1,
-        milliseconds(lists[lists.len() / 2].0),
+        milliseconds(median(lists.iter().map(|list| list.0))),
         lists.len()
     );
     crowd(&server)?;
@@ -483,10 +478,9 @@ fn laboratory(home: &Home) -> Result<(), Failure> {
         times.push(began.elapsed());
         held = names(&ask(port, 1, Style::Plain, "list /laboratory")?);
     }
-    times.sort_unstable();
     println!(
         "  killed, serving again  {:>8.2} ms, {held} names           aim < 300",
-        milliseconds(times[times.len() / 2])
+        milliseconds(median(times.into_iter()))
     );
     drop(server);
     Ok(())

@@ -14,7 +14,6 @@ mod one_way;
 mod peer;
 mod processes;
 mod round_trips;
-mod statistics;
 
 use std::process::ExitCode;
 
