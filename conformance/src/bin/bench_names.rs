@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! bench_names                    runs everything, prints tables with ratios; medians of five
-//! bench_names load PORT          the load alone, on a server that runs, for a profiler to look at
+//! bench_names load PORT STYLE    the load alone, on a server that runs, for a profiler to look at;
+//!                                the style is name_server or text_ack
 //! bench_names bare PORT          the loop: accepts, reads a line, answers, closes
 //! bench_names visit PORT NAME    registers, asks and unregisters once; what a short program does
 //! ```
@@ -47,15 +48,24 @@ fn main() -> ExitCode {
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
     let result = match words[..] {
         [] => compare(),
-        ["load", port] => port.parse().map_err(Failure::from).map(|port| {
-            report("server", "NAME_SERVER", &load(port, Style::Plain));
-        }),
+        ["load", port, style @ ("name_server" | "text_ack")] => {
+            let kind = match style {
+                "text_ack" => Style::TextAck,
+                _ => Style::Plain,
+            };
+            port.parse().map_err(Failure::from).map(|port| {
+                report("server", style, &load(port, kind));
+            })
+        }
         ["bare", port] => bare(port),
         ["visit", port, name] => port
             .parse()
             .map_err(Failure::from)
             .and_then(|port| visit(port, name)),
-        _ => Err("usage: bench_names [load PORT | bare PORT | visit PORT NAME]".into()),
+        _ => Err(
+            "usage: bench_names [load PORT name_server|text_ack | bare PORT | visit PORT NAME]"
+                .into(),
+        ),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
