@@ -63,6 +63,12 @@ pub enum HandError {
         /// Its whole answer.
         answer: String,
     },
+    /// It was called off by an abort before the hand began with it.
+    #[error("`{command}` was aborted before the hand began with it")]
+    Aborted {
+        /// The command.
+        command: String,
+    },
     /// An answer is not what was asked for.
     #[error("`{command}` was answered with \"{answer}\", expected {expected}")]
     Unreadable {
@@ -107,10 +113,11 @@ pub enum HandError {
 }
 
 impl HandError {
-    /// The status that the hand answered with, if it did.
+    /// The status that the hand answered with, if it did; also for what was aborted before it came to that.
     pub fn status(&self) -> Option<Status> {
         match self {
             HandError::Status { status, .. } => Some(*status),
+            HandError::Aborted { .. } => Some(Status::ABORTED),
             _ => None,
         }
     }
@@ -131,6 +138,7 @@ impl HandError {
             HandError::Garbled { .. } => "the cable and the speed of the line",
             HandError::NoPrompt { .. } => "what holds the fingers, and the supply of the hand",
             HandError::Status { status, .. } => status.advice(),
+            HandError::Aborted { .. } => Status::ABORTED.advice(),
             HandError::Unreadable { .. } => "again: noise on the line can do this",
             HandError::RealTime { .. } => "again, once the line is quiet",
             HandError::Busy { .. } => "to wait, or to abort what it does",

@@ -7,6 +7,9 @@ use super::{Status, StatusBits};
 /// What the hand prints when it waits for a command.
 pub const PROMPT: &[u8] = b"=> ";
 
+/// What stops the hand at any time: ^C.
+pub const ABORT: u8 = 3;
+
 /// What the text after power-up contains.
 pub const BANNER: &str = "BarrettHand Firmware";
 
