@@ -113,11 +113,6 @@ impl ReplyReader {
         self.seen.len() >= self.sent.len()
     }
 
-    /// How much has come.
-    pub fn is_empty(&self) -> bool {
-        self.seen.is_empty()
-    }
-
     /// What has come so far, for a report: the last bytes, escaped.
     pub fn excerpt(&self) -> String {
         let from = self.seen.len().saturating_sub(40);
