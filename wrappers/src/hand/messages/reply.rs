@@ -9,7 +9,7 @@ use yarp_ports::story;
 use yarp_wire::{Bottle, Value, Vocab32};
 
 use super::request::{Malformed, Request};
-use crate::control_board::messages::{Reply as Usage, floats};
+use crate::control_board::messages::Reply as Usage;
 
 /// What is behind `[fail]` when the hand had nothing to do with it.
 const MALFORMED: &str = "malformed";
@@ -109,7 +109,8 @@ impl Reply {
             Self::Done(Answer::Flag(flag)) => ok.with(i32::from(*flag)),
             Self::Done(Answer::Text(text)) => ok.with(text.as_str()),
             Self::Done(Answer::Numbers(numbers)) => {
-                ok.with(numbers.iter().copied().map(Value::from).collect::<Bottle>())
+                let [first, second, third, spread] = numbers;
+                ok.with(format!("{first:?} {second:?} {third:?} {spread:?}").as_str())
             }
             Self::Refused(Refused { kind, why, words }) => {
                 let fail = Bottle::of(Vocab32::FAIL).with(*why).with(words.as_str());
@@ -150,8 +151,10 @@ fn answer(request: &Request, values: &[Value]) -> Option<Answer> {
     Some(match (request, values) {
         (Request::IsConnected, [Value::Int32(flag)]) => Answer::Flag(*flag != 0),
         (Request::Command(_), [Value::String(text)]) => Answer::Text(text.as_str()?.to_owned()),
-        (Request::Positions | Request::Check(_), [list]) => {
-            Answer::Numbers(floats(list.as_list()?)?.try_into().ok()?)
+        (Request::Positions | Request::Check(_), [Value::String(text)]) => {
+            let numbers = text.as_str()?.split(' ').map(|word| word.parse().ok());
+            let numbers: Vec<f64> = numbers.collect::<Option<_>>()?;
+            Answer::Numbers(numbers.try_into().ok()?)
         }
         (Request::IsConnected | Request::Command(_) | Request::Positions, _) => return None,
         (Request::Check(_), _) => return None,
@@ -172,7 +175,7 @@ const LINES: [(&str, &str); 12] = [
         "also open_wide, isometric, palm, needle, peg, peg_close; the beginning of a name will do",
     ),
     (
-        "check (64.0 - - 90.0)",
+        "check (64.0 any any 90.0)",
         "how far motors are from these angles, degrees",
     ),
     (
@@ -257,7 +260,9 @@ mod tests {
         check(Request::Open, "");
         check(Request::Open, "[ok] 1");
         check(Request::Positions, "[ok]");
-        check(Request::Positions, "[ok] (1 2 3)");
+        check(Request::Positions, "[ok] \"1 2 3\"");
+        check(Request::Positions, "[ok] \"1 2 3 x\"");
+        check(Request::Positions, "[ok] (1.0 2.0 3.0 4.0)");
         check(Request::IsConnected, "[ok] yes");
         check(Request::Command("T".into()), "[ok]");
         check(Request::Open, "[fail]");

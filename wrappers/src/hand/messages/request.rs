@@ -8,7 +8,7 @@ use crate::control_board::messages::{Selection, axis, float, floats, integer};
 /// What may stand in front of every request.
 const HAND: Spelling = spelling("hand", "hand");
 /// Stands for a motor without expectation.
-const ANYWHERE: &str = "-";
+const ANYWHERE: &str = "any";
 
 /// What is wanted of a hand.
 ///
@@ -168,7 +168,7 @@ impl Request {
         if CHECK.is(word) {
             return expected(values)
                 .map(Self::Check)
-                .ok_or_else(|| CHECK.needs("a list of four angles, or - for some of them"));
+                .ok_or_else(|| CHECK.needs("a list of four angles, or `any` for some of them"));
         }
         Err(Malformed::Word(word.to_string()))
     }
@@ -305,7 +305,11 @@ mod tests {
         let all = Request::Move(Selection::All, vec![1.0, 2.0, 3.0, 4.0]);
         check("move (1 2 3 4)", all, "[hand] [move] (1.0 2.0 3.0 4.0)");
         let some = Request::Check([Some(64.0), None, None, Some(1.0)]);
-        check("check (64 - - 1)", some, "[hand] [chck] (64.0 - - 1.0)");
+        check(
+            "check (64 any any 1)",
+            some,
+            "[hand] [chck] (64.0 any any 1.0)",
+        );
     }
 
     #[test]
