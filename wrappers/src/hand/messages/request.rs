@@ -272,7 +272,28 @@ fn expected(values: &[Value]) -> Option<[Option<f64>; 4]> {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
+
+    proptest! {
+        /// Words of the language in any order: what random bytes hardly ever are.
+        #[test]
+        fn any_words_are_refused_or_said_again_the_same_way(words in prop::collection::vec(
+            prop::sample::select(vec![
+                "[hand]", "hand", "open", "[clos]", "torque", "move", "[move]", "0", "1", "-1", "45.0", "nan",
+                "(0 3)", "(45.0 90.0)", "(1 2 3 4)", "(64 any any 1)", "check", "gcl", "\"FGET P\"", "GC", "grasp",
+                "[gras]", "rect", "peg", "p", "()", "{1 2}", "\"\"", "help", "[abrt]", "positions",
+            ]),
+            0..6,
+        )) {
+            if let Ok(request) = read(&words.join(" ")) {
+                let again = Request::parse(&request.to_bottle());
+                // Compared as they print: a nan is not equal to itself.
+                prop_assert_eq!(format!("{again:?}"), format!("{:?}", Ok::<_, Malformed>(request)));
+            }
+        }
+    }
 
     fn read(typed: &str) -> Result<Request, Malformed> {
         Request::parse(&Bottle::parse(typed).unwrap())
