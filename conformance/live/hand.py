@@ -53,7 +53,7 @@ def words(server):
     check("help lists the words", "[many] (help)" in told, told if "[many]" not in told else "")
     told = typed(server, ["open", "grasp rect", "gcl 4FGET P", "[hand] [open]"]).splitlines()
     answers = [line.split("Response: ")[1].strip() for line in told if "Response: " in line]
-    check("open, a grasp, its own language, [hand] [open]", answers == ["[ok]", "[ok]", "[ok] 1500", "[ok]"], answers)
+    check("open, a grasp, its own language, [hand] [open]", answers == ["[ok]", "[ok]", '[ok] "1500"', "[ok]"], answers)
     told = typed(server, ["positions"])
     check("positions", 'Response: [ok] "' in told, told)
     told = typed(server, ["dance"])
