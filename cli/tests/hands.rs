@@ -37,7 +37,10 @@ fn a_finger_is_moved_by_typing_and_over_the_hand_server() {
     let where_it_is = home
         .run_with("rpc /hand/hand/rpc:i", "gcl 4FGET P\n")
         .with(0);
-    assert!(where_it_is.says("Response: [ok] \"1500\""), "{where_it_is:?}");
+    assert!(
+        where_it_is.says("Response: [ok] \"1500\""),
+        "{where_it_is:?}"
+    );
     board.signal("TERM").finish().with(0);
 
     let options = RemoteHandOptions::new().arrival(PATIENCE).motion(PATIENCE);

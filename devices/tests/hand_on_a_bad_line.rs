@@ -282,6 +282,9 @@ fn noise_moves_nothing_that_was_not_asked_for() {
 /// How long random bytes come: three seconds, or as many as this variable says.
 const BABBLE: &str = "YARP_HAND_BABBLE_SECONDS";
 
+/// Something that is asked of a hand.
+type Call = fn(&BarrettHand) -> Result<(), DeviceError>;
+
 fn babble() -> Duration {
     let seconds = std::env::var(BABBLE).map_or(Ok(3), |text| text.parse());
     Duration::from_secs(seconds.unwrap_or_else(|error| panic!("{BABBLE}: {error}")))
@@ -329,7 +332,7 @@ fn a_hand_that_begins_to_babble_is_not_obeyed_nor_told_anything() {
     let until = Instant::now() + babble();
     // First seven letters: two may come back among random bytes by chance. From then on the hand is looked for before
     // it is told anything.
-    let calls: [fn(&BarrettHand) -> Result<(), DeviceError>; 5] = [
+    let calls: [Call; 5] = [
         |hand| hand.send_command("GM 8000").map(drop),
         |hand| hand.finger_positions().map(drop),
         |hand| hand.close_fingers(),
