@@ -43,7 +43,8 @@ pub(super) struct PuckUnits {
 
 /// Brings an arm to the point where its control can begin; answers where it stands.
 ///
-/// `first`: the arm may be told that it stands folded at home. Later it must know by itself where it is.
+/// `first`: the arm may be told that it stands folded at home. Later it must know by itself where it is, and the
+/// safety module is told to brake, so that nothing moves until the pendant is pressed.
 pub(super) fn connect(
     open: &mut OpenBus,
     model: &WamModel<AXES>,
@@ -52,6 +53,12 @@ pub(super) fn connect(
 ) -> Result<(Link, [i32; AXES]), CanTrouble> {
     let bus = open().during(Step::Open)?;
     let mut line = Line::new(bus, options.patience);
+    if !first {
+        // When the arm was lost the order to brake may have been lost as well, and the bus may be back before the safety
+        // module misses anything.
+        line.tell(Node::SAFETY, Property::MODE, mode::SAFETY_IDLE)
+            .during(Step::Find)?;
+    }
     let asleep = find(&mut line, options.scan)?;
     if !first && let Some(&node) = asleep.iter().find(|&&node| node != Node::SAFETY) {
         return Err(Problem::PositionLost { node }).during(Step::Wake);

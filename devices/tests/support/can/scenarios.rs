@@ -75,7 +75,7 @@ pub fn active(rig: &dyn Rig) -> CanWam {
 }
 
 /// Presses the buttons once the arm is there and stands, as a careful operator.
-fn activate(rig: &dyn Rig, arm: &CanWam) {
+pub fn activate(rig: &dyn Rig, arm: &CanWam) {
     until("an arm that stands", || {
         arm.status().connected && rig.pucks().lock().simulator().speed() < 0.05
     });
