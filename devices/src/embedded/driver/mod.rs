@@ -12,7 +12,7 @@ use std::sync::atomic::Ordering;
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use tracing::{info, warn};
+use tracing::info;
 
 use self::mailbox::Order;
 pub use self::pose::CartesianPose;
@@ -235,7 +235,7 @@ impl Shared {
             self.lose(&trouble);
             backoff.wait(&self.ending);
         }
-        self.lose(&Trouble {
+        self.lock().close(&Trouble {
             step: "going on".to_owned(),
             cause: Cause::Closed,
         });
@@ -243,12 +243,6 @@ impl Shared {
 
     fn lose(&self, trouble: &Trouble) {
         let mut state = self.lock();
-        let known = state.link.last_failure.as_ref();
-        if known.is_none_or(|known| *known != trouble.to_string())
-            && !self.ending.load(Ordering::Acquire)
-        {
-            warn!(peer = %state.link.peer, %trouble, "the embedded arm is out of reach; it holds by itself");
-        }
         state.lose(trouble);
         state.link.failures += 1;
     }

@@ -4,6 +4,8 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
+use tracing::warn;
+
 use super::DriverOptions;
 use super::mailbox::Mailbox;
 use crate::embedded::Timing;
@@ -151,10 +153,20 @@ impl State {
         self.moving || self.sending || self.mailbox.has_move()
     }
 
-    /// The connection is gone: nobody is kept waiting, and nothing is carried out later.
+    /// The connection is gone, or none came about: as [`close`](Self::close), and the log has why, once for each loss and
+    /// once for what keeps a connection from coming about.
     pub(super) fn lose(&mut self, trouble: &Trouble) {
+        let failure = trouble.to_string();
+        if self.link.is_up() || self.link.last_failure.as_ref() != Some(&failure) {
+            warn!(peer = %self.link.peer, %trouble, "the embedded arm is out of reach; it holds by itself");
+        }
+        self.link.last_failure = Some(failure);
+        self.close(trouble);
+    }
+
+    /// Nobody is kept waiting for a connection, and nothing is carried out later.
+    pub(super) fn close(&mut self, trouble: &Trouble) {
         self.link.state = LinkState::Down;
-        self.link.last_failure = Some(trouble.to_string());
         self.targets = None;
         self.moving = false;
         self.sending = false;

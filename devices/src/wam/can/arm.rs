@@ -17,6 +17,9 @@ use crate::wam::arm_device::{ArmDevice, Shared, SteeredArm};
 use crate::wam::pace::Pace;
 use crate::wam::{AXES, ArmControl, WamModel};
 
+/// Who it is, for errors and the log.
+const PEER: &str = "the arm on the CAN bus";
+
 /// Opens the bus, at the start and after it failed.
 pub type OpenBus = Box<dyn FnMut() -> Result<Box<dyn CanBus>, BusError> + Send>;
 
@@ -139,12 +142,15 @@ impl CanArm {
         };
     }
 
+    /// The arm is lost, or still not found; the log has why, once for each loss and once for what keeps it from being found.
     fn failed(&mut self, trouble: &CanTrouble) {
         self.control.set_ready(false);
-        self.control
-            .set_trouble(Some(trouble.for_callers("the arm on the CAN bus")));
+        self.control.set_trouble(Some(trouble.for_callers(PEER)));
         if std::mem::take(&mut self.status.connected) {
+            warn!(peer = PEER, %trouble, "lost the arm; it is braked");
             self.status.loss = Some(trouble.clone());
+        } else if self.status.trouble.as_ref() != Some(trouble) {
+            warn!(peer = PEER, %trouble, "the arm is still not found");
         }
         self.status.safety = None;
         self.status.trouble = Some(trouble.clone());
@@ -195,7 +201,7 @@ impl ArmDevice<CanArm> {
         mut open: OpenBus,
     ) -> Result<Self, DeviceError> {
         let (link, counts) = connect(&mut open, &model, &options, true)
-            .map_err(|trouble| DeviceError::from(&trouble.for_callers("the arm on the CAN bus")))?;
+            .map_err(|trouble| DeviceError::from(&trouble.for_callers(PEER)))?;
         let mut arm = CanArm {
             control: ArmControl::new(model, options.period, counts),
             status: CanStatus::default(),
@@ -234,12 +240,7 @@ fn run(shared: &Shared<CanArm>, link: Link, mut open: OpenBus, options: &CanOpti
                 Err(trouble) => trouble,
             },
         };
-        let mut timed = shared.lock();
-        if timed.arm.status.trouble.as_ref() != Some(&trouble) {
-            warn!(%trouble, "lost the arm on the CAN bus");
-        }
-        timed.arm.failed(&trouble);
-        drop(timed);
+        shared.lock().arm.failed(&trouble);
         let again = Instant::now() + options.retry;
         while !shared.is_ending() && Instant::now() < again {
             thread::park_timeout(again.saturating_duration_since(Instant::now()));
