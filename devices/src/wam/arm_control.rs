@@ -166,11 +166,6 @@ impl ArmControl {
         self.trouble = trouble;
     }
 
-    /// Why the machine cannot be reached.
-    pub fn trouble(&self) -> Option<&Trouble> {
-        self.trouble.as_ref()
-    }
-
     /// What the arm is built like.
     pub fn model(&self) -> &WamModel<AXES> {
         &self.model
@@ -272,7 +267,7 @@ impl ArmControl {
         self.check_mode(axes, "direct position", Mode::PositionDirect)?;
         for (axis, &asked) in axes.iter(AXES).zip(positions) {
             let limits = self.set_points.position_limits(axis)?;
-            check(axis, "position", asked, limits, "deg")?;
+            limits.check(axis, "position", asked, "deg")?;
         }
         for (axis, &asked) in axes.iter(AXES).zip(positions) {
             self.streams[axis.index()] = Stream::Position(asked);
@@ -304,7 +299,8 @@ impl ArmControl {
         axes.check_command(AXES, "torques", torques.len())?;
         self.check_mode(axes, "torque", Mode::Torque)?;
         for (axis, &asked) in axes.iter(AXES).zip(torques) {
-            check(axis, "torque", asked, self.torque_range(axis)?, "Nm")?;
+            self.torque_range(axis)?
+                .check(axis, "torque", asked, "Nm")?;
         }
         for (axis, &asked) in axes.iter(AXES).zip(torques) {
             self.streams[axis.index()] = Stream::Torque(asked);
@@ -372,7 +368,7 @@ impl ArmControl {
             ("derivative gain", gains.derivative),
             ("torque limit", gains.limit),
         ] {
-            check(axis, quantity, asked, positive, "Nm/deg")?;
+            positive.check(axis, quantity, asked, "Nm/deg")?;
         }
         Ok(())
     }
@@ -537,31 +533,4 @@ impl ArmControl {
             .state(axis)
             .map_or(self.measured[axis.index()].position, |state| state.position)
     }
-}
-
-fn check(
-    joint: AxisIndex,
-    quantity: &'static str,
-    asked: f64,
-    allowed: Limits,
-    unit: &'static str,
-) -> Result<(), DeviceError> {
-    if !asked.is_finite() {
-        return Err(DeviceError::NotFinite {
-            joint,
-            quantity,
-            asked,
-        });
-    }
-    if allowed.contains(asked) {
-        return Ok(());
-    }
-    Err(DeviceError::OutOfRange {
-        joint,
-        quantity,
-        asked,
-        min: allowed.min,
-        max: allowed.max,
-        unit,
-    })
 }

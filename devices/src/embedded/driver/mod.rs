@@ -173,9 +173,7 @@ impl EmbeddedWam {
         let abandoned = Arc::clone(&order.abandoned);
         {
             let mut state = self.shared.lock();
-            if !state.link.is_up() {
-                return Err(state.unreachable(kind.step()));
-            }
+            state.check_up(kind.step())?;
             if let Some(older) = state.mailbox.put(order) {
                 older.fail_as_replaced(&state.link.peer);
             }

@@ -132,20 +132,23 @@ impl Shared {
 }
 
 impl State {
-    /// That there is no connection for a step, with what ended the last one.
-    pub(super) fn unreachable(&self, step: &str) -> DeviceError {
+    /// Checks that there is a connection for a step; the error has what ended the last one.
+    pub(super) fn check_up(&self, step: &str) -> Result<(), DeviceError> {
+        if self.link.is_up() {
+            return Ok(());
+        }
         let last = match &self.link.last_failure {
             Some(last) => format!("the last connection broke at {last}"),
             None => "none has come yet".to_owned(),
         };
-        DeviceError::Remote {
+        Err(DeviceError::Remote {
             peer: self.link.peer.clone(),
             step: step.to_owned(),
             advice: format!(
                 "whether `yarp wam-node` runs on the arm's PC: there is no connection, {last}"
             ),
             source: None,
-        }
+        })
     }
 
     /// Whether a move is under way, or will be.
