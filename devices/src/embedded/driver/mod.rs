@@ -98,12 +98,8 @@ impl EmbeddedWam {
             });
         }
         let failed = |what| move |source| DeviceError::Start { what, source };
-        let begin = || {
-            let meeter = Meeter::begin(options.meeting)?;
-            let places = meeter.places()?;
-            Ok((meeter, places))
-        };
-        let (meeter, places) = begin().map_err(failed("the sockets of the driver"))?;
+        let (meeter, places) =
+            Meeter::begin(options.meeting).map_err(failed("the sockets of the driver"))?;
         let shared = Arc::new(Shared::new(options));
         let theirs = Arc::clone(&shared);
         let thread = thread::Builder::new()

@@ -45,6 +45,8 @@ const BROADCAST_ID: u16 = 0x540;
 pub struct SimulatedPucks {
     simulator: Simulator<AXES>,
     motors: [MotorPuck; AXES],
+    /// Of each joint, which motors turn it.
+    drives: [[bool; AXES]; AXES],
     safety: SafetyPuck,
     /// What the safety module last switched the pucks for.
     switched: SafetyMode,
@@ -63,6 +65,12 @@ impl SimulatedPucks {
         Self {
             motors: std::array::from_fn(|motor| {
                 MotorPuck::switched_on(motor, &simulator.model().motors[motor], turn, counts[motor])
+            }),
+            drives: std::array::from_fn(|joint| {
+                let mut unit = Joints::<AXES>::zeros();
+                unit[joint] = 1.0;
+                let turned = simulator.model().transmission.motors_of(&unit);
+                std::array::from_fn(|motor| turned[motor] != 0.0)
             }),
             safety: SafetyPuck::switched_on(),
             switched: simulator.safety().mode(),
@@ -136,21 +144,14 @@ impl SimulatedPucks {
     }
 
     fn step(&mut self) {
-        for joint in 0..AXES {
-            let mut unit = Joints::<AXES>::zeros();
-            unit[joint] = 1.0;
-            let turned = self.simulator.model().transmission.motors_of(&unit);
-            let mut motors = self.motors.iter().enumerate();
-            let idle = motors.all(|(motor, puck)| turned[motor] == 0.0 || !puck.follows());
+        for (joint, drives) in self.drives.iter().enumerate() {
+            let mut motors = self.motors.iter().zip(drives);
+            let idle = motors.all(|(puck, drives)| !drives || !puck.follows());
             self.simulator.set_idle(joint, idle);
         }
         let units = std::array::from_fn(|motor| self.motors[motor].units());
-        if self.commanded {
-            self.simulator.step_units(Some(&units));
-        } else {
-            self.simulator.step_units(None);
-        }
-        self.commanded = false;
+        let commanded = std::mem::take(&mut self.commanded);
+        self.simulator.step_units(commanded.then_some(&units));
     }
 
     /// The safety module switches the motors when its mode has changed.
@@ -234,10 +235,5 @@ impl SimulatedPucks {
     /// The machine, to push it.
     pub fn simulator_mut(&mut self) -> &mut Simulator<AXES> {
         &mut self.simulator
-    }
-
-    /// What a motor follows, in its units; 0 if it does not.
-    pub fn commanded_units(&self, motor: usize) -> i16 {
-        self.motors.get(motor).map_or(0, MotorPuck::units)
     }
 }

@@ -17,7 +17,6 @@ pub(super) struct MotorPuck {
     /// Counts per turn.
     turn: i32,
     torque: i16,
-    largest: i32,
     slot: usize,
     torque_group: Group,
     /// Properties that stay as they were set.
@@ -52,7 +51,6 @@ impl MotorPuck {
             offset: counts.rem_euclid(turn.max(1)) - counts,
             turn: turn.max(1),
             torque: 0,
-            largest: of.limit as i32,
             slot: motor % SLOTS,
             torque_group,
             values,
@@ -121,9 +119,6 @@ impl MotorPuck {
             Property::MODE => self.switch(value),
             Property::P => self.offset = value.wrapping_sub(counts),
             _ => {
-                if property == Property::MT {
-                    self.largest = value;
-                }
                 let slot = &mut self.values[usize::from(property.number())];
                 if slot.is_some() {
                     *slot = Some(value);
@@ -152,7 +147,8 @@ impl MotorPuck {
         if !self.follows() {
             return 0;
         }
-        let largest = self.largest.clamp(0, 8191) as i16;
+        let largest = self.stored(Property::MT).unwrap_or_default();
+        let largest = largest.clamp(0, 8191) as i16;
         self.torque.clamp(-largest, largest)
     }
 }

@@ -119,16 +119,6 @@ impl SteeredArm for CanArm {
 }
 
 impl CanArm {
-    /// The control of the arm.
-    pub fn control(&self) -> &ArmControl {
-        &self.control
-    }
-
-    /// How things stand.
-    pub fn status(&self) -> &CanStatus {
-        &self.status
-    }
-
     fn connected(&mut self, counts: [i32; AXES]) {
         self.control.set_trouble(None);
         self.control.set_ready(false);
