@@ -70,6 +70,11 @@ impl DynamicArm {
         &self.simulator
     }
 
+    /// The machine, to push and to twist it.
+    pub fn simulator_mut(&mut self) -> &mut Simulator<AXES> {
+        &mut self.simulator
+    }
+
     /// The safety module, to press its buttons: the next period sees it.
     pub fn safety_mut(&mut self) -> &mut SafetyModule {
         self.simulator.safety_mut()

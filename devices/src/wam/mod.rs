@@ -6,6 +6,7 @@
 
 mod arm_control;
 mod arm_device;
+mod arm_device_forces;
 mod arm_device_motors;
 pub mod can;
 mod dynamic;

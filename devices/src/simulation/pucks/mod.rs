@@ -13,7 +13,6 @@ pub use serve::serve_pucks;
 use super::{SafetyMode, Simulator, SimulatorOptions};
 use crate::can::Frame;
 use crate::can::puck::{Address, Group, Message, Node, Property, Target, mode};
-use crate::kinematics::Joints;
 use crate::wam::{AXES, WamModel};
 
 /// How often the safety module broadcasts something of its own.
@@ -45,8 +44,6 @@ const BROADCAST_ID: u16 = 0x540;
 pub struct SimulatedPucks {
     simulator: Simulator<AXES>,
     motors: [MotorPuck; AXES],
-    /// Of each joint, which motors turn it.
-    drives: [[bool; AXES]; AXES],
     safety: SafetyPuck,
     /// What the safety module last switched the pucks for.
     switched: SafetyMode,
@@ -65,12 +62,6 @@ impl SimulatedPucks {
         Self {
             motors: std::array::from_fn(|motor| {
                 MotorPuck::switched_on(motor, &simulator.model().motors[motor], turn, counts[motor])
-            }),
-            drives: std::array::from_fn(|joint| {
-                let mut unit = Joints::<AXES>::zeros();
-                unit[joint] = 1.0;
-                let turned = simulator.model().transmission.motors_of(&unit);
-                std::array::from_fn(|motor| turned[motor] != 0.0)
             }),
             safety: SafetyPuck::switched_on(),
             switched: simulator.safety().mode(),
@@ -144,9 +135,11 @@ impl SimulatedPucks {
     }
 
     fn step(&mut self) {
-        for (joint, drives) in self.drives.iter().enumerate() {
-            let mut motors = self.motors.iter().zip(drives);
-            let idle = motors.all(|(puck, drives)| !drives || !puck.follows());
+        for joint in 0..AXES {
+            let transmission = &self.simulator.model().transmission;
+            let mut motors = self.motors.iter().enumerate();
+            let idle =
+                motors.all(|(motor, puck)| !transmission.turns(motor, joint) || !puck.follows());
             self.simulator.set_idle(joint, idle);
         }
         let units = std::array::from_fn(|motor| self.motors[motor].units());

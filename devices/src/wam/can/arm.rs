@@ -119,7 +119,9 @@ impl SteeredArm for CanArm {
 }
 
 impl CanArm {
-    fn connected(&mut self, counts: [i32; AXES]) {
+    fn connected(&mut self, link: &Link, counts: [i32; AXES]) {
+        let motors = link.motors(self.control.model());
+        self.control.set_motors(motors);
         self.control.set_trouble(None);
         self.control.set_ready(false);
         self.control.forget_motion(counts);
@@ -196,7 +198,7 @@ impl ArmDevice<CanArm> {
             control: ArmControl::new(model, options.period, counts),
             status: CanStatus::default(),
         };
-        arm.connected(counts);
+        arm.connected(&link, counts);
         Self::spawn(arm, "can-wam", move |shared| {
             run(shared, link, open, &options);
         })
@@ -223,7 +225,7 @@ fn run(shared: &Shared<CanArm>, link: Link, mut open: OpenBus, options: &CanOpti
             },
             None => match connect(&mut open, &model, options, false) {
                 Ok((found, counts)) => {
-                    shared.lock().arm.connected(counts);
+                    shared.lock().arm.connected(&found, counts);
                     link = Some(found);
                     continue;
                 }

@@ -10,7 +10,7 @@ use crate::can::BusError;
 use crate::can::puck::{Group, Message, Node, Pendant, Property, mode};
 use crate::kinematics::Joints;
 use crate::simulation::SafetyMode;
-use crate::wam::{AXES, WamModel};
+use crate::wam::{AXES, Motor, WamModel};
 
 /// Every so many periods the safety module is asked for its mode, and so many questions may stay without answer.
 const WATCH: u64 = 10;
@@ -62,6 +62,16 @@ impl Link {
             pendant: None,
             left_out: 0,
         }
+    }
+
+    /// What the pucks say of their motors, in the place of what the model says.
+    pub(super) fn motors(&self, model: &WamModel<AXES>) -> [Motor; AXES] {
+        let mut motors = model.motors;
+        for (motor, units) in motors.iter_mut().zip(&self.units) {
+            motor.units_per_newton_metre = units.per_newton_metre;
+            motor.limit = units.largest;
+        }
+        motors
     }
 
     /// What the safety module lets the arm do; `None` before its first answer.
