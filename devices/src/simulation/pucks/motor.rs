@@ -5,6 +5,11 @@ use crate::wam::Motor;
 
 /// Version of the firmware whose property list is published whole.
 const VERSION: i32 = 200;
+/// How warm a puck usually is (Barrett's wiki: from 40 °C), and may become (btclient: 60 °C).
+const WARM: i32 = 40;
+const HOT: i32 = 60;
+/// V.
+const SUPPLY: i32 = 48;
 /// Motors that one frame of torques is for.
 const SLOTS: usize = 4;
 
@@ -36,6 +41,9 @@ impl MotorPuck {
         for (property, value) in [
             (Property::VERS, VERSION),
             (Property::ROLE, role::MOTOR | 0x0400),
+            (Property::TEMP, WARM),
+            (Property::OTEMP, HOT),
+            (Property::VBUS, SUPPLY),
             (Property::MT, of.limit as i32),
             (Property::CTS, turn),
             (Property::IPNM, of.units_per_newton_metre as i32),

@@ -6,8 +6,10 @@ mod currents;
 use std::time::Duration;
 
 use self::compliance::Compliance;
+pub(super) use self::currents::UNITS_PER_AMPERE;
 use super::units::{degrees, gains_per_degree, gains_per_radian};
 use super::{AXES, WamModel, parameters};
+use crate::dynamics::Body;
 use crate::fake::{Model, MotionState};
 use crate::kinematics::Joints;
 use crate::simulation::{Controller, Gains, Order};
@@ -50,6 +52,7 @@ pub struct ArmControl {
     /// Currents of motors in current mode, A.
     asked: [f64; AXES],
     compliance: [Compliance; AXES],
+    load: Body,
     ready: bool,
     trouble: Option<Trouble>,
 }
@@ -106,6 +109,7 @@ impl ArmControl {
             streams: [Stream::None; AXES],
             asked: [0.0; AXES],
             compliance,
+            load: Body::default(),
             ready: true,
             trouble: None,
         };
@@ -191,7 +195,20 @@ impl ArmControl {
         &self.model
     }
 
-    fn reachable(&self) -> Result<(), DeviceError> {
+    /// What gravity compensation reckons with at the last link, beside the arm that it was calibrated with.
+    pub fn compensated_load(&self) -> &Body {
+        &self.load
+    }
+
+    /// Has gravity compensated for something else at the last link, in the frame of which it is described: from the next
+    /// period on, at once.
+    pub fn set_compensated_load(&mut self, load: Body) {
+        self.load = load;
+        let loaded = self.model.clone().with_load(load);
+        self.controller.set_calibration(loaded.calibration);
+    }
+
+    pub(super) fn reachable(&self) -> Result<(), DeviceError> {
         self.trouble.as_ref().map_or(Ok(()), |why| Err(why.into()))
     }
 
@@ -461,7 +478,11 @@ impl ArmControl {
         Ok(())
     }
 
-    fn check_ready(&self, joint: AxisIndex, command: &'static str) -> Result<(), DeviceError> {
+    pub(super) fn check_ready(
+        &self,
+        joint: AxisIndex,
+        command: &'static str,
+    ) -> Result<(), DeviceError> {
         if self.ready {
             return Ok(());
         }

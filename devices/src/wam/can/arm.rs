@@ -1,5 +1,6 @@
 //! The arm on the bus as a device.
 
+use std::collections::VecDeque;
 use std::fmt;
 use std::thread;
 use std::time::Instant;
@@ -8,17 +9,18 @@ use tracing::{info, warn};
 
 use super::connect::connect;
 use super::cycle::Link;
-use super::{CanOptions, CanTrouble};
-use crate::DeviceError;
-use crate::can::puck::Pendant;
+use super::errand::Errand;
+use super::{CanOptions, CanTrouble, errand, variables};
+use crate::can::puck::{Node, Pendant, Property};
 use crate::can::{BusError, CanBus};
 use crate::simulation::SafetyMode;
 use crate::wam::arm_device::{ArmDevice, Shared, SteeredArm};
 use crate::wam::pace::Pace;
 use crate::wam::{AXES, ArmControl, WamModel};
+use crate::{AxisIndex, DeviceError, VariableValue};
 
 /// Who it is, for errors and the log.
-const PEER: &str = "the arm on the CAN bus";
+pub(super) const PEER: &str = "the arm on the CAN bus";
 
 /// Opens the bus, at the start and after it failed.
 pub type OpenBus = Box<dyn FnMut() -> Result<Box<dyn CanBus>, BusError> + Send>;
@@ -54,6 +56,9 @@ pub type CanWam = ArmDevice<CanArm>;
 pub struct CanArm {
     control: ArmControl,
     status: CanStatus,
+    options: CanOptions,
+    /// What callers want to know of pucks.
+    errands: VecDeque<Errand>,
 }
 
 /// How things stand between driver and arm.
@@ -77,6 +82,8 @@ pub struct CanStatus {
     pub late: u64,
     /// How many positions did not come in time since then.
     pub left_out: u64,
+    /// How warm the pucks were when they were last asked, °C: one after the other, some times a second.
+    pub temperatures: [Option<i32>; AXES],
 }
 
 /// In words, for people.
@@ -104,6 +111,8 @@ impl fmt::Display for CanStatus {
 }
 
 impl SteeredArm for CanArm {
+    const DESCRIPTION: &'static str = "a seven-joint WAM arm on its CAN bus";
+
     fn control(&self) -> &ArmControl {
         &self.control
     }
@@ -115,6 +124,42 @@ impl SteeredArm for CanArm {
     fn fault(&self) -> Option<String> {
         let fine = self.status.connected && self.control.is_ready();
         (!fine).then(|| self.status.to_string())
+    }
+
+    /// Errors: [`DeviceError::Remote`], [`DeviceError::NoDataYet`] in the first second.
+    fn temperatures(&self) -> Result<[f64; AXES], DeviceError> {
+        self.control.reachable()?;
+        let mut known = [0.0; AXES];
+        for (known, told) in known.iter_mut().zip(self.status.temperatures) {
+            let what = "temperature";
+            *known = f64::from(told.ok_or(DeviceError::NoDataYet { what })?);
+        }
+        Ok(known)
+    }
+
+    fn puck_property(
+        device: &ArmDevice<Self>,
+        motor: AxisIndex,
+        property: Property,
+    ) -> Result<i32, DeviceError> {
+        errand::run(device, Node::of_motor(motor.index()), property, None)
+    }
+
+    fn variables() -> Vec<String> {
+        variables::names().collect()
+    }
+
+    fn variable(device: &ArmDevice<Self>, name: &str) -> Result<Vec<VariableValue>, DeviceError> {
+        variables::variable(device, name)
+    }
+
+    fn set_variable(
+        device: &ArmDevice<Self>,
+        name: &str,
+        value: &[VariableValue],
+    ) -> Result<(), DeviceError> {
+        let options = device.with(|arm| arm.options);
+        variables::set_variable(device, &options, name, value)
     }
 }
 
@@ -146,6 +191,14 @@ impl CanArm {
         }
         self.status.safety = None;
         self.status.trouble = Some(trouble.clone());
+        self.errands.clear();
+    }
+
+    /// Takes a question for the thread of the bus, if the arm is there.
+    pub(super) fn hand_over(&mut self, errand: Errand) -> Result<(), DeviceError> {
+        self.control.reachable()?;
+        self.errands.push_back(errand);
+        Ok(())
     }
 
     /// From counts to torques, Nm.
@@ -164,6 +217,7 @@ impl CanArm {
         self.status.safety = link.safety();
         self.status.pendant = link.pendant();
         self.status.left_out = link.left_out();
+        self.status.temperatures = link.temperatures();
         self.status.periods += 1;
         self.control.drive()
     }
@@ -197,6 +251,8 @@ impl ArmDevice<CanArm> {
         let mut arm = CanArm {
             control: ArmControl::new(model, options.period, counts),
             status: CanStatus::default(),
+            options,
+            errands: VecDeque::new(),
         };
         arm.connected(&link, counts);
         Self::spawn(arm, "can-wam", move |shared| {
@@ -250,13 +306,18 @@ fn drive(
     let mut pace = Pace::new(options.period);
     while pace.wait(|| shared.is_ending()) {
         let counts = link.positions()?;
-        let torques = {
+        let (torques, errand) = {
             let mut timed = shared.lock();
             timed.stamp();
             timed.arm.status.late = pace.late();
-            timed.arm.period(link, counts)
+            let torques = timed.arm.period(link, counts);
+            let errand = link.is_free().then(|| timed.arm.errands.pop_front());
+            (torques, errand.flatten())
         };
         link.drive(model, &torques)?;
+        if let Some(errand) = errand {
+            link.run(errand)?;
+        }
     }
     Ok(())
 }

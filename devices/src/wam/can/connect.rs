@@ -196,15 +196,20 @@ fn group(line: &mut Line, node: Node, property: Property) -> Result<Group, Probl
         .ok_or_else(|| unexpected(node, property, "a group from 0 to 31", value))
 }
 
-fn set_limits(line: &mut Line, options: &CanOptions) -> Result<(), Problem> {
+/// What the safety module shall allow, in its units.
+pub(super) fn limits_in_units(options: &CanOptions) -> [(Property, i32); 4] {
     let limits = options.limits;
-    for (property, value) in [
+    [
         (Property::VL1, limits.velocity_warning * VELOCITY_UNITS),
         (Property::VL2, limits.velocity_fault * VELOCITY_UNITS),
         (Property::TL1, limits.torque_warning),
         (Property::TL2, limits.torque_fault),
-    ] {
-        let value = value.clamp(0.0, LARGEST) as i32;
+    ]
+    .map(|(property, value)| (property, value.clamp(0.0, LARGEST) as i32))
+}
+
+fn set_limits(line: &mut Line, options: &CanOptions) -> Result<(), Problem> {
+    for (property, value) in limits_in_units(options) {
         line.tell(Node::SAFETY, property, value)?;
         line.pause(SETTLE)?;
         let got = line.ask(Node::SAFETY, property)?;
