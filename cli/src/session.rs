@@ -11,8 +11,6 @@ use yarp_wire::{Bottle, Contact, PortName, Value};
 
 use crate::error::Result;
 
-/// How a server says that it cannot do something at the moment; the end of [`ELSEWHERE`].
-const CANNOT: &str = "this name server cannot";
 /// What the administration calls itself.
 const ADMIN: &str = "admin";
 /// How long a port that may have our name has to say so.
@@ -155,8 +153,8 @@ pub(crate) async fn ask_server(
                 })?;
             // It is not about the request: another server of the same names may do it.
             let reason = answer.get(1).map(Value::to_plain_string);
-            match reason.filter(|reason| ELSEWHERE.ends_with(CANNOT) && reason.starts_with(CANNOT))
-            {
+            let cannot = ELSEWHERE.trim_start_matches("refused: ");
+            match reason.filter(|reason| reason.starts_with(cannot)) {
                 Some(answer) => Err(PortError::Refused {
                     server: format!("{}:{}", server.0, server.1),
                     request: "a change".to_owned(),

@@ -4,6 +4,7 @@
 
 mod common;
 
+use std::process::Command;
 use std::time::Duration;
 
 use common::Home;
@@ -42,6 +43,24 @@ fn a_finger_is_moved_by_typing_and_over_the_hand_server() {
     node.signal("TERM").finish().with(0);
     there.signal("TERM").finish().with(0);
     drop(server);
+}
+
+/// Nobody hears where it is served, so it ends; its names end with it.
+#[test]
+fn a_hand_whose_output_is_gone_leaves_no_names() {
+    let home = Home::new();
+    let line = home.path().join("line-of-the-hand");
+    let line = line.to_str().expect("its name is text");
+    let _there = home
+        .start(&format!("hand-sim --link {line} --speed 2"))
+        .see(line);
+    let _server = home.serve();
+    let mut command = Command::new("sh");
+    let yarp = env!("CARGO_BIN_EXE_yarp");
+    command.args(["-c", &format!("exec {yarp} hand-board --serial {line} >/dev/full")]);
+    let ended = home.spawn(command, "hand-board, without output").finish();
+    assert_ne!(ended.code, Some(0), "{ended:?}");
+    assert_eq!(home.names(), Vec::<String>::new());
 }
 
 #[test]

@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{Ended, Home};
+use common::Home;
 
 const ACTIVE: &str = "device active in background...";
 
@@ -13,12 +13,6 @@ fn write(home: &Home, name: &str, text: &str) -> String {
     let file = home.path().join(name);
     std::fs::write(&file, text).unwrap();
     file.display().to_string()
-}
-
-#[track_caller]
-fn complains(ended: &Ended, text: &str) {
-    let said = ended.err.iter().any(|line| line.contains(text));
-    assert!(said, "no {text:?} in {ended:?}");
 }
 
 #[test]
@@ -89,10 +83,7 @@ fn stock_files_and_names_work() {
     let axes = home.run_with("rpc /b/rpc:i", "[get] [axes]\n").with(0);
     assert!(axes.says("[is] [axes] 5"), "{axes:?}");
     let ended = dev.signal("TERM").finish().with(0);
-    complains(
-        &ended,
-        "arm.ini:5: device controlboardwrapper2 has no use for parameter extra",
-    );
+    ended.complains("arm.ini:5: device controlboardwrapper2 has no use for parameter extra");
     let line = "dev --device deviceBundler --wrapper_device controlBoard_nws_yarp --attached_device simulatedWam --name /c";
     let dev = home.start(line).see(ACTIVE);
     let remote = home
@@ -110,7 +101,7 @@ fn what_is_wrong_is_said_with_file_and_line() {
     let fails = |text: &str, expected: &str| {
         let file = write(&home, "arm.ini", text);
         let ended = home.run(&format!("dev --from {file}")).with(1);
-        complains(&ended, &format!("{file}:{expected}"));
+        ended.complains(&format!("{file}:{expected}"));
         assert_eq!(home.names(), Vec::<String>::new());
     };
     fails(
@@ -144,16 +135,13 @@ fn what_is_wrong_is_said_with_file_and_line() {
     let ended = home
         .run("dev --device fakeMotionControl --name arm")
         .with(1);
-    complains(
-        &ended,
-        "command line: device fakeMotionControl: parameter name: expected a port name",
-    );
+    ended.complains("command line: device fakeMotionControl: parameter name: expected a port name");
     let ended = home
         .run("dev --device remote_controlboard --remote /nobody --local /me")
         .with(1);
-    complains(&ended, "there is no port /nobody/");
+    ended.complains("there is no port /nobody/");
     let ended = home.run("dev --from nowhere.ini").with(1);
-    complains(&ended, "cannot find nowhere.ini in any of");
+    ended.complains("cannot find nowhere.ini in any of");
 }
 
 #[test]
@@ -167,5 +155,5 @@ fn help_needs_no_network() {
     );
     assert!(home.run("dev").with(0).says("--device DEVICENAME"));
     let ended = home.run("dev --device simulatedWam --name /wam").with(255);
-    complains(&ended, "YARP network not available");
+    ended.complains("YARP network not available");
 }

@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{Ended, Home};
+use common::Home;
 
 const RUNNING: &str = "running happily";
 
@@ -75,12 +75,6 @@ fn home(files: &[(&str, &str)]) -> Home {
         std::fs::write(home.path().join(name), text).unwrap();
     }
     home
-}
-
-#[track_caller]
-fn complains(ended: &Ended, text: &str) {
-    let said = ended.err.iter().any(|line| line.contains(text));
-    assert!(said, "no {text:?} in {ended:?}");
 }
 
 /// The robot lives: its arm answers, its port tells, and nothing is left in the end.
@@ -174,7 +168,7 @@ fn a_robot_is_described_without_a_network() {
         "{said:?}"
     );
     let ended = home.run(&format!("robotinterface --config {file}")).with(1);
-    complains(&ended, "is the yarp server available");
+    ended.complains("is the yarp server available");
 }
 
 #[test]
@@ -189,7 +183,9 @@ fn the_old_format_is_read_if_allowed() {
         "robotinterface --dryrun --config {}",
         home.path().join("robot.xml").display()
     );
-    complains(&home.run(&line).with(1), "robot.xml:2: expected format 3");
+    home.run(&line)
+        .with(1)
+        .complains("robot.xml:2: expected format 3");
     let said = home.run(&format!("{line} --allow-deprecated-dtd")).with(0);
     assert!(
         said.says("device arm of type fakeMotionControl"),
@@ -279,7 +275,7 @@ fn what_is_wrong_is_said_with_file_and_line() {
             "robotinterface --dryrun --config {}",
             home.path().join("r.xml").display()
         ));
-        complains(&ended.with(1), expected);
+        ended.with(1).complains(expected);
     }
     let robot = "[robot]\nname = \"r\"\n";
     for (text, expected) in [
@@ -320,7 +316,7 @@ fn what_is_wrong_is_said_with_file_and_line() {
             "robotinterface --dryrun --config {}",
             home.path().join("r.toml").display()
         ));
-        complains(&ended.with(1), expected);
+        ended.with(1).complains(expected);
     }
 }
 
@@ -384,7 +380,7 @@ fn a_robot_that_does_not_start_leaves_nothing() {
         let file = shared.path().join("r.xml");
         std::fs::write(&file, text).unwrap();
         let ended = shared.run(&format!("robotinterface --config {}", file.display()));
-        complains(&ended.with(1), expected);
+        ended.with(1).complains(expected);
         assert_eq!(shared.names(), Vec::<String>::new());
     }
 }

@@ -40,7 +40,7 @@ def main():
     check("it takes a move", moved, short(targets))
     check("the joints arrive", eventually(lambda: arm.is_at(targets))[0], short(arm.positions()))
     check("the end of the motion is told", eventually(lambda: arm.position.checkMotionDone())[0])
-    check("a place outside its limits is refused", not arm.position.positionMove(0, 1000.0) or arm.is_at(targets))
+    check("a place outside its limits is refused", not arm.position.positionMove(0, 1000.0))
     check("the arm stops", arm.position.stop())
     variables = driver.viewIRemoteVariables()
     names, pose = yarp.Bottle(), yarp.Bottle()

@@ -2,6 +2,7 @@
 //!
 //! * [`board`]: the device behind the recorded control boards.
 //! * [`capture`]: recorded conversations.
+//! * [`checks`]: what a program that drives a live peer finds.
 //! * [`counting`]: an allocator that counts.
 //! * [`mask`]: what legitimately differs between two runs, in one place.
 //! * [`replay`]: plays the connecting side of a conversation against a port of ours and compares.
@@ -10,6 +11,7 @@
 pub mod board;
 mod board_motors;
 pub mod capture;
+pub mod checks;
 pub mod counting;
 pub mod mask;
 pub mod replay;

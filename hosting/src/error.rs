@@ -59,7 +59,7 @@ pub enum HostError {
         expected: &'static str,
     },
     /// The device cannot attach to so many.
-    #[error("it attaches to one device, got {got}; a controlBoardRemapper makes one of several")]
+    #[error("it attaches to one device, got {got}; give each a wrapper of its own")]
     Several {
         /// How many were asked for.
         got: usize,

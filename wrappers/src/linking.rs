@@ -1,12 +1,19 @@
 //! Connections of clients to what they are clients of.
 
+use std::fmt::Debug;
 use std::time::Duration;
 
+use tokio::task::JoinSet;
+use yarp_devices::DeviceError;
 use yarp_ports::{LinkState, Network, Port, Supervised, Supervision, remote};
 use yarp_wire::message::WireObject;
 
 use crate::OpenError;
 
+/// Questions and orders need answers, so their carrier is not a choice.
+pub(crate) const RPC_CARRIER: &str = "tcp";
+/// How long closing may take.
+pub(crate) const CLOSING: Duration = Duration::from_secs(3);
 /// How often a lost connection is tried again.
 const PAUSES: (Duration, Duration) = (Duration::from_millis(100), Duration::from_secs(1));
 /// How often it is looked whether messages still come.
@@ -18,6 +25,13 @@ pub(crate) async fn there(network: &Network, name: String) -> Result<(), OpenErr
         Ok(true) => Ok(()),
         Ok(false) => Err(OpenError::NoRemote { name }),
         Err(source) => Err(OpenError::Port { name, source }),
+    }
+}
+
+/// What becomes of a request that no message says.
+pub(crate) fn no_message(request: &impl Debug) -> DeviceError {
+    DeviceError::NotSupported {
+        what: format!("{request:?} in one message"),
     }
 }
 
@@ -58,9 +72,31 @@ pub(crate) async fn keep(
     }
 }
 
+/// Has a writer send its messages to a port of ours, and again whenever `are_missing` says so; `asking` does the latter.
+/// An error is that of the first time.
+pub(crate) async fn fetch(
+    network: &Network,
+    (from, to): (&str, &str),
+    carrier: &str,
+    asking: &mut JoinSet<()>,
+    are_missing: impl Fn() -> bool + Send + 'static,
+) -> Result<(), OpenError> {
+    remote::connect(network, from, to, Some(carrier))
+        .await
+        .map_err(|source| OpenError::Connect {
+            from: from.to_owned(),
+            to: to.to_owned(),
+            carrier: carrier.to_owned(),
+            source: source.into(),
+        })?;
+    let (from, to, carrier) = (from.to_owned(), to.to_owned(), carrier.to_owned());
+    asking.spawn(ask_again(network.clone(), from, to, carrier, are_missing));
+    Ok(())
+}
+
 /// Asks a writer for its messages again whenever none come any more: it is the writer that connects, so that nobody
 /// else notices when it comes back.
-pub(crate) async fn ask_again(
+async fn ask_again(
     network: Network,
     from: String,
     to: String,

@@ -154,7 +154,7 @@ fn report_unused(parameters: &Parameters) {
     }
 }
 
-/// The port that takes `quit`; none for names that stock has none for.
+/// The port that takes `quit`, called as stock calls it.
 fn quit_name(parameters: &Parameters, device: &str) -> String {
     let name = parameters
         .settings()

@@ -45,10 +45,13 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     };
     let options = ControlBoardOptions::new();
     let board = ControlBoardServer::open(&network, Arc::new(hand), &args.name, options).await?;
-    writeln!(out, "Hand on {}, served as {}", args.serial, args.name)?;
-    out.flush()?;
-    interrupt.heard().await;
+    let told = writeln!(out, "Hand on {}, served as {}", args.serial, args.name);
+    let told = told.and_then(|()| out.flush());
+    if told.is_ok() {
+        interrupt.heard().await;
+    }
     board.close().await;
+    told?;
     Ok(ExitCode::SUCCESS)
 }
 

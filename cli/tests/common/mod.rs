@@ -43,6 +43,13 @@ impl Ended {
     pub(crate) fn says(&self, text: &str) -> bool {
         self.out.iter().any(|line| line.contains(text))
     }
+
+    /// A line of standard error holds `text`.
+    #[track_caller]
+    pub(crate) fn complains(&self, text: &str) {
+        let said = self.err.iter().any(|line| line.contains(text));
+        assert!(said, "no {text:?} in {self:?}");
+    }
 }
 
 impl Home {

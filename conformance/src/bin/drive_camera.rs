@@ -7,52 +7,16 @@
 //! Made for `fakeFrameGrabber` of 32 x 24 pixels in mode `line` behind `frameGrabber_nws_yarp` of 3.5.0 and of 4.0.0,
 //! whose knobs do nothing in 3.5.0. Ends with 1 if any check failed.
 
-use std::fmt::Debug;
 use std::process::ExitCode;
-use std::time::{Duration, Instant};
 
+use yarp_conformance::checks::{Checks, PATIENCE};
 use yarp_devices::image::Crop;
 use yarp_devices::{
-    DeviceError, Feature, FeatureMode, FrameGrabberControls, FrameGrabberImage,
-    FrameGrabberImageRaw, RgbVisualParams,
+    Feature, FeatureMode, FrameGrabberControls, FrameGrabberImage, FrameGrabberImageRaw,
+    RgbVisualParams,
 };
 use yarp_ports::Network;
 use yarp_wrappers::{RemoteFrameGrabber, RemoteFrameGrabberOptions};
-
-const PATIENCE: Duration = Duration::from_secs(20);
-
-struct Checks {
-    failed: usize,
-}
-
-impl Checks {
-    fn check<T: Debug>(
-        &mut self,
-        what: &str,
-        found: Result<T, DeviceError>,
-        good: impl Fn(&T) -> bool,
-    ) {
-        let fine = found.as_ref().is_ok_and(good);
-        self.failed += usize::from(!fine);
-        println!("{} {what}: {found:?}", if fine { "ok  " } else { "FAIL" });
-    }
-
-    /// Asks until the answer is good.
-    fn until<T: Debug>(
-        &mut self,
-        what: &str,
-        ask: impl Fn() -> Result<T, DeviceError>,
-        good: impl Fn(&T) -> bool,
-    ) {
-        let deadline = Instant::now() + PATIENCE;
-        let mut found = ask();
-        while !found.as_ref().is_ok_and(&good) && Instant::now() < deadline {
-            std::thread::sleep(Duration::from_millis(10));
-            found = ask();
-        }
-        self.check(what, found, good);
-    }
-}
 
 fn main() -> ExitCode {
     let words: Vec<String> = std::env::args().skip(1).collect();
@@ -60,7 +24,7 @@ fn main() -> ExitCode {
         eprintln!("usage: drive_camera NAME 3.x|4.0");
         return ExitCode::from(2);
     };
-    let mut checks = Checks { failed: 0 };
+    let mut checks = Checks::new();
     for streams in [true, false] {
         let mut options = RemoteFrameGrabberOptions::new(name, "/drive/camera").timeout(PATIENCE);
         if !streams {
@@ -82,11 +46,7 @@ fn main() -> ExitCode {
             }
         }
     }
-    if checks.failed > 0 {
-        println!("{} checks failed", checks.failed);
-        return ExitCode::FAILURE;
-    }
-    ExitCode::SUCCESS
+    checks.exit_code()
 }
 
 fn drive(checks: &mut Checks, camera: &RemoteFrameGrabber, generation: &str, streams: bool) {

@@ -82,6 +82,20 @@ pub enum FeatureMode {
     Automatic,
 }
 
+impl FeatureMode {
+    /// The mode of a number.
+    pub fn from_code(code: i32) -> Option<Self> {
+        [Self::Unknown, Self::Manual, Self::Automatic]
+            .into_iter()
+            .find(|mode| mode.code() == code)
+    }
+
+    /// Its number.
+    pub fn code(self) -> i32 {
+        self as i32
+    }
+}
+
 /// How a camera is connected (stock: `BusType`).
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub enum Bus {
@@ -92,6 +106,20 @@ pub enum Bus {
     Firewire,
     /// USB.
     Usb,
+}
+
+impl Bus {
+    /// The bus of a number.
+    pub fn from_code(code: i32) -> Option<Self> {
+        [Self::Unknown, Self::Firewire, Self::Usb]
+            .into_iter()
+            .find(|bus| bus.code() == code)
+    }
+
+    /// Its number.
+    pub fn code(self) -> i32 {
+        self as i32
+    }
 }
 
 /// What a camera is (stock: `CameraDescriptor`).

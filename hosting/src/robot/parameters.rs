@@ -117,6 +117,15 @@ fn entry(param: &Param, origin: Option<&Origin>) -> Vec<Setting> {
 }
 
 impl Param {
+    /// A parameter whose value is given from outside.
+    pub(super) fn given(name: String, given: &Setting) -> Self {
+        Self {
+            name,
+            value: ParamValue::Values(vec![given.value()]),
+            origin: given.origin().clone(),
+        }
+    }
+
     /// A parameter whose value is the text of a bottle, as in XML.
     pub(super) fn from_text(name: String, text: &str, origin: Origin) -> Result<Self, RobotError> {
         let open = text.matches('(').count();

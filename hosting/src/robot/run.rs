@@ -335,10 +335,18 @@ impl RunningRobot {
             }
         }
         let mut well = true;
-        while let Some(Ok((name, parked))) = moving.join_next().await {
-            if let Err(error) = parked {
-                tracing::error!("cannot park {name}: {}", story(&error));
-                well = false;
+        while let Some(ended) = moving.join_next().await {
+            match ended {
+                Ok((_, Ok(()))) => {}
+                Ok((name, Err(error))) => {
+                    tracing::error!("cannot park {name}: {}", story(&error));
+                    well = false;
+                }
+                // The others are on their way still.
+                Err(panicked) => {
+                    tracing::error!("cannot park a device: {panicked}");
+                    well = false;
+                }
             }
         }
         well

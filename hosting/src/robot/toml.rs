@@ -244,7 +244,7 @@ impl Reader<'_> {
             None => None,
         };
         let mut params = match table.get("params") {
-            Some(params) => self.params(page, params, outside.map(|table| (page, table)))?,
+            Some(params) => self.params(page, params, outside)?,
             None => Vec::new(),
         };
         // A parameter may be there from outside only.
@@ -254,7 +254,7 @@ impl Reader<'_> {
             if let Some(given) = self.given.get(&option)
                 && !params.iter().any(|param| param.name == name)
             {
-                params.push(given_param(name, given));
+                params.push(Param::given(name, given));
             }
         }
         let mut actions = Vec::new();
@@ -310,13 +310,13 @@ impl Reader<'_> {
         &self,
         page: &Page<'_>,
         value: &Held<'_>,
-        outside: Option<(&Page<'_>, &DeTable<'_>)>,
+        outside: Option<&DeTable<'_>>,
     ) -> Result<Vec<Param>, RobotError> {
         let table = page.table(value, "a table of parameters")?;
         let mut params = Vec::new();
         for (key, value) in table.iter() {
             let name = key.get_ref().to_string();
-            let option = outside.and_then(|(page, table)| {
+            let option = outside.and_then(|table| {
                 let option = table.get(name.as_str())?;
                 Some(page.text(option, "the name of an option"))
             });
@@ -324,7 +324,7 @@ impl Reader<'_> {
                 .transpose()?
                 .and_then(|option| self.given.get(&option))
             {
-                params.push(given_param(name, given));
+                params.push(Param::given(name, given));
                 continue;
             }
             let inner = match value.get_ref() {
@@ -338,14 +338,6 @@ impl Reader<'_> {
             });
         }
         Ok(params)
-    }
-}
-
-fn given_param(name: String, given: &yarp_wire::settings::Setting) -> Param {
-    Param {
-        name,
-        value: ParamValue::Values(vec![given.value()]),
-        origin: given.origin().clone(),
     }
 }
 

@@ -287,11 +287,7 @@ impl Reader<'_> {
                 let outside = element.attribute("extern-name").filter(|_| !self.old);
                 let given = outside.and_then(|name| self.given.get(name));
                 into.push(match given {
-                    Some(given) => Param {
-                        name,
-                        value: ParamValue::Values(vec![given.value()]),
-                        origin: given.origin().clone(),
-                    },
+                    Some(given) => Param::given(name, given),
                     None => Param::from_text(name, element.value()?, origin)?,
                 });
             }

@@ -12,13 +12,10 @@
 //! | [`messages`] | the words and bytes, shared by both sides |
 //! | `server` | [`FrameGrabberServer`]: a camera on ports |
 //! | `client` | [`RemoteFrameGrabber`]: the camera at the other end |
-//! | `settings` | [`camera_options`]: a simulated camera out of stock's parameters |
 
 mod client;
 pub mod messages;
 mod server;
-mod settings;
 
 pub use client::{RemoteFrameGrabber, RemoteFrameGrabberOptions};
 pub use server::{Capability, FrameGrabberOptions, FrameGrabberServer};
-pub use settings::{SettingError, camera_options};

@@ -11,33 +11,16 @@
 mod motors;
 
 use std::process::ExitCode;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use yarp_client::{
     Axes, AxisIndex, AxisInfo, ControlMode, DeviceError, Encoders, JointType, Mode, MotionControl,
     PositionControl, Robot, VelocityControl,
 };
+use yarp_conformance::checks::Checks;
 
-const PATIENCE: Duration = Duration::from_secs(10);
 /// Degrees by which a joint may miss its target.
 const CLOSE: f64 = 0.1;
-
-struct Checks {
-    failed: usize,
-}
-
-impl Checks {
-    fn check<T: std::fmt::Debug>(
-        &mut self,
-        what: &str,
-        found: Result<T, DeviceError>,
-        good: impl Fn(&T) -> bool,
-    ) {
-        let fine = found.as_ref().is_ok_and(good);
-        self.failed += usize::from(!fine);
-        println!("{} {what}: {found:?}", if fine { "ok  " } else { "FAIL" });
-    }
-}
 
 fn main() -> ExitCode {
     let Some(name) = std::env::args().nth(1) else {
@@ -51,7 +34,7 @@ fn main() -> ExitCode {
             return ExitCode::FAILURE;
         }
     };
-    let mut checks = Checks { failed: 0 };
+    let mut checks = Checks::new();
     let axes = robot.axes();
     println!("ok   opens: {axes} axes");
     let first = Axes::One(AxisIndex::new(0));
@@ -68,11 +51,8 @@ fn main() -> ExitCode {
         robot.set_control_modes(Axes::All, &modes),
         |()| true,
     );
-    checks.check(
-        "modes arrive",
-        eventually(|| robot.control_modes(Axes::All), |m| *m == modes),
-        |_| true,
-    );
+    let now = || robot.control_modes(Axes::All);
+    checks.until("modes arrive", now, |found| *found == modes);
     let speeds = vec![30.0; axes];
     checks.check(
         "set speeds",
@@ -92,13 +72,13 @@ fn main() -> ExitCode {
     checks.check("target of one", robot.target_positions(first), |found| {
         *found == [12.0]
     });
-    checks.check("one arrives", arrives(&robot, 0, 12.0), |_| true);
+    arrives(&mut checks, "one arrives", &robot, 0, 12.0);
     let targets: Vec<f64> = (0..axes).map(|axis| 5.0 + axis as f64).collect();
     checks.check("move all", robot.position_move(Axes::All, &targets), |()| {
         true
     });
     for (axis, target) in targets.iter().enumerate() {
-        checks.check("each arrives", arrives(&robot, axis, *target), |_| true);
+        arrives(&mut checks, "each arrives", &robot, axis, *target);
     }
     checks.check(
         "velocity mode",
@@ -106,65 +86,30 @@ fn main() -> ExitCode {
         |()| true,
     );
     let mode = || robot.control_modes(first);
-    checks.check(
-        "mode arrives",
-        eventually(mode, |m| *m == [Mode::Velocity]),
-        |_| true,
-    );
+    checks.until("mode arrives", mode, |found| *found == [Mode::Velocity]);
     let before = targets[0];
-    let moved = eventually(
-        || {
-            robot.velocity_move(first, &[10.0])?;
-            std::thread::sleep(Duration::from_millis(20));
-            position(&robot, 0)
-        },
-        |found| *found > before + 1.0,
-    );
-    checks.check("velocity moves it", moved, |_| true);
+    let moves = || {
+        robot.velocity_move(first, &[10.0])?;
+        std::thread::sleep(Duration::from_millis(20));
+        position(&robot, 0)
+    };
+    checks.until("velocity moves it", moves, |found| *found > before + 1.0);
     checks.check(
         "an axis too many is refused",
         refusal(robot.position_move(Axes::One(AxisIndex::new(axes)), &[0.0])),
         |_| true,
     );
     motors::drive(&mut checks, &robot);
-    if checks.failed == 0 {
-        ExitCode::SUCCESS
-    } else {
-        println!("{} checks failed", checks.failed);
-        ExitCode::FAILURE
-    }
+    checks.exit_code()
 }
 
 fn position(robot: &Robot, axis: usize) -> Result<f64, DeviceError> {
     Ok(robot.encoder_readings(Axes::All)?[axis].position)
 }
 
-fn arrives(robot: &Robot, axis: usize, target: f64) -> Result<f64, DeviceError> {
-    eventually(
-        || position(robot, axis),
-        |found| (found - target).abs() < CLOSE,
-    )
-}
-
-/// The first value that is good; the last one tried, as an error, if none is in time.
-fn eventually<T: std::fmt::Debug>(
-    look: impl Fn() -> Result<T, DeviceError>,
-    good: impl Fn(&T) -> bool,
-) -> Result<T, DeviceError> {
-    let deadline = Instant::now() + PATIENCE;
-    loop {
-        let found = look();
-        match found {
-            Ok(found) if good(&found) => return Ok(found),
-            Ok(found) if Instant::now() > deadline => {
-                return Err(DeviceError::NotSupported {
-                    what: format!("what was waited for; the last was {found:?}"),
-                });
-            }
-            Err(error) if Instant::now() > deadline => return Err(error),
-            _ => std::thread::sleep(Duration::from_millis(10)),
-        }
-    }
+pub(crate) fn arrives(checks: &mut Checks, what: &str, robot: &Robot, axis: usize, target: f64) {
+    let now = || position(robot, axis);
+    checks.until(what, now, |found| (found - target).abs() < CLOSE);
 }
 
 /// An error that was expected.

@@ -2,6 +2,7 @@
 //! references of torque, impedance and temperatures, whoever asks.
 
 use yarp_client::Robot;
+use yarp_conformance::checks::Checks;
 use yarp_devices::{
     AmplifierControl, AmplifierLimit, Axes, AxisIndex, ControlMode, CurrentControl, Encoders,
     Impedance, ImpedanceControl, Interaction, InteractionMode, Mode, Motor, MotorEncoders,
@@ -9,7 +10,7 @@ use yarp_devices::{
     TorqueControl,
 };
 
-use crate::{Checks, eventually, position};
+use crate::arrives;
 
 const JOINT: AxisIndex = AxisIndex::new(0);
 const FIRST: Axes<'static> = Axes::One(JOINT);
@@ -20,7 +21,7 @@ fn mode(checks: &mut Checks, robot: &Robot, mode: Mode) {
         true
     });
     let now = || robot.control_modes(FIRST);
-    checks.check("mode arrives", eventually(now, |m| *m == [mode]), |_| true);
+    checks.until("mode arrives", now, |found| *found == [mode]);
 }
 
 /// Whether the board speaks as 4.0 does.
@@ -39,8 +40,7 @@ fn direct(checks: &mut Checks, robot: &Robot) {
     mode(checks, robot, Mode::PositionDirect);
     let sent = robot.set_direct_positions(FIRST, &[21.0]);
     checks.check("direct position", sent, |()| true);
-    let arrived = eventually(|| position(robot, 0), |found| (found - 21.0).abs() < 0.1);
-    checks.check("it follows", arrived, |_| true);
+    arrives(checks, "it follows", robot, 0, 21.0);
     let told = robot.direct_positions(FIRST);
     checks.check("direct position told", told, |found| *found == [21.0]);
 }
@@ -50,8 +50,8 @@ fn forces(checks: &mut Checks, robot: &Robot) {
     let sent = robot.set_reference_torques(FIRST, &[2.5]);
     checks.check("torque", sent, |()| true);
     if is_4(robot) {
-        let told = eventually(|| robot.reference_torques(FIRST), |found| *found == [2.5]);
-        checks.check("torque told", told, |_| true);
+        let told = || robot.reference_torques(FIRST);
+        checks.until("torque told", told, |found| *found == [2.5]);
     }
     checks.check("torques measured", robot.torques(Axes::All), |_| true);
     checks.check("torque ranges", robot.torque_ranges(FIRST), |_| true);
@@ -63,19 +63,16 @@ fn forces(checks: &mut Checks, robot: &Robot) {
     mode(checks, robot, Mode::Current);
     let sent = robot.set_reference_currents(FIRST, &[1.5]);
     checks.check("current", sent, |()| true);
-    let told = eventually(|| robot.reference_currents(FIRST), |found| *found == [1.5]);
-    checks.check("current told", told, |_| true);
+    let told = || robot.reference_currents(FIRST);
+    checks.until("current told", told, |found| *found == [1.5]);
     checks.check("currents measured", robot.currents(Axes::All), |_| true);
     checks.check("current ranges", robot.current_ranges(Axes::All), |_| true);
 
     mode(checks, robot, Mode::Pwm);
     let sent = robot.set_reference_duty_cycles(FIRST, &[3.5]);
     checks.check("duty cycle", sent, |()| true);
-    let told = eventually(
-        || robot.reference_duty_cycles(FIRST),
-        |found| *found == [3.5],
-    );
-    checks.check("duty cycle told", told, |_| true);
+    let told = || robot.reference_duty_cycles(FIRST);
+    checks.until("duty cycle told", told, |found| *found == [3.5]);
     checks.check("duty cycles given", robot.duty_cycles(Axes::All), |_| true);
     mode(checks, robot, Mode::Position);
 }

@@ -14,7 +14,7 @@ use std::time::Duration;
 
 use tokio::task::JoinSet;
 use yarp_devices::DeviceError;
-use yarp_ports::{Network, Port, PortError, PortOptions, Received, Supervised, blocking, remote};
+use yarp_ports::{Network, Port, PortError, PortOptions, Received, Supervised, blocking};
 use yarp_wire::message::{ReadObject, WireObject};
 use yarp_wire::{Bottle, Dialect, Value};
 
@@ -24,14 +24,10 @@ use super::super::messages::{
 };
 use super::latest::Latest;
 use super::options::RemoteControlBoardOptions;
-use crate::linking::{WATCHING, ask_again, keep, said, there};
+use crate::linking::{CLOSING, RPC_CARRIER, WATCHING, fetch, keep, no_message, said, there};
 use crate::opening::{close_all, open};
 use crate::thrift::{ReturnCode, ServiceVersion};
 
-/// Questions and orders need answers, so their carrier is not a choice.
-const RPC_CARRIER: &str = "tcp";
-/// How long closing may take.
-const CLOSING: Duration = Duration::from_secs(3);
 const RPC_3: (&str, &str) = ("rpc:o", "rpc:i");
 const RPC_4: (&str, &str) = ("nwc/rpc:o", "nws/rpc:i");
 
@@ -143,23 +139,10 @@ impl Link {
         let command = keep(&self.command, &self.command_peer, carrier, self.deadline);
         self.kept.push(command.await?);
         let state = format!("{}/stateExt:o", options.remote);
-        remote::connect(network, &state, self.feed.name(), Some(carrier))
-            .await
-            .map_err(|source| OpenError::Connect {
-                from: state.clone(),
-                to: self.feed.name().to_owned(),
-                carrier: carrier.to_owned(),
-                source: source.into(),
-            })?;
         let latest = self.latest.clone();
-        let again = ask_again(
-            network.clone(),
-            state,
-            self.feed.name().to_owned(),
-            carrier.to_owned(),
-            move || latest.is_older_than(2 * WATCHING),
-        );
-        self.asking.spawn(again);
+        let are_missing = move || latest.is_older_than(2 * WATCHING);
+        let ends = (state.as_str(), self.feed.name());
+        fetch(network, ends, carrier, &mut self.asking, are_missing).await?;
         if self.generation == Dialect::V4 {
             self.kept.push(self.call_port().await?);
         }
@@ -205,11 +188,7 @@ impl Link {
                 let found = version
                     .map_err(|error| failed(self.lost(&call, error)))?
                     .protocol;
-                let only = |protocol: i16| ProtocolVersion {
-                    major: protocol.into(),
-                    minor: 0,
-                    tweak: 0,
-                };
+                let only = ProtocolVersion::only;
                 (only(ServiceVersion::SERVED.protocol), only(found))
             }
         };
@@ -400,12 +379,6 @@ async fn generation(
             }
             Err(error) => Err(error),
         },
-    }
-}
-
-fn no_message(request: &Request) -> DeviceError {
-    DeviceError::NotSupported {
-        what: format!("{request:?} in one message"),
     }
 }
 

@@ -143,6 +143,15 @@ impl ProtocolVersion {
         tweak: 0,
     };
 
+    /// A version that has one number, as in 4.0.
+    pub(crate) fn only(protocol: i16) -> Self {
+        Self {
+            major: protocol.into(),
+            minor: 0,
+            tweak: 0,
+        }
+    }
+
     /// Whether both sides understand each other.
     pub fn is_compatible(self, other: Self) -> bool {
         (self.major, self.minor) == (other.major, other.minor)

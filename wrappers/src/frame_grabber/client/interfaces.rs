@@ -96,11 +96,7 @@ impl FrameGrabberImageRaw for RemoteFrameGrabber {
 impl FrameGrabberControls for RemoteFrameGrabber {
     fn camera_description(&self) -> Result<CameraDescription, DeviceError> {
         ask!(self, Request::Description, Answer::Description(bus, description) => CameraDescription {
-            bus: match bus {
-                1 => Bus::Firewire,
-                2 => Bus::Usb,
-                _ => Bus::Unknown,
-            },
+            bus: Bus::from_code(bus).unwrap_or_default(),
             description,
         })
     }
@@ -150,20 +146,13 @@ impl FrameGrabberControls for RemoteFrameGrabber {
     }
 
     fn mode(&self, feature: Feature) -> Result<FeatureMode, DeviceError> {
-        ask!(self, Request::Mode(feature.code()), Answer::Mode(mode) => match mode {
-            1 => FeatureMode::Manual,
-            2 => FeatureMode::Automatic,
-            _ => FeatureMode::Unknown,
+        ask!(self, Request::Mode(feature.code()), Answer::Mode(mode) => {
+            FeatureMode::from_code(mode).unwrap_or_default()
         })
     }
 
     fn set_mode(&self, feature: Feature, mode: FeatureMode) -> Result<(), DeviceError> {
-        let mode = match mode {
-            FeatureMode::Unknown => 0,
-            FeatureMode::Manual => 1,
-            FeatureMode::Automatic => 2,
-        };
-        self.order(Request::SetMode(feature.code(), mode))
+        self.order(Request::SetMode(feature.code(), mode.code()))
     }
 
     fn one_push(&self, feature: Feature) -> Result<(), DeviceError> {

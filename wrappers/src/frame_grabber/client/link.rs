@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use tokio::task::JoinSet;
 use yarp_devices::DeviceError;
-use yarp_ports::{Network, Port, PortError, PortOptions, Received, Supervised, blocking, remote};
+use yarp_ports::{Network, Port, PortError, PortOptions, Received, Supervised, blocking};
 use yarp_wire::message::{ReadObject, WireObject};
 use yarp_wire::{Bottle, Dialect};
 
@@ -19,14 +19,9 @@ use super::options::RemoteFrameGrabberOptions;
 use crate::OpenError;
 use crate::control_board::messages::ProtocolVersion;
 use crate::frame_grabber::messages::{Answer, As, Reply, Request};
-use crate::linking::{WATCHING, ask_again, keep, said, there};
+use crate::linking::{CLOSING, RPC_CARRIER, WATCHING, fetch, keep, no_message, said, there};
 use crate::opening::{close_all, open};
 use crate::thrift::{ReturnCode, ServiceVersion};
-
-/// Questions and orders need answers, so their carrier is not a choice.
-const RPC_CARRIER: &str = "tcp";
-/// How long closing may take.
-const CLOSING: Duration = Duration::from_secs(3);
 
 /// Ports connected to a server.
 #[derive(Debug)]
@@ -100,27 +95,19 @@ impl Link {
             let stream = open(network, options.local.clone(), port).await?;
             let local = stream.name().to_owned();
             self.stream = Some(stream);
-            let (from, carrier) = (&options.remote, &options.carrier);
-            remote::connect(network, from, &local, Some(carrier))
-                .await
-                .map_err(|source| OpenError::Connect {
-                    from: from.clone(),
-                    to: local.clone(),
-                    carrier: carrier.clone(),
-                    source: source.into(),
-                })?;
             let latest = self.latest.clone();
             // Cameras may be slow on purpose.
             let silence = options.timeout.max(2 * WATCHING);
             let are_missing = move || latest.is_older_than(silence);
-            let again = ask_again(
-                network.clone(),
-                from.clone(),
-                local,
-                carrier.clone(),
+            let ends = (options.remote.as_str(), local.as_str());
+            fetch(
+                network,
+                ends,
+                &options.carrier,
+                &mut self.asking,
                 are_missing,
-            );
-            self.asking.spawn(again);
+            )
+            .await?;
         }
         let kept = keep(&self.rpc, &self.rpc_peer, RPC_CARRIER, self.deadline);
         self.kept.push(kept.await?);
@@ -140,8 +127,8 @@ impl Link {
             Ok(version) if version.protocol == expected => Ok(Dialect::V4),
             Ok(version) => Err(OpenError::ProtocolVersion {
                 peer: self.rpc_peer.clone(),
-                expected: only(expected),
-                found: only(version.protocol),
+                expected: ProtocolVersion::only(expected),
+                found: ProtocolVersion::only(version.protocol),
             }),
             Err(PortError::Unreadable { .. }) => Ok(Dialect::V3),
             Err(error) => {
@@ -241,19 +228,5 @@ impl Link {
         if tokio::time::timeout(CLOSING, closing).await.is_err() {
             tracing::warn!(remote = %self.remote, "closing took too long; names may be left behind");
         }
-    }
-}
-
-fn only(protocol: i16) -> ProtocolVersion {
-    ProtocolVersion {
-        major: protocol.into(),
-        minor: 0,
-        tweak: 0,
-    }
-}
-
-fn no_message(request: &Request) -> DeviceError {
-    DeviceError::NotSupported {
-        what: format!("{request:?} in one message"),
     }
 }

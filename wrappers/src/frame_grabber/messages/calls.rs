@@ -183,10 +183,7 @@ pub(super) fn to_call(request: &Request) -> Option<Message> {
         R::Width(Channel::Colour) => ("getWidth", vec![]),
         R::Image(Channel::Colour) => ("getImage", vec![]),
         R::Crop(Channel::Colour, crop) => {
-            let (kind, places) = match crop {
-                Crop::Rectangle(one, other) => (0, vec![*one, *other]),
-                Crop::Pixels(places) => (1, places.clone()),
-            };
+            let (kind, places) = words::kind_of(crop);
             let place = |(x, y)| Item::List(vec![Item::I32(x), Item::I32(y)]);
             let places = Item::List(places.into_iter().map(place).collect());
             ("getImageCrop", vec![Item::I32(kind), places])

@@ -95,21 +95,6 @@ impl Request {
             false => words::parse(message),
         }
     }
-
-    /// Whether it changes something.
-    pub fn is_order(&self) -> bool {
-        matches!(
-            self,
-            Self::SetResolution(..)
-                | Self::SetFieldOfView(..)
-                | Self::SetMirroring(_)
-                | Self::SetValue(..)
-                | Self::SetPair(..)
-                | Self::SetActive(..)
-                | Self::SetMode(..)
-                | Self::OnePush(_)
-        )
-    }
 }
 
 /// A whole number of 32 bits.

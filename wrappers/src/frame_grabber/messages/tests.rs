@@ -293,10 +293,25 @@ fn replies_of_3_look_like_those_of_stock() {
     );
 }
 
+/// Whether it changes something.
+fn is_order(request: &Request) -> bool {
+    matches!(
+        request,
+        Request::SetResolution(..)
+            | Request::SetFieldOfView(..)
+            | Request::SetMirroring(_)
+            | Request::SetValue(..)
+            | Request::SetPair(..)
+            | Request::SetActive(..)
+            | Request::SetMode(..)
+            | Request::OnePush(_)
+    )
+}
+
 #[test]
 fn a_refused_call_has_the_results_that_stock_reads() {
     for (request, _, call) in said() {
-        if call.is_empty() || request.is_order() {
+        if call.is_empty() || is_order(&request) {
             continue;
         }
         let reply = printed(&request.refuse_call(ReturnCode::NotReady));

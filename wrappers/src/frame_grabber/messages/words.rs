@@ -87,10 +87,7 @@ pub(super) fn to_bottle(request: &Request) -> Option<Bottle> {
     let mut bottle: Bottle = spelling(request)?.map(Value::from).into_iter().collect();
     let values: Vec<Value> = match request {
         R::Crop(_, crop) => {
-            let (kind, places) = match crop {
-                Crop::Rectangle(one, other) => (0, vec![*one, *other]),
-                Crop::Pixels(places) => (1, places.clone()),
-            };
+            let (kind, places) = kind_of(crop);
             let numbers = places.into_iter().flat_map(|(x, y)| [x.into(), y.into()]);
             vec![kind.into(), Value::List(numbers.collect())]
         }
@@ -194,6 +191,14 @@ fn read_crop(kind: &Value, places: &Bottle) -> Option<Crop> {
     }
     let places = numbers.chunks_exact(2).map(|pair| (pair[0], pair[1]));
     crop(integer(kind)?, places.collect())
+}
+
+/// The type of stock's that a crop has, and its places.
+pub(super) fn kind_of(crop: &Crop) -> (i32, Vec<(i32, i32)>) {
+    match crop {
+        Crop::Rectangle(one, other) => (0, vec![*one, *other]),
+        Crop::Pixels(places) => (1, places.clone()),
+    }
 }
 
 /// A crop of a type of stock's.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use yarp_devices::{
-    Bus, Device, DeviceError, Feature, FeatureMode, FrameGrabberControls, FrameGrabberImage,
+    Device, DeviceError, Feature, FeatureMode, FrameGrabberControls, FrameGrabberImage,
     FrameGrabberImageRaw, RgbVisualParams,
 };
 use yarp_ports::Answer as PortAnswer;
@@ -150,12 +150,7 @@ impl Camera {
             }
             R::Description => {
                 let about = self.controls()?.camera_description()?;
-                let bus = match about.bus {
-                    Bus::Unknown => 0,
-                    Bus::Firewire => 1,
-                    Bus::Usb => 2,
-                };
-                Answer::Description(bus, about.description)
+                Answer::Description(about.bus.code(), about.description)
             }
             R::Has(ability, code) => Answer::Flag(self.has(*ability, *code)?),
             R::Value(code) => Answer::Number(self.controls()?.feature(feature(*code)?)?),
@@ -164,11 +159,7 @@ impl Camera {
                 Answer::Numbers(one, other)
             }
             R::Active(code) => Answer::Flag(self.controls()?.is_active(feature(*code)?)?),
-            R::Mode(code) => Answer::Mode(match self.controls()?.mode(feature(*code)?)? {
-                FeatureMode::Unknown => 0,
-                FeatureMode::Manual => 1,
-                FeatureMode::Automatic => 2,
-            }),
+            R::Mode(code) => Answer::Mode(self.controls()?.mode(feature(*code)?)?.code()),
             R::SetValue(code, value) => {
                 self.controls()?.set_feature(feature(*code)?, *value)?;
                 Answer::Done
@@ -183,11 +174,9 @@ impl Camera {
                 Answer::Done
             }
             R::SetMode(code, mode) => {
-                let mode = match mode {
-                    1 => FeatureMode::Manual,
-                    2 => FeatureMode::Automatic,
-                    other => return Err(Refusal::NoMode(*other)),
-                };
+                let known =
+                    FeatureMode::from_code(*mode).filter(|mode| *mode != FeatureMode::Unknown);
+                let mode = known.ok_or(Refusal::NoMode(*mode))?;
                 self.controls()?.set_mode(feature(*code)?, mode)?;
                 Answer::Done
             }
