@@ -22,6 +22,11 @@ STIFF = yarp.encode("stif")
 FRICTION = 3.1
 
 
+def becomes(arm, mode):
+    """Whether the base comes into a mode; stock's client says nothing while the newest state is old."""
+    return eventually(lambda: (arm.mode_list() or [None])[0] == mode)[0]
+
+
 def yielding(arm, driver):
     impedance, interaction = driver.viewIImpedanceControl(), driver.viewIInteractionMode()
     limits = [yarp.DVector(1) for _ in range(4)]
@@ -44,14 +49,14 @@ def currents(arm, driver):
     current, modes = driver.viewICurrentControl(), arm.modes
     low, high = yarp.DVector(1), yarp.DVector(1)
     check("getCurrentRange", current.getCurrentRange(0, low, high) and 1.0 < high[0] < 2.0, high[0])
-    check("current mode", modes.setControlMode(0, CURRENT) and eventually(lambda: arm.mode_list()[0] == CURRENT)[0])
+    check("current mode", modes.setControlMode(0, CURRENT) and becomes(arm, CURRENT))
     start = arm.positions()[0]
     # 3.6 of 25 Nm; the motor turns the other way.
     check("setRefCurrent", current.setRefCurrent(0, high[0] * 3.6 / 25.0))
     check("the base turns", eventually(lambda: arm.positions()[0] < start - 3.0)[0], arm.positions()[0])
     check("the current is measured", eventually(lambda: abs(current_of(current) - high[0] * 3.6 / 25.0) < 1e-3)[0],
           current_of(current))
-    check("position mode", modes.setControlMode(0, POSITION) and eventually(lambda: arm.mode_list()[0] == POSITION)[0])
+    check("position mode", modes.setControlMode(0, POSITION) and becomes(arm, POSITION))
 
 
 def current_of(control):
@@ -63,7 +68,7 @@ def duty_cycles(arm, driver):
     pwm = driver.viewIPWMControl()
     value = yarp.DVector(1)
     arm.modes.setControlMode(0, PWM)
-    check("no duty cycle mode", arm.mode_list()[0] == POSITION)
+    check("no duty cycle mode", becomes(arm, POSITION))
     check("no duty cycle is asked for", not pwm.getRefDutyCycle(0, value))
     check("no duty cycle is measured", not pwm.getDutyCycle(0, value))
 
