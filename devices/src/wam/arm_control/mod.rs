@@ -124,8 +124,6 @@ impl ArmControl {
         let orders = std::array::from_fn(|joint| {
             let axis = AxisIndex::from(joint);
             if !self.ready {
-                self.drop_streams(joint);
-                self.compliance[joint].stiffen();
                 self.rest(axis);
             }
             match self.streams[joint] {
@@ -175,9 +173,17 @@ impl ArmControl {
     }
 
     /// Says whether the motors follow torques. While they do not, all joints are in [`Mode::HardwareFault`], commands
-    /// are refused and what was commanded is dropped.
+    /// are refused, what was commanded is dropped, and compliant joints become stiff.
     pub fn set_ready(&mut self, ready: bool) {
         self.ready = ready;
+        if ready {
+            return;
+        }
+        for joint in 0..AXES {
+            self.drop_streams(joint);
+            self.compliance[joint].stiffen();
+            self.rest(joint.into());
+        }
     }
 
     /// Whether the motors follow torques.
