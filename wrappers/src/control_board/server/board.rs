@@ -63,6 +63,10 @@ impl Board {
         self.axes
     }
 
+    pub(super) fn name(&self) -> &str {
+        &self.name
+    }
+
     /// What a request of 3.x is answered with, after it was carried out.
     ///
     /// Up to 3.6 four numbers tell what is assumed of the torque of a motor, later nine, and nothing on the wire says

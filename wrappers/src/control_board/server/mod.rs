@@ -6,6 +6,7 @@
 //! | `question`, `order` | what questions and orders mean for the device |
 //! | `interfaces` | which interfaces the device has |
 //! | `publisher` | the state, every period |
+//! | `slips` | periods that began late |
 //! | `usage` | help for people |
 
 mod board;
@@ -13,6 +14,7 @@ mod interfaces;
 mod order;
 mod publisher;
 mod question;
+mod slips;
 mod usage;
 
 use std::sync::Arc;
@@ -72,7 +74,8 @@ impl ControlBoardOptions {
 ///   they come; none is dropped.
 /// * `NAME/state:o` and `NAME/stateExt:o` send joint positions and the whole state every period, to each reader that
 ///   is done with the one before. Both carry one stamp: its count goes up by one, its time is the mean of the encoder
-///   times. A period is left out when the time of a joint is more than a second from that of the first, as in stock.
+///   times. A period is left out when the time of a joint is more than a second from that of the first, as in stock. A
+///   period that begins more than 20 ms late is told in the log.
 /// * Each reader of `NAME/stateExt:o` gets the layout of its own generation, which is found out before the first state.
 /// * A request that is malformed, or that the device has no interface for or refuses, is answered at once with `[fail]`
 ///   in 3.x and with its code in 4.0, and nothing moves. Parking is never waited for. Parts of the state that the device does not measure are zeros that are marked invalid; while it
