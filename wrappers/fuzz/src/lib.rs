@@ -17,7 +17,7 @@ use yarp_wrappers::thrift::{ReturnCode, ServiceVersion};
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All targets.
-pub const TARGETS: [Target; 7] = [
+pub const TARGETS: [Target; 8] = [
     ("request", request),
     ("numbered", numbered),
     ("call", call),
