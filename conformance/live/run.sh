@@ -143,6 +143,8 @@ for server in ours stock; do
         suite "stock remote_controlboard over $carrier, server: $server" \
             "$with_stock" "$python" conformance/live/remote_controlboard.py /wam $carrier
     done
+    suite "stock's yarp read hears the ends of moves, server: $server" \
+        "$with_stock" "$python" conformance/live/finished_moves.py /wam "$with_stock yarp"
     suite "modifiers of carriers, server: $server" \
         "$with_stock" "$python" conformance/live/monitors.py "$ours"
     suite "yarp up ends cleanly" bash -c "kill -INT $arm; for i in \$(seq 100); do kill -0 $arm 2>/dev/null || exit 0; sleep 0.1; done; exit 1"

@@ -21,7 +21,7 @@ pub mod thrift;
 
 pub use control_board::{
     ControlBoardOptions, ControlBoardServer, OpenError, RemoteControlBoard,
-    RemoteControlBoardOptions,
+    RemoteControlBoardOptions, RemoteMotion,
 };
 pub use frame_grabber::{
     FrameGrabberOptions, FrameGrabberServer, RemoteFrameGrabber, RemoteFrameGrabberOptions,
