@@ -8,7 +8,7 @@ use support::{PATIENCE, Stage};
 use yarp_devices::embedded::{Meeting, NodeOptions, WamNode};
 use yarp_devices::hand::simulated::{SimulatedHand, SimulatedHandOptions};
 use yarp_devices::wam::SimulatedWam;
-use yarp_devices::{Axes, Device};
+use yarp_devices::Axes;
 
 #[track_caller]
 fn eventually(what: &str, mut condition: impl FnMut() -> bool) {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use support::{PATIENCE, Stage};
-use yarp_devices::{Axes, AxisIndex, AxisInfo, ControlLimits, Device, Encoders, checks};
+use yarp_devices::{Axes, AxisIndex, AxisInfo, Device, Encoders, checks};
 
 /// Two arms, and a server of its own for each.
 const ARMS: &str = r#"

@@ -19,7 +19,7 @@ use yarp_wrappers::{
 
 use super::local::{self, Local};
 use super::{Opening, Outcome};
-use crate::{Attached, Future, HostError, Hosted, Parts};
+use crate::{Attached, Future, HostError, Hosted};
 
 /// What stock's simulated camera has, and ours does without.
 const WITHOUT_EFFECT: [&str; 9] = [

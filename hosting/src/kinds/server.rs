@@ -74,7 +74,7 @@ impl Hosted for Server {
             if self.running.is_some() {
                 return Err(HostError::Attached);
             }
-            let board = match &self.networks {
+            let board: Arc<dyn Device> = match &self.networks {
                 Some(networks) => networks.apply(others).await?,
                 None => only(others)?,
             };
