@@ -18,7 +18,7 @@ fn arm(name: &str, joints: usize) -> Named {
     let axes = (0..joints).map(|joint| AxisParameters {
         name: format!("{name}{joint}"),
         joint_type: JointType::Revolute,
-        limits: Limits::new(-60.0, 60.0 + joint as f64),
+        limits: Limits::new(-12.0, 12.0 + joint as f64),
         max_speed: 100.0,
         max_acceleration: 1000.0,
         reference_speed: 30.0,
@@ -152,11 +152,11 @@ fn a_part_of_a_device_leaves_the_rest_alone() {
     let part = of_names(vec![(name, Arc::clone(&left))], "left3 left1").expect("they fit");
     let moves = part.position_control().expect("it moves");
     moves
-        .position_move(Axes::All, &[30.0, 10.0])
+        .position_move(Axes::All, &[11.0, 10.0])
         .expect("it is allowed");
     let own = left.position_control().expect("it moves");
     let targets = own.target_positions(Axes::All).expect("it answers");
-    assert_eq!(targets, [0.0, 10.0, 0.0, 30.0]);
+    assert_eq!(targets, [0.0, 10.0, 0.0, 11.0]);
     // These would move what is not here.
     let whole = part.control_calibration().expect("it is calibrated");
     for refused in [whole.park_robot(false), whole.calibrate_robot()] {
@@ -488,12 +488,12 @@ fn what_one_device_will_refuse_moves_no_other() {
         .unwrap();
     untouched(
         "too far",
-        moves.position_move(Axes::All, &[1.0, 1.0, 1.0, 20.0]),
+        moves.position_move(Axes::All, &[1.0, 1.0, 1.0, 8.0]),
     );
-    wide.set_position_limits(1.into(), Limits::new(-60.0, 60.0))
+    wide.set_position_limits(1.into(), Limits::new(-12.0, 12.0))
         .unwrap();
     moves
-        .position_move(Axes::All, &[1.0, 1.0, 1.0, 20.0])
+        .position_move(Axes::All, &[1.0, 1.0, 1.0, 8.0])
         .expect("it is allowed again");
 }
 

@@ -49,7 +49,7 @@ pub(super) async fn open_remote(opening: Opening<'_>) -> Outcome {
     for remote in remotes {
         let local = format!("{prefix}{remote}");
         let group = "REMOTE_CONTROLBOARD_OPTIONS::";
-        let opened = match remote::options(parameters, group, &remote.to_string(), &local) {
+        let opened = match remote::options(parameters, group, remote.as_ref(), &local) {
             Ok(options) => remote::connect(opening, options).await,
             Err(error) => Err(error),
         };

@@ -24,7 +24,7 @@ pub(super) async fn open(opening: Opening<'_>) -> Outcome {
     let parameters = opening.parameters;
     let remote: PortName = parameters.need("remote")?;
     let local: PortName = parameters.need("local")?;
-    let options = options(parameters, "", &remote.to_string(), &local.to_string())?;
+    let options = options(parameters, "", remote.as_ref(), local.as_ref())?;
     Ok(Box::new(Remote(connect(opening, options).await?)))
 }
 
