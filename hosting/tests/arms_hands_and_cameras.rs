@@ -5,10 +5,10 @@ mod support;
 use std::time::Instant;
 
 use support::{PATIENCE, Stage};
+use yarp_devices::Axes;
 use yarp_devices::embedded::{Meeting, NodeOptions, WamNode};
 use yarp_devices::hand::simulated::{SimulatedHand, SimulatedHandOptions};
 use yarp_devices::wam::SimulatedWam;
-use yarp_devices::Axes;
 
 #[track_caller]
 fn eventually(what: &str, mut condition: impl FnMut() -> bool) {
