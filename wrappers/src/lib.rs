@@ -6,12 +6,14 @@
 //!
 //! * [`control_board`]: joints that move. [`ControlBoardServer`], [`RemoteControlBoard`].
 //! * [`frame_grabber`]: cameras. [`FrameGrabberServer`], [`RemoteFrameGrabber`].
+//! * [`hand`]: a hand as a whole, with grasps. [`HandServer`], [`RemoteHand`].
 //! * [`thrift`]: calls of services as 4.0 puts them on the wire.
 //!
 //! Units are those of the interfaces: degrees and metres. No radians cross a wrapper.
 
 pub mod control_board;
 pub mod frame_grabber;
+pub mod hand;
 mod linking;
 mod opening;
 mod periodic;
@@ -24,6 +26,8 @@ pub use control_board::{
 pub use frame_grabber::{
     FrameGrabberOptions, FrameGrabberServer, RemoteFrameGrabber, RemoteFrameGrabberOptions,
 };
+
+pub use hand::{HandServer, RemoteHand, RemoteHandOptions};
 
 /// Compiles the example of the README.
 #[cfg(doctest)]

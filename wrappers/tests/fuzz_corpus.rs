@@ -98,6 +98,28 @@ const CAMERA: [&str; 16] = [
     "setModeRPC 99999999999 2",
 ];
 
+/// Requests to hands, replies, and some that are wrong.
+const HANDS: [&str; 18] = [
+    "help",
+    "[hand] [init]",
+    "[hand] [pos]",
+    "positions",
+    "move 0 45.0",
+    "[hand] [move] (0 3) (45.0 90.0)",
+    "[hand] [move] (1.0 2.0 3 4)",
+    "[hand] [gcl] \"FGET P\"",
+    "gcl 3M 8000",
+    "grasp rect",
+    "[hand] [gras] peg",
+    "[hand] [chck] (64.0 any any nan)",
+    "move 999999999999 1",
+    "grasp p",
+    "[ok] 1",
+    "[ok] \"1.0 2.0 3.0 inf\"",
+    "[fail] status \"not initialised\" 4",
+    "[fail] malformed \"unknown word\"",
+];
+
 /// Heads of streamed commands of both generations.
 const HEADS: [&str; 8] = [
     "[vmo] 0",
@@ -132,6 +154,9 @@ fn write_seeds() {
         }
         for (number, text) in CAMERA.iter().enumerate() {
             write("camera", number, &Bottle::parse(text).unwrap(), dialect);
+        }
+        for (number, text) in HANDS.iter().enumerate() {
+            write("hand", number, &Bottle::parse(text).unwrap(), dialect);
         }
         for (number, text) in HEADS.iter().enumerate() {
             let command = Command {

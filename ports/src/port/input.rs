@@ -3,7 +3,7 @@
 use std::io;
 use std::net::{IpAddr, SocketAddrV4};
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use bytes::BytesMut;
 use tokio::net::TcpStream;
@@ -69,6 +69,7 @@ pub(super) async fn serve(
         stream: Arc::new(stream),
         input: Inflow::default(),
         output: BytesMut::new(),
+        greeting: 0,
         number,
         entry: None,
         cancel: Some(cancel),
@@ -120,6 +121,9 @@ pub(super) async fn serve(
     }
 }
 
+/// How long the answer to a header waits for that to the first message, if both have come.
+const GREETING: Duration = Duration::from_millis(1);
+
 /// How a connection ended.
 pub(super) enum End {
     Closed,
@@ -147,6 +151,8 @@ pub(super) struct Connection {
     acceptor: Acceptor,
     input: Inflow,
     pub(super) output: BytesMut,
+    /// How much of the output answers the header, as long as it has not been sent.
+    greeting: usize,
     /// Its number in the port's list.
     pub(super) number: u64,
     /// The place in the port's list, once the header is done with.
@@ -235,6 +241,7 @@ impl Connection {
             if let Err(error) = stream::write_all(&self.stream, &mut self.output).await {
                 return error.into();
             }
+            self.greeting = 0;
             let missing = self.acceptor.missing(&self.input.bytes);
             if missing == 0
                 && let Some(read) = self.busy.read(&self.stream, &mut self.input).await
@@ -390,6 +397,7 @@ impl Connection {
             return Next::Stop(End::Reversed);
         }
         let opened = self.opened(carrier);
+        self.greeting = self.output.len();
         if !matches!(opened, Ok(true)) {
             // Without the header reply the peer knows that there is no connection.
             self.output.clear();
@@ -586,14 +594,26 @@ impl Connection {
             done = &mut waiting => return done,
             () = std::future::ready(()) => {}
         }
-        // A peer that is gone is noticed when it is read from.
-        let _ = stream::write_all(&self.stream, &mut self.output).await;
         if let Some(caller) = &mut self.caller {
             caller.waits(Instant::now());
         }
-        let done = waiting.await;
+        let done = tokio::select! {
+            biased;
+            done = &mut waiting => done,
+            () = self.say_so_far() => waiting.await,
+        };
         self.spoke();
         done
+    }
+
+    /// Sends what was said so far; only the answer to a header waits a moment for that to the message
+    /// which came along with it: who has sent both looks for nothing but the latter.
+    async fn say_so_far(&mut self) {
+        if self.greeting > 0 && self.output.len() == self.greeting {
+            tokio::time::sleep(GREETING).await;
+        }
+        // A peer that is gone is noticed when it is read from.
+        let _ = stream::write_all(&self.stream, &mut self.output).await;
     }
 
     /// The peer is not silent.
