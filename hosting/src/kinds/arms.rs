@@ -87,7 +87,10 @@ mod tests {
 
     #[test]
     fn one_end_listens_and_the_other_connects() {
-        let here = |address: &str| Places::at(address.parse().unwrap());
+        let here = |address: &str| Places {
+            arm: format!("{address}:{ARM_PORT}").parse().unwrap(),
+            packets: format!("{address}:{PACKET_PORT}").parse().unwrap(),
+        };
         assert_eq!(of(""), Ok(Meeting::Listen(here("127.0.0.1"))));
         assert_eq!(of("listen 0.0.0.0"), Ok(Meeting::Listen(here("0.0.0.0"))));
         assert_eq!(
