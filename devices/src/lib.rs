@@ -9,6 +9,7 @@
 //! * [`hand`]: the BarrettHand on its serial line, and a simulated one at the other end of such a line.
 //! * [`image`], [`camera`]: images, and a camera that shows test patterns or files.
 //! * [`embedded`]: the arm behind its embedded PC, driver and server.
+//! * [`remapper`]: several devices seen as one control board, or a part of one.
 //! * [`guard`]: limits and a watchdog around any device.
 //! * [`clock`]: the time of day.
 //! * [`checks`]: behaviours that every device with these interfaces must show.
@@ -47,6 +48,7 @@ pub mod iface;
 pub mod image;
 pub mod kinematics;
 mod random;
+pub mod remapper;
 pub mod simulation;
 pub mod trajectory;
 pub mod wam;
