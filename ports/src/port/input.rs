@@ -26,14 +26,13 @@ use super::monitor::{Chain, MonitorError, MonitorSide};
 use super::options::{Input, Serving};
 use super::output::{Output, Way};
 use super::qos::SocketHandle;
-use super::received::{Answer, Received, Reply, Responder, Said};
+use super::received::{Answer, Received, Reply, Responder};
 use super::silent;
 use crate::auth;
 use crate::busy::BusyPoll;
 use crate::cancel::{Cancel, Cancelled};
 use crate::datagram;
 use crate::error::story;
-use crate::probe;
 use crate::roles::{self, Peer, Right, Rights};
 use crate::stream::{self, Inflow, Socket};
 use crate::{shmem, unix};
@@ -193,8 +192,6 @@ enum Step {
     Done(Next),
     /// It is on its way to the owner; tells whether the sender wants a reply.
     Handing(Handing, bool),
-    /// The answer is there, but how the sender reads it is not known.
-    Unclear(Option<Reply>),
     /// It is not for the owner, or not from who may write.
     Command(Command, Payload),
 }
@@ -512,17 +509,13 @@ impl Connection {
             connection: self.number,
         };
         let answer = match self.hand(received) {
-            Handing::Now(Handed::Answered(Answer::Nothing)) => None,
-            Handing::Now(Handed::Answered(Answer::Reply(reply))) => Some(reply),
+            Handing::Now(Handed::Answered(Answer::Nothing)) => (None, false),
+            Handing::Now(Handed::Answered(Answer::Reply(reply))) => (Some(reply), false),
             handing => return Step::Handing(handing, reply),
         };
-        let said = self.output.len();
-        if self.answer(answer.as_deref(), reply) {
-            self.output.truncate(said);
-            return Step::Unclear(answer);
-        }
+        let next = self.answer(answer, reply);
         self.acceptor.acknowledge(&mut self.output);
-        Step::Done(Next::Go)
+        Step::Done(next)
     }
 
     /// Does what is left to do with a message.
@@ -530,16 +523,8 @@ impl Connection {
         let next = match left {
             Step::Done(next) => return next,
             Step::Handing(handing, reply) => {
-                let (answer, last) = self.finish(handing).await;
-                self.answer_clearly(answer.as_deref(), reply).await;
-                match last {
-                    true => Next::Stop(End::Closed),
-                    false => Next::Go,
-                }
-            }
-            Step::Unclear(answer) => {
-                self.answer_clearly(answer.as_deref(), true).await;
-                Next::Go
+                let answer = self.finish(handing).await;
+                self.answer(answer, reply)
             }
             // Who may not write.
             Step::Command(Command::Data { reply, .. }, _) => {
@@ -638,36 +623,34 @@ impl Connection {
         }
     }
 
-    /// Says what the owner answers; tells whether the peer may misread it.
-    ///
-    /// On a binary connection a sender that asked for a reply must get one: without it a stock sender takes the
-    /// acknowledgement for the reply and hangs. People at a terminal get none.
-    fn answer(&mut self, reply: Option<&Said>, wanted: bool) -> bool {
+    fn answer(&mut self, (reply, last): (Option<Reply>, bool), wants_reply: bool) -> Next {
+        match reply {
+            Some(reply) => self.reply(&reply, wants_reply),
+            None => self.reply_nothing(wants_reply),
+        }
+        if last {
+            Next::Stop(End::Closed)
+        } else {
+            Next::Go
+        }
+    }
+
+    fn reply(&mut self, reply: &Reply, wanted: bool) {
+        if wanted {
+            self.acceptor.reply(reply.as_ref(), &mut self.output);
+        }
+    }
+
+    /// On a binary connection a sender that asked for a reply must get one: without it a stock
+    /// sender takes the acknowledgement for the reply and hangs. People at a terminal get none.
+    fn reply_nothing(&mut self, wanted: bool) {
         let binary = self
             .acceptor
             .carrier()
             .is_some_and(|carrier| carrier.framing.is_binary());
-        match reply {
-            _ if !wanted => false,
-            Some(reply) => self.acceptor.reply(reply, &mut self.output),
-            None => binary && self.acceptor.reply(&Bottle::new(), &mut self.output),
+        if wanted && binary {
+            self.acceptor.reply(&Bottle::new(), &mut self.output);
         }
-    }
-
-    /// As [`answer`](Self::answer), in words that the peer reads right: if need be its port is asked what it is, once for
-    /// a connection.
-    async fn answer_clearly(&mut self, reply: Option<&Said>, wanted: bool) {
-        let said = self.output.len();
-        if !self.answer(reply, wanted) {
-            return;
-        }
-        self.output.truncate(said);
-        let (core, sender) = (self.core.clone(), self.sender.name.clone());
-        let asking = Box::pin(async move { probe::generation_of(&sender, &core.network).await });
-        let found = self.wait_for(asking).await;
-        self.acceptor
-            .settle(found.unwrap_or(self.core.options.dialect));
-        self.answer(reply, wanted);
     }
 
     async fn command(&mut self, command: Command) -> Next {

@@ -10,7 +10,7 @@
 //!
 //! People leave `[hand]` away and type whole words: `open`, `grasp rect`, `gcl FGET P`. Angles are degrees.
 //!
-//! Numbers are answered as text, which callers of either generation read alike, even those whose ports cannot be asked of
+//! Numbers are answered as text, which callers of either generation read alike: a request without floats does not tell of
 //! which they are. Floats in requests are understood as either generation says them.
 
 mod reply;
