@@ -57,7 +57,10 @@ fn a_hand_whose_output_is_gone_leaves_no_names() {
     let _server = home.serve();
     let mut command = Command::new("sh");
     let yarp = env!("CARGO_BIN_EXE_yarp");
-    command.args(["-c", &format!("exec {yarp} hand-board --serial {line} >/dev/full")]);
+    command.args([
+        "-c",
+        &format!("exec {yarp} hand-board --serial {line} >/dev/full"),
+    ]);
     let ended = home.spawn(command, "hand-board, without output").finish();
     assert_ne!(ended.code, Some(0), "{ended:?}");
     assert_eq!(home.names(), Vec::<String>::new());

@@ -12,7 +12,7 @@ mod dynamic;
 mod dynamic_arm;
 mod model;
 mod motors;
-mod pace;
+pub(crate) mod pace;
 mod parameters;
 mod simulated;
 mod transmission;

@@ -6,6 +6,7 @@
 use bytes::{Bytes, BytesMut};
 use yarp_wire::message::{ReadObject, WireObject};
 use yarp_wire::{Bottle, Dialect, Limits};
+use yarp_wrappers::cartesian::messages as cartesian;
 use yarp_wrappers::control_board::messages::{Command, JointData, Reply, Request};
 use yarp_wrappers::frame_grabber::messages as grabber;
 use yarp_wrappers::thrift::{ReturnCode, ServiceVersion};
@@ -14,13 +15,14 @@ use yarp_wrappers::thrift::{ReturnCode, ServiceVersion};
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All targets.
-pub const TARGETS: [Target; 6] = [
+pub const TARGETS: [Target; 7] = [
     ("request", request),
     ("call", call),
     ("streamed", streamed),
     ("state", state),
     ("camera", camera),
     ("picture", picture),
+    ("tool", tool),
 ];
 
 const DIALECTS: [Dialect; 2] = [Dialect::V3, Dialect::V4];
@@ -126,6 +128,26 @@ pub fn camera(data: &[u8]) {
         ] {
             let _ = request.read_reply(&bottle);
             let _ = request.read_results(bottle.as_slice());
+        }
+    }
+}
+
+/// Requests to controllers of a tool, and events: what is understood is said again the same way.
+pub fn tool(data: &[u8]) {
+    let bytes = Bytes::copy_from_slice(data);
+    for dialect in DIALECTS {
+        let Ok(bottle) = Bottle::decode(&bytes, dialect, Limits::DEFAULT) else {
+            continue;
+        };
+        if let Ok(understood) = cartesian::Request::parse(&bottle) {
+            let printed = understood.to_bottle();
+            let again = cartesian::Request::parse(&printed).expect("our own words");
+            // Compared as they print: a nan is not equal to itself.
+            assert_eq!(format!("{again:?}"), format!("{understood:?}"), "{printed}");
+        }
+        if let Some(event) = cartesian::from_event(&bottle) {
+            let again = cartesian::from_event(&cartesian::to_event(&event));
+            assert_eq!(format!("{again:?}"), format!("{:?}", Some(event)));
         }
     }
 }

@@ -36,7 +36,7 @@ pub(crate) use calls::FUNCTIONS;
 pub use command::{Command, Streamed};
 pub use joint_data::{Field, JointData};
 pub(crate) use loops::{kind_of, kind_word};
-pub(crate) use number::{count, float, floats};
+pub(crate) use number::{axis, count, float, floats, integer};
 pub use quantity::{Quantity, Setting};
 pub use reply::{ProtocolVersion, Reply};
 pub(crate) use reply::{joint_type_from_value, joint_type_to_value};
