@@ -30,6 +30,17 @@ fn a_finger_is_moved_by_typing_and_over_the_hand_server() {
     assert!(moved.says("Response: [ok]"), "{moved:?}");
     let axes = home.run_with("rpc /hand/rpc:i", "[get] [axes]\n").with(0);
     assert!(axes.says("[is] [axes] 4"), "{axes:?}");
+    let grasp = home
+        .run_with("rpc /hand/hand/rpc:i", "grasp rect\n")
+        .with(0);
+    assert!(grasp.says("Response: [ok]"), "{grasp:?}");
+    let where_it_is = home
+        .run_with("rpc /hand/hand/rpc:i", "gcl 4FGET P\n")
+        .with(0);
+    assert!(
+        where_it_is.says("Response: [ok] \"1500\""),
+        "{where_it_is:?}"
+    );
     board.signal("TERM").finish().with(0);
 
     let options = RemoteHandOptions::new().arrival(PATIENCE).motion(PATIENCE);

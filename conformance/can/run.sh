@@ -10,7 +10,7 @@ cd "$here/../.."
 
 CACHE="${CAN_CACHE:-$HOME/.cache/can-kernel}"
 DEADLINE="${CAN_DEADLINE:-600}" # seconds until the machine counts as hung
-MODULES="net/can/can net/can/can-raw drivers/net/can/dev/can-dev drivers/net/can/vcan"
+MODULES="can can-raw can-dev vcan" # as in prepare.sh and init
 
 fail() {
     echo "can: $*" >&2
@@ -28,7 +28,7 @@ mkdir -p "$disk"/{bin,dev,modules,proc,sys}
 cp "$CACHE/busybox" "$disk/bin/busybox"
 for name in sh ip; do ln -s busybox "$disk/bin/$name"; done
 cp "$program" "$disk/bin/arm_on_vcan"
-for module in $MODULES; do cp "$CACHE/$(basename "$module").ko" "$disk/modules/"; done
+for module in $MODULES; do cp "$CACHE/$module.ko" "$disk/modules/"; done
 ldd "$program" | grep -o '/[^ ]*' | while read -r library; do
     mkdir -p "$disk$(dirname "$library")"
     cp -L "$library" "$disk$library"

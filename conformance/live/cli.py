@@ -50,7 +50,7 @@ FAILURE_IS_TOLD = {0: 1}
 REPORTS = re.compile(r"\[INFO\] \|yarp\.os\.impl\.PortCore")
 
 # Seconds that any single step may take.
-PATIENCE = 15
+PATIENCE = 40
 
 # The last line of a terminal, which no command prints.
 END_OF_OUTPUT = "--- the command has ended ---"

@@ -27,7 +27,7 @@ def check(what, good, found=""):
     return good
 
 
-def eventually(condition, patience=20.0):
+def eventually(condition, patience=30.0):
     """Whether it became true."""
     begun = time.monotonic()
     while time.monotonic() < begun + patience:

@@ -1,4 +1,4 @@
-"""Moves the fingers of a served hand with stock YARP's own client, and prints `ok` or `FAIL` per check.
+"""Moves the fingers of a served hand with stock YARP's own client and by typing to it, and prints `ok` or `FAIL` per check.
 
     yarp hand-sim --link LINE & yarp hand-board --serial LINE &
     "$STOCK/bin/python" conformance/live/hand.py /hand
@@ -7,6 +7,7 @@ Ends with 1 if any check failed. The network is that of YARP's configuration.
 """
 
 import os
+import subprocess
 import sys
 import time
 
@@ -37,6 +38,28 @@ def eventually(condition, patience=30.0):
             return True
         time.sleep(0.01)
     return False
+
+
+def typed(server, lines):
+    """What stock's `yarp rpc` prints when a person types this."""
+    told = subprocess.run(["yarp", "rpc", f"{server}/hand/rpc:i"], input="".join(f"{line}\n" for line in lines),
+                          capture_output=True, text=True, timeout=120)
+    return told.stdout
+
+
+def words(server):
+    """The hand as a whole, over stock's `yarp rpc`."""
+    told = typed(server, ["help"])
+    check("help lists the words", told.startswith("Responses:") and "grasp rectangular" in told)
+    told = typed(server, ["open", "grasp rect", "gcl 4FGET P", "[hand] [open]"]).splitlines()
+    answers = [line.split("Response: ")[1].strip() for line in told if "Response: " in line]
+    check("open, a grasp, its own language, [hand] [open]", answers == ["[ok]", "[ok]", '[ok] "1500"', "[ok]"], answers)
+    told = typed(server, ["positions"])
+    check("positions", 'Response: [ok] "' in told, told)
+    told = typed(server, ["dance"])
+    check("an unknown word is refused in words", "Response: [fail] malformed" in told and "help" in told, told)
+    told = typed(server, ["gcl DANCE"])
+    check("the complaint of the hand comes through", "Response: [fail] status" in told and "unknown command" in told, told)
 
 
 def main():
@@ -74,6 +97,7 @@ def main():
     check("stop", velocity.stop(0) and eventually(position.checkMotionDone))
     check("idle", mode(0, IDLE))
     driver.close()
+    words(sys.argv[1])
     print(f"{failures} failed")
     return 1 if failures else 0
 

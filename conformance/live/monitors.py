@@ -19,7 +19,7 @@ import time
 import yarp
 
 # Seconds that any single step may take.
-PATIENCE = 15
+PATIENCE = 40
 
 failed = 0
 

@@ -41,7 +41,7 @@ def check(what, good, found=""):
     return good
 
 
-def eventually(condition, patience=15.0):
+def eventually(condition, patience=30.0):
     """Whether it became true, and after how many seconds."""
     begun = time.monotonic()
     while time.monotonic() < begun + patience:

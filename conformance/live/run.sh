@@ -155,9 +155,14 @@ for server in ours stock; do
     until_ok test -e "$line"
     "$ours" hand-board --serial "$line" >"$work/hand-board.log" 2>&1 &
     running+=($!)
-    until_ok "$ours" exists /hand/stateExt:o
-    suite "stock remote_controlboard moves the fingers of a hand, server: $server" \
+    until_ok "$ours" exists /hand/hand/rpc:i
+    suite "stock moves the fingers of a hand, and types to it, server: $server" \
         "$with_stock" "$python" conformance/live/hand.py /hand
+    "$ours" up --arm dynamic --name /dynamic >"$work/dynamic.log" 2>&1 &
+    running+=($!)
+    until_ok "$ours" exists /dynamic/stateExt:o
+    suite "stock remote_controlboard pushes an arm with masses, server: $server" \
+        "$with_stock" "$python" conformance/live/dynamic_arm.py /dynamic
     left=$("$ours" name list | grep -c -e ' /wam/' -e ' /cartController/' || true)
     suite "no name is left behind" test "$left" = 0
 

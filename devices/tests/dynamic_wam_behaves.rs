@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use yarp_devices::simulation::{SafetyMode, SimulatorOptions};
 use yarp_devices::wam::{DynamicArm, DynamicWam, WamModel};
-use yarp_devices::{Axes, AxisIndex, Device, DeviceError, Mode, checks};
+use yarp_devices::{Axes, AxisIndex, Device, DeviceError, Interaction, Mode, checks};
 
 const PATIENCE: Duration = Duration::from_secs(60);
 const ELBOW: Axes<'static> = Axes::One(AxisIndex::new(3));
@@ -52,6 +52,8 @@ fn keeps_the_contracts_that_need_no_exact_place() {
         checks::references_are_kept,
         checks::modes_are_kept,
         checks::limits_are_kept,
+        checks::interactions_are_kept,
+        checks::impedance_is_kept,
     ] {
         let arm = DynamicWam::start().expect("the arm starts");
         check(&arm, PATIENCE);
@@ -234,4 +236,25 @@ fn a_fault_is_reported_and_only_force_idle_leads_out() {
     arm.position_move(ELBOW, &[150.0]).unwrap();
     finish(&mut arm);
     assert!((at(&arm, 3) - 150.0).abs() < 1.0);
+}
+
+/// What other joints were told went on when one of them was led out of a fault before the next period.
+#[test]
+fn a_fault_drops_all_commands_even_if_the_way_out_comes_at_once() {
+    let mut arm = arm();
+    set_mode(&mut arm, Mode::Torque);
+    arm.set_reference_torques(Axes::One(0.into()), &[10.0])
+        .unwrap();
+    arm.set_interactions(Axes::One(6.into()), &[Interaction::Compliant])
+        .unwrap();
+    arm.safety_mut().press_stop();
+    arm.set_control_modes(ELBOW, &[Mode::ForceIdle]).unwrap();
+    assert_eq!(modes(&arm), [Mode::Idle; 7]);
+    assert_eq!(arm.reference_torques(Axes::All).unwrap(), [0.0; 7]);
+    assert_eq!(
+        arm.interactions(Axes::All).unwrap(),
+        [Interaction::Stiff; 7]
+    );
+    run(&mut arm, 0.5);
+    assert!(at(&arm, 0).abs() < 0.1, "{}", at(&arm, 0));
 }

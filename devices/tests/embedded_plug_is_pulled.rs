@@ -6,10 +6,11 @@ use std::io::Write;
 use std::thread;
 
 use embedded::{
-    Cut, Listeners, Listens, Peer, at_rest, connected, driver_options, eventually, ideal_arm, place,
+    Cut, Listeners, Listens, Peer, at_rest, connected, driver_options, eventually, ideal_arm,
+    node_options, place,
 };
 use yarp_devices::embedded::protocol::{Kind, Request};
-use yarp_devices::embedded::{CartesianPose, EmbeddedWam, LinkState, Meeting};
+use yarp_devices::embedded::{CartesianPose, EmbeddedWam, LinkState, Meeting, WamNode};
 use yarp_devices::{
     Axes, ControlMode, DeviceError, Encoders, Mode, MotionControl, PositionControl,
 };
@@ -200,22 +201,29 @@ fn the_arm_stops_and_holds_and_no_reconnection_resumes_the_move() {
     let base = Axes::One(0.into());
     // So slow that the move does not end by itself.
     arm.set_reference_speeds(base, &[1.0]).unwrap();
-    let (driver, node) = connected(arm.clone(), Listens::Node);
+    let (driver, node) = connected(arm.clone(), Listens::Driver);
     driver.position_move(base, &[140.0]).unwrap();
     eventually("a move under way", || place(arm.as_ref(), 0) > 0.1);
-    let goodbye = driver;
-    drop(goodbye);
-    eventually("an arm that holds", || {
-        arm.motion_done(Axes::All).unwrap() && !node.status().connected
-    });
+    drop(node);
+    eventually("an arm that holds", || arm.motion_done(Axes::All).unwrap());
     let held = place(arm.as_ref(), 0);
     assert!(held < 100.0, "it stopped on its way");
     let modes = arm.control_modes(Axes::All).unwrap();
     assert_eq!(modes, [Mode::Position; 7]);
-    let driver = EmbeddedWam::start(driver_options(Meeting::Connect(node.places()))).unwrap();
+    eventually("the loss noticed", || !driver.link().is_up());
+    let again = Meeting::Connect(driver.places());
+    let _node = WamNode::start(arm.clone(), node_options(again)).unwrap();
+    eventually("the arm found again", || driver.link().sessions == 2);
     at_rest(&driver);
     assert_eq!(place(arm.as_ref(), 0), held);
     assert_eq!(driver.target_positions(base).unwrap(), [place(&driver, 0)]);
+    // One message moves all joints, and the base has no place to go to any more.
+    let other = Axes::One(4.into());
+    driver.position_move(other, &[5.0]).unwrap();
+    eventually("the other joint there", || {
+        (place(arm.as_ref(), 4) - 5.0).abs() < 1e-6
+    });
+    assert!((place(arm.as_ref(), 0) - held).abs() < 1e-6);
     driver.stop(Axes::All).unwrap();
     assert!(driver.encoder_readings(Axes::All).is_ok());
 }

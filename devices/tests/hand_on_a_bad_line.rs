@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use hand_support::{Stage, eventually};
 use yarp_devices::hand::gcl::{Layout, MotorControl, MotorLayout, Motors, Status};
 use yarp_devices::hand::simulated::Noise;
-use yarp_devices::hand::{BarrettHand, HandError, HandOptions};
+use yarp_devices::hand::{BarrettHand, GclLine, HandError, HandOptions};
 use yarp_devices::{Axes, DeviceError, Grasp, GraspKind, Hand};
 
 /// Pulls the plug while a call is under way, and looks at what comes of it.
@@ -117,6 +117,104 @@ fn while_in_realtime() {
     assert_eq!(stage.there.travelled(), stopped);
 }
 
+/// One of each command of the language, those that ask and those that move.
+const COMMANDS: [&str; 32] = [
+    "GC",
+    "GO",
+    "GTC",
+    "GTO",
+    "12IC 100",
+    "1IO",
+    "3M 8000",
+    "SM 1200",
+    "GHOME",
+    "HI",
+    "GT",
+    "1234C",
+    "FSET MCV 90",
+    "PSET OTEMP 600",
+    "FGET P",
+    "2FGET MCV MOV",
+    "PGET TEMP",
+    "FLOAD",
+    "FSAVE MCV",
+    "FDEF",
+    "PLOAD",
+    "PSAVE",
+    "PDEF OTEMP",
+    "FLIST",
+    "FLISTV",
+    "PLISTAV",
+    "?",
+    "A?",
+    "ERR",
+    "VERS",
+    "RESET",
+    "",
+];
+
+/// Pulls the plug when the hand has heard all of `sent` but its last byte, and puts it back; the hand has not moved.
+fn plug_pulled_at(
+    stage: &Stage,
+    hand: &BarrettHand,
+    sent: &str,
+    step: &str,
+    call: impl Fn() -> HandError + Send,
+) {
+    let before = stage.there.travelled();
+    stage.there.set_deaf_from(Some(sent.as_bytes()));
+    let error = thread::scope(|scope| {
+        let calling = scope.spawn(call);
+        eventually("a command under way", || stage.there.is_deaf());
+        stage.there.hang_up();
+        calling.join().unwrap()
+    });
+    let HandError::LineLost { step: told, .. } = &error else {
+        panic!("{step}: {error:?}");
+    };
+    assert_eq!(told, step);
+    assert!(!Hand::is_connected(hand));
+    stage.there.set_deaf_from(None);
+    stage.there.plug_in().unwrap();
+    hand.finger_positions().expect("the line is back");
+    assert_eq!(stage.there.travelled(), before, "{step}");
+}
+
+#[test]
+fn while_any_command_is_typed_or_answered() {
+    let stage = Stage::new();
+    let hand = stage.ready();
+    for text in COMMANDS {
+        let line = [text.to_owned()];
+        let call = || GclLine::run(&hand, &line).expect_err("the line broke");
+        if !text.is_empty() {
+            let step = format!("waiting for the echo of `{text}`");
+            plug_pulled_at(&stage, &hand, text, &step, call);
+        }
+        let step = format!("waiting for `{text}` to end");
+        plug_pulled_at(&stage, &hand, &format!("{text}\r"), &step, call);
+    }
+    hand.close_fingers().unwrap();
+}
+
+#[test]
+fn while_realtime_begins() {
+    let stage = Stage::new();
+    let hand = stage.ready();
+    let layout = Layout::same(Motors::FINGERS, MotorLayout::default());
+    let call = || {
+        hand.realtime(layout.clone())
+            .map(drop)
+            .expect_err("the line broke")
+    };
+    for (sent, step) in [
+        ("LOOP", "waiting for the echo of `GLOOP`"),
+        ("LOOP\r", "waiting for `GLOOP` to begin"),
+    ] {
+        plug_pulled_at(&stage, &hand, sent, step, call);
+    }
+}
+
 #[test]
 fn a_line_that_stays_away_is_refused_at_once_and_used_when_it_is_back() {
     let stage = Stage::new();
@@ -181,6 +279,17 @@ fn noise_moves_nothing_that_was_not_asked_for() {
     hand.move_fingers(Axes::One(1.into()), &[30.0]).unwrap();
 }
 
+/// How long random bytes come: three seconds, or as many as this variable says.
+const BABBLE: &str = "YARP_HAND_BABBLE_SECONDS";
+
+/// Something that is asked of a hand.
+type Call = fn(&BarrettHand) -> Result<(), DeviceError>;
+
+fn babble() -> Duration {
+    let seconds = std::env::var(BABBLE).map_or(Ok(3), |text| text.parse());
+    Duration::from_secs(seconds.unwrap_or_else(|error| panic!("{BABBLE}: {error}")))
+}
+
 /// Random bytes for a while: no panic, no movement, and every call comes back.
 #[test]
 fn a_stranger_on_the_line_moves_nothing() {
@@ -189,21 +298,23 @@ fn a_stranger_on_the_line_moves_nothing() {
         .echo(Duration::from_millis(100))
         .motion(Duration::from_secs(1))
         .block(Duration::from_millis(100));
-    let hand = stage.ready();
-    drop(hand);
-    let hand = BarrettHand::open(options.clone().echo(hand_support::PATIENCE)).unwrap();
+    drop(stage.ready());
     let before = stage.there.travelled();
     stage.there.set_babble(Some(11));
-    let until = Instant::now() + Duration::from_secs(3);
+    let until = Instant::now() + babble();
     let mut calls = 0;
-    drop(hand);
     while Instant::now() < until || calls < 3 {
         match BarrettHand::open(options.clone()) {
             Ok(hand) => panic!("a stranger was taken for a hand: {hand:?}"),
-            Err(error) => assert!(matches!(error, HandError::NoHand { .. }), "{error}"),
+            // Four times 25 ms for a prompt and 100 ms for an error.
+            Err(HandError::NoHand { waited, .. }) => {
+                assert_eq!(waited, Duration::from_millis(500));
+            }
+            Err(error) => panic!("{error}"),
         }
         calls += 1;
     }
+    println!("{calls} times a hand was looked for among random bytes");
     stage.there.set_babble(None);
     assert_eq!(stage.there.travelled(), before);
     stage.ready().close_fingers().unwrap();
@@ -218,17 +329,33 @@ fn a_hand_that_begins_to_babble_is_not_obeyed_nor_told_anything() {
     hand.initialise().unwrap();
     let before = stage.there.travelled();
     stage.there.set_babble(Some(3));
-    let outcome = hand.close_fingers().expect_err("nobody understands");
-    let cause = outcome
-        .source()
-        .and_then(|cause| cause.downcast_ref::<HandError>());
-    assert!(
-        matches!(
-            cause,
-            Some(HandError::Garbled { .. } | HandError::NoHand { .. })
-        ),
-        "{cause:?}"
-    );
+    let until = Instant::now() + babble();
+    // First seven letters: two may come back among random bytes by chance. From then on the hand is looked for before
+    // it is told anything.
+    let calls: [Call; 5] = [
+        |hand| hand.send_command("GM 8000").map(drop),
+        |hand| hand.finger_positions().map(drop),
+        |hand| hand.close_fingers(),
+        |hand| hand.grasp(GraspKind::Peg),
+        |hand| hand.initialise(),
+    ];
+    let mut count = 0;
+    for call in calls.iter().cycle() {
+        let outcome = call(&hand).expect_err("nobody understands");
+        let cause = outcome.source().and_then(|cause| cause.downcast_ref());
+        assert!(
+            matches!(
+                cause,
+                Some(HandError::Garbled { .. } | HandError::NoHand { .. })
+            ),
+            "{cause:?}"
+        );
+        count += 1;
+        if Instant::now() > until {
+            break;
+        }
+    }
+    println!("{count} commands failed while random bytes came");
     assert_eq!(stage.there.travelled(), before);
     stage.there.set_babble(None);
     hand.close_fingers().unwrap();

@@ -30,4 +30,5 @@ holds! {
     a_puck_that_restarts_has_lost_its_position
     the_safety_module_stops_a_push_and_says_why
     limits_reach_the_safety_module
+    pucks_answer_callers
 }

@@ -24,6 +24,8 @@ fn keeps_the_contracts_that_need_no_exact_place() {
         checks::references_are_kept,
         checks::modes_are_kept,
         checks::limits_are_kept,
+        checks::interactions_are_kept,
+        checks::impedance_is_kept,
     ] {
         let rig = Memory::new();
         check(&active(&rig), PATIENCE);

@@ -1,9 +1,10 @@
 //! The bus goes away in the middle of each command and at each frame of a period: the step is named, the arm is braked,
 //! and nothing goes on by itself when the bus is back.
 
+use yarp_devices::can::BusError;
 use yarp_devices::can::puck::{Address, Group, Message, Node, Property};
 use yarp_devices::simulation::{SafetyMode, SimulatedPucks};
-use yarp_devices::wam::can::CanWam;
+use yarp_devices::wam::can::{CanWam, Step};
 use yarp_devices::{
     Axes, AxisIndex, ControlMode, DeviceError, Encoders, Mode, MotionControl, PositionControl,
     PositionDirect, TorqueControl, VelocityControl,
@@ -13,7 +14,7 @@ use yarp_devices::{
 mod can;
 
 use can::memory::Memory;
-use can::scenarios::{active, elbow, modes};
+use can::scenarios::{activate, active, elbow, modes};
 use can::{Plug, Rig, says, until};
 
 const ELBOW: Axes<'static> = Axes::One(AxisIndex::new(3));
@@ -69,6 +70,31 @@ fn in_the_middle_of_each_command() {
 
 fn safety(rig: &Memory) -> SafetyMode {
     rig.pucks().lock().simulator().safety().mode()
+}
+
+/// Back before the safety module misses anything: it has not braked by itself, and could not be told to.
+#[test]
+fn for_less_than_a_heartbeat() {
+    let rig = Memory::new();
+    let arm = active(&rig);
+    arm.position_move(ELBOW, &[100.0]).expect("it is taken");
+    until("a move on its way", || elbow(&rig) < 177.5);
+    rig.wire().lock().failure = Some(BusError::Off);
+    until("the loss noticed", || !arm.status().connected);
+    // By then the order to brake has failed too.
+    until("an attempt to find the arm", || {
+        let trouble = arm.status().trouble;
+        trouble.is_some_and(|trouble| trouble.step == Step::Open)
+    });
+    assert_eq!(safety(&rig), SafetyMode::Active);
+    rig.wire().lock().failure = None;
+    until("the arm found again", || arm.status().connections == 2);
+    until("control periods", || arm.status().periods > 100);
+    assert_eq!(safety(&rig), SafetyMode::Idle);
+    assert_eq!(modes(&arm), [Mode::HardwareFault; 7]);
+    let refused = arm.position_move(ELBOW, &[100.0]);
+    assert!(matches!(refused, Err(DeviceError::WrongMode { .. })));
+    activate(&rig, &arm);
 }
 
 #[test]

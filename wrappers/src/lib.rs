@@ -7,6 +7,7 @@
 //! * [`control_board`]: joints that move. [`ControlBoardServer`], [`RemoteControlBoard`].
 //! * [`cartesian`]: tools that move in space. [`CartesianServer`], [`RemoteCartesianControl`].
 //! * [`frame_grabber`]: cameras. [`FrameGrabberServer`], [`RemoteFrameGrabber`].
+//! * [`hand`]: a hand as a whole, with grasps. [`HandServer`], [`RemoteHand`].
 //! * [`thrift`]: calls of services as 4.0 puts them on the wire.
 //!
 //! Units are those of the interfaces: degrees and metres; radians for the orientation of a tool alone.
@@ -14,6 +15,7 @@
 pub mod cartesian;
 pub mod control_board;
 pub mod frame_grabber;
+pub mod hand;
 mod linking;
 mod opening;
 mod periodic;
@@ -29,6 +31,8 @@ pub use control_board::{
 pub use frame_grabber::{
     FrameGrabberOptions, FrameGrabberServer, RemoteFrameGrabber, RemoteFrameGrabberOptions,
 };
+
+pub use hand::{HandServer, RemoteHand, RemoteHandOptions};
 
 /// Compiles the example of the README.
 #[cfg(doctest)]

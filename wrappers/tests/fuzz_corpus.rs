@@ -98,6 +98,28 @@ const CAMERA: [&str; 16] = [
     "setModeRPC 99999999999 2",
 ];
 
+/// Requests to hands, replies, and some that are wrong.
+const HANDS: [&str; 18] = [
+    "help",
+    "[hand] [init]",
+    "[hand] [pos]",
+    "positions",
+    "move 0 45.0",
+    "[hand] [move] (0 3) (45.0 90.0)",
+    "[hand] [move] (1.0 2.0 3 4)",
+    "[hand] [gcl] \"FGET P\"",
+    "gcl 3M 8000",
+    "grasp rect",
+    "[hand] [gras] peg",
+    "[hand] [chck] (64.0 any any nan)",
+    "move 999999999999 1",
+    "grasp p",
+    "[ok] 1",
+    "[ok] \"1.0 2.0 3.0 inf\"",
+    "[fail] status \"not initialised\" 4",
+    "[fail] malformed \"unknown word\"",
+];
+
 /// Requests to controllers of a tool, events, and some that are wrong.
 const TOOL: [&str; 16] = [
     "[go] [full] 1.5 (-0.3 -0.1 0.1 0.0 0.0 1.0 3.14)",
@@ -152,6 +174,9 @@ fn write_seeds() {
         }
         for (number, text) in CAMERA.iter().enumerate() {
             write("camera", number, &Bottle::parse(text).unwrap(), dialect);
+        }
+        for (number, text) in HANDS.iter().enumerate() {
+            write("hand", number, &Bottle::parse(text).unwrap(), dialect);
         }
         for (number, text) in TOOL.iter().enumerate() {
             write("tool", number, &Bottle::parse(text).unwrap(), dialect);

@@ -1,4 +1,4 @@
-//! `yarp hand-board`: a hand as a control board.
+//! `yarp hand-board`: a hand as a control board, and as a hand.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -8,7 +8,7 @@ use yarp_devices::hand::{BarrettHand, HandBoard, HandOptions};
 use yarp_devices::{DeviceError, Hand};
 use yarp_ports::{Network, PortError};
 use yarp_wire::PortName;
-use yarp_wrappers::{ControlBoardOptions, ControlBoardServer};
+use yarp_wrappers::{ControlBoardOptions, ControlBoardServer, HandServer};
 
 use crate::error::Result;
 use crate::signals::Interrupt;
@@ -16,6 +16,7 @@ use crate::signals::Interrupt;
 /// serve a BarrettHand on a serial line as a control board
 ///
 /// Serves the four motors of a BarrettHand as a control board: three fingers and the spread, in degrees.
+/// Beside it, PREFIX/hand/rpc:i takes whole grasps and the hand's own language; type `help` there.
 ///
 /// The hand is initialised first: its fingers open.
 #[derive(Debug, clap::Args)]
@@ -43,13 +44,22 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         () = interrupt.heard() => return Ok(ExitCode::SUCCESS),
         hand = opening => hand.expect("opening a hand does not panic")?,
     };
+    let hand = Arc::new(hand);
     let options = ControlBoardOptions::new();
-    let board = ControlBoardServer::open(&network, Arc::new(hand), &args.name, options).await?;
+    let board = ControlBoardServer::open(&network, hand.clone(), &args.name, options).await?;
+    let whole = match HandServer::open(&network, hand, &args.name).await {
+        Ok(whole) => whole,
+        Err(error) => {
+            board.close().await;
+            return Err(error.into());
+        }
+    };
     let told = writeln!(out, "Hand on {}, served as {}", args.serial, args.name);
     let told = told.and_then(|()| out.flush());
     if told.is_ok() {
         interrupt.heard().await;
     }
+    whole.close().await;
     board.close().await;
     told?;
     Ok(ExitCode::SUCCESS)

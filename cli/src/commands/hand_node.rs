@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use yarp_devices::DeviceError;
-use yarp_devices::hand::node::HandNode;
+use yarp_devices::hand::node::{self, HandNode};
 use yarp_devices::hand::{BarrettHand, HandOptions};
 
 use crate::error::Result;
@@ -24,7 +24,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "BAUD", default_value_t = 9600)]
     baud: u32,
     /// Where the driver waits
-    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:4322")]
+    #[arg(long, value_name = "HOST:PORT", default_value_t = format!("127.0.0.1:{}", node::PORT))]
     driver: String,
 }
 
@@ -42,7 +42,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         hand = opening => hand.expect("opening a hand does not panic"),
     };
     let hand = hand.map_err(|error| error.at(&args.serial))?;
-    let node = HandNode::start(Arc::new(hand), driver)?;
+    let server = HandNode::start(Arc::new(hand), driver)?;
     writeln!(
         out,
         "Hand on {}, looking for a driver at {driver}",
@@ -51,6 +51,6 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     out.flush()?;
     interrupt.heard().await;
     // Stops a motion under way, which takes a moment.
-    drop(node);
+    drop(server);
     Ok(ExitCode::SUCCESS)
 }

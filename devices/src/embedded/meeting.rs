@@ -1,7 +1,7 @@
 //! Which end listens, and how the two connections come about.
 
 use std::io;
-use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -25,16 +25,6 @@ pub struct Places {
     pub arm: SocketAddr,
     /// For asynchronous packets.
     pub packets: SocketAddr,
-}
-
-impl Places {
-    /// The usual ports at an address.
-    pub fn at(address: IpAddr) -> Self {
-        Self {
-            arm: SocketAddr::new(address, ARM_PORT),
-            packets: SocketAddr::new(address, PACKET_PORT),
-        }
-    }
 }
 
 /// Which end this is.
@@ -75,8 +65,8 @@ pub(super) enum Meeter {
 }
 
 impl Meeter {
-    /// Takes the ports, if it is to listen.
-    pub(super) fn begin(meeting: Meeting) -> io::Result<Self> {
+    /// Takes the ports, if it is to listen; answers also where it listens, or connects to.
+    pub(super) fn begin(meeting: Meeting) -> io::Result<(Self, Places)> {
         let listen = |place: SocketAddr| {
             let listener = TcpListener::bind(place).map_err(|error| {
                 io::Error::new(error.kind(), format!("cannot listen at {place}: {error}"))
@@ -84,24 +74,17 @@ impl Meeter {
             listener.set_nonblocking(true)?;
             Ok::<_, io::Error>(listener)
         };
-        Ok(match meeting {
-            Meeting::Listen(places) => Self::Listening {
-                arm: listen(places.arm)?,
-                packets: listen(places.packets)?,
-            },
-            Meeting::Connect(places) => Self::Connecting(places),
-        })
-    }
-
-    /// Where it listens, or connects to.
-    pub(super) fn places(&self) -> io::Result<Places> {
-        Ok(match self {
-            Self::Listening { arm, packets } => Places {
-                arm: arm.local_addr()?,
-                packets: packets.local_addr()?,
-            },
-            Self::Connecting(places) => *places,
-        })
+        match meeting {
+            Meeting::Listen(places) => {
+                let (arm, packets) = (listen(places.arm)?, listen(places.packets)?);
+                let places = Places {
+                    arm: arm.local_addr()?,
+                    packets: packets.local_addr()?,
+                };
+                Ok((Self::Listening { arm, packets }, places))
+            }
+            Meeting::Connect(places) => Ok((Self::Connecting(places), places)),
+        }
     }
 
     /// Both connections; `None` when it is to end.

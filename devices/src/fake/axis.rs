@@ -507,18 +507,7 @@ impl Axis {
         allowed: Limits,
         unit: &'static str,
     ) -> Result<(), DeviceError> {
-        self.check_finite(quantity, asked)?;
-        if allowed.contains(asked) {
-            return Ok(());
-        }
-        Err(DeviceError::OutOfRange {
-            joint: self.index,
-            quantity,
-            asked,
-            min: allowed.min,
-            max: allowed.max,
-            unit,
-        })
+        allowed.check(self.index, quantity, asked, unit)
     }
 }
 

@@ -49,17 +49,14 @@ fn check(
     unit: &'static str,
 ) -> Result<(), DeviceError> {
     match allowed {
-        Some(limits) if asked.is_finite() && !limits.contains(asked) => Err(DeviceError::Guarded {
-            guard,
-            source: Box::new(DeviceError::OutOfRange {
-                joint,
-                quantity,
-                asked,
-                min: limits.min,
-                max: limits.max,
-                unit,
-            }),
-        }),
+        Some(limits) if asked.is_finite() => {
+            limits
+                .check(joint, quantity, asked, unit)
+                .map_err(|source| DeviceError::Guarded {
+                    guard,
+                    source: Box::new(source),
+                })
+        }
         _ => Ok(()),
     }
 }

@@ -52,6 +52,13 @@ pub fn read(line: &dyn GclLine, parameter: Parameter) -> Result<[i32; 4], HandEr
     })
 }
 
+/// Whether motors can be moved to these angles in degrees, as far as can be said without a hand.
+///
+/// Errors: what is wrong with the selection or with an angle, as [`Hand::move_fingers`] tells it.
+pub fn check_move(axes: Axes<'_>, angles: &[f64]) -> Result<(), DeviceError> {
+    moves(axes, angles).map(drop)
+}
+
 /// The commands that move motors to angles in degrees: one per place, since a command has one target.
 fn moves(axes: Axes<'_>, angles: &[f64]) -> Result<Vec<Command>, DeviceError> {
     axes.check_command(4, "angles", angles.len())?;

@@ -24,7 +24,7 @@ pub const INNER_LIMIT: f64 = 140.0 * PI / 180.0;
 pub const OUTER_LIMIT: f64 = INNER_LIMIT * RATIO;
 
 /// Counts per degree of the outer link, once the clutch has let go.
-const OUTER_COUNTS: f64 = 93.75;
+pub(super) const OUTER_COUNTS: f64 = 93.75;
 
 /// The two links of a finger, rad; 0 is open.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

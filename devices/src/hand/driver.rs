@@ -18,14 +18,12 @@ use tracing::{debug, info, warn};
 
 use super::control::GclLine;
 use super::error::HandError;
-use super::gcl::{Command, Layout, PROMPT, Reply, ReplyReader, Scope, Verb};
+use super::gcl::{ABORT, Command, Layout, PROMPT, Reply, ReplyError, ReplyReader, Scope, Verb};
 use super::line::SerialLine;
 use super::session::RealTime;
 
 /// What the hand speaks after power-up, bits per second.
 const POWER_UP_BAUD: u32 = 9600;
-/// ^C.
-pub(super) const ABORT: u8 = 3;
 /// What makes any line an error instead of a command.
 const SPOILER: &[u8] = b"!\r";
 /// What completes any block of RealTime that was cut off: speeds and gains of zero. A whole block leads to RealTime's end
@@ -34,7 +32,7 @@ const REST_OF_BLOCK: [u8; 8] = [0; 8];
 /// How often a command is sent before noise on the line is reported.
 const ATTEMPTS: usize = 4;
 /// How often both ends are brought in step before no hand is reported.
-const TRIES: usize = 4;
+const TRIES: u32 = 4;
 
 /// How a hand is driven.
 #[derive(Clone, Debug)]
@@ -124,6 +122,8 @@ pub(super) struct Line {
     in_step: bool,
     /// Whether it may be in RealTime mode, in the middle of a block.
     in_realtime: bool,
+    /// Whether it was aborted since somebody began to use the line: then nothing more is done for them.
+    aborted: bool,
 }
 
 impl BarrettHand {
@@ -137,6 +137,7 @@ impl BarrettHand {
                 baud: options.baud,
                 in_step: false,
                 in_realtime: true,
+                aborted: false,
             }),
             options,
             abort: AtomicBool::new(false),
@@ -206,7 +207,7 @@ impl BarrettHand {
         let mut buffer = [0; 1];
         while Instant::now() < deadline {
             let step = || format!("waiting for `{text}` to begin");
-            for &byte in self.receive(line, &mut buffer, step)? {
+            for &byte in self.receive_or_abort(line, &mut buffer, step)? {
                 if byte == b'*'
                     && complaint
                         .excerpt()
@@ -241,7 +242,7 @@ impl BarrettHand {
 
     /// The line, if nobody else uses it.
     fn hold(&self, text: &str) -> Result<MutexGuard<'_, Line>, HandError> {
-        let line = match self.line.try_lock() {
+        let mut line = match self.line.try_lock() {
             Ok(line) => line,
             Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
             Err(TryLockError::WouldBlock) => {
@@ -250,6 +251,7 @@ impl BarrettHand {
             }
         };
         text.clone_into(&mut self.doing());
+        line.aborted = false;
         Ok(line)
     }
 
@@ -274,10 +276,11 @@ impl BarrettHand {
         let mut buffer = [0; 256];
         while Instant::now() < deadline {
             let step = || format!("waiting for `{text}` to end");
-            let bytes = self.receive(line, &mut buffer, step)?;
+            let bytes = self.receive_or_abort(line, &mut buffer, step)?;
             if let Some(reply) = reader.push(bytes) {
                 let reply = reply.map_err(|source| garbled(text, source))?;
-                line.in_step = true;
+                // ^C to a hand that had just ended brings another prompt.
+                line.in_step = !line.aborted;
                 debug!(command = text, answer = %reply, "hand answered");
                 return judge(text, reply);
             }
@@ -292,6 +295,7 @@ impl BarrettHand {
     }
 
     fn type_in_end(&self, line: &mut Line, text: &str) -> Result<(), HandError> {
+        self.heed_abort(line, text)?;
         self.send(line, b"\r", || format!("ending the line `{text}`"))
     }
 
@@ -299,6 +303,7 @@ impl BarrettHand {
     fn send_until_echoed(&self, line: &mut Line, text: &str) -> Result<(), HandError> {
         let mut problem = None;
         for _ in 0..ATTEMPTS {
+            self.heed_abort(line, text)?;
             self.connect(line)?;
             let drained = line.port().map_or(Ok(()), SerialLine::drain);
             self.lost(line, &format!("beginning `{text}`"), drained)?;
@@ -319,22 +324,19 @@ impl BarrettHand {
     }
 
     /// Whether the letters came back.
-    fn echo(
-        &self,
-        line: &mut Line,
-        text: &str,
-    ) -> Result<Result<(), super::gcl::ReplyError>, HandError> {
+    fn echo(&self, line: &mut Line, text: &str) -> Result<Result<(), ReplyError>, HandError> {
         let mut reader = ReplyReader::new(text);
         let deadline = Instant::now() + self.options.echo;
         let mut buffer = [0; 64];
         while !reader.is_echoed() {
+            self.heed_abort(line, text)?;
             let step = || format!("waiting for the echo of `{text}`");
             let bytes = self.receive(line, &mut buffer, step)?;
             if let Some(Err(error)) = reader.push(bytes) {
                 return Ok(Err(error));
             }
             if Instant::now() > deadline {
-                return Ok(Err(super::gcl::ReplyError::Echo {
+                return Ok(Err(ReplyError::Echo {
                     sent: text.to_owned(),
                     got: reader.excerpt(),
                 }));
@@ -374,9 +376,14 @@ impl BarrettHand {
         }
         let from = seen.len().saturating_sub(40);
         Err(HandError::NoHand {
-            waited: 2 * self.options.echo * TRIES as u32,
+            waited: (self.idle() + self.options.echo) * TRIES,
             got: seen[from..].escape_ascii().to_string(),
         })
+    }
+
+    /// How long a hand may take to come back to its prompt when it is called off; an idle one may say nothing.
+    fn idle(&self) -> Duration {
+        self.options.echo / 4
     }
 
     /// Ends whatever the hand does and empties its line; whether it answered.
@@ -387,10 +394,8 @@ impl BarrettHand {
             self.send(line, &REST_OF_BLOCK, || STEP.to_owned())?;
         }
         self.send(line, &[ABORT], || STEP.to_owned())?;
-        // A hand in motion, or in RealTime, first comes back to its prompt; an idle one may say nothing.
-        self.collect(line, seen, self.options.echo / 4, |seen| {
-            seen.ends_with(PROMPT)
-        })?;
+        // A hand in motion, or in RealTime, first comes back to its prompt.
+        self.collect(line, seen, self.idle(), |seen| seen.ends_with(PROMPT))?;
         let before = seen.len();
         self.send(line, SPOILER, || STEP.to_owned())?;
         self.collect(line, seen, self.options.echo, |seen| {
@@ -436,16 +441,49 @@ impl BarrettHand {
         }
     }
 
-    /// Some bytes from the hand; passes on the wish to abort.
-    pub(super) fn receive<'b>(
+    /// Wishes that whoever uses the line, or will next, is stopped; or takes that back.
+    pub(super) fn set_abort(&self, wish: bool) {
+        self.abort.store(wish, Ordering::Release);
+    }
+
+    /// Whether that has not come about yet.
+    pub(super) fn is_abort_set(&self) -> bool {
+        self.abort.load(Ordering::Acquire)
+    }
+
+    /// Gives a command up that the hand has not begun with, if that is wished.
+    fn heed_abort(&self, line: &mut Line, text: &str) -> Result<(), HandError> {
+        line.aborted |= self.abort.swap(false, Ordering::AcqRel);
+        if !line.aborted {
+            return Ok(());
+        }
+        line.in_step = false;
+        self.connect(line)?;
+        let command = text.to_owned();
+        Err(HandError::Aborted { command })
+    }
+
+    /// Some bytes from a hand that carries something out; passes on the wish to abort.
+    pub(super) fn receive_or_abort<'b>(
         &self,
         line: &mut Line,
         buffer: &'b mut [u8],
         step: impl Fn() -> String,
     ) -> Result<&'b [u8], HandError> {
         if self.abort.swap(false, Ordering::AcqRel) {
+            line.aborted = true;
             self.send(line, &[ABORT], || "aborting".to_owned())?;
         }
+        self.receive(line, buffer, step)
+    }
+
+    /// Some bytes from the hand.
+    fn receive<'b>(
+        &self,
+        line: &mut Line,
+        buffer: &'b mut [u8],
+        step: impl Fn() -> String,
+    ) -> Result<&'b [u8], HandError> {
         let Some(port) = line.port() else {
             let source = std::io::ErrorKind::NotConnected.into();
             return Err(HandError::LineLost {
@@ -518,9 +556,9 @@ impl GclLine for BarrettHand {
     }
 
     fn abort(&self) -> Result<(), HandError> {
-        self.abort.store(true, Ordering::Release);
+        self.set_abort(true);
         let deadline = Instant::now() + 2 * self.options.motion;
-        while self.abort.load(Ordering::Acquire) {
+        while self.is_abort_set() {
             match self.hold("^C") {
                 // Nobody is there to pass it on.
                 Ok(mut line) => {
@@ -558,7 +596,7 @@ fn is_spoiled(seen: &[u8]) -> bool {
     answer.windows(4).any(|four| four == b"ERR ") && answer.ends_with(PROMPT)
 }
 
-fn garbled(text: &str, source: super::gcl::ReplyError) -> HandError {
+fn garbled(text: &str, source: ReplyError) -> HandError {
     HandError::Garbled {
         command: text.to_owned(),
         source,

@@ -3,7 +3,7 @@
 use std::io;
 use std::time::Duration;
 
-use super::gcl::{BlockError, ReplyError, Status};
+use super::gcl::{BlockError, ReplyError, Status, StatusBits};
 use crate::DeviceError;
 
 /// Why the hand did not do, or did not answer, what it was told.
@@ -63,6 +63,12 @@ pub enum HandError {
         /// Its whole answer.
         answer: String,
     },
+    /// It was called off by an abort before the hand began with it.
+    #[error("`{command}` was aborted before the hand began with it")]
+    Aborted {
+        /// The command.
+        command: String,
+    },
     /// An answer is not what was asked for.
     #[error("`{command}` was answered with \"{answer}\", expected {expected}")]
     Unreadable {
@@ -104,38 +110,147 @@ pub enum HandError {
         /// What it said.
         answer: String,
     },
+    /// The program that has the hand says what happened to it.
+    #[error("{words}")]
+    Elsewhere {
+        /// What kind of thing went wrong there.
+        kind: HandErrorKind,
+        /// How it is told there.
+        words: String,
+    },
+}
+
+/// What kind of thing went wrong, with a name on the network.
+///
+/// ```
+/// use yarp_devices::hand::HandErrorKind;
+/// use yarp_devices::hand::gcl::Status;
+///
+/// let kind = HandErrorKind::Status(Status::NOT_INITIALISED);
+/// assert_eq!(kind.name(), "status");
+/// assert_eq!(HandErrorKind::from_name("status", Some(4)), Some(kind));
+/// ```
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+#[non_exhaustive]
+pub enum HandErrorKind {
+    /// [`HandError::Open`].
+    Open,
+    /// [`HandError::LineLost`].
+    LineLost,
+    /// [`HandError::NoHand`].
+    NoHand,
+    /// [`HandError::Garbled`].
+    Garbled,
+    /// [`HandError::NoPrompt`].
+    NoPrompt,
+    /// [`HandError::Status`], and which.
+    Status(Status),
+    /// [`HandError::Aborted`].
+    Aborted,
+    /// [`HandError::Unreadable`].
+    Unreadable,
+    /// [`HandError::RealTime`].
+    RealTime,
+    /// [`HandError::Busy`].
+    Busy,
+    /// [`HandError::NotSent`].
+    NotSent,
+    /// [`HandError::Refused`].
+    Refused,
+}
+
+impl HandErrorKind {
+    /// Those that need nothing else to be told.
+    const PLAIN: [HandErrorKind; 11] = [
+        HandErrorKind::Open,
+        HandErrorKind::LineLost,
+        HandErrorKind::NoHand,
+        HandErrorKind::Garbled,
+        HandErrorKind::NoPrompt,
+        HandErrorKind::Aborted,
+        HandErrorKind::Unreadable,
+        HandErrorKind::RealTime,
+        HandErrorKind::Busy,
+        HandErrorKind::NotSent,
+        HandErrorKind::Refused,
+    ];
+
+    /// Its name on the network; a status has its bits beside it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            HandErrorKind::Open => "open",
+            HandErrorKind::LineLost => "line_lost",
+            HandErrorKind::NoHand => "no_hand",
+            HandErrorKind::Garbled => "garbled",
+            HandErrorKind::NoPrompt => "no_prompt",
+            HandErrorKind::Status(_) => "status",
+            HandErrorKind::Aborted => "aborted",
+            HandErrorKind::Unreadable => "unreadable",
+            HandErrorKind::RealTime => "realtime",
+            HandErrorKind::Busy => "busy",
+            HandErrorKind::NotSent => "not_sent",
+            HandErrorKind::Refused => "refused",
+        }
+    }
+
+    /// The kind of this name; `None` if there is none, or a status lacks its bits.
+    pub fn from_name(name: &str, status: Option<StatusBits>) -> Option<Self> {
+        if name == "status" {
+            return status.map(|bits| HandErrorKind::Status(Status::new(bits)));
+        }
+        Self::PLAIN.into_iter().find(|kind| kind.name() == name)
+    }
 }
 
 impl HandError {
-    /// The status that the hand answered with, if it did.
-    pub fn status(&self) -> Option<Status> {
+    /// What kind of thing went wrong, also if another program has the hand.
+    pub fn kind(&self) -> HandErrorKind {
         match self {
-            HandError::Status { status, .. } => Some(*status),
+            HandError::Open { .. } => HandErrorKind::Open,
+            HandError::LineLost { .. } => HandErrorKind::LineLost,
+            HandError::NoHand { .. } => HandErrorKind::NoHand,
+            HandError::Garbled { .. } => HandErrorKind::Garbled,
+            HandError::NoPrompt { .. } => HandErrorKind::NoPrompt,
+            HandError::Status { status, .. } => HandErrorKind::Status(*status),
+            HandError::Aborted { .. } => HandErrorKind::Aborted,
+            HandError::Unreadable { .. } => HandErrorKind::Unreadable,
+            HandError::RealTime { .. } => HandErrorKind::RealTime,
+            HandError::Busy { .. } => HandErrorKind::Busy,
+            HandError::NotSent { .. } => HandErrorKind::NotSent,
+            HandError::Refused { .. } => HandErrorKind::Refused,
+            HandError::Elsewhere { kind, .. } => *kind,
+        }
+    }
+
+    /// The status that the hand answered with, if it did; also for what was aborted before it came to that.
+    pub fn status(&self) -> Option<Status> {
+        match self.kind() {
+            HandErrorKind::Status(status) => Some(status),
+            HandErrorKind::Aborted => Some(Status::ABORTED),
             _ => None,
         }
     }
 
     /// Whether the line must be opened again.
     pub fn is_loss(&self) -> bool {
-        matches!(self, HandError::LineLost { .. } | HandError::Open { .. })
+        matches!(self.kind(), HandErrorKind::LineLost | HandErrorKind::Open)
     }
 
     /// What to try next.
     pub fn advice(&self) -> &'static str {
-        match self {
-            HandError::Open { .. } => {
-                "whether the hand is plugged in, its path, and the rights to it"
-            }
-            HandError::LineLost { .. } => "the cable; the next command opens the line again",
-            HandError::NoHand { .. } => "whether the hand has power, and the speed of the line",
-            HandError::Garbled { .. } => "the cable and the speed of the line",
-            HandError::NoPrompt { .. } => "what holds the fingers, and the supply of the hand",
-            HandError::Status { status, .. } => status.advice(),
-            HandError::Unreadable { .. } => "again: noise on the line can do this",
-            HandError::RealTime { .. } => "again, once the line is quiet",
-            HandError::Busy { .. } => "to wait, or to abort what it does",
-            HandError::NotSent { .. } => "the method that is made for it",
-            HandError::Refused { .. } => "to initialise the hand, and the log of its server",
+        match self.kind() {
+            HandErrorKind::Open => "whether the hand is plugged in, its path, and the rights to it",
+            HandErrorKind::LineLost => "the cable; the next command opens the line again",
+            HandErrorKind::NoHand => "whether the hand has power, and the speed of the line",
+            HandErrorKind::Garbled => "the cable and the speed of the line",
+            HandErrorKind::NoPrompt => "what holds the fingers, and the supply of the hand",
+            HandErrorKind::Status(status) => status.advice(),
+            HandErrorKind::Aborted => Status::ABORTED.advice(),
+            HandErrorKind::Unreadable => "again: noise on the line can do this",
+            HandErrorKind::RealTime => "again, once the line is quiet",
+            HandErrorKind::Busy => "to wait, or to abort what it does",
+            HandErrorKind::NotSent => "the method that is made for it",
+            HandErrorKind::Refused => "to initialise the hand, and the log of its server",
         }
     }
 

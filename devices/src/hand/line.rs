@@ -66,7 +66,8 @@ impl SerialLine {
     }
 }
 
-fn is_pause(error: &io::Error) -> bool {
+/// Whether nothing has come yet, and nothing is wrong.
+pub(super) fn is_pause(error: &io::Error) -> bool {
     use io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
     matches!(error.kind(), Interrupted | TimedOut | WouldBlock)
 }

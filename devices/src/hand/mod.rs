@@ -28,9 +28,9 @@ pub mod simulated;
 pub mod units;
 
 pub use board::HandBoard;
-pub use control::{GclLine, read};
+pub use control::{GclLine, check_move, read};
 pub use coupling::Links;
 pub use driver::{BarrettHand, HandOptions};
-pub use error::HandError;
+pub use error::{HandError, HandErrorKind};
 pub use kinematics::{FingerJoints, FingerSolution};
 pub use session::RealTime;

@@ -80,7 +80,11 @@ impl<'h> RealTime<'h> {
         let mut buffer = [0; 64];
         let deadline = Instant::now() + self.patience;
         while Instant::now() < deadline {
-            seen.extend_from_slice(self.hand.receive(&mut self.line, &mut buffer, step)?);
+            seen.extend_from_slice(self.hand.receive_or_abort(
+                &mut self.line,
+                &mut buffer,
+                step,
+            )?);
             match self.layout.read_feedback(header, &seen) {
                 Ok(None) if seen.len() < 1024 => {}
                 Ok(None) => break,

@@ -55,6 +55,36 @@ impl Limits {
         self.min <= value && value <= self.max
     }
 
+    /// Checks a value that a joint is asked for; `quantity` and `unit` are for the error.
+    ///
+    /// Errors: [`DeviceError::NotFinite`], [`DeviceError::OutOfRange`].
+    pub fn check(
+        self,
+        joint: AxisIndex,
+        quantity: &'static str,
+        asked: f64,
+        unit: &'static str,
+    ) -> Result<(), DeviceError> {
+        if !asked.is_finite() {
+            return Err(DeviceError::NotFinite {
+                joint,
+                quantity,
+                asked,
+            });
+        }
+        if self.contains(asked) {
+            return Ok(());
+        }
+        Err(DeviceError::OutOfRange {
+            joint,
+            quantity,
+            asked,
+            min: self.min,
+            max: self.max,
+            unit,
+        })
+    }
+
     /// The nearest value inside. Answers `value` itself if the limits are the wrong way round.
     pub fn clamp(self, value: f64) -> f64 {
         if self.min <= self.max {

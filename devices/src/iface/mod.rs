@@ -1,7 +1,8 @@
 //! The device interfaces, one file each: a trait and the values it speaks of.
 //!
 //! All traits are object safe, take `&self` and are meant to be called from several threads. Calls return
-//! at once; a device behind a network may take as long as its own time-out, and says so. Values are in the
+//! at once; a device behind a network may take as long as its own time-out, and says so. Those of [`Hand`] and [`Grasp`]
+//! return when the motion has ended. Values are in the
 //! unit of the axis (degrees or metres, and per second; radians in [`CartesianControl`] alone, for the orientation of a
 //! tool). The stock overloads for one, several and all joints
 //! are one method with an [`Axes`](crate::Axes) selector. A command for several joints is checked completely

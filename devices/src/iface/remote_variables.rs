@@ -14,7 +14,8 @@ pub trait RemoteVariables: AxisInfo {
 
     /// Sets a variable (`setRemoteVariable`).
     ///
-    /// Errors: [`DeviceError::NotSupported`] for a name that is not in the list or a value it cannot have.
+    /// Errors: [`DeviceError::NotSupported`] for a name that is not in the list or cannot be set, [`DeviceError::Unsuitable`]
+    /// and others for a value that it cannot have.
     fn set_variable(&self, name: &str, value: &[VariableValue]) -> Result<(), DeviceError>;
 }
 
@@ -32,6 +33,15 @@ pub enum VariableValue {
 }
 
 impl VariableValue {
+    /// The numbers of a value: one list of them, or the numbers themselves; `None` if anything else is among them.
+    pub fn numbers(value: &[Self]) -> Option<Vec<f64>> {
+        let values = match value {
+            [Self::List(values)] => values,
+            values => values,
+        };
+        values.iter().map(Self::as_number).collect()
+    }
+
     /// The value as a number, if it is one.
     pub fn as_number(&self) -> Option<f64> {
         match self {

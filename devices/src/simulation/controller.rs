@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use super::{Gains, Pid};
+use crate::dynamics::GravityCalibration;
 use crate::kinematics::Joints;
 use crate::wam::WamModel;
 
@@ -79,6 +80,11 @@ impl<const N: usize> Controller<N> {
         if let Some(pid) = self.loops.get_mut(joint) {
             pid.set_gains(gains);
         }
+    }
+
+    /// Compensates gravity with other moments from now on.
+    pub fn set_calibration(&mut self, calibration: GravityCalibration<N>) {
+        self.model.calibration = calibration;
     }
 
     /// Forgets the history of one joint; one that does not exist is nobody's.

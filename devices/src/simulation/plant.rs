@@ -50,6 +50,10 @@ impl<const N: usize> Plant<N> {
         &self.dynamics
     }
 
+    pub(super) fn set_dynamics(&mut self, dynamics: Dynamics<N>) {
+        self.dynamics = dynamics;
+    }
+
     pub(super) fn advance(&mut self, load: &Load<N>, seconds: f64) {
         let bias = self.dynamics.bias(&self.angles, &self.velocities);
         let mass = self.dynamics.mass_matrix(&self.angles);

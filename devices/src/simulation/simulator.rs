@@ -8,9 +8,10 @@ use super::plant::{Load, Plant};
 use super::safety::SafetyMode;
 use super::{SafetyLimits, SafetyModule};
 use crate::Limits;
+use crate::dynamics::Body;
 use crate::kinematics::{Joints, Pose};
 use crate::random::Random;
-use crate::wam::WamModel;
+use crate::wam::{Friction, WamModel};
 
 /// How far outside the joint limits the stops are, rad. Not published.
 const STOPS_OUTSIDE: f64 = 0.03;
@@ -94,6 +95,7 @@ pub struct Simulator<const N: usize> {
     commands: [f64; N],
     push: Vector3<f64>,
     twist: Joints<N>,
+    load: Body,
     random: Random,
     steps: u64,
 }
@@ -123,6 +125,7 @@ impl<const N: usize> Simulator<N> {
             commands: [0.0; N],
             push: Vector3::zeros(),
             twist: Joints::zeros(),
+            load: Body::default(),
             random: Random::new(options.seed),
             steps: 0,
             model,
@@ -153,7 +156,7 @@ impl<const N: usize> Simulator<N> {
         let seconds = self.options.period.as_secs_f64();
         let came = commanded.then_some(self.commands.as_slice());
         self.safety.watch(self.speed(), came, seconds);
-        let load = self.load();
+        let load = self.acting();
         let substeps = self.options.substeps.max(1);
         for _ in 0..substeps {
             let mut load = load;
@@ -213,6 +216,23 @@ impl<const N: usize> Simulator<N> {
         self.plant.velocities = Joints::zeros();
     }
 
+    /// What hangs on the last link beside the arm of the model.
+    pub fn load(&self) -> &Body {
+        &self.load
+    }
+
+    /// Hangs something else on the last link, in the frame of which it is described; the controller is not told.
+    pub fn set_load(&mut self, load: Body) {
+        self.load = load;
+        self.plant
+            .set_dynamics(self.model.clone().with_load(load).dynamics());
+    }
+
+    /// Makes the joints rub in another way.
+    pub fn set_friction(&mut self, friction: [Friction; N]) {
+        self.model.friction = friction;
+    }
+
     /// The safety module.
     pub fn safety(&self) -> &SafetyModule {
         &self.safety
@@ -268,7 +288,8 @@ impl<const N: usize> Simulator<N> {
         }
     }
 
-    fn load(&mut self) -> Load<N> {
+    /// What motors and friction do in this period.
+    fn acting(&mut self) -> Load<N> {
         let active = self.safety.mode() == SafetyMode::Active;
         let motors = Joints::from_fn(|motor, _| {
             let Self {

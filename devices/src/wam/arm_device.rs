@@ -7,14 +7,19 @@ use std::thread::{self, JoinHandle};
 use tracing::{debug, info};
 
 use super::{AXES, ArmControl};
+use crate::can::puck::Property;
 use crate::clock::wall_clock;
 use crate::{
     Axes, AxisIndex, AxisInfo, ControlLimits, ControlMode, Device, DeviceError, EncoderReading,
-    Encoders, JointType, Limits, Mode, MotionControl, PositionControl, VelocityControl,
+    Encoders, JointType, Limits, Mode, MotionControl, PositionControl, VariableValue,
+    VelocityControl,
 };
 
 /// An [`ArmControl`] and the machine under it.
 pub trait SteeredArm: Send + 'static {
+    /// What the arm is, in words.
+    const DESCRIPTION: &'static str;
+
     /// The control of the arm.
     fn control(&self) -> &ArmControl;
 
@@ -28,6 +33,35 @@ pub trait SteeredArm: Send + 'static {
 
     /// Why the motors do not follow, in words; `None` if they do.
     fn fault(&self) -> Option<String>;
+
+    /// How warm the pucks of the motors are, °C.
+    fn temperatures(&self) -> Result<[f64; AXES], DeviceError>;
+
+    /// What the puck of a motor says of itself.
+    fn puck_property(
+        device: &ArmDevice<Self>,
+        motor: AxisIndex,
+        property: Property,
+    ) -> Result<i32, DeviceError>
+    where
+        Self: Sized;
+
+    /// The variables that no other kind of arm has, in a fixed order.
+    fn variables() -> Vec<String>;
+
+    /// As [`RemoteVariables::variable`](crate::RemoteVariables::variable), of those.
+    fn variable(device: &ArmDevice<Self>, name: &str) -> Result<Vec<VariableValue>, DeviceError>
+    where
+        Self: Sized;
+
+    /// As [`RemoteVariables::set_variable`](crate::RemoteVariables::set_variable), of those.
+    fn set_variable(
+        device: &ArmDevice<Self>,
+        name: &str,
+        value: &[VariableValue],
+    ) -> Result<(), DeviceError>
+    where
+        Self: Sized;
 }
 
 /// A seven-joint arm as a device: its control, shared with the thread that runs it.
@@ -137,9 +171,17 @@ impl<A: SteeredArm> Device for ArmDevice<A> {
         control_limits: ControlLimits,
         position_direct: PositionDirect,
         torque_control: TorqueControl,
+        current_control: CurrentControl,
+        pwm_control: PwmControl,
+        interaction_mode: InteractionMode,
+        impedance_control: ImpedanceControl,
         pid_control: PidControl,
         motor_encoders: MotorEncoders,
+        motor: Motor,
+        amplifier_control: AmplifierControl,
+        control_calibration: ControlCalibration,
         joint_fault: JointFault,
+        remote_variables: RemoteVariables,
     }
 }
 

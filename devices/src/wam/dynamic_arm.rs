@@ -4,10 +4,11 @@ use std::ops::{Deref, DerefMut};
 
 use nalgebra::Vector3;
 
-use super::arm_device::SteeredArm;
-use super::{AXES, ArmControl, WamModel};
+use super::arm_device::{ArmDevice, SteeredArm};
+use super::{AXES, ArmControl, WamModel, dynamic_variables};
+use crate::can::puck::Property;
 use crate::simulation::{SafetyMode, SafetyModule, Simulator, SimulatorOptions};
-use crate::{Axes, AxisIndex, DeviceError, Mode};
+use crate::{Axes, AxisIndex, DeviceError, Mode, VariableValue};
 
 /// The seven-joint arm with masses, friction, encoders and a PID per joint, in **degrees**, as pure model.
 ///
@@ -70,6 +71,11 @@ impl DynamicArm {
         &self.simulator
     }
 
+    /// The machine, to push and to twist it.
+    pub fn simulator_mut(&mut self) -> &mut Simulator<AXES> {
+        &mut self.simulator
+    }
+
     /// The safety module, to press its buttons: the next period sees it.
     pub fn safety_mut(&mut self) -> &mut SafetyModule {
         self.simulator.safety_mut()
@@ -107,7 +113,17 @@ impl DerefMut for DynamicArm {
     }
 }
 
+/// The machine has motors, but nothing warm or electric.
+fn no_pucks<T>(what: &str) -> Result<T, DeviceError> {
+    Err(DeviceError::NotSupported {
+        what: format!("{what}, which the simulated machine has not,"),
+    })
+}
+
 impl SteeredArm for DynamicArm {
+    const DESCRIPTION: &'static str =
+        "a simulated seven-joint WAM arm with masses, friction, motors and a controller";
+
     fn control(&self) -> &ArmControl {
         &self.control
     }
@@ -128,5 +144,29 @@ impl SteeredArm for DynamicArm {
             (SafetyMode::Idle, None) => Some("idle was pressed on the pendant".to_owned()),
             (SafetyMode::EmergencyStop, None) => Some("emergency stop".to_owned()),
         }
+    }
+
+    fn temperatures(&self) -> Result<[f64; AXES], DeviceError> {
+        no_pucks("a temperature")
+    }
+
+    fn puck_property(_: &ArmDevice<Self>, _: AxisIndex, _: Property) -> Result<i32, DeviceError> {
+        no_pucks("what only a puck can tell")
+    }
+
+    fn variables() -> Vec<String> {
+        dynamic_variables::NAMES.map(str::to_owned).to_vec()
+    }
+
+    fn variable(device: &ArmDevice<Self>, name: &str) -> Result<Vec<VariableValue>, DeviceError> {
+        dynamic_variables::variable(device, name)
+    }
+
+    fn set_variable(
+        device: &ArmDevice<Self>,
+        name: &str,
+        value: &[VariableValue],
+    ) -> Result<(), DeviceError> {
+        dynamic_variables::set_variable(device, name, value)
     }
 }

@@ -6,10 +6,13 @@
 
 mod arm_control;
 mod arm_device;
+mod arm_device_forces;
 mod arm_device_motors;
+mod arm_device_upkeep;
 pub mod can;
 mod dynamic;
 mod dynamic_arm;
+mod dynamic_variables;
 mod model;
 mod motors;
 pub(crate) mod pace;
@@ -17,6 +20,7 @@ mod parameters;
 mod simulated;
 mod transmission;
 pub mod units;
+mod variables;
 
 pub use arm_control::{ArmControl, Trouble};
 pub use arm_device::{ArmDevice, SteeredArm};

@@ -47,6 +47,16 @@ impl<const N: usize> Transmission<N> {
         self.counts_per_turn
     }
 
+    /// Turns of a motor per turn of a joint, with its sign; 0 if it does not turn it, or there is none such.
+    pub fn ratio(&self, motor: usize, joint: usize) -> f64 {
+        self.motors.get((motor, joint)).copied().unwrap_or_default()
+    }
+
+    /// Whether a motor turns a joint, alone or with another.
+    pub fn turns(&self, motor: usize, joint: usize) -> bool {
+        self.ratio(motor, joint) != 0.0
+    }
+
     /// What the encoders count at these joint angles; saturates at 32 bits.
     pub fn counts(&self, joints: &Joints<N>) -> [i32; N] {
         let motors = self.motors_of(joints);

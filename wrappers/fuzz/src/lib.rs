@@ -9,19 +9,21 @@ use yarp_wire::{Bottle, Dialect, Limits};
 use yarp_wrappers::cartesian::messages as cartesian;
 use yarp_wrappers::control_board::messages::{Command, JointData, Reply, Request};
 use yarp_wrappers::frame_grabber::messages as grabber;
+use yarp_wrappers::hand::messages as hands;
 use yarp_wrappers::thrift::{ReturnCode, ServiceVersion};
 
 /// One fuzz target: its name, which is also that of its corpus, and what it does.
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All targets.
-pub const TARGETS: [Target; 7] = [
+pub const TARGETS: [Target; 8] = [
     ("request", request),
     ("call", call),
     ("streamed", streamed),
     ("state", state),
     ("camera", camera),
     ("picture", picture),
+    ("hand", hand),
     ("tool", tool),
 ];
 
@@ -128,6 +130,39 @@ pub fn camera(data: &[u8]) {
         ] {
             let _ = request.read_reply(&bottle);
             let _ = request.read_results(bottle.as_slice());
+        }
+    }
+}
+
+/// Requests to hands and replies: what is understood is said again the same way.
+pub fn hand(data: &[u8]) {
+    let bytes = Bytes::copy_from_slice(data);
+    for dialect in DIALECTS {
+        let Ok(bottle) = Bottle::decode(&bytes, dialect, Limits::DEFAULT) else {
+            continue;
+        };
+        match hands::Request::parse(&bottle) {
+            Ok(understood) => {
+                let again = hands::Request::parse(&understood.to_bottle()).expect("our own words");
+                // Compared as they print: a nan is not equal to itself.
+                assert_eq!(format!("{again:?}"), format!("{understood:?}"));
+            }
+            Err(error) => {
+                let refused = hands::Reply::Refused(error.into());
+                let back = hands::Reply::read(&hands::Request::Open, &refused.to_bottle());
+                assert_eq!(back, Some(refused));
+            }
+        }
+        for request in [
+            hands::Request::Open,
+            hands::Request::Positions,
+            hands::Request::IsConnected,
+            hands::Request::Command(String::new()),
+        ] {
+            if let Some(reply) = hands::Reply::read(&request, &bottle) {
+                let again = hands::Reply::read(&request, &reply.to_bottle());
+                assert_eq!(format!("{again:?}"), format!("{:?}", Some(reply)));
+            }
         }
     }
 }

@@ -60,11 +60,6 @@ impl Pendant {
         let lamps = self.lamps.iter().enumerate();
         lamps.fold(0, |bits, (index, lamp)| bits | lamp.bits() << (3 * index)) as i32
     }
-
-    /// Whether the module is in emergency stop.
-    pub fn is_stopped(self) -> bool {
-        self.lamps[OTHER] == Lamp::Fault
-    }
 }
 
 /// The faults, in words.
@@ -108,7 +103,6 @@ mod tests {
         pendant.lamps[4] = Lamp::Fault;
         assert_eq!(Pendant::of_bits(pendant.bits()), pendant);
         assert_eq!(pendant.to_string(), "velocity, emergency stop");
-        assert!(pendant.is_stopped());
         assert_eq!(Pendant::of_bits(0).lamps, [Lamp::Fault; 5]);
     }
 }

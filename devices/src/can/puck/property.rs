@@ -18,6 +18,12 @@ impl Property {
     pub const STAT: Self = Self(5);
     /// What it does, see [`mode`].
     pub const MODE: Self = Self(8);
+    /// How warm the puck is, °C.
+    pub const TEMP: Self = Self(9);
+    /// How warm it may become, °C.
+    pub const OTEMP: Self = Self(11);
+    /// The voltage that feeds it, V.
+    pub const VBUS: Self = Self(21);
     /// Its group for torques.
     pub const GRPB: Self = Self(27);
     /// Its group for properties.

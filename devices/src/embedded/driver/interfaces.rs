@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use super::shared::{Goal, LinkState, State};
 use super::{EmbeddedWam, Request};
+use crate::embedded::protocol::Kind;
 use crate::{
     Axes, AxisIndex, AxisInfo, ControlLimits, ControlMode, Device, DeviceError, EncoderReading,
     Encoders, JointType, Limits, Mode, MotionControl, PositionControl, RemoteCalibrator,
@@ -84,10 +85,7 @@ impl MotionControl for EmbeddedWam {
         axes.check(self.total())?;
         let goals = {
             let state = self.shared.lock();
-            let step = "stopping (moj)";
-            if !state.link.is_up() {
-                return Err(state.unreachable(step));
-            }
+            state.check_up("stopping (moj)")?;
             if !state.is_moving() {
                 return Ok(());
             }
@@ -134,10 +132,7 @@ impl EmbeddedWam {
         axes.check_command(self.total(), "positions", values.len())?;
         let goals = {
             let state = self.shared.lock();
-            let step = Request::MoveJoints(Vec::new()).kind().step();
-            if !state.link.is_up() {
-                return Err(state.unreachable(step));
-            }
+            state.check_up(Kind::MoveJoints.step())?;
             if let (LinkState::Idle, Some(joint)) =
                 (state.link.state, axes.iter(self.total()).next())
             {
@@ -152,24 +147,8 @@ impl EmbeddedWam {
             let mut goals = state.goals(self.total());
             for (joint, &value) in axes.iter(self.total()).zip(values) {
                 let asked = place(&state, joint, value);
-                if !asked.is_finite() {
-                    return Err(DeviceError::NotFinite {
-                        joint,
-                        quantity: "position",
-                        asked,
-                    });
-                }
-                let Limits { min, max } = state.limits.position_limits(joint)?;
-                if !(min..=max).contains(&asked) {
-                    return Err(DeviceError::OutOfRange {
-                        joint,
-                        quantity: "position",
-                        asked,
-                        min,
-                        max,
-                        unit: "deg",
-                    });
-                }
+                let limits = state.limits.position_limits(joint)?;
+                limits.check(joint, "position", asked, "deg")?;
                 goals[joint.index()] = asked;
             }
             goals
@@ -195,18 +174,14 @@ impl PositionControl for EmbeddedWam {
     fn motion_done(&self, axes: Axes<'_>) -> Result<bool, DeviceError> {
         axes.check(self.total())?;
         let state = self.shared.lock();
-        if !state.link.is_up() {
-            return Err(state.unreachable("asking whether the motion is done"));
-        }
+        state.check_up("asking whether the motion is done")?;
         Ok(!state.is_moving())
     }
 
     fn target_positions(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
         axes.check(self.total())?;
         let state = self.shared.lock();
-        if !state.link.is_up() {
-            return Err(state.unreachable("asking for target positions"));
-        }
+        state.check_up("asking for target positions")?;
         let goals = state.goals(self.total());
         Ok(axes
             .iter(self.total())

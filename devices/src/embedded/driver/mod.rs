@@ -12,7 +12,7 @@ use std::sync::atomic::Ordering;
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use tracing::{info, warn};
+use tracing::info;
 
 use self::mailbox::Order;
 pub use self::pose::CartesianPose;
@@ -98,12 +98,8 @@ impl EmbeddedWam {
             });
         }
         let failed = |what| move |source| DeviceError::Start { what, source };
-        let begin = || {
-            let meeter = Meeter::begin(options.meeting)?;
-            let places = meeter.places()?;
-            Ok((meeter, places))
-        };
-        let (meeter, places) = begin().map_err(failed("the sockets of the driver"))?;
+        let (meeter, places) =
+            Meeter::begin(options.meeting).map_err(failed("the sockets of the driver"))?;
         let shared = Arc::new(Shared::new(options));
         let theirs = Arc::clone(&shared);
         let thread = thread::Builder::new()
@@ -173,9 +169,7 @@ impl EmbeddedWam {
         let abandoned = Arc::clone(&order.abandoned);
         {
             let mut state = self.shared.lock();
-            if !state.link.is_up() {
-                return Err(state.unreachable(kind.step()));
-            }
+            state.check_up(kind.step())?;
             if let Some(older) = state.mailbox.put(order) {
                 older.fail_as_replaced(&state.link.peer);
             }
@@ -235,7 +229,7 @@ impl Shared {
             self.lose(&trouble);
             backoff.wait(&self.ending);
         }
-        self.lose(&Trouble {
+        self.lock().close(&Trouble {
             step: "going on".to_owned(),
             cause: Cause::Closed,
         });
@@ -243,12 +237,6 @@ impl Shared {
 
     fn lose(&self, trouble: &Trouble) {
         let mut state = self.lock();
-        let known = state.link.last_failure.as_ref();
-        if known.is_none_or(|known| *known != trouble.to_string())
-            && !self.ending.load(Ordering::Acquire)
-        {
-            warn!(peer = %state.link.peer, %trouble, "the embedded arm is out of reach; it holds by itself");
-        }
         state.lose(trouble);
         state.link.failures += 1;
     }

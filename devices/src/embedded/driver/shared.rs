@@ -4,6 +4,8 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
+use tracing::warn;
+
 use super::DriverOptions;
 use super::mailbox::Mailbox;
 use crate::embedded::Timing;
@@ -130,20 +132,23 @@ impl Shared {
 }
 
 impl State {
-    /// That there is no connection for a step, with what ended the last one.
-    pub(super) fn unreachable(&self, step: &str) -> DeviceError {
+    /// Checks that there is a connection for a step; the error has what ended the last one.
+    pub(super) fn check_up(&self, step: &str) -> Result<(), DeviceError> {
+        if self.link.is_up() {
+            return Ok(());
+        }
         let last = match &self.link.last_failure {
             Some(last) => format!("the last connection broke at {last}"),
             None => "none has come yet".to_owned(),
         };
-        DeviceError::Remote {
+        Err(DeviceError::Remote {
             peer: self.link.peer.clone(),
             step: step.to_owned(),
             advice: format!(
                 "whether `yarp wam-node` runs on the arm's PC: there is no connection, {last}"
             ),
             source: None,
-        }
+        })
     }
 
     /// Whether a move is under way, or will be.
@@ -151,10 +156,20 @@ impl State {
         self.moving || self.sending || self.mailbox.has_move()
     }
 
-    /// The connection is gone: nobody is kept waiting, and nothing is carried out later.
+    /// The connection is gone, or none came about: as [`close`](Self::close), and the log has why, once for each loss and
+    /// once for what keeps a connection from coming about.
     pub(super) fn lose(&mut self, trouble: &Trouble) {
+        let failure = trouble.to_string();
+        if self.link.is_up() || self.link.last_failure.as_ref() != Some(&failure) {
+            warn!(peer = %self.link.peer, %trouble, "the embedded arm is out of reach; it holds by itself");
+        }
+        self.link.last_failure = Some(failure);
+        self.close(trouble);
+    }
+
+    /// Nobody is kept waiting for a connection, and nothing is carried out later.
+    pub(super) fn close(&mut self, trouble: &Trouble) {
         self.link.state = LinkState::Down;
-        self.link.last_failure = Some(trouble.to_string());
         self.targets = None;
         self.moving = false;
         self.sending = false;

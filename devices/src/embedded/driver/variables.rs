@@ -50,12 +50,7 @@ impl RemoteVariables for EmbeddedWam {
         if name != "pose" {
             return wordless(&format!("setting a variable {name}"));
         }
-        // One list, or the numbers themselves.
-        let values = match value {
-            [VariableValue::List(values)] => values,
-            values => values,
-        };
-        let numbers: Option<Vec<f64>> = values.iter().map(VariableValue::as_number).collect();
+        let numbers = VariableValue::numbers(value);
         match numbers.as_deref() {
             Some(&[x, y, z, roll, pitch, yaw]) => self.move_to(CartesianPose {
                 place: [x, y, z],
@@ -64,7 +59,7 @@ impl RemoteVariables for EmbeddedWam {
             _ => Err(DeviceError::WrongCount {
                 what: "numbers of a pose",
                 expected: 6,
-                got: values.len(),
+                got: numbers.map_or(0, |numbers| numbers.len()),
             }),
         }
     }

@@ -95,12 +95,8 @@ impl WamNode {
         let arm = Arm::new(device)?;
         arm.rest()?;
         let failed = |what| move |source| DeviceError::Start { what, source };
-        let begin = || {
-            let meeter = Meeter::begin(options.meeting)?;
-            let places = meeter.places()?;
-            Ok((meeter, places))
-        };
-        let (meeter, places) = begin().map_err(failed("the sockets of the arm's server"))?;
+        let (meeter, places) =
+            Meeter::begin(options.meeting).map_err(failed("the sockets of the arm's server"))?;
         let shared = Arc::new(Shared::default());
         let theirs = Arc::clone(&shared);
         let thread = thread::Builder::new()

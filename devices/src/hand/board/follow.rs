@@ -69,7 +69,7 @@ impl Follower {
             let state = set_points
                 .state(motor.index().into())
                 .expect("there is an axis per motor");
-            let off = units::counts(motor, state.position) - followed.position;
+            let off = units::counts(motor, state.position) - within(motor, followed.position);
             let ahead = units::counts(motor, state.velocity);
             let still = ahead == 0.0 && off.abs() <= close(motor);
             let units = match still {
@@ -116,7 +116,7 @@ impl Follower {
             }
             let asked = set_points.state(motor.index().into());
             let off = asked.map_or(f64::INFINITY, |state| {
-                units::counts(motor, state.position) - position
+                units::counts(motor, state.position) - within(motor, position)
             });
             Measured {
                 position: units::degrees(motor, position),
@@ -129,6 +129,11 @@ impl Follower {
 
 fn counts(feedback: &Feedback, motor: Motor) -> f64 {
     f64::from(feedback.motors[motor.index()].position.unwrap_or(0))
+}
+
+/// A finger closes a little beyond its axis: there it is at the end of it, and rests.
+fn within(motor: Motor, counts: f64) -> f64 {
+    counts.clamp(0.0, units::whole_way(motor))
 }
 
 const fn close(motor: Motor) -> f64 {

@@ -29,6 +29,8 @@ use crate::{Axes, DeviceError, JointType, Limits};
 const AXES: usize = 4;
 /// How long it waits before it looks again for a hand that is not there, or not initialised.
 const PAUSE: Duration = Duration::from_millis(100);
+/// How often it is looked whether an abort was passed on.
+const LOOK: Duration = Duration::from_millis(1);
 /// How long a command of the hand's own language is waited for at most, with all that may go before it.
 const LONGEST: Duration = Duration::from_secs(120);
 
@@ -73,8 +75,11 @@ struct State {
     measured: [Measured; AXES],
     /// Seconds since the start of 1970; `None` before the first.
     time: Option<f64>,
+    /// What is to be carried out next.
     job: Option<Job>,
-    /// Whether a job is being carried out.
+    /// Whether the hand carries one out.
+    running: bool,
+    /// Whether somebody waits for the end of one.
     at_work: bool,
 }
 
@@ -129,6 +134,7 @@ impl HandBoard {
                 measured: Default::default(),
                 time: None,
                 job: None,
+                running: false,
                 at_work: false,
             }),
             news: Condvar::new(),
@@ -202,8 +208,19 @@ impl Shared {
 
     /// Carries out what was asked for in the hand's own language.
     fn work(&self) -> Option<Answer<'_>> {
-        let job = self.state().job.take()?;
+        let job = {
+            let mut state = self.state();
+            let job = state.job.take()?;
+            state.running = true;
+            job
+        };
         let outcome = self.hand.run(&job.lines);
+        {
+            let mut state = self.state();
+            state.running = false;
+            // An abort that came too late is for nobody else.
+            self.hand.set_abort(false);
+        }
         if let Err(error) = &outcome
             && error.is_loss()
         {
@@ -308,7 +325,7 @@ impl GclLine for HandBoard {
     }
 
     fn abort(&self) -> Result<(), HandError> {
-        let at_work = {
+        {
             let mut state = self.state();
             // Where they are now: a jump, which ends the motion, and not a path to rest.
             let here = state.measured.map(|measured| measured.position);
@@ -316,12 +333,27 @@ impl GclLine for HandBoard {
                 let placed = state.set_points.place(axis.into(), position);
                 debug_assert!(placed.is_ok(), "there are four axes");
             }
-            state.at_work
-        };
-        match at_work {
-            true => self.shared.hand.abort(),
-            false => Ok(()),
+            if let Some(job) = state.job.take() {
+                state.at_work = false;
+                let command = job.lines.join(", ");
+                // Whoever asked may have gone.
+                let _ = job.answers.try_send(Err(HandError::Aborted { command }));
+            }
+            if !state.running {
+                return Ok(());
+            }
+            // With the state held, so that it is for this job and no other.
+            self.shared.hand.set_abort(true);
         }
+        let deadline = Instant::now() + LONGEST;
+        while self.shared.hand.is_abort_set() {
+            if Instant::now() > deadline {
+                let doing = "a command that does not end".to_owned();
+                return Err(HandError::Busy { doing });
+            }
+            thread::sleep(LOOK);
+        }
+        Ok(())
     }
 
     fn is_connected(&self) -> bool {

@@ -28,5 +28,5 @@ pub use parameter::{Parameter, Scope};
 pub use realtime::{
     BlockError, Control, Feedback, Header, Layout, MotorControl, MotorFeedback, MotorLayout,
 };
-pub use reply::{BANNER, MAX_REPLY, PROMPT, Reply, ReplyError, ReplyReader};
+pub use reply::{ABORT, BANNER, MAX_REPLY, PROMPT, Reply, ReplyError, ReplyReader};
 pub use status::{Status, StatusBits};

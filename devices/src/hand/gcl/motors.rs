@@ -88,11 +88,6 @@ impl Motors {
         self.0 == 0
     }
 
-    /// How many there are.
-    pub const fn len(self) -> usize {
-        self.0.count_ones() as usize
-    }
-
     /// The motors, in the order in which the hand answers.
     pub fn iter(self) -> impl Iterator<Item = Motor> {
         Motor::ALL
@@ -102,7 +97,8 @@ impl Motors {
 
     /// The prefix at the start of a word, and what follows it; `None` if there is none.
     ///
-    /// `S` is the spread only where another letter of a command follows: `SAVE` is no command, `SC` is.
+    /// A letter of the prefix always counts as one, whatever follows: no command begins with `G` or `S`, so that `SAVE`
+    /// is `AVE` for the spread, which is no command.
     pub(super) fn split(word: &str) -> (Option<Motors>, &str) {
         let mut motors = Motors::NONE;
         let mut rest = word;

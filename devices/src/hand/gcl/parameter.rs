@@ -24,10 +24,10 @@ pub enum Scope {
 /// ```
 ///
 /// Source: the manual of firmware 4.3x, pages 28 to 41, that of 4.4.x, page 45, and the ranges of Barrett's API 4.4.3.
-#[derive(Clone, Copy)]
-pub struct Parameter(&'static Row);
+#[derive(Clone, Copy, Eq, PartialEq)]
+pub struct Parameter(usize);
 
-/// The table below, row by row.
+/// What is known of a parameter: its row in the table below.
 struct Row {
     scope: Scope,
     name: &'static str,
@@ -133,23 +133,23 @@ static TABLE: [Row; 43] = [
 
 impl Parameter {
     /// Where a motor is, in counts; 0 is open.
-    pub const POSITION: Parameter = Parameter(&TABLE[0]);
+    pub const POSITION: Parameter = Parameter(0);
     /// The status of a motor.
-    pub const STATUS: Parameter = Parameter(&TABLE[1]);
+    pub const STATUS: Parameter = Parameter(1);
     /// The strain gauge of a finger, 0 to 255.
-    pub const STRAIN: Parameter = Parameter(&TABLE[2]);
+    pub const STRAIN: Parameter = Parameter(2);
     /// Whether the clutch has let go.
-    pub const BREAKAWAY: Parameter = Parameter(&TABLE[3]);
+    pub const BREAKAWAY: Parameter = Parameter(3);
     /// Where the clutch let go, in counts.
-    pub const BREAKAWAY_POSITION: Parameter = Parameter(&TABLE[4]);
+    pub const BREAKAWAY_POSITION: Parameter = Parameter(4);
     /// How fast a motor closes.
-    pub const CLOSE_SPEED: Parameter = Parameter(&TABLE[6]);
+    pub const CLOSE_SPEED: Parameter = Parameter(6);
     /// How fast a motor opens.
-    pub const OPEN_SPEED: Parameter = Parameter(&TABLE[7]);
+    pub const OPEN_SPEED: Parameter = Parameter(7);
     /// The speed of the line, in hundreds of bits per second.
-    pub const BAUD: Parameter = Parameter(&TABLE[35]);
+    pub const BAUD: Parameter = Parameter(35);
     /// The temperature, in tenths of a degree Celsius.
-    pub const TEMPERATURE: Parameter = Parameter(&TABLE[36]);
+    pub const TEMPERATURE: Parameter = Parameter(36);
 
     /// The parameter of this name, in any case and by any of its names.
     pub fn find(scope: Scope, name: &str) -> Option<Parameter> {
@@ -159,51 +159,46 @@ impl Parameter {
                     .alias
                     .is_some_and(|alias| alias.eq_ignore_ascii_case(name))
         };
-        TABLE
-            .iter()
-            .find(|row| row.scope == scope && named(row))
-            .map(Parameter)
+        Self::all().find(|each| each.scope() == scope && named(each.about()))
     }
 
     /// All parameters of a scope, advanced ones or the others.
     pub fn list(scope: Scope, advanced: bool) -> impl Iterator<Item = Parameter> {
-        TABLE
-            .iter()
-            .filter(move |row| row.scope == scope && row.advanced == advanced)
-            .map(Parameter)
+        Self::all().filter(move |each| each.scope() == scope && each.about().advanced == advanced)
     }
 
     /// Its name in a command.
     pub fn name(self) -> &'static str {
-        self.0.name
+        self.about().name
     }
 
     /// Whether it belongs to a motor or to the hand.
     pub fn scope(self) -> Scope {
-        self.0.scope
+        self.about().scope
     }
 
     /// Whether it can be set at all.
     pub fn is_writable(self) -> bool {
-        self.0.writable
+        self.about().writable
     }
 
     /// Whether this is a value it can have.
     pub fn allows(self, value: i32) -> bool {
-        (self.0.min..=self.0.max).contains(&value)
+        (self.about().min..=self.about().max).contains(&value)
     }
 
     /// What the simulated hand starts with.
     pub fn default(self, motor: Motor) -> i32 {
-        self.0.defaults[usize::from(motor == Motor::Spread)]
+        self.about().defaults[usize::from(motor == Motor::Spread)]
     }
 
-    /// Its row in the table, for keeping values.
-    pub(crate) fn row(self) -> usize {
-        TABLE
-            .iter()
-            .position(|row| std::ptr::eq(row, self.0))
-            .expect("every parameter is made of a row of the table")
+    fn about(self) -> &'static Row {
+        &TABLE[self.0]
+    }
+
+    /// The number of its row, for keeping values.
+    pub(crate) const fn row(self) -> usize {
+        self.0
     }
 
     /// How many rows the table has.
@@ -211,17 +206,9 @@ impl Parameter {
 
     /// Every parameter.
     pub(crate) fn all() -> impl Iterator<Item = Parameter> {
-        TABLE.iter().map(Parameter)
+        (0..Self::ROWS).map(Parameter)
     }
 }
-
-impl PartialEq for Parameter {
-    fn eq(&self, other: &Self) -> bool {
-        self.row() == other.row()
-    }
-}
-
-impl Eq for Parameter {}
 
 impl fmt::Debug for Parameter {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

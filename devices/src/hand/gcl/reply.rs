@@ -7,6 +7,9 @@ use super::{Status, StatusBits};
 /// What the hand prints when it waits for a command.
 pub const PROMPT: &[u8] = b"=> ";
 
+/// What stops the hand at any time: ^C.
+pub const ABORT: u8 = 3;
+
 /// What the text after power-up contains.
 pub const BANNER: &str = "BarrettHand Firmware";
 
@@ -108,11 +111,6 @@ impl ReplyReader {
     /// Whether the whole echo has come; nothing is known before.
     pub fn is_echoed(&self) -> bool {
         self.seen.len() >= self.sent.len()
-    }
-
-    /// How much has come.
-    pub fn is_empty(&self) -> bool {
-        self.seen.is_empty()
     }
 
     /// What has come so far, for a report: the last bytes, escaped.

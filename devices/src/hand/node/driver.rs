@@ -13,6 +13,7 @@ use super::super::control::GclLine;
 use super::super::driver::judge;
 use super::super::error::HandError;
 use super::super::gcl::{Reply, Status};
+use super::super::line::is_pause;
 use super::messages::{NodeReply, NodeReplyReader, Request};
 
 /// How long one look at the connection takes at most: as long as an abort may have to wait.
@@ -117,14 +118,18 @@ impl RemoteHand {
             }
         };
         let mut replies = Vec::new();
+        let mut aborted = false;
         for request in requests {
             let text = request.lines().join(", ");
+            if aborted {
+                return Err(HandError::Aborted { command: text });
+            }
             if connection.is_none() {
                 *connection = Some(self.arrive()?);
                 self.connected.store(true, Ordering::Release);
             }
             let stream = connection.as_mut().expect("it was just put there");
-            match self.request(stream, request, &text) {
+            match self.request(stream, request, &text, &mut aborted) {
                 Ok(reply) => replies.push(judged(&text, reply)?),
                 Err(error) => {
                     // What is on its way back belongs to nothing any more.
@@ -172,6 +177,7 @@ impl RemoteHand {
         stream: &mut TcpStream,
         request: &Request,
         text: &str,
+        aborted: &mut bool,
     ) -> Result<NodeReply, HandError> {
         let lost = |step: &str| {
             let step = format!("{step} `{text}`");
@@ -184,6 +190,7 @@ impl RemoteHand {
         let deadline = Instant::now() + self.options.motion;
         while Instant::now() < deadline {
             if self.abort.swap(false, Ordering::AcqRel) {
+                *aborted = true;
                 let abort = Request::Abort;
                 stream
                     .write_all(&abort.to_bytes())
@@ -251,11 +258,6 @@ impl GclLine for RemoteHand {
     fn is_connected(&self) -> bool {
         self.connected.load(Ordering::Acquire)
     }
-}
-
-fn is_pause(error: &io::Error) -> bool {
-    use io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
-    matches!(error.kind(), Interrupted | TimedOut | WouldBlock)
 }
 
 /// The hand's answer, its complaint, or the server's refusal.

@@ -1,11 +1,9 @@
 //! Requests and answers as bytes.
 
-use super::super::gcl::{MAX_REPLY, Reply};
+use super::super::gcl::{ABORT, MAX_REPLY, Reply};
 
 /// The most characters of a line.
 pub const MAX_LINE: usize = 255;
-/// ^C.
-const ABORT: u8 = 3;
 
 /// What the server is asked to do.
 ///

@@ -12,6 +12,7 @@ use tracing::{debug, info, warn};
 
 use super::super::control::GclLine;
 use super::super::driver::check_typed;
+use super::super::line::is_pause;
 use super::driver::words;
 use super::messages::{NodeReply, Request, RequestReader};
 use crate::DeviceError;
@@ -217,9 +218,4 @@ impl Node {
             text: request.has_text().then_some(text),
         }
     }
-}
-
-fn is_pause(error: &std::io::Error) -> bool {
-    use ErrorKind::{Interrupted, TimedOut, WouldBlock};
-    matches!(error.kind(), Interrupted | TimedOut | WouldBlock)
 }

@@ -1,15 +1,13 @@
 //! The interpreter: what comes down the line, and what the hand does and says.
 
 use super::super::gcl::{
-    BANNER, Command, Control, Feedback, Header, Layout, Motor, MotorFeedback, Motors, PROMPT,
-    Parameter, Scope, Status, Verb,
+    ABORT, BANNER, Command, Control, Feedback, Header, Layout, Motor, MotorFeedback, Motors,
+    PROMPT, Parameter, Scope, Status, Verb,
 };
 use super::motion::{Motion, Purpose, strain};
 use super::motor::{Drive, Object, SimulatedMotor};
 use super::settings::Settings;
 
-/// ^C.
-const ABORT: u8 = 3;
 /// How long the hand needs after power-up until it listens, s.
 const BOOTING: f64 = 0.5;
 /// The longest piece of time in which nothing is looked at, s.

@@ -115,6 +115,10 @@ struct Line {
     outgoing: VecDeque<u8>,
     incoming: VecDeque<u8>,
     noise: Option<NoisyLine>,
+    /// What makes the hand deaf when it comes, and what came last of it.
+    deaf_from: Option<Vec<u8>>,
+    heard: Vec<u8>,
+    is_deaf: bool,
     /// Instead of the hand something else is there that sends this noise.
     babble: Option<NoisyLine>,
     /// How many bytes the line could have carried by now in each direction.
@@ -139,6 +143,9 @@ impl SimulatedHand {
                     outgoing: VecDeque::new(),
                     incoming: VecDeque::new(),
                     noise: options.noise.map(NoisyLine::new),
+                    deaf_from: None,
+                    heard: Vec::new(),
+                    is_deaf: false,
                     babble: None,
                     may_send: 0.0,
                     may_receive: 0.0,
@@ -216,6 +223,20 @@ impl SimulatedHand {
         world.line.outgoing.clear();
     }
 
+    /// Makes the hand deaf as soon as it is sent these bytes: it hears the last of them, and all that follows, only once
+    /// it is no longer deaf. Ends that with `None`.
+    pub fn set_deaf_from(&self, bytes: Option<&[u8]>) {
+        let mut world = self.world();
+        world.line.deaf_from = bytes.map(<[u8]>::to_vec);
+        world.line.heard.clear();
+        world.line.is_deaf = false;
+    }
+
+    /// Whether it was sent what makes it deaf.
+    pub fn is_deaf(&self) -> bool {
+        self.world().line.is_deaf
+    }
+
     /// Lets time stand still for the motors, or go on, while the line and the hand's processor go on: a motion under way
     /// stays under way until it is stopped.
     pub fn freeze(&self, frozen: bool) {
@@ -276,6 +297,22 @@ impl Shared {
     }
 }
 
+impl Line {
+    /// Whether the hand does not hear this byte, which is the next.
+    fn is_deaf_to(&mut self, byte: u8) -> bool {
+        let Some(from) = &self.deaf_from else {
+            return false;
+        };
+        if !self.is_deaf {
+            self.heard.push(byte);
+            self.is_deaf = self.heard.ends_with(from);
+            let old = self.heard.len().saturating_sub(from.len());
+            self.heard.drain(..old);
+        }
+        self.is_deaf
+    }
+}
+
 impl World {
     /// Some time passes; whether something goes on.
     fn pass(&mut self, seconds: f64) -> bool {
@@ -300,11 +337,13 @@ impl World {
             line.incoming.extend(bytes);
         }
         while line.may_receive >= 1.0 {
-            let Some(byte) = line.incoming.pop_front() else {
+            let next = line.incoming.front().copied();
+            let Some(byte) = next.filter(|byte| !line.is_deaf_to(*byte)) else {
                 // A line carries nothing in advance.
                 line.may_receive = 1.0;
                 break;
             };
+            line.incoming.pop_front();
             line.may_receive -= 1.0;
             match &mut line.noise {
                 Some(noise) => {

@@ -1,5 +1,6 @@
 //! One motor and what it moves.
 
+use super::super::coupling::OUTER_COUNTS;
 use super::super::gcl::Motor;
 use super::super::units;
 
@@ -8,8 +9,6 @@ use super::super::units;
 /// Not published; as if 15 N pressed 50 mm from the joint.
 pub const BREAKAWAY_TORQUE: f64 = 0.75;
 
-/// Counts per degree of the outer link, once the clutch has let go.
-const OUTER_COUNTS: f64 = 93.75;
 /// Counts per degree of the outer link, while it holds.
 const OUTER_ENGAGED: f64 = 375.0;
 /// Where a finger's counter ends; the spread's ends with its way.

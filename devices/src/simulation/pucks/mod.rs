@@ -13,7 +13,6 @@ pub use serve::serve_pucks;
 use super::{SafetyMode, Simulator, SimulatorOptions};
 use crate::can::Frame;
 use crate::can::puck::{Address, Group, Message, Node, Property, Target, mode};
-use crate::kinematics::Joints;
 use crate::wam::{AXES, WamModel};
 
 /// How often the safety module broadcasts something of its own.
@@ -137,20 +136,15 @@ impl SimulatedPucks {
 
     fn step(&mut self) {
         for joint in 0..AXES {
-            let mut unit = Joints::<AXES>::zeros();
-            unit[joint] = 1.0;
-            let turned = self.simulator.model().transmission.motors_of(&unit);
+            let transmission = &self.simulator.model().transmission;
             let mut motors = self.motors.iter().enumerate();
-            let idle = motors.all(|(motor, puck)| turned[motor] == 0.0 || !puck.follows());
+            let idle =
+                motors.all(|(motor, puck)| !transmission.turns(motor, joint) || !puck.follows());
             self.simulator.set_idle(joint, idle);
         }
         let units = std::array::from_fn(|motor| self.motors[motor].units());
-        if self.commanded {
-            self.simulator.step_units(Some(&units));
-        } else {
-            self.simulator.step_units(None);
-        }
-        self.commanded = false;
+        let commanded = std::mem::take(&mut self.commanded);
+        self.simulator.step_units(commanded.then_some(&units));
     }
 
     /// The safety module switches the motors when its mode has changed.
@@ -234,10 +228,5 @@ impl SimulatedPucks {
     /// The machine, to push it.
     pub fn simulator_mut(&mut self) -> &mut Simulator<AXES> {
         &mut self.simulator
-    }
-
-    /// What a motor follows, in its units; 0 if it does not.
-    pub fn commanded_units(&self, motor: usize) -> i16 {
-        self.motors.get(motor).map_or(0, MotorPuck::units)
     }
 }

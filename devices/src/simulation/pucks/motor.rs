@@ -5,6 +5,11 @@ use crate::wam::Motor;
 
 /// Version of the firmware whose property list is published whole.
 const VERSION: i32 = 200;
+/// How warm a puck usually is (Barrett's wiki: from 40 °C), and may become (btclient: 60 °C).
+const WARM: i32 = 40;
+const HOT: i32 = 60;
+/// V.
+const SUPPLY: i32 = 48;
 /// Motors that one frame of torques is for.
 const SLOTS: usize = 4;
 
@@ -17,7 +22,6 @@ pub(super) struct MotorPuck {
     /// Counts per turn.
     turn: i32,
     torque: i16,
-    largest: i32,
     slot: usize,
     torque_group: Group,
     /// Properties that stay as they were set.
@@ -37,6 +41,9 @@ impl MotorPuck {
         for (property, value) in [
             (Property::VERS, VERSION),
             (Property::ROLE, role::MOTOR | 0x0400),
+            (Property::TEMP, WARM),
+            (Property::OTEMP, HOT),
+            (Property::VBUS, SUPPLY),
             (Property::MT, of.limit as i32),
             (Property::CTS, turn),
             (Property::IPNM, of.units_per_newton_metre as i32),
@@ -52,7 +59,6 @@ impl MotorPuck {
             offset: counts.rem_euclid(turn.max(1)) - counts,
             turn: turn.max(1),
             torque: 0,
-            largest: of.limit as i32,
             slot: motor % SLOTS,
             torque_group,
             values,
@@ -121,9 +127,6 @@ impl MotorPuck {
             Property::MODE => self.switch(value),
             Property::P => self.offset = value.wrapping_sub(counts),
             _ => {
-                if property == Property::MT {
-                    self.largest = value;
-                }
                 let slot = &mut self.values[usize::from(property.number())];
                 if slot.is_some() {
                     *slot = Some(value);
@@ -152,7 +155,8 @@ impl MotorPuck {
         if !self.follows() {
             return 0;
         }
-        let largest = self.largest.clamp(0, 8191) as i16;
+        let largest = self.stored(Property::MT).unwrap_or_default();
+        let largest = largest.clamp(0, 8191) as i16;
         self.torque.clamp(-largest, largest)
     }
 }

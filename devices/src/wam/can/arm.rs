@@ -1,5 +1,6 @@
 //! The arm on the bus as a device.
 
+use std::collections::VecDeque;
 use std::fmt;
 use std::thread;
 use std::time::Instant;
@@ -8,14 +9,18 @@ use tracing::{info, warn};
 
 use super::connect::connect;
 use super::cycle::Link;
-use super::{CanOptions, CanTrouble};
-use crate::DeviceError;
-use crate::can::puck::Pendant;
+use super::errand::Errand;
+use super::{CanOptions, CanTrouble, errand, variables};
+use crate::can::puck::{Node, Pendant, Property};
 use crate::can::{BusError, CanBus};
 use crate::simulation::SafetyMode;
 use crate::wam::arm_device::{ArmDevice, Shared, SteeredArm};
 use crate::wam::pace::Pace;
 use crate::wam::{AXES, ArmControl, WamModel};
+use crate::{AxisIndex, DeviceError, VariableValue};
+
+/// Who it is, for errors and the log.
+pub(super) const PEER: &str = "the arm on the CAN bus";
 
 /// Opens the bus, at the start and after it failed.
 pub type OpenBus = Box<dyn FnMut() -> Result<Box<dyn CanBus>, BusError> + Send>;
@@ -51,6 +56,9 @@ pub type CanWam = ArmDevice<CanArm>;
 pub struct CanArm {
     control: ArmControl,
     status: CanStatus,
+    options: CanOptions,
+    /// What callers want to know of pucks.
+    errands: VecDeque<Errand>,
 }
 
 /// How things stand between driver and arm.
@@ -74,6 +82,8 @@ pub struct CanStatus {
     pub late: u64,
     /// How many positions did not come in time since then.
     pub left_out: u64,
+    /// How warm the pucks were when they were last asked, °C: one after the other, some times a second.
+    pub temperatures: [Option<i32>; AXES],
 }
 
 /// In words, for people.
@@ -101,6 +111,8 @@ impl fmt::Display for CanStatus {
 }
 
 impl SteeredArm for CanArm {
+    const DESCRIPTION: &'static str = "a seven-joint WAM arm on its CAN bus";
+
     fn control(&self) -> &ArmControl {
         &self.control
     }
@@ -113,20 +125,48 @@ impl SteeredArm for CanArm {
         let fine = self.status.connected && self.control.is_ready();
         (!fine).then(|| self.status.to_string())
     }
+
+    /// Errors: [`DeviceError::Remote`], [`DeviceError::NoDataYet`] in the first second.
+    fn temperatures(&self) -> Result<[f64; AXES], DeviceError> {
+        self.control.reachable()?;
+        let mut known = [0.0; AXES];
+        for (known, told) in known.iter_mut().zip(self.status.temperatures) {
+            let what = "temperature";
+            *known = f64::from(told.ok_or(DeviceError::NoDataYet { what })?);
+        }
+        Ok(known)
+    }
+
+    fn puck_property(
+        device: &ArmDevice<Self>,
+        motor: AxisIndex,
+        property: Property,
+    ) -> Result<i32, DeviceError> {
+        errand::run(device, Node::of_motor(motor.index()), property, None)
+    }
+
+    fn variables() -> Vec<String> {
+        variables::names().collect()
+    }
+
+    fn variable(device: &ArmDevice<Self>, name: &str) -> Result<Vec<VariableValue>, DeviceError> {
+        variables::variable(device, name)
+    }
+
+    fn set_variable(
+        device: &ArmDevice<Self>,
+        name: &str,
+        value: &[VariableValue],
+    ) -> Result<(), DeviceError> {
+        let options = device.with(|arm| arm.options);
+        variables::set_variable(device, &options, name, value)
+    }
 }
 
 impl CanArm {
-    /// The control of the arm.
-    pub fn control(&self) -> &ArmControl {
-        &self.control
-    }
-
-    /// How things stand.
-    pub fn status(&self) -> &CanStatus {
-        &self.status
-    }
-
-    fn connected(&mut self, counts: [i32; AXES]) {
+    fn connected(&mut self, link: &Link, counts: [i32; AXES]) {
+        let motors = link.motors(self.control.model());
+        self.control.set_motors(motors);
         self.control.set_trouble(None);
         self.control.set_ready(false);
         self.control.forget_motion(counts);
@@ -139,15 +179,26 @@ impl CanArm {
         };
     }
 
+    /// The arm is lost, or still not found; the log has why, once for each loss and once for what keeps it from being found.
     fn failed(&mut self, trouble: &CanTrouble) {
         self.control.set_ready(false);
-        self.control
-            .set_trouble(Some(trouble.for_callers("the arm on the CAN bus")));
+        self.control.set_trouble(Some(trouble.for_callers(PEER)));
         if std::mem::take(&mut self.status.connected) {
+            warn!(peer = PEER, %trouble, "lost the arm; it is braked");
             self.status.loss = Some(trouble.clone());
+        } else if self.status.trouble.as_ref() != Some(trouble) {
+            warn!(peer = PEER, %trouble, "the arm is still not found");
         }
         self.status.safety = None;
         self.status.trouble = Some(trouble.clone());
+        self.errands.clear();
+    }
+
+    /// Takes a question for the thread of the bus, if the arm is there.
+    pub(super) fn hand_over(&mut self, errand: Errand) -> Result<(), DeviceError> {
+        self.control.reachable()?;
+        self.errands.push_back(errand);
+        Ok(())
     }
 
     /// From counts to torques, Nm.
@@ -166,6 +217,7 @@ impl CanArm {
         self.status.safety = link.safety();
         self.status.pendant = link.pendant();
         self.status.left_out = link.left_out();
+        self.status.temperatures = link.temperatures();
         self.status.periods += 1;
         self.control.drive()
     }
@@ -195,12 +247,14 @@ impl ArmDevice<CanArm> {
         mut open: OpenBus,
     ) -> Result<Self, DeviceError> {
         let (link, counts) = connect(&mut open, &model, &options, true)
-            .map_err(|trouble| DeviceError::from(&trouble.for_callers("the arm on the CAN bus")))?;
+            .map_err(|trouble| DeviceError::from(&trouble.for_callers(PEER)))?;
         let mut arm = CanArm {
             control: ArmControl::new(model, options.period, counts),
             status: CanStatus::default(),
+            options,
+            errands: VecDeque::new(),
         };
-        arm.connected(counts);
+        arm.connected(&link, counts);
         Self::spawn(arm, "can-wam", move |shared| {
             run(shared, link, open, &options);
         })
@@ -227,19 +281,14 @@ fn run(shared: &Shared<CanArm>, link: Link, mut open: OpenBus, options: &CanOpti
             },
             None => match connect(&mut open, &model, options, false) {
                 Ok((found, counts)) => {
-                    shared.lock().arm.connected(counts);
+                    shared.lock().arm.connected(&found, counts);
                     link = Some(found);
                     continue;
                 }
                 Err(trouble) => trouble,
             },
         };
-        let mut timed = shared.lock();
-        if timed.arm.status.trouble.as_ref() != Some(&trouble) {
-            warn!(%trouble, "lost the arm on the CAN bus");
-        }
-        timed.arm.failed(&trouble);
-        drop(timed);
+        shared.lock().arm.failed(&trouble);
         let again = Instant::now() + options.retry;
         while !shared.is_ending() && Instant::now() < again {
             thread::park_timeout(again.saturating_duration_since(Instant::now()));
@@ -257,13 +306,18 @@ fn drive(
     let mut pace = Pace::new(options.period);
     while pace.wait(|| shared.is_ending()) {
         let counts = link.positions()?;
-        let torques = {
+        let (torques, errand) = {
             let mut timed = shared.lock();
             timed.stamp();
             timed.arm.status.late = pace.late();
-            timed.arm.period(link, counts)
+            let torques = timed.arm.period(link, counts);
+            let errand = link.is_free().then(|| timed.arm.errands.pop_front());
+            (torques, errand.flatten())
         };
         link.drive(model, &torques)?;
+        if let Some(errand) = errand {
+            link.run(errand)?;
+        }
     }
     Ok(())
 }

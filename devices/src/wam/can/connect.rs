@@ -43,7 +43,8 @@ pub(super) struct PuckUnits {
 
 /// Brings an arm to the point where its control can begin; answers where it stands.
 ///
-/// `first`: the arm may be told that it stands folded at home. Later it must know by itself where it is.
+/// `first`: the arm may be told that it stands folded at home. Later it must know by itself where it is, and the
+/// safety module is told to brake, so that nothing moves until the pendant is pressed.
 pub(super) fn connect(
     open: &mut OpenBus,
     model: &WamModel<AXES>,
@@ -52,6 +53,12 @@ pub(super) fn connect(
 ) -> Result<(Link, [i32; AXES]), CanTrouble> {
     let bus = open().during(Step::Open)?;
     let mut line = Line::new(bus, options.patience);
+    if !first {
+        // When the arm was lost the order to brake may have been lost as well, and the bus may be back before the safety
+        // module misses anything.
+        line.tell(Node::SAFETY, Property::MODE, mode::SAFETY_IDLE)
+            .during(Step::Find)?;
+    }
     let asleep = find(&mut line, options.scan)?;
     if !first && let Some(&node) = asleep.iter().find(|&&node| node != Node::SAFETY) {
         return Err(Problem::PositionLost { node }).during(Step::Wake);
@@ -189,15 +196,20 @@ fn group(line: &mut Line, node: Node, property: Property) -> Result<Group, Probl
         .ok_or_else(|| unexpected(node, property, "a group from 0 to 31", value))
 }
 
-fn set_limits(line: &mut Line, options: &CanOptions) -> Result<(), Problem> {
+/// What the safety module shall allow, in its units.
+pub(super) fn limits_in_units(options: &CanOptions) -> [(Property, i32); 4] {
     let limits = options.limits;
-    for (property, value) in [
+    [
         (Property::VL1, limits.velocity_warning * VELOCITY_UNITS),
         (Property::VL2, limits.velocity_fault * VELOCITY_UNITS),
         (Property::TL1, limits.torque_warning),
         (Property::TL2, limits.torque_fault),
-    ] {
-        let value = value.clamp(0.0, LARGEST) as i32;
+    ]
+    .map(|(property, value)| (property, value.clamp(0.0, LARGEST) as i32))
+}
+
+fn set_limits(line: &mut Line, options: &CanOptions) -> Result<(), Problem> {
+    for (property, value) in limits_in_units(options) {
         line.tell(Node::SAFETY, property, value)?;
         line.pause(SETTLE)?;
         let got = line.ask(Node::SAFETY, property)?;

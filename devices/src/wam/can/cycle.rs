@@ -3,6 +3,7 @@
 use std::time::{Duration, Instant};
 
 use super::connect::PuckUnits;
+use super::errand::Errand;
 use super::line::{Line, MOST_FRAMES};
 use super::trouble::During;
 use super::{CanOptions, CanTrouble, Problem, Step};
@@ -10,11 +11,13 @@ use crate::can::BusError;
 use crate::can::puck::{Group, Message, Node, Pendant, Property, mode};
 use crate::kinematics::Joints;
 use crate::simulation::SafetyMode;
-use crate::wam::{AXES, WamModel};
+use crate::wam::{AXES, Motor, WamModel};
 
 /// Every so many periods the safety module is asked for its mode, and so many questions may stay without answer.
 const WATCH: u64 = 10;
 const UNANSWERED: u32 = 10;
+/// Every so many periods one of the pucks is asked for its temperature.
+const FEEL: u64 = 50;
 /// A rotor that seems to have gone on by more than a quarter of a turn in a period is not believed (btclient), counts.
 const JUMP: u32 = 1024;
 /// The largest torque there is room for: 13 bits and a sign.
@@ -38,6 +41,9 @@ pub(super) struct Link {
     safety: Option<SafetyMode>,
     pendant: Option<Pendant>,
     left_out: u64,
+    /// What a caller wants to know, and until when it is waited for.
+    errand: Option<(Errand, Instant)>,
+    temperatures: [Option<i32>; AXES],
 }
 
 impl Link {
@@ -61,7 +67,42 @@ impl Link {
             safety: None,
             pendant: None,
             left_out: 0,
+            errand: None,
+            temperatures: [None; AXES],
         }
+    }
+
+    /// Whether there is no question of a caller under way.
+    pub(super) fn is_free(&self) -> bool {
+        self.errand.is_none()
+    }
+
+    /// Asks what a caller wants to know; the answer is taken note of when it comes.
+    pub(super) fn run(&mut self, errand: Errand) -> Result<(), CanTrouble> {
+        let (node, property) = (errand.node, errand.property);
+        if let Some(value) = errand.value {
+            self.line.tell(node, property, value).during(Step::Errand)?;
+        }
+        self.line
+            .send(node, Message::Get(property))
+            .during(Step::Errand)?;
+        self.errand = Some((errand, Instant::now() + self.options.patience));
+        Ok(())
+    }
+
+    /// How warm the pucks are, °C; `None` before the first answer.
+    pub(super) fn temperatures(&self) -> [Option<i32>; AXES] {
+        self.temperatures
+    }
+
+    /// What the pucks say of their motors, in the place of what the model says.
+    pub(super) fn motors(&self, model: &WamModel<AXES>) -> [Motor; AXES] {
+        let mut motors = model.motors;
+        for (motor, units) in motors.iter_mut().zip(&self.units) {
+            motor.units_per_newton_metre = units.per_newton_metre;
+            motor.limit = units.largest;
+        }
+        motors
     }
 
     /// What the safety module lets the arm do; `None` before its first answer.
@@ -125,6 +166,8 @@ impl Link {
         while let Some((from, message)) = self.line.hear(now, &mut left)? {
             self.note(from, message);
         }
+        // Whoever waits for it hears that nobody answers.
+        self.errand.take_if(|(_, deadline)| now > *deadline);
         Ok(())
     }
 
@@ -136,8 +179,14 @@ impl Link {
         f64::from(counts.abs_diff(self.counts[motor])) <= most
     }
 
-    /// Asks the safety module for its mode, and for what the pendant shows when the arm is not active.
+    /// Asks the safety module for its mode, and for what the pendant shows when the arm is not active; now and then a puck
+    /// how warm it is.
     fn watch(&mut self) -> Result<(), Problem> {
+        if self.cycles % FEEL == FEEL / 2 {
+            let motor = (self.cycles / FEEL) as usize % AXES;
+            let question = Message::Get(Property::TEMP);
+            self.line.send(Node::of_motor(motor), question)?;
+        }
         if !self.cycles.is_multiple_of(WATCH) {
             return Ok(());
         }
@@ -152,11 +201,23 @@ impl Link {
         Ok(())
     }
 
-    /// Takes note of what the safety module says.
+    /// Takes note of what the safety module and others say.
     fn note(&mut self, from: Node, message: Message) {
         let Message::Value { property, value } = message else {
             return;
         };
+        let asked = |(errand, _): &mut (Errand, Instant)| {
+            (errand.node, errand.property) == (from, property)
+        };
+        if let Some((errand, _)) = self.errand.take_if(asked) {
+            // The caller may have gone.
+            let _ = errand.answer.try_send(value);
+        }
+        if let Some(motor) = from.motor(AXES)
+            && property == Property::TEMP
+        {
+            self.temperatures[motor] = Some(value);
+        }
         if from != Node::SAFETY {
             return;
         }

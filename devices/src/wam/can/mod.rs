@@ -15,9 +15,11 @@
 mod arm;
 mod connect;
 mod cycle;
+mod errand;
 mod line;
 mod options;
 mod trouble;
+mod variables;
 
 pub use arm::{CanArm, CanStatus, CanWam, OpenBus};
 pub use options::CanOptions;

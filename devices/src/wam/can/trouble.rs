@@ -31,6 +31,8 @@ pub enum Step {
     Torques,
     /// Asking the safety module in a control period.
     Watch,
+    /// Asking a puck what a caller wants to know.
+    Errand,
 }
 
 impl fmt::Display for Step {
@@ -47,6 +49,7 @@ impl fmt::Display for Step {
             Self::Positions => "reading positions",
             Self::Torques => "sending torques",
             Self::Watch => "watching the safety module",
+            Self::Errand => "asking a puck for a caller",
         })
     }
 }

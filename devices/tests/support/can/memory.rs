@@ -26,7 +26,8 @@ pub struct Memory {
 #[derive(Default)]
 pub struct Wire {
     to_host: VecDeque<Frame>,
-    failure: Option<BusError>,
+    /// What everything on the bus fails with. Time at the other end stands still meanwhile.
+    pub failure: Option<BusError>,
     pub noise: Option<Noise>,
 }
 

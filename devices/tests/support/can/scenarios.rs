@@ -8,6 +8,7 @@ use yarp_devices::wam::WamModel;
 use yarp_devices::wam::can::{CanOptions, CanWam};
 use yarp_devices::{
     Axes, AxisIndex, ControlMode, DeviceError, Encoders, JointFault, Mode, PositionControl,
+    RemoteVariables, VariableValue,
 };
 
 use super::{Plug, Rig, Scenario, says, until};
@@ -17,7 +18,7 @@ const ELBOW: Axes<'static> = Axes::One(AxisIndex::new(3));
 const FOLDED: f64 = 179.3;
 
 /// The name of each, and what it does.
-pub const ALL: [Scenario; 9] = [
+pub const ALL: [Scenario; 10] = [
     ("an_arm_is_found_and_moves", an_arm_is_found_and_moves),
     (
         "a_puck_that_falls_silent_is_named_in_every_phase",
@@ -51,6 +52,7 @@ pub const ALL: [Scenario; 9] = [
         "limits_reach_the_safety_module",
         limits_reach_the_safety_module,
     ),
+    ("pucks_answer_callers", pucks_answer_callers),
 ];
 
 /// Tries again soon, and knows the rotors' angles at home: the simulated arm sinks onto its stops while it is idle.
@@ -75,7 +77,7 @@ pub fn active(rig: &dyn Rig) -> CanWam {
 }
 
 /// Presses the buttons once the arm is there and stands, as a careful operator.
-fn activate(rig: &dyn Rig, arm: &CanWam) {
+pub fn activate(rig: &dyn Rig, arm: &CanWam) {
     until("an arm that stands", || {
         arm.status().connected && rig.pucks().lock().simulator().speed() < 0.05
     });
@@ -353,6 +355,21 @@ pub fn limits_reach_the_safety_module(rig: &dyn Rig) {
     until("a torque fault", || {
         arm.last_fault(0.into()).unwrap().message.contains("torque")
     });
+}
+
+/// What callers ask passes over the bus beside control, with the arm idle and active.
+pub fn pucks_answer_callers(rig: &dyn Rig) {
+    let arm = start(rig);
+    let turns = vec![VariableValue::Integer(4096); 7];
+    assert_eq!(arm.variable("puck.CTS").expect("they answer"), turns);
+    activate(rig, &arm);
+    assert_eq!(arm.variable("puck.CTS").expect("they answer"), turns);
+    let closer = [VariableValue::Integer(2048)];
+    arm.set_variable("safety.VL2", &closer)
+        .expect("it is taken");
+    let limits = rig.pucks().lock().simulator().safety().limits();
+    assert_eq!(limits.velocity_fault, 0.5);
+    assert_eq!(arm.status().connections, 1);
 }
 
 /// Whether a frame has torques in it.

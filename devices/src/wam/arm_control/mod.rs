@@ -1,21 +1,28 @@
 //! What the control computer of an arm does behind the calls of the device interfaces; stepped by its owner.
 
+mod compliance;
+mod currents;
+
 use std::time::Duration;
 
+use self::compliance::Compliance;
+pub(super) use self::currents::UNITS_PER_AMPERE;
 use super::units::{degrees, gains_per_degree, gains_per_radian};
 use super::{AXES, WamModel, parameters};
+use crate::dynamics::Body;
 use crate::fake::{Model, MotionState};
 use crate::kinematics::Joints;
 use crate::simulation::{Controller, Gains, Order};
 use crate::{Axes, AxisIndex, DeviceError, Limits, Mode};
 
 /// What a joint can be set to.
-const MODES: [Mode; 5] = [
+const MODES: [Mode; 6] = [
     Mode::Idle,
     Mode::Position,
     Mode::PositionDirect,
     Mode::Velocity,
     Mode::Torque,
+    Mode::Current,
 ];
 /// The low-pass behind the difference quotient of positions, rad/s (libbarrett, `wam7w.conf`).
 const SPEED_FILTER: f64 = 180.0;
@@ -42,6 +49,10 @@ pub struct ArmControl {
     driven: Joints<AXES>,
     measured: [MotionState; AXES],
     streams: [Stream; AXES],
+    /// Currents of motors in current mode, A.
+    asked: [f64; AXES],
+    compliance: [Compliance; AXES],
+    load: Body,
     ready: bool,
     trouble: Option<Trouble>,
 }
@@ -77,12 +88,16 @@ enum Stream {
     Position(f64),
     /// Nm.
     Torque(f64),
+    /// What its motors are asked for.
+    Current,
 }
 
 impl ArmControl {
     /// Control of an arm at rest at these counts, ready, in position mode.
     pub fn new(model: WamModel<AXES>, period: Duration, counts: [i32; AXES]) -> Self {
         let controller = Controller::new(model.clone(), period);
+        let compliance =
+            std::array::from_fn(|joint| Compliance::stiff(Self::largest_impedance(&model, joint)));
         let mut control = Self {
             model,
             set_points: Model::new(parameters()),
@@ -92,6 +107,9 @@ impl ArmControl {
             driven: Joints::zeros(),
             measured: [MotionState::default(); AXES],
             streams: [Stream::None; AXES],
+            asked: [0.0; AXES],
+            compliance,
+            load: Body::default(),
             ready: true,
             trouble: None,
         };
@@ -102,20 +120,24 @@ impl ArmControl {
     /// The torques that follow the commands for the next period, Nm at the joints.
     pub fn drive(&mut self) -> Joints<AXES> {
         self.set_points.step(self.period);
+        let by_current = self.asked_by_current();
         let orders = std::array::from_fn(|joint| {
             let axis = AxisIndex::from(joint);
             if !self.ready {
-                self.streams[joint] = Stream::None;
                 self.rest(axis);
             }
             match self.streams[joint] {
-                Stream::Position(place) => Order::At(place.to_radians()),
+                Stream::Position(place) => self.towards(joint, place, 0.0),
                 Stream::Torque(torque) => Order::Drive(torque),
+                Stream::Current => Order::Drive(by_current[joint]),
                 Stream::None if self.mode(axis) == Mode::Idle => {
                     self.put_set_point(axis, self.measured[joint].position);
                     Order::Float
                 }
-                Stream::None => Order::At(self.set_point(axis).to_radians()),
+                Stream::None => {
+                    let set_point = self.set_point(axis);
+                    self.towards(joint, set_point.position, set_point.velocity)
+                }
             }
         });
         self.driven = self.controller.step(&self.counts, &orders);
@@ -143,7 +165,7 @@ impl ArmControl {
     pub fn hold(&mut self) {
         for joint in 0..AXES {
             let axis = AxisIndex::from(joint);
-            self.streams[joint] = Stream::None;
+            self.drop_streams(joint);
             self.rest(axis);
             self.set_mode_of_set_point(axis, Mode::Position);
         }
@@ -151,9 +173,17 @@ impl ArmControl {
     }
 
     /// Says whether the motors follow torques. While they do not, all joints are in [`Mode::HardwareFault`], commands
-    /// are refused and what was commanded is dropped.
+    /// are refused, what was commanded is dropped, and compliant joints become stiff.
     pub fn set_ready(&mut self, ready: bool) {
         self.ready = ready;
+        if ready {
+            return;
+        }
+        for joint in 0..AXES {
+            self.drop_streams(joint);
+            self.compliance[joint].stiffen();
+            self.rest(joint.into());
+        }
     }
 
     /// Whether the motors follow torques.
@@ -166,17 +196,25 @@ impl ArmControl {
         self.trouble = trouble;
     }
 
-    /// Why the machine cannot be reached.
-    pub fn trouble(&self) -> Option<&Trouble> {
-        self.trouble.as_ref()
-    }
-
     /// What the arm is built like.
     pub fn model(&self) -> &WamModel<AXES> {
         &self.model
     }
 
-    fn reachable(&self) -> Result<(), DeviceError> {
+    /// What gravity compensation reckons with at the last link, beside the arm that it was calibrated with.
+    pub fn compensated_load(&self) -> &Body {
+        &self.load
+    }
+
+    /// Has gravity compensated for something else at the last link, in the frame of which it is described: from the next
+    /// period on, at once.
+    pub fn set_compensated_load(&mut self, load: Body) {
+        self.load = load;
+        let loaded = self.model.clone().with_load(load);
+        self.controller.set_calibration(loaded.calibration);
+    }
+
+    pub(super) fn reachable(&self) -> Result<(), DeviceError> {
         self.trouble.as_ref().map_or(Ok(()), |why| Err(why.into()))
     }
 
@@ -244,6 +282,7 @@ impl ArmControl {
                     self.streams[joint] = Stream::Position(self.measured[joint].position);
                 }
                 Stream::Torque(_) => self.streams[joint] = Stream::Torque(0.0),
+                Stream::Current => self.forget_currents(joint),
             }
         }
         Ok(())
@@ -272,7 +311,7 @@ impl ArmControl {
         self.check_mode(axes, "direct position", Mode::PositionDirect)?;
         for (axis, &asked) in axes.iter(AXES).zip(positions) {
             let limits = self.set_points.position_limits(axis)?;
-            check(axis, "position", asked, limits, "deg")?;
+            limits.check(axis, "position", asked, "deg")?;
         }
         for (axis, &asked) in axes.iter(AXES).zip(positions) {
             self.streams[axis.index()] = Stream::Position(asked);
@@ -287,7 +326,7 @@ impl ArmControl {
         axes.check(AXES)?;
         let place = |axis: AxisIndex| match self.streams[axis.index()] {
             Stream::Position(place) => place,
-            _ => self.set_point(axis),
+            _ => self.set_point(axis).position,
         };
         Ok(axes.iter(AXES).map(place).collect())
     }
@@ -304,7 +343,8 @@ impl ArmControl {
         axes.check_command(AXES, "torques", torques.len())?;
         self.check_mode(axes, "torque", Mode::Torque)?;
         for (axis, &asked) in axes.iter(AXES).zip(torques) {
-            check(axis, "torque", asked, self.torque_range(axis)?, "Nm")?;
+            self.torque_range(axis)?
+                .check(axis, "torque", asked, "Nm")?;
         }
         for (axis, &asked) in axes.iter(AXES).zip(torques) {
             self.streams[axis.index()] = Stream::Torque(asked);
@@ -340,8 +380,12 @@ impl ArmControl {
     /// Errors: [`DeviceError::NoSuchAxis`].
     pub fn torque_range(&self, axis: AxisIndex) -> Result<Limits, DeviceError> {
         Axes::One(axis).check(AXES)?;
-        let most = self.controller.gains()[axis.index()].limit;
-        Ok(Limits::new(-most, most))
+        Ok(self.range_of_loop(axis.index()))
+    }
+
+    fn range_of_loop(&self, joint: usize) -> Limits {
+        let most = self.controller.gains()[joint].limit;
+        Limits::new(-most, most)
     }
 
     /// The gains of a joint's position loop, in Nm per degree.
@@ -372,7 +416,7 @@ impl ArmControl {
             ("derivative gain", gains.derivative),
             ("torque limit", gains.limit),
         ] {
-            check(axis, quantity, asked, positive, "Nm/deg")?;
+            positive.check(axis, quantity, asked, "Nm/deg")?;
         }
         Ok(())
     }
@@ -432,19 +476,34 @@ impl ArmControl {
             if !MODES.contains(&mode) {
                 return Err(DeviceError::NoSuchMode { joint, mode });
             }
-            if !self.ready {
-                return Err(DeviceError::WrongMode {
-                    joint,
-                    command: "a change of mode",
-                    mode: Mode::HardwareFault,
-                    needed: Mode::ForceIdle,
-                });
-            }
+            self.check_ready(joint, "a change of mode")?;
         }
         for (axis, &mode) in axes.iter(AXES).zip(modes) {
             self.change_mode(axis, mode);
         }
         Ok(())
+    }
+
+    pub(super) fn check_ready(
+        &self,
+        joint: AxisIndex,
+        command: &'static str,
+    ) -> Result<(), DeviceError> {
+        if self.ready {
+            return Ok(());
+        }
+        Err(DeviceError::WrongMode {
+            joint,
+            command,
+            mode: Mode::HardwareFault,
+            needed: Mode::ForceIdle,
+        })
+    }
+
+    /// Takes a joint out of whatever stream drives it.
+    fn drop_streams(&mut self, joint: usize) {
+        self.forget_currents(joint);
+        self.streams[joint] = Stream::None;
     }
 
     fn change_mode(&mut self, axis: AxisIndex, mode: Mode) {
@@ -455,23 +514,26 @@ impl ArmControl {
         let joint = axis.index();
         let here = match before {
             // The joint goes on from where it shall be: no jump.
-            Mode::Position | Mode::Velocity => self.set_point(axis),
+            Mode::Position | Mode::Velocity => self.set_point(axis).position,
             _ => match self.streams[joint] {
                 Stream::Position(place) => place,
                 _ => self.measured[joint].position,
             },
         };
-        match mode {
-            Mode::PositionDirect | Mode::Torque => {
+        self.forget_currents(joint);
+        let stream = match mode {
+            Mode::PositionDirect => Some(Stream::Position(here)),
+            Mode::Torque => Some(Stream::Torque(0.0)),
+            Mode::Current => Some(Stream::Current),
+            _ => None,
+        };
+        match stream {
+            Some(stream) => {
                 self.rest(axis);
                 self.put_set_point(axis, here);
-                self.streams[joint] = if mode == Mode::Torque {
-                    Stream::Torque(0.0)
-                } else {
-                    Stream::Position(here)
-                };
+                self.streams[joint] = stream;
             }
-            mode => {
+            None => {
                 self.streams[joint] = Stream::None;
                 if !matches!(before, Mode::Position | Mode::Velocity) {
                     self.put_set_point(axis, here);
@@ -488,6 +550,7 @@ impl ArmControl {
         match self.streams[axis.index()] {
             Stream::Position(_) => Mode::PositionDirect,
             Stream::Torque(_) => Mode::Torque,
+            Stream::Current => Mode::Current,
             Stream::None => {
                 let mut mode = [Mode::UNKNOWN];
                 let read = self.set_points.read_control_modes(axis.into(), &mut mode);
@@ -532,36 +595,9 @@ impl ArmControl {
         debug_assert!(placed.is_ok(), "the axis was checked");
     }
 
-    fn set_point(&self, axis: AxisIndex) -> f64 {
+    fn set_point(&self, axis: AxisIndex) -> MotionState {
         self.set_points
             .state(axis)
-            .map_or(self.measured[axis.index()].position, |state| state.position)
+            .unwrap_or(self.measured[axis.index()])
     }
-}
-
-fn check(
-    joint: AxisIndex,
-    quantity: &'static str,
-    asked: f64,
-    allowed: Limits,
-    unit: &'static str,
-) -> Result<(), DeviceError> {
-    if !asked.is_finite() {
-        return Err(DeviceError::NotFinite {
-            joint,
-            quantity,
-            asked,
-        });
-    }
-    if allowed.contains(asked) {
-        return Ok(());
-    }
-    Err(DeviceError::OutOfRange {
-        joint,
-        quantity,
-        asked,
-        min: allowed.min,
-        max: allowed.max,
-        unit,
-    })
 }

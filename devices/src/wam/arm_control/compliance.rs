@@ -1,0 +1,170 @@
+//! Joints that yield: a spring and a damper about the set point, in the place of the position loop.
+//!
+//! ```text
+//! torque = stiffness · (set point − position) + damping · (its speed − speed) + offset
+//! ```
+//!
+//! cut at what the position loop may give out; gravity is compensated beside it. There is no torque sensor: what friction
+//! of joint and cables takes is not felt, so that a joint stays up to friction over stiffness off its set point.
+
+use super::{ArmControl, Stream};
+use crate::simulation::Order;
+use crate::wam::AXES;
+use crate::{Axes, AxisIndex, DeviceError, Impedance, ImpedanceLimits, Interaction, Limits, Mode};
+
+/// How soft a joint is that was told nothing, beside its position loop.
+const SOFTNESS: f64 = 10.0;
+
+/// How a joint meets the world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Compliance {
+    yields: bool,
+    impedance: Impedance,
+    /// Nm.
+    offset: f64,
+}
+
+impl Compliance {
+    /// A stiff joint, whose impedance is a tenth of what it may be at most.
+    pub(super) fn stiff(limits: ImpedanceLimits) -> Self {
+        Self {
+            yields: false,
+            impedance: Impedance {
+                stiffness: limits.stiffness.max / SOFTNESS,
+                damping: limits.damping.max,
+            },
+            offset: 0.0,
+        }
+    }
+
+    /// Makes it stiff; its impedance stays.
+    pub(super) fn stiffen(&mut self) {
+        self.yields = false;
+    }
+}
+
+impl ArmControl {
+    /// What brings a joint to a place, degrees, that moves with a speed.
+    pub(super) fn towards(&self, joint: usize, place: f64, speed: f64) -> Order {
+        let compliance = &self.compliance[joint];
+        if !compliance.yields {
+            return Order::At(place.to_radians());
+        }
+        let now = &self.measured[joint];
+        let Impedance { stiffness, damping } = compliance.impedance;
+        let torque = stiffness * (place - now.position)
+            + damping * (speed - now.velocity)
+            + compliance.offset;
+        Order::Drive(self.range_of_loop(joint).clamp(torque))
+    }
+
+    /// As [`InteractionMode::interactions`](crate::InteractionMode::interactions).
+    pub fn interactions(&self, axes: Axes<'_>) -> Result<Vec<Interaction>, DeviceError> {
+        axes.check(AXES)?;
+        let one = |axis: AxisIndex| match self.compliance[axis.index()].yields {
+            true => Interaction::Compliant,
+            false => Interaction::Stiff,
+        };
+        Ok(axes.iter(AXES).map(one).collect())
+    }
+
+    /// As [`InteractionMode::set_interactions`](crate::InteractionMode::set_interactions).
+    ///
+    /// It counts where a joint has a set point: in position, position direct and velocity mode. A joint made stiff holds
+    /// where it was pushed to, and does not snap back. While the machine is not ready all joints become stiff.
+    pub fn set_interactions(
+        &mut self,
+        axes: Axes<'_>,
+        interactions: &[Interaction],
+    ) -> Result<(), DeviceError> {
+        axes.check_command(AXES, "interaction modes", interactions.len())?;
+        self.reachable()?;
+        for (joint, interaction) in axes.iter(AXES).zip(interactions) {
+            if let Interaction::Unknown(_) = interaction {
+                return Err(DeviceError::NotSupported {
+                    what: "an interaction mode that is neither stiff nor compliant".to_owned(),
+                });
+            }
+            self.check_ready(joint, "a change of interaction mode")?;
+        }
+        for (axis, &interaction) in axes.iter(AXES).zip(interactions) {
+            let yields = interaction == Interaction::Compliant;
+            let yielded = std::mem::replace(&mut self.compliance[axis.index()].yields, yields);
+            if yielded && !yields {
+                self.hold_here(axis);
+            }
+        }
+        Ok(())
+    }
+
+    /// Holds a joint that has a set point where it is.
+    fn hold_here(&mut self, axis: AxisIndex) {
+        match (self.mode(axis), &mut self.streams[axis.index()]) {
+            (_, Stream::Position(place)) => {
+                let limits = self.set_points.position_limits(axis);
+                let here = self.measured[axis.index()].position;
+                *place = limits.map_or(here, |limits| limits.clamp(here));
+            }
+            (mode @ (Mode::Position | Mode::Velocity), Stream::None) => {
+                self.rest(axis);
+                self.set_mode_of_set_point(axis, mode);
+            }
+            _ => {}
+        }
+    }
+
+    /// As [`ImpedanceControl::impedance`](crate::ImpedanceControl::impedance).
+    pub fn impedance(&self, axis: AxisIndex) -> Result<Impedance, DeviceError> {
+        Axes::One(axis).check(AXES)?;
+        Ok(self.compliance[axis.index()].impedance)
+    }
+
+    /// As [`ImpedanceControl::set_impedance`](crate::ImpedanceControl::set_impedance).
+    pub fn set_impedance(&mut self, axis: AxisIndex, asked: Impedance) -> Result<(), DeviceError> {
+        let limits = self.impedance_limits(axis)?;
+        let Impedance { stiffness, damping } = asked;
+        limits
+            .stiffness
+            .check(axis, "stiffness", stiffness, "Nm/deg")?;
+        limits.damping.check(axis, "damping", damping, "Nm s/deg")?;
+        self.compliance[axis.index()].impedance = asked;
+        Ok(())
+    }
+
+    /// As [`ImpedanceControl::impedance_offset`](crate::ImpedanceControl::impedance_offset).
+    pub fn impedance_offset(&self, axis: AxisIndex) -> Result<f64, DeviceError> {
+        Axes::One(axis).check(AXES)?;
+        Ok(self.compliance[axis.index()].offset)
+    }
+
+    /// As [`ImpedanceControl::set_impedance_offset`](crate::ImpedanceControl::set_impedance_offset), within the joint's
+    /// range of torques.
+    pub fn set_impedance_offset(
+        &mut self,
+        axis: AxisIndex,
+        offset: f64,
+    ) -> Result<(), DeviceError> {
+        let range = self.torque_range(axis)?;
+        range.check(axis, "impedance offset", offset, "Nm")?;
+        self.compliance[axis.index()].offset = offset;
+        Ok(())
+    }
+
+    /// As [`ImpedanceControl::impedance_limits`](crate::ImpedanceControl::impedance_limits): up to the stiffness and damping
+    /// that Barrett's position loop has, with which the arm is known to be steady.
+    pub fn impedance_limits(&self, axis: AxisIndex) -> Result<ImpedanceLimits, DeviceError> {
+        Axes::One(axis).check(AXES)?;
+        Ok(Self::largest_impedance(&self.model, axis.index()))
+    }
+
+    pub(super) fn largest_impedance(
+        model: &crate::wam::WamModel<AXES>,
+        joint: usize,
+    ) -> ImpedanceLimits {
+        let gains = crate::wam::units::gains_per_degree(model.gains[joint]);
+        ImpedanceLimits {
+            stiffness: Limits::new(0.0, gains.proportional),
+            damping: Limits::new(0.0, gains.derivative),
+        }
+    }
+}

@@ -1,0 +1,103 @@
+//! The interfaces of an arm under control that concern how its joints push and yield.
+//!
+//! Duty cycles are refused: a puck follows torques, which are currents, and closes the loop about them itself. It has a
+//! mode that takes duty cycles (`MODE` 1), but that mode is the safety module's to set: Barrett warns against switching
+//! the pucks of an arm beside it, and how such a puck is told its duty cycle, or tells it, is not published. The
+//! simulated arm is controlled as the real one, so it refuses them as well.
+
+use super::AXES;
+use super::arm_device::{ArmDevice, SteeredArm};
+use crate::{
+    Axes, AxisIndex, CurrentControl, DeviceError, Impedance, ImpedanceControl, ImpedanceLimits,
+    Interaction, InteractionMode, Limits, PwmControl,
+};
+
+impl<A: SteeredArm> InteractionMode for ArmDevice<A> {
+    fn interactions(&self, axes: Axes<'_>) -> Result<Vec<Interaction>, DeviceError> {
+        self.control(|arm| arm.interactions(axes))
+    }
+
+    fn set_interactions(
+        &self,
+        axes: Axes<'_>,
+        interactions: &[Interaction],
+    ) -> Result<(), DeviceError> {
+        self.control(|arm| arm.set_interactions(axes, interactions))
+    }
+}
+
+impl<A: SteeredArm> ImpedanceControl for ArmDevice<A> {
+    fn impedance(&self, axis: AxisIndex) -> Result<Impedance, DeviceError> {
+        self.control(|arm| arm.impedance(axis))
+    }
+
+    fn set_impedance(&self, axis: AxisIndex, impedance: Impedance) -> Result<(), DeviceError> {
+        self.control(|arm| arm.set_impedance(axis, impedance))
+    }
+
+    fn impedance_offset(&self, axis: AxisIndex) -> Result<f64, DeviceError> {
+        self.control(|arm| arm.impedance_offset(axis))
+    }
+
+    fn set_impedance_offset(&self, axis: AxisIndex, offset: f64) -> Result<(), DeviceError> {
+        self.control(|arm| arm.set_impedance_offset(axis, offset))
+    }
+
+    fn impedance_limits(&self, axis: AxisIndex) -> Result<ImpedanceLimits, DeviceError> {
+        self.control(|arm| arm.impedance_limits(axis))
+    }
+}
+
+/// Of the motors, beside what gravity takes: see [`ArmControl`](super::ArmControl).
+impl<A: SteeredArm> CurrentControl for ArmDevice<A> {
+    fn currents(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
+        self.control(|arm| arm.currents(axes))
+    }
+
+    fn current_ranges(&self, axes: Axes<'_>) -> Result<Vec<Limits>, DeviceError> {
+        axes.check(AXES)?;
+        self.control(|arm| {
+            axes.iter(AXES)
+                .map(|axis| arm.current_range(axis))
+                .collect()
+        })
+    }
+
+    fn set_reference_currents(&self, axes: Axes<'_>, currents: &[f64]) -> Result<(), DeviceError> {
+        self.control(|arm| arm.set_reference_currents(axes, currents))
+    }
+
+    fn reference_currents(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
+        self.control(|arm| arm.reference_currents(axes))
+    }
+}
+
+fn no_duty_cycles<T>() -> Result<T, DeviceError> {
+    Err(DeviceError::NotSupported {
+        what: "a duty cycle (the pucks of the arm take currents, and their mode for duty cycles is the safety module's to set; \
+               try current mode)"
+            .to_owned(),
+    })
+}
+
+/// Refused, in words.
+impl<A: SteeredArm> PwmControl for ArmDevice<A> {
+    fn duty_cycles(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
+        axes.check(AXES)?;
+        no_duty_cycles()
+    }
+
+    fn set_reference_duty_cycles(
+        &self,
+        axes: Axes<'_>,
+        duty_cycles: &[f64],
+    ) -> Result<(), DeviceError> {
+        axes.check_command(AXES, "duty cycles", duty_cycles.len())?;
+        no_duty_cycles()
+    }
+
+    fn reference_duty_cycles(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
+        axes.check(AXES)?;
+        no_duty_cycles()
+    }
+}

@@ -1,0 +1,20 @@
+//! What is said to a hand, and what it answers.
+//!
+//! ```text
+//! [hand] [init]                     [ok]
+//! [hand] [move] (0 3) (45.0 90.0)   [ok]
+//! [hand] [pos]                      [ok] "45.0 0.0 0.0 90.0"
+//! [hand] [gcl] "FGET P"             [ok] "5625 0 0 1575"
+//! [hand] [gras] peg                 [fail] status "the hand answered `SM 1500` with an error: ..." 4
+//! ```
+//!
+//! People leave `[hand]` away and type whole words: `open`, `grasp rect`, `gcl FGET P`. Angles are degrees.
+//!
+//! Numbers are answered as text: a request without floats does not tell of which generation the caller is, and a float would
+//! be misread by one of them. Floats in requests are understood as either generation says them.
+
+mod reply;
+mod request;
+
+pub use reply::{Answer, Refused, Reply, help};
+pub use request::{Malformed, Request};
