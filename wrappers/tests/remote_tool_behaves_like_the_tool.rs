@@ -227,8 +227,9 @@ fn opening_says_what_is_missing_and_leaves_nothing() {
     assert!(matches!(missing, Err(OpenError::NoRemote { .. })));
     // Another version: there is one port that answers every question with it.
     let answer = "[ack] ((server_version \"3.0\"))";
-    let old = PortOptions::new()
-        .handler(move |_: &mut yarp_ports::Received| Bottle::parse(answer).expect("a message"));
+    let old = PortOptions::new().handler(move |_: &mut yarp_ports::Received| {
+        yarp_ports::Answer::reply(Bottle::parse(answer).expect("a message"))
+    });
     let rpc = stage.port(&format!("{NAME}/rpc:i"), old);
     let others = ["command:i", "state:o", "events:o"]
         .map(|suffix| stage.port(&format!("{NAME}/{suffix}"), PortOptions::new()));

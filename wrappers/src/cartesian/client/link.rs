@@ -95,19 +95,16 @@ impl Link {
             latest.take_event(received)
         })
         .await?;
-        let kept = keep(&self.rpc, &self.at("rpc:i"), RPC_CARRIER, self.deadline);
-        self.kept.push(kept.await?);
+        let rpc = self.at("rpc:i");
+        let kept = keep(&self.rpc, &rpc, RPC_CARRIER, self.deadline).await?;
+        self.kept.push(kept);
         let info = self
             .question(Question::Info, "its version", Values::info)
             .await?;
         self.check_version(&info)?;
-        let kept = keep(
-            &self.command,
-            &self.at("command:i"),
-            &options.carrier,
-            self.deadline,
-        );
-        self.kept.push(kept.await?);
+        let command = self.at("command:i");
+        let kept = keep(&self.command, &command, &options.carrier, self.deadline).await?;
+        self.kept.push(kept);
         for (from, to) in [("state:o", 0), ("events:o", 1)] {
             let latest = self.latest.clone();
             let ends = (self.at(from), self.inputs[to].name().to_owned());

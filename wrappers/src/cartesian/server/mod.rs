@@ -236,7 +236,7 @@ fn answering(desk: &Arc<Desk>) -> PortOptions {
     let desk = desk.clone();
     let answer = move |received: &mut Received| {
         let request = received.bottle().unwrap_or_default();
-        desk.answer(&request, &received.from)
+        Answer::reply(desk.answer(&request, &received.from))
     };
     PortOptions::new().handler(answer).input_only()
 }
