@@ -67,7 +67,9 @@ def main():
         time.sleep(0.2)
     reader = subprocess.Popen(["yarp", "read", "...", f"{server}/state:o"], stdout=subprocess.PIPE, text=True)
     try:
-        pose = [float(word) for word in reader.stdout.readline().split()]
+        # Its log stands in between.
+        line = next((line for line in reader.stdout if not line.startswith("[")), "")
+        pose = [float(word) for word in line.split()]
     finally:
         reader.kill()
     there = len(pose) == 7 and all(abs(now - goal) < 0.011 for now, goal in zip(pose, [0.4, 0.1, 0.4]))
