@@ -38,7 +38,7 @@ pub(super) struct Motion<const N: usize> {
 enum Kind<const N: usize> {
     /// To a pose.
     Path {
-        path: Path<N>,
+        path: Box<Path<N>>,
         task: Task,
         time: f64,
         fraction: f64,
@@ -108,13 +108,13 @@ impl<const N: usize> Motion<N> {
         before: Option<&Self>,
     ) -> Result<Self, DeviceError> {
         let left = before.and_then(|motion| match &motion.kind {
-            Kind::Path { path, time, .. } => Some((path, *time)),
+            Kind::Path { path, time, .. } => Some((&**path, *time)),
             _ => None,
         });
         let from = (chain.forward(&start), start);
         let path = Path::new(from, (chain.forward(&goal), goal), duration, left);
         let kind = Kind::Path {
-            path,
+            path: Box::new(path),
             task,
             time: 0.0,
             fraction: -1.0,

@@ -112,10 +112,8 @@ pub(super) fn numbers(numbers: &[f64]) -> Bottle {
 
 /// A list that begins with a word, somewhere in a message.
 pub(super) fn group(message: &[Value], key: Vocab32) -> Option<&Bottle> {
-    let lists = message.iter().filter_map(Value::as_list);
-    lists
-        .filter(|list| list.get(0).and_then(Value::as_vocab) == Some(key))
-        .next()
+    let mut lists = message.iter().filter_map(Value::as_list);
+    lists.find(|list| list.get(0).and_then(Value::as_vocab) == Some(key))
 }
 
 fn target(kind: Vocab32, list: &Bottle) -> Option<Target> {
