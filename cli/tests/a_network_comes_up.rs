@@ -6,7 +6,14 @@ mod common;
 
 use common::Home;
 
-const PORTS: [&str; 5] = ["rpc:i", "nws/rpc:i", "command:i", "state:o", "stateExt:o"];
+const PORTS: [&str; 6] = [
+    "rpc:i",
+    "nws/rpc:i",
+    "command:i",
+    "state:o",
+    "stateExt:o",
+    "async:o",
+];
 
 #[test]
 fn with_a_name_server_of_its_own() {

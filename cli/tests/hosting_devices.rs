@@ -148,7 +148,20 @@ fn what_is_wrong_is_said_with_file_and_line() {
 fn help_needs_no_network() {
     let home = Home::new();
     let list = home.run("dev --list").with(0);
-    assert!(list.says("Device \"fakeMotionControl\""), "{list:?}");
+    for kind in [
+        "fakeMotionControl",
+        "controlboardremapper",
+        "remotecontrolboardremapper",
+        "fakeFrameGrabber",
+        "frameGrabber_nws_yarp",
+        "frameGrabber_nwc_yarp",
+        "barrettHand",
+        "embeddedWam",
+        "canWam",
+        "deviceBundler",
+    ] {
+        assert!(list.says(&format!("Device \"{kind}\"")), "{list:?}");
+    }
     assert!(
         list.says("wrapped by \"controlBoard_nws_yarp\""),
         "{list:?}"

@@ -373,10 +373,9 @@ def run(ours, options, work, log, programs):
         raise Failure(load.problems)
 
     for address in SERVERS.values():
-        missing = lambda: {name for name, number in load.held.items()
-                           if names(address).get(name) != number}
         # The last news may be on their way.
-        until(f"{address} knows every acknowledged name", lambda: not missing())
+        until(f"{address} knows every acknowledged name",
+              lambda: load.held.items() <= names(address).items())
         found = names(address)
         back = load.gone & found.keys()
         if back:

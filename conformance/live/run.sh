@@ -143,6 +143,8 @@ for server in ours stock; do
         suite "stock remote_controlboard over $carrier, server: $server" \
             "$with_stock" "$python" conformance/live/remote_controlboard.py /wam $carrier
     done
+    suite "stock's yarp read hears the ends of moves, server: $server" \
+        "$with_stock" "$python" conformance/live/finished_moves.py /wam "$with_stock yarp"
     suite "modifiers of carriers, server: $server" \
         "$with_stock" "$python" conformance/live/monitors.py "$ours"
     until_ok "$ours" exists /cartController/wam/rpc:i

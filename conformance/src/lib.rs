@@ -7,6 +7,7 @@
 //! * [`mask`]: what legitimately differs between two runs, in one place.
 //! * [`replay`]: plays the connecting side of a conversation against a port of ours and compares.
 //! * [`soak`]: programs that come and go, and what they leave behind.
+//! * [`statistics`]: medians and percentiles of benchmarks.
 
 pub mod board;
 mod board_motors;
@@ -16,3 +17,4 @@ pub mod counting;
 pub mod mask;
 pub mod replay;
 pub mod soak;
+pub mod statistics;

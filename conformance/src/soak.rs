@@ -69,21 +69,21 @@ impl Footprint {
         }
     }
 
-    /// What there is once no more than in `before` is left, or patience has ended.
-    async fn settled(before: Self) -> Self {
+    /// Waits until no more descriptors and tasks than in `before` are left, or patience has ended.
+    async fn settle(before: Self) {
         let settling = async {
             loop {
                 let now = Self::now();
                 if now.descriptors <= before.descriptors && now.tasks <= before.tasks {
                     // What ends now may still hold some bytes.
                     tokio::time::sleep(Duration::from_millis(50)).await;
-                    return Self::now();
+                    return;
                 }
                 tokio::time::sleep(Duration::from_millis(10)).await;
             }
         };
-        let settled = tokio::time::timeout(PATIENCE, settling).await;
-        settled.unwrap_or_else(|_| Self::now())
+        // What is left then is told by who asked.
+        let _ = tokio::time::timeout(PATIENCE, settling).await;
     }
 }
 
@@ -170,7 +170,7 @@ pub async fn run(cycles: usize) -> Result<Outcome, Failure> {
 /// What there is once the connections have ended and nothing waits to be read: a reader keeps the
 /// newest message with all that was read along with it, which is much or little by chance.
 async fn left(before: Footprint, readers: &[Port]) -> Footprint {
-    Footprint::settled(before).await;
+    Footprint::settle(before).await;
     for reader in readers {
         while reader.try_read().is_some() {}
     }

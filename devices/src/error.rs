@@ -167,6 +167,30 @@ pub enum DeviceError {
         /// What is asked and what is allowed.
         source: Box<DeviceError>,
     },
+    /// Of several devices that make up one board, the one of this joint lacks the interface.
+    #[error("joint {joint} ({name}) belongs to {part}, which has no {what}")]
+    PartLacks {
+        /// The joint asked, as the board counts.
+        joint: AxisIndex,
+        /// Its name.
+        name: String,
+        /// Its device.
+        part: String,
+        /// The interface, in words.
+        what: &'static str,
+    },
+    /// One of several devices that make up one board refused, or did not answer.
+    #[error("{part} did not do it: {}{}", chain(why.as_ref()), what_of_the_others(done, undone))]
+    PartRefused {
+        /// The device.
+        part: String,
+        /// What it said; joints are numbered as the board counts.
+        why: Box<DeviceError>,
+        /// The devices that did their share.
+        done: Vec<String>,
+        /// The other devices that did not.
+        undone: Vec<String>,
+    },
     /// A value that belongs to no joint is not one the device takes.
     #[error("{what} {asked} is refused, expected {expected}")]
     Unsuitable {
@@ -197,6 +221,49 @@ pub enum DeviceError {
         #[source]
         source: io::Error,
     },
+}
+
+impl DeviceError {
+    /// The same error with other numbers for the joints.
+    pub(crate) fn renumbered(mut self, number: &dyn Fn(AxisIndex) -> AxisIndex) -> Self {
+        match &mut self {
+            Self::OutOfRange { joint, .. }
+            | Self::NotFinite { joint, .. }
+            | Self::RepeatedAxis { joint }
+            | Self::WrongMode { joint, .. }
+            | Self::NoSuchMode { joint, .. }
+            | Self::Held { joint, .. }
+            | Self::Moving { joint, .. }
+            | Self::PartLacks { joint, .. } => *joint = number(*joint),
+            Self::Guarded { source: inner, .. } | Self::PartRefused { why: inner, .. } => {
+                let error = Self::NoDataYet { what: "error" };
+                **inner = std::mem::replace(&mut **inner, error).renumbered(number);
+            }
+            _ => {}
+        }
+        self
+    }
+}
+
+/// An error and its sources, on one line.
+fn chain(error: &dyn Error) -> String {
+    match error.source() {
+        Some(source) => format!("{error}: {}", chain(source)),
+        None => error.to_string(),
+    }
+}
+
+/// What of a command has been done, on one line.
+fn what_of_the_others(done: &[String], undone: &[String]) -> String {
+    match (done, undone) {
+        ([], []) => String::new(),
+        (done, []) => format!("; done by {}", done.join(", ")),
+        ([], undone) => format!("; not done by {} either", undone.join(", ")),
+        (done, undone) => {
+            let (done, undone) = (done.join(", "), undone.join(", "));
+            format!("; done by {done}, not done by {undone} either")
+        }
+    }
 }
 
 #[cfg(test)]

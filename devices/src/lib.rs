@@ -10,6 +10,7 @@
 //! * [`cartesian`]: a controller of the tool of any such arm.
 //! * [`image`], [`camera`]: images, and a camera that shows test patterns or files.
 //! * [`embedded`]: the arm behind its embedded PC, driver and server.
+//! * [`remapper`]: several devices seen as one control board, or a part of one.
 //! * [`guard`]: limits and a watchdog around any device.
 //! * [`clock`]: the time of day.
 //! * [`checks`]: behaviours that every device with these interfaces must show.
@@ -49,6 +50,7 @@ pub mod iface;
 pub mod image;
 pub mod kinematics;
 mod random;
+pub mod remapper;
 pub mod simulation;
 pub mod trajectory;
 pub mod wam;

@@ -23,21 +23,30 @@ pub async fn open(
         let wrapper = kinds::find(&wrapper, parameters, "wrapper_device")?;
         let inner = kinds::find(&inner, parameters, "attached_device")?;
         let apart = parameters.has("doNotAttach");
-        return bundle(network, wrapper, inner, apart, parameters).await;
+        let opening = Opening {
+            network,
+            parameters,
+        };
+        return bundle(
+            opening,
+            wrapper,
+            inner.name,
+            inner.open(opening).await?,
+            apart,
+        )
+        .await;
     }
     let kind = kinds::find(kind, parameters, "device")?;
+    let opening = Opening {
+        network,
+        parameters,
+    };
     match parameters.get::<String>("subdevice")? {
         Some(inner) => {
             let inner = kinds::find(&inner, parameters, "subdevice")?;
-            bundle(network, kind, inner, false, parameters).await
+            bundle(opening, kind, inner.name, inner.open(opening).await?, false).await
         }
-        None => {
-            kind.open(Opening {
-                network,
-                parameters,
-            })
-            .await
-        }
+        None => kind.open(opening).await,
     }
 }
 
@@ -52,32 +61,26 @@ pub async fn open_wrapped(
         let inner = kinds::find(kind, parameters, "device")?;
         if let Some(wrapper) = inner.wrapper {
             let wrapper = kinds::find(wrapper, parameters, "device")?;
-            return bundle(network, wrapper, inner, false, parameters).await;
+            let opening = Opening {
+                network,
+                parameters,
+            };
+            // It may have a subdevice of its own.
+            let opened = open(network, kind, parameters).await?;
+            return bundle(opening, wrapper, inner.name, opened, false).await;
         }
     }
     open(network, kind, parameters).await
 }
 
 async fn bundle(
-    network: &Network,
+    opening: Opening<'_>,
     wrapper: &Kind,
-    inner: &Kind,
+    inner_name: &str,
+    inner: Box<dyn Hosted>,
     apart: bool,
-    parameters: &Parameters,
 ) -> Result<Box<dyn Hosted>, HostError> {
-    let inner_name = inner.name.to_owned();
-    let inner = inner
-        .open(Opening {
-            network,
-            parameters,
-        })
-        .await?;
-    let wrapper = wrapper
-        .open(Opening {
-            network,
-            parameters,
-        })
-        .await;
+    let wrapper = wrapper.open(opening).await;
     let mut wrapper = match wrapper {
         Ok(wrapper) => wrapper,
         Err(error) => {
@@ -87,7 +90,7 @@ async fn bundle(
     };
     if !apart {
         let attached = Attached {
-            device: inner_name,
+            device: inner_name.to_owned(),
             network: "...".to_owned(),
             parts: inner.parts(),
         };
@@ -107,8 +110,13 @@ struct Bundle {
 }
 
 impl Hosted for Bundle {
+    /// Those of the one in front, if it has any.
     fn parts(&self) -> Parts {
-        self.inner.parts()
+        let front = self.wrapper.parts();
+        match (&front.board, &front.camera) {
+            (None, None) => self.inner.parts(),
+            _ => front,
+        }
     }
 
     fn machine(&self) -> Option<std::sync::Arc<dyn yarp_devices::Device>> {

@@ -1,6 +1,7 @@
 //! Why a device could not be hosted.
 
 use yarp_devices::DeviceError;
+use yarp_devices::remapper::RemapError;
 use yarp_wire::settings::{Origin, ParameterError};
 use yarp_wrappers::OpenError;
 
@@ -59,10 +60,41 @@ pub enum HostError {
         expected: &'static str,
     },
     /// The device cannot attach to so many.
-    #[error("it attaches to one device, got {got}; give each a wrapper of its own")]
+    #[error(
+        "it attaches to one device, got {got}; attach a controlboardremapper to them, and it to that"
+    )]
     Several {
         /// How many were asked for.
         got: usize,
+    },
+    /// The server of a camera cannot attach to so many.
+    #[error("it attaches to one camera, got {got}; give each a server of its own")]
+    SeveralCameras {
+        /// How many were asked for.
+        got: usize,
+    },
+    /// Devices do not make one board.
+    #[error("{origin}: device {device}: the devices do not make one board")]
+    Remap {
+        /// Where the board is described.
+        origin: Origin,
+        /// Its name.
+        device: String,
+        /// Why not.
+        #[source]
+        source: Box<RemapError>,
+    },
+    /// No device was attached as this network.
+    #[error(
+        "{origin}: device {device}: no device is attached as {network}, expected one for each of its networks"
+    )]
+    NoNetwork {
+        /// Where the board is described.
+        origin: Origin,
+        /// Its name.
+        device: String,
+        /// The network.
+        network: String,
     },
     /// The device is attached already.
     #[error("it is attached already")]

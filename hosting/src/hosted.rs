@@ -16,6 +16,8 @@ pub type Future<'a, T> = Pin<Box<dyn std::future::Future<Output = T> + Send + 'a
 pub struct Parts {
     /// Joints that move.
     pub board: Option<Arc<dyn Device>>,
+    /// Images.
+    pub camera: Option<Arc<dyn Device>>,
 }
 
 /// A device that another one attaches to.

@@ -326,9 +326,15 @@ impl Desk {
         if let Some(line) = self.line() {
             let port = port.clone();
             tokio::spawn(async move {
-                tracing::info!("{} has been gone for long, its name is free", port.name);
+                let drop = May::Drop(port.clone());
                 // As below.
-                line.perform(None, Some(request), May::Drop(port)).await;
+                let outcome = line.perform(None, Some(request), drop).await;
+                // Nothing is said of one that has moved.
+                if let shared::Outcome::Done(Body::Lines(lines)) = outcome
+                    && !lines.is_empty()
+                {
+                    tracing::info!("{} has been gone for long, its name is free", port.name);
+                }
             });
             return;
         }
@@ -371,20 +377,20 @@ async fn settled(body: Body, kept: Kept, request: &Request) -> Body {
         Ok(Err(error)) => error,
         Err(_) => Arc::new(StoreError::Ended),
     };
-    let reason = format!("the name server cannot keep it: {error}");
-    match request.command.is_structured() {
-        true => Body::failure(&reason),
-        false => Body::refusal(&reason),
-    }
+    refused(request, &format!("the name server cannot keep it: {error}"))
 }
 
 /// A refusal that is about this server: another one of the same names may do it.
 fn elsewhere(request: &Request, reason: &str) -> Body {
     let said = ELSEWHERE.trim_start_matches("refused: ");
-    let reason = format!("{said}: {reason}");
+    refused(request, &format!("{said}: {reason}"))
+}
+
+/// A refusal in the form in which the request is answered.
+fn refused(request: &Request, reason: &str) -> Body {
     match request.command.is_structured() {
-        true => Body::failure(&reason),
-        false => Body::refusal(&reason),
+        true => Body::failure(reason),
+        false => Body::refusal(reason),
     }
 }
 

@@ -11,6 +11,7 @@ use socket2::{Domain, Protocol, Socket, Type};
 use tokio::net::UdpSocket;
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
+use tokio::time::timeout;
 use yarp_ports::roles::{Peer, Roles};
 use yarp_ports::{
     Answer, CallerLimits, Network, Port, PortError, PortOptions, Received, addresses, remote,
@@ -24,7 +25,7 @@ use yarp_wire::{Bottle, Vocab32};
 use crate::access;
 use crate::desk::{self, Desk, Keeping};
 use crate::discovery;
-use crate::registry::{Body, Change, Effect, Known, Link, Registry, Settings, Subnet, Terms};
+use crate::registry::{Body, Change, Effect, Known, Link, Registry, Settings, Subnet};
 use crate::shared::{Content, DEADLINE, Line, Truth, TruthError, Writer};
 use crate::store::{Journal, Store, StoreError};
 use crate::watch;
@@ -228,7 +229,7 @@ pub struct Server {
     desk: Arc<Desk>,
     /// The tasks that see to effects and to multicast detection.
     tasks: Vec<JoinHandle<()>>,
-    /// The task that writes what is shared; it ends by itself.
+    /// The task that writes what is shared; it ends by itself, unless that is away.
     writer: Option<JoinHandle<()>>,
 }
 
@@ -281,7 +282,6 @@ impl Server {
         let mut server = opened.await?;
         let registry = server.desk.shared_registry();
         let listeners = server.desk.effects();
-        let now = SystemTime::now().duration_since(UNIX_EPOCH);
         let writer = Writer {
             truth,
             name,
@@ -294,7 +294,7 @@ impl Server {
             pulse,
             tell: Box::new(move |effects| desk::tell(&listeners, effects)),
             replace: options.replace,
-            run: now.map_or(0, |now| now.as_micros() as u64),
+            run: stamp(),
             tried: 0,
             single: 0,
         };
@@ -379,9 +379,7 @@ impl Server {
             tokio::spawn(survey.run(desk.clone())),
         ];
         if let Some(every) = options.look_every {
-            let drop_after = options.drop_after;
-            let terms = Terms { every, drop_after };
-            tasks.push(tokio::spawn(watch::over(desk.clone(), terms)));
+            tasks.push(tokio::spawn(watch::over(desk.clone(), every)));
         }
         if let Some(number) = options.multicast_port {
             // Nobody shows a key in a datagram: where this server is, is all that is told then.
@@ -434,9 +432,12 @@ impl Server {
             port.close().await;
         }
         self.desk.close();
-        if let Some(writer) = self.writer.take() {
-            // Others notice by themselves, a little later.
-            let _ = tokio::time::timeout(GOODBYE, writer).await;
+        if let Some(mut writer) = self.writer.take()
+            && timeout(GOODBYE, &mut writer).await.is_err()
+        {
+            // What is shared is away. Others notice by themselves, a little later.
+            writer.abort();
+            let _ = writer.await;
         }
     }
 }
@@ -456,9 +457,7 @@ impl ServerOptions {
         settings.numbers.clone_from(&self.numbers);
         let subnet = |(own, bits)| Subnet { own, bits };
         settings.subnets = addresses::subnets().into_iter().map(subnet).collect();
-        let now = SystemTime::now().duration_since(UNIX_EPOCH);
-        let now = now.map_or(0, |now| now.as_micros() as u64);
-        settings.incarnation = self.incarnation.unwrap_or(now);
+        settings.incarnation = self.incarnation.unwrap_or_else(stamp);
         settings
     }
 
@@ -473,6 +472,12 @@ impl ServerOptions {
         registry.restore(Instant::now(), kept.iter().cloned());
         registry
     }
+}
+
+/// What tells one start from another: microseconds since 1970.
+pub(crate) fn stamp() -> u64 {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH);
+    now.map_or(0, |now| now.as_micros() as u64)
 }
 
 pub(crate) fn lock(registry: &Mutex<Registry>) -> MutexGuard<'_, Registry> {

@@ -8,13 +8,12 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use tokio::task::JoinSet;
-use yarp_ports::{Dialogue, Network, PortError};
-use yarp_wire::carrier::Carrier;
+use yarp_ports::{Dialogue, Network, PortError, remote};
 use yarp_wire::message::Command::Describe;
 use yarp_wire::name_service::Registration;
 
 use crate::desk::Desk;
-use crate::registry::{Look, Outcome, Terms};
+use crate::registry::{Look, Outcome};
 
 /// How we introduce ourselves; ports keep quiet about who is no port.
 const ADMIN: &str = "admin";
@@ -25,10 +24,10 @@ const PATIENCE: Duration = Duration::from_secs(2);
 /// Time between two rounds; in each, those are looked at that are due.
 const ROUND: Duration = Duration::from_secs(1);
 
-/// Looks at ports for ever.
-pub(crate) async fn over(desk: Arc<Desk>, terms: Terms) {
+/// Looks at ports for ever, at each once in the time given.
+pub(crate) async fn over(desk: Arc<Desk>, every: Duration) {
     let mut looking = JoinSet::new();
-    let mut round = tokio::time::interval(ROUND.min(terms.every));
+    let mut round = tokio::time::interval(ROUND.min(every));
     round.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
     let mut more = false;
     loop {
@@ -41,7 +40,7 @@ pub(crate) async fn over(desk: Arc<Desk>, terms: Terms) {
             }
         }
         let room = TOGETHER - looking.len();
-        let due = desk.registry().to_look_at(Instant::now(), &terms, room);
+        let due = desk.registry().to_look_at(Instant::now(), every, room);
         more = due.len() == room;
         for port in due {
             let desk = desk.clone();
@@ -64,9 +63,7 @@ pub(crate) async fn look(network: &Network, port: &Registration, deadline: Durat
 /// This is the one place where it is judged whether a port is there.
 pub(crate) async fn meet(network: &Network, port: &Registration) -> (Look, Option<Dialogue>) {
     let looking = async {
-        let carrier = Carrier::by_name("text_ack").expect("text_ack is in the table");
-        let address = (port.host.as_str(), port.port);
-        let mut dialogue = Dialogue::open(&port.name, address, carrier, ADMIN, network).await?;
+        let mut dialogue = remote::converse(network, port, ADMIN).await?;
         let lines = dialogue.command(&Describe).await?;
         Ok((lines, dialogue))
     };
@@ -118,7 +115,7 @@ fn failed(error: &PortError) -> Outcome {
             _ => Outcome::NoWay,
         },
         PortError::Deadline {
-            step: "TCP connection",
+            step: PortError::CONNECTING,
             ..
         } => Outcome::NoWay,
         PortError::Protocol { .. } => Outcome::Stranger,

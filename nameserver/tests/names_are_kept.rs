@@ -90,6 +90,24 @@ async fn names_properties_and_connections_outlive_the_server() {
     server.close().await;
 }
 
+/// A topic that was removed came back with the connection that had made it.
+#[tokio::test]
+async fn a_topic_that_was_removed_stays_so() {
+    let directory = tempfile::tempdir().unwrap();
+    let file = directory.path().join("names.db");
+    let server = start(&file).await;
+    let network = server.network();
+    for request in ["subscribe /a topic://t", "topic /u", "untopic /t"] {
+        ask(&network, request).await;
+    }
+    let before = everything(&network).await;
+    server.close().await;
+
+    let server = start(&file).await;
+    assert_eq!(everything(&server.network()).await, before);
+    server.close().await;
+}
+
 #[tokio::test]
 async fn one_server_at_a_time_has_the_file() {
     let directory = tempfile::tempdir().unwrap();

@@ -367,6 +367,24 @@ async fn who_is_cut_off_refuses_changes_and_answers_questions() {
     strict.close().await;
 }
 
+/// The task that writes went on for ever if requests waited for a store that was away.
+#[tokio::test]
+async fn nothing_is_left_of_a_server_that_is_closed_while_it_is_cut_off() {
+    let memory = Memory::new();
+    let mut impatient = options();
+    impatient.without_news = Duration::ZERO;
+    let (server, cut) = memory.server_with(0, impatient).await;
+    let network = server.network();
+    *cut.lock().unwrap() = true;
+    // From then on the task does nothing but try to get back in touch, and what is asked waits.
+    until(&network, "list", "it was cut off", true).await;
+    let refusal = ask(&network, "register /t/a").await;
+    assert!(refusal.contains("it was cut off"), "{refusal}");
+    server.close().await;
+    // The task has the other one.
+    assert_eq!(Arc::strong_count(&cut), 1);
+}
+
 #[tokio::test]
 async fn owners_keep_their_names_at_all_servers() {
     let memory = Memory::new();

@@ -196,6 +196,9 @@ pub enum PortError {
 }
 
 impl PortError {
+    /// The step that fails where nobody is to be reached.
+    pub const CONNECTING: &str = "TCP connection";
+
     pub(crate) fn connect(
         peer: &str,
         address: impl ToString,

@@ -40,7 +40,7 @@ struct Inner {
     /// The first namespace, for networks that know no server.
     namespace: String,
     /// What the environment says, for a network that came from it.
-    configuration: Option<Configuration>,
+    configuration: Option<Arc<Configuration>>,
     deadline: Duration,
     /// Keeps the names of this network's ports; shared by all copies.
     keeper: Arc<Keeper>,
@@ -146,7 +146,7 @@ impl Network {
             namespace: namespaces[0].name.clone(),
             key: configuration.key().cloned(),
             roles: configuration.roles().clone(),
-            configuration: Some(configuration),
+            configuration: Some(Arc::new(configuration)),
             deadline: DEADLINE,
             keeper: Arc::default(),
         })

@@ -1,4 +1,4 @@
-//! Finding out the generation of a reader before anything is sent to it.
+//! Finding out the generation of a port before anything is sent to it that the generations read differently.
 
 use std::time::Duration;
 
@@ -12,6 +12,21 @@ use crate::network::Network;
 const WORD: &str = "generation";
 /// A port that has not answered by then does not say.
 const PATIENCE: Duration = Duration::from_secs(5);
+
+/// How long a caller waits for its answer because it cannot be asked what it is.
+const CALLER_PATIENCE: Duration = Duration::from_secs(1);
+
+/// The generation of who calls itself `name`, or `None` if no port of that name says.
+pub(crate) async fn generation_of(name: &str, network: &Network) -> Option<Dialect> {
+    if !name.starts_with('/') {
+        return None;
+    }
+    let asking = async {
+        let place = network.query(name).await.ok()?;
+        generation(name, (&place.host, place.port), network).await
+    };
+    tokio::time::timeout(CALLER_PATIENCE, asking).await.ok()?
+}
 
 /// The generation of the port at an address, or `None` if it does not say.
 ///

@@ -74,7 +74,12 @@ pub async fn describe(network: &Network, place: &Place) -> Result<Vec<String>, P
     dialogue.command(&Command::Describe).await
 }
 
-async fn converse(network: &Network, place: &Place, sender: &str) -> Result<Dialogue, PortError> {
+/// Begins a conversation with a port, as `sender`; ports keep quiet about who is no port.
+pub async fn converse(
+    network: &Network,
+    place: &Place,
+    sender: &str,
+) -> Result<Dialogue, PortError> {
     let carrier = Carrier::by_name("text_ack").expect("text_ack is in the table");
     let address = (place.host.as_str(), place.port);
     Dialogue::open(&place.name, address, carrier, sender, network).await

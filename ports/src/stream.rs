@@ -155,10 +155,15 @@ pub(crate) async fn connect_only(
     };
     match tokio::time::timeout(deadline, connecting).await {
         Ok(Ok(stream)) => Ok(Socket::Tcp(stream)),
-        Ok(Err(source)) => Err(PortError::connect(peer, address, "TCP connection", source)),
+        Ok(Err(source)) => Err(PortError::connect(
+            peer,
+            address,
+            PortError::CONNECTING,
+            source,
+        )),
         Err(_) => Err(PortError::Deadline {
             peer: format!("{peer} at {address}"),
-            step: "TCP connection",
+            step: PortError::CONNECTING,
             seconds: deadline.as_secs_f64(),
         }),
     }

@@ -5,7 +5,8 @@
 mod common;
 
 use common::{Raw, bottle, next, open, until};
-use yarp_ports::{Answer, PortOptions, Queue};
+use tokio::sync::watch;
+use yarp_ports::{Answer, Port, PortOptions, Queue};
 
 const HELP: &str = "\
 This is a YARP port.  Here are the commands it responds to:\r\n\
@@ -143,10 +144,9 @@ async fn names_are_repeated_as_they_stand() {
     raw.expect("Welcome /a\r\n").await;
 }
 
-/// The greeting waited until the first message was answered.
-#[tokio::test]
-async fn answers_do_not_wait_for_later_messages() {
-    let (release, released) = tokio::sync::watch::channel(false);
+/// A port that answers `slow` once it is told to, and everything else at once, in a future.
+async fn slow_port() -> (Port, watch::Sender<bool>) {
+    let (release, released) = watch::channel(false);
     let options = PortOptions::new().handler(move |request| {
         let slow = request.bottle().unwrap().to_string() == "slow";
         let mut released = released.clone();
@@ -157,10 +157,27 @@ async fn answers_do_not_wait_for_later_messages() {
             Answer::reply(bottle("ok"))
         }))
     });
-    let port = open("/rpc", options).await;
+    (open("/rpc", options).await, release)
+}
+
+/// The greeting waited until the first message was answered.
+#[tokio::test]
+async fn answers_do_not_wait_for_later_messages() {
+    let (port, release) = slow_port().await;
     let mut raw = Raw::to(&port).await;
     raw.send("CONNECT me\r\nd\r\nquick\r\nd\r\nslow\r\n").await;
     raw.expect("Welcome me\r\nok\r\n").await;
+    release.send_replace(true);
+    raw.expect("ok\r\n").await;
+}
+
+/// A greeting waits for the answer to a message that came along with it, but not for long.
+#[tokio::test]
+async fn a_greeting_does_not_wait_for_a_slow_answer() {
+    let (port, release) = slow_port().await;
+    let mut raw = Raw::to(&port).await;
+    raw.send("CONNECT me\r\nd\r\nslow\r\n").await;
+    raw.expect("Welcome me\r\n").await;
     release.send_replace(true);
     raw.expect("ok\r\n").await;
 }

@@ -26,7 +26,7 @@ pub use cartesian::{
 };
 pub use control_board::{
     ControlBoardOptions, ControlBoardServer, OpenError, RemoteControlBoard,
-    RemoteControlBoardOptions,
+    RemoteControlBoardOptions, RemoteMotion,
 };
 pub use frame_grabber::{
     FrameGrabberOptions, FrameGrabberServer, RemoteFrameGrabber, RemoteFrameGrabberOptions,

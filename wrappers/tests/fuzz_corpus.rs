@@ -58,6 +58,22 @@ const REQUESTS: [&str; 16] = [
     "[is] [encs] (0.0 12.5) [tsta] 3 100.02 [ok]",
 ];
 
+/// Words about numbered motions, and some that are wrong.
+const NUMBERED: [&str; 12] = [
+    "[numb] [set] [pos] 0 10.5",
+    "[numb] [set] [posg] 2 (0 2) (10.0 -5.0)",
+    "[numb] [get] 1234000001",
+    "[numb] [get] -1",
+    "[numb] [drop]",
+    "[is] [drop] 3",
+    "[move] 7 (0)",
+    "[done] 7 (0 1)",
+    "[over] 7 (0 1) 8",
+    "[fail] 7 (0) \"joint 0 is in idle mode\"",
+    "[drop] 7 (0) 0",
+    "[none] 7",
+];
+
 /// Calls of 4.0 of every shape, and some that are wrong.
 const CALLS: [&str; 16] = [
     "getAxesRPC",
@@ -168,6 +184,9 @@ fn write_seeds() {
     for dialect in [Dialect::V3, Dialect::V4] {
         for (number, text) in REQUESTS.iter().enumerate() {
             write("request", number, &Bottle::parse(text).unwrap(), dialect);
+        }
+        for (number, text) in NUMBERED.iter().enumerate() {
+            write("numbered", number, &Bottle::parse(text).unwrap(), dialect);
         }
         for (number, text) in CALLS.iter().enumerate() {
             write("call", number, &Bottle::parse(text).unwrap(), dialect);

@@ -91,9 +91,9 @@ fn a_client_whose_name_is_taken_says_so() {
     );
     // The first is not disturbed.
     assert!(yarp_devices::AxisInfo::axis_name(&first, 0.into()).is_ok());
-    assert_eq!(stage.registered().len(), 8);
+    assert_eq!(stage.registered().len(), 9);
     drop(first);
-    assert_eq!(stage.registered().len(), 5);
+    assert_eq!(stage.registered().len(), 6);
     drop(remote(&stage).expect("the name is free again"));
     stage.runtime.block_on(server.close());
     assert!(stage.registered().is_empty());

@@ -8,6 +8,7 @@ use yarp_devices::hand::simulated::{SimulatedHand, SimulatedHandOptions};
 use yarp_devices::hand::{BarrettHand, HandBoard, HandOptions};
 use yarp_devices::{Axes, AxisIndex, Device, Hand, Mode};
 use yarp_wire::Dialect;
+use yarp_wrappers::control_board::messages::MotionEnd;
 use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions};
 
 const SECOND: Axes<'static> = Axes::One(AxisIndex::new(1));
@@ -52,6 +53,16 @@ fn a_finger_is_moved(generation: Dialect) {
         "{first} {second}"
     );
     assert!(position.position_move(SECOND, &[141.0]).is_err());
+    let motion = hand
+        .position_move_numbered(SECOND, &[20.0])
+        .expect("it moves");
+    assert_eq!(motion.wait(PATIENCE).expect("it ends"), MotionEnd::Done);
+    // The newest state may be from before its end.
+    eventually("the finger at 20 degrees", || {
+        encoders
+            .encoder_readings(SECOND)
+            .is_ok_and(|readings| (readings[0].position - 20.0).abs() < 0.3)
+    });
     drop(hand);
     stage.runtime.block_on(server.close());
 }

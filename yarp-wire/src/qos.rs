@@ -207,12 +207,6 @@ impl Scheduling {
             priority: number(priority),
         })
     }
-
-    /// Whether it asks for no more than what every thread has from the start: policy 0 (the
-    /// system's usual one), priority 0.
-    pub fn is_usual(self) -> bool {
-        self.policy.unwrap_or(0) == 0 && self.priority.unwrap_or(0) == 0
-    }
 }
 
 fn integer(value: &Value) -> Option<i64> {
@@ -281,16 +275,17 @@ mod tests {
     }
 
     #[test]
-    fn what_stays_as_it_is_need_not_be_set() {
-        let check = |text: &str, expected: Option<bool>| {
+    fn what_is_to_stay_as_it_is_is_not_asked_for() {
+        let check = |text: &str, expected: Option<(Option<i64>, Option<i64>)>| {
             let wanted = Scheduling::parse(&Bottle::parse(text).unwrap());
-            assert_eq!(wanted.map(Scheduling::is_usual), expected, "{text}");
+            let wanted = wanted.map(|wanted| (wanted.policy, wanted.priority));
+            assert_eq!(wanted, expected, "{text}");
         };
-        check("(policy -1) (priority -1)", Some(true));
-        check("(priority 0) (policy 0)", Some(true));
-        check("(policy 0)", Some(true));
-        check("(priority 5) (policy 1)", Some(false));
-        check("(priority 5)", Some(false));
+        check("(policy -1) (priority -1)", Some((None, None)));
+        check("(priority 0) (policy 0)", Some((Some(0), Some(0))));
+        check("(policy 0)", Some((Some(0), None)));
+        check("(priority 5) (policy 1)", Some((Some(1), Some(5))));
+        check("(priority 5)", Some((None, Some(5))));
         check("", None);
     }
 }

@@ -22,12 +22,13 @@ use crate::session;
 use crate::signals::Interrupt;
 
 /// What a port of the arm is for.
-const PORTS: [(&str, &str); 5] = [
+const PORTS: [(&str, &str); 6] = [
     ("rpc:i", "questions and orders of YARP 3.x"),
     ("nws/rpc:i", "questions and orders of YARP 4.0"),
     ("command:i", "streams of orders"),
     ("state:o", "joint positions in degrees, 50 times a second"),
     ("stateExt:o", "the whole state, 50 times a second"),
+    ("async:o", "ends of moves, with their numbers"),
 ];
 
 /// What stands in front of the name of an arm for the controller of its tool, as at iCub.

@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! bench_names                    runs everything, prints tables with ratios; medians of five
-//! bench_names load PORT          the load alone, on a server that runs, for a profiler to look at
+//! bench_names load PORT STYLE    the load alone, on a server that runs, for a profiler to look at;
+//!                                the style is name_server or text_ack
 //! bench_names bare PORT          the loop: accepts, reads a line, answers, closes
 //! bench_names visit PORT NAME    registers, asks and unregisters once; what a short program does
 //! ```
@@ -21,6 +22,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use socket2::{Domain, Socket, Type};
+use yarp_conformance::statistics::median;
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;
 
@@ -46,15 +48,24 @@ fn main() -> ExitCode {
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
     let result = match words[..] {
         [] => compare(),
-        ["load", port] => port.parse().map_err(Failure::from).map(|port| {
-            report("server", "NAME_SERVER", &load(port, Style::Plain));
-        }),
+        ["load", port, style @ ("name_server" | "text_ack")] => {
+            let kind = match style {
+                "text_ack" => Style::TextAck,
+                _ => Style::Plain,
+            };
+            port.parse().map_err(Failure::from).map(|port| {
+                report("server", style, &load(port, kind));
+            })
+        }
         ["bare", port] => bare(port),
         ["visit", port, name] => port
             .parse()
             .map_err(Failure::from)
             .and_then(|port| visit(port, name)),
-        _ => Err("usage: bench_names [load PORT | bare PORT | visit PORT NAME]".into()),
+        _ => Err(
+            "usage: bench_names [load PORT name_server|text_ack | bare PORT | visit PORT NAME]"
+                .into(),
+        ),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
@@ -265,17 +276,12 @@ struct Load {
 impl Load {
     /// The medians of each figure, and all errors.
     fn median(loads: &[Self]) -> Self {
-        fn middle<T: Copy + PartialOrd>(values: impl Iterator<Item = T>) -> T {
-            let mut values: Vec<T> = values.collect();
-            values.sort_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
-            values[values.len() / 2]
-        }
         Self {
-            per_second: middle(loads.iter().map(|load| load.per_second)),
-            p50: middle(loads.iter().map(|load| load.p50)),
-            p99: middle(loads.iter().map(|load| load.p99)),
+            per_second: median(loads.iter().map(|load| load.per_second)),
+            p50: median(loads.iter().map(|load| load.p50)),
+            p99: median(loads.iter().map(|load| load.p99)),
             errors: loads.iter().map(|load| load.errors).sum(),
-            processor: middle(loads.iter().map(|load| load.processor)),
+            processor: median(loads.iter().map(|load| load.processor)),
         }
     }
 }
@@ -456,20 +462,19 @@ fn laboratory(home: &Home) -> Result<(), Failure> {
         }
     }
     let after = memory(&server)?;
-    let mut lists: Vec<_> = (0..20)
+    let lists: Vec<_> = (0..20)
         .map(|_| {
             let began = Instant::now();
             ask(port, 1, Style::Plain, "list").map(|answer| (began.elapsed(), answer.len()))
         })
         .collect::<Result<_, _>>()?;
-    lists.sort_unstable();
     let bytes = after.saturating_sub(before) as f64 / NAMES as f64;
     println!("{NAMES} names, five properties each:");
     println!("  memory per name        {bytes:>8.0} bytes                        aim < 2048");
     println!(
         "  list, {} bytes     {:>8.2} ms (median of {})       aim < 50",
         lists[0].1,
-        milliseconds(lists[lists.len() / 2].0),
+        milliseconds(median(lists.iter().map(|list| list.0))),
         lists.len()
     );
     crowd(&server)?;
@@ -483,10 +488,9 @@ fn laboratory(home: &Home) -> Result<(), Failure> {
         times.push(began.elapsed());
         held = names(&ask(port, 1, Style::Plain, "list /laboratory")?);
     }
-    times.sort_unstable();
     println!(
         "  killed, serving again  {:>8.2} ms, {held} names           aim < 300",
-        milliseconds(times[times.len() / 2])
+        milliseconds(median(times.into_iter()))
     );
     drop(server);
     Ok(())

@@ -3,7 +3,7 @@
 //! A driver reads the joints of an arm at 500 Hz from its embedded server over TCP and moves it from pose to pose, and counts
 //! the deadlines that were missed: readings that were not there when the next was due. Beside it, in the same run and
 //! with the same timer, a thread that does nothing and a bare exchange of as many bytes over TCP show what the machine
-//! itself misses.
+//! itself misses. The longest time of the driver is that since its start, a little before the hour begins.
 //!
 //! Ends with 1 if the connection broke or a move did not end at its target; the deadlines are for the reader to judge.
 
@@ -135,6 +135,7 @@ fn run(words: &Words) -> Result<bool, Failure> {
     let ours = Timing {
         cycles: ours.cycles - before.cycles,
         missed: ours.missed - before.missed,
+        // From the start of the driver on: nobody knows which was the longest since.
         longest: ours.longest,
     };
     let idle = idle.join().map_err(|_| "the idle thread panicked")??;

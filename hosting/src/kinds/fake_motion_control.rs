@@ -7,7 +7,7 @@ use yarp_devices::wam::SimulatedWam;
 use yarp_devices::{JointType, Limits};
 use yarp_wire::settings::{Expected, Parameters};
 
-use super::simulated::machine;
+use super::local::{self, Local};
 use super::{Opening, Outcome};
 use crate::HostError;
 
@@ -31,7 +31,9 @@ const WITHOUT_EFFECT: [&str; 5] = [
 
 pub(super) async fn open(opening: Opening<'_>) -> Outcome {
     let parameters = opening.parameters;
-    machine(parameters, SimulatedWam::start_with(axes(parameters)?))
+    let axes = axes(parameters)?;
+    let joints = local::start(parameters, || SimulatedWam::start_with(axes)).await?;
+    Ok(Box::new(Local::machine(joints)))
 }
 
 fn axes(parameters: &Parameters) -> Result<Vec<AxisParameters>, HostError> {

@@ -3,11 +3,15 @@
 //! A device is one line in [`ALL`]: its name, the names that stock has for it, what it is, the wrapper that `yarp dev`
 //! serves it with, and how it is opened.
 
+mod arms;
 mod calibrator;
+mod camera;
 mod fake_motion_control;
+mod hand;
+mod local;
+mod remapper;
 mod remote;
 mod server;
-mod simulated;
 
 use yarp_ports::Network;
 use yarp_wire::settings::{Origin, Parameters};
@@ -40,6 +44,7 @@ pub struct Kind {
 }
 
 const SERVER: &str = "controlBoard_nws_yarp";
+const CAMERA_SERVER: &str = "frameGrabber_nws_yarp";
 
 /// The device that is two; see [`open`](crate::open).
 pub const BUNDLER: &str = "deviceBundler";
@@ -48,12 +53,20 @@ pub const BUNDLER: &str = "deviceBundler";
 #[rustfmt::skip]
 pub const ALL: &[Kind] = &[
     kind("controlBoard_nws_yarp", &[], "serves joints on ports; name, period in seconds", None, |opening| Box::pin(server::open(opening))),
-    kind("controlboardwrapper2", &[], "the same with stock's old parameters; name, period in milliseconds", None, |opening| Box::pin(server::open_old(opening))),
+    kind("controlboardwrapper2", &[], "the same with stock's old parameters; name, period in milliseconds, networks and joints for several devices", None, |opening| Box::pin(server::open_old(opening))),
+    kind("barrettHand", &[], "a BarrettHand on its serial line as joints: three fingers and the spread; serial, baud", Some(SERVER), |opening| Box::pin(hand::open(opening))),
     kind("boardCalibrator", &[], "has boards calibrate and park themselves, in actions of a robot", None, |opening| Box::pin(calibrator::open(opening))),
-    kind("dynamicWam", &[], "a simulated WAM arm with masses, friction and control", Some(SERVER), |opening| Box::pin(simulated::dynamic(opening))),
+    kind("canWam", &[], "a WAM arm on a CAN bus of this machine that is up; interface", Some(SERVER), |opening| Box::pin(arms::on_a_bus(opening))),
+    kind("controlboardremapper", &["controlBoardRemapper"], "several devices as one board, or a part of one; axesNames, or joints, networks and a row of four numbers for each", Some(SERVER), |opening| Box::pin(remapper::open(opening))),
+    kind("dynamicWam", &[], "a simulated WAM arm with masses, friction and control", Some(SERVER), |opening| Box::pin(arms::dynamic(opening))),
+    kind("embeddedWam", &[], "a WAM arm behind its embedded PC, which runs yarp wam-node; listen or connect, ports", Some(SERVER), |opening| Box::pin(arms::embedded(opening))),
+    kind("fakeFrameGrabber", &[], "a simulated camera: a test pattern, a picture or a film; mode, src, width, height, freq or period, mirror", Some(CAMERA_SERVER), |opening| Box::pin(camera::simulated(opening))),
     kind("fakeMotionControl", &[], "simulated joints of any number; GENERAL::Joints, GENERAL::AxisName, GENERAL::AxisType, LIMITS::Min, LIMITS::Max", Some(SERVER), |opening| Box::pin(fake_motion_control::open(opening))),
     kind("remote_controlboard", &["controlBoard_nwc_yarp"], "joints served by another program; remote, local, carrier, timeout", None, |opening| Box::pin(remote::open(opening))),
-    kind("simulatedWam", &[], "a simulated WAM arm that moves exactly as it is told", Some(SERVER), |opening| Box::pin(simulated::ideal(opening))),
+    kind("frameGrabber_nwc_yarp", &[], "a camera served by another program; remote, local, stream, no_stream", None, |opening| Box::pin(camera::remote(opening))),
+    kind("frameGrabber_nws_yarp", &[], "serves a camera on ports; name, period in seconds, capabilities", None, |opening| Box::pin(camera::server(opening))),
+    kind("remotecontrolboardremapper", &["remoteControlBoardRemapper"], "boards served by other programs as one; axesNames, remoteControlBoards, localPortPrefix, REMOTE_CONTROLBOARD_OPTIONS", Some(SERVER), |opening| Box::pin(remapper::open_remote(opening))),
+    kind("simulatedWam", &[], "a simulated WAM arm that moves exactly as it is told", Some(SERVER), |opening| Box::pin(arms::ideal(opening))),
 ];
 
 const fn kind(

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use yarp_devices::Device;
 use yarp_wire::PortName;
+use yarp_wire::settings::Parameters;
 use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions};
 
 use super::{Opening, Outcome};
@@ -23,23 +24,46 @@ pub(super) async fn open(opening: Opening<'_>) -> Outcome {
     let parameters = opening.parameters;
     let remote: PortName = parameters.need("remote")?;
     let local: PortName = parameters.need("local")?;
-    let mut options = RemoteControlBoardOptions::new(remote.to_string(), local.to_string());
-    if let Some(carrier) = parameters.get::<String>("carrier")? {
+    let options = options(parameters, "", remote.as_ref(), local.as_ref())?;
+    Ok(Box::new(Remote(connect(opening, options).await?)))
+}
+
+/// How to connect to a board, from parameters whose names begin with `group`.
+pub(super) fn options(
+    parameters: &Parameters,
+    group: &str,
+    remote: &str,
+    local: &str,
+) -> Result<RemoteControlBoardOptions, HostError> {
+    let named = |name: &str| format!("{group}{name}");
+    let mut options = RemoteControlBoardOptions::new(remote, local);
+    if let Some(carrier) = parameters.get::<String>(&named("carrier"))? {
         options = options.carrier(carrier);
     }
-    if let Some(timeout) = parameters.get::<Duration>("timeout")? {
+    if let Some(timeout) = parameters.get::<Duration>(&named("timeout"))? {
         options = options.timeout(timeout);
     }
-    if parameters.has("ignoreProtocolCheck") {
+    if parameters.has(&named("ignoreProtocolCheck")) {
         options = options.ignore_protocol_version();
     }
     for name in WITHOUT_EFFECT {
-        if parameters.has(name) {
-            tracing::warn!("{}: parameter {name} has no effect", parameters.device());
+        if parameters.has(&named(name)) {
+            tracing::warn!(
+                "{}: parameter {group}{name} has no effect",
+                parameters.device()
+            );
         }
     }
+    Ok(options)
+}
+
+/// Connects to a board; waits until it has answered.
+pub(super) async fn connect(
+    opening: Opening<'_>,
+    options: RemoteControlBoardOptions,
+) -> Result<Arc<RemoteControlBoard>, HostError> {
+    let parameters = opening.parameters;
     let network = opening.network.clone();
-    // Opening blocks until the board has answered.
     let opened = tokio::task::spawn_blocking(move || RemoteControlBoard::open(&network, options));
     let opened = opened
         .await
@@ -49,7 +73,7 @@ pub(super) async fn open(opening: Opening<'_>) -> Outcome {
         device: parameters.device().to_owned(),
         source: Box::new(source),
     })?;
-    Ok(Box::new(Remote(Arc::new(board))))
+    Ok(Arc::new(board))
 }
 
 struct Remote(Arc<RemoteControlBoard>);
@@ -57,7 +81,10 @@ struct Remote(Arc<RemoteControlBoard>);
 impl Hosted for Remote {
     fn parts(&self) -> Parts {
         let board: Arc<dyn Device> = self.0.clone();
-        Parts { board: Some(board) }
+        Parts {
+            board: Some(board),
+            ..Parts::default()
+        }
     }
 
     fn close(self: Box<Self>) -> Future<'static, ()> {

@@ -1,28 +1,41 @@
 //! Joints on ports.
 
+use std::sync::Arc;
 use std::time::Duration;
 
+use yarp_devices::Device;
 use yarp_ports::Network;
 use yarp_wire::PortName;
 use yarp_wire::settings::Origin;
 use yarp_wrappers::{ControlBoardOptions, ControlBoardServer};
 
+use super::remapper::Mapping;
 use super::{Opening, Outcome};
 use crate::{Attached, Future, HostError, Hosted};
 
 pub(super) async fn open(opening: Opening<'_>) -> Outcome {
     let period = opening.parameters.get::<Duration>("period")?;
-    with_period(opening, period, "0.001 to 60 seconds")
+    with_period(opening, period, "0.001 to 60 seconds", None)
 }
 
-/// With the period as stock's `controlboardwrapper2` wants it: a whole number of milliseconds.
+/// With the period as stock's `controlboardwrapper2` wants it, a whole number of milliseconds; and of several devices if
+/// there are `networks`.
 pub(super) async fn open_old(opening: Opening<'_>) -> Outcome {
     let period = opening.parameters.get::<usize>("period")?;
     let period = period.map(|period| Duration::from_millis(period as u64));
-    with_period(opening, period, "1 to 60000 milliseconds")
+    let networks = match opening.parameters.has("networks") {
+        true => Mapping::read(opening.parameters)?,
+        false => None,
+    };
+    with_period(opening, period, "1 to 60000 milliseconds", networks)
 }
 
-fn with_period(opening: Opening<'_>, period: Option<Duration>, expected: &str) -> Outcome {
+fn with_period(
+    opening: Opening<'_>,
+    period: Option<Duration>,
+    expected: &str,
+    networks: Option<Mapping>,
+) -> Outcome {
     let parameters = opening.parameters;
     let name: PortName = parameters.need("name")?;
     let mut options = ControlBoardOptions::new();
@@ -36,6 +49,7 @@ fn with_period(opening: Opening<'_>, period: Option<Duration>, expected: &str) -
         network: opening.network.clone(),
         name: name.to_string(),
         options,
+        networks,
         device: parameters.device().to_owned(),
         origin: parameters.origin().clone(),
         running: None,
@@ -47,6 +61,8 @@ struct Server {
     network: Network,
     name: String,
     options: ControlBoardOptions,
+    /// How it is made of several devices, if it is.
+    networks: Option<Mapping>,
     device: String,
     origin: Origin,
     running: Option<ControlBoardServer>,
@@ -58,14 +74,10 @@ impl Hosted for Server {
             if self.running.is_some() {
                 return Err(HostError::Attached);
             }
-            let [other] = &others[..] else {
-                return Err(HostError::Several { got: others.len() });
+            let board: Arc<dyn Device> = match &self.networks {
+                Some(networks) => networks.apply(others).await?,
+                None => only(others)?,
             };
-            let board = other.parts.board.clone();
-            let board = board.ok_or_else(|| HostError::Unsuitable {
-                device: other.device.clone(),
-                expected: "a device with joints",
-            })?;
             let options = self.options.clone();
             let opened = ControlBoardServer::open(&self.network, board, &self.name, options);
             let running = opened.await.map_err(|source| HostError::Open {
@@ -94,4 +106,16 @@ impl Hosted for Server {
             }
         })
     }
+}
+
+/// The board of the only device.
+fn only(others: Vec<Attached>) -> Result<Arc<dyn Device>, HostError> {
+    let [other] = &others[..] else {
+        return Err(HostError::Several { got: others.len() });
+    };
+    let board = other.parts.board.clone();
+    board.ok_or_else(|| HostError::Unsuitable {
+        device: other.device.clone(),
+        expected: "a device with joints",
+    })
 }

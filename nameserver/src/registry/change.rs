@@ -161,7 +161,7 @@ impl Registry {
                 let ends = [&source, &destination].map(|text| End::parse(text));
                 let [source, destination] = ends;
                 // As above.
-                let _ = self.persistent.subscribe(source, destination, &mode);
+                let _ = self.persistent.restore(source, destination, &mode);
             }
             Change::SubscriptionGone {
                 source,

@@ -205,18 +205,8 @@ impl Registry {
             (Item::Port(name), _) => return self.adopt_port(now, name, held),
             _ => {}
         }
-        // A connection that names a topic would make it; here topics are items of their own.
-        let ends: &[&String] = match item {
-            Item::Connection(source, destination) => &[source, destination],
-            _ => &[],
-        };
-        let mut ends = ends.to_vec();
-        ends.retain(|name| !self.persistent.is_topic(name));
         for change in held.into_iter().flat_map(|held| item.changes(held)) {
             self.restore_one(now, change);
-        }
-        for name in ends {
-            self.persistent.remove_topic(name);
         }
         Vec::new()
     }

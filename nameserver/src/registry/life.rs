@@ -75,15 +75,6 @@ impl Outcome {
     }
 }
 
-/// When ports are looked at and dropped.
-#[derive(Clone, Copy, Debug)]
-pub struct Terms {
-    /// Time between two looks at the same port.
-    pub every: Duration,
-    /// How long a port must have been gone to be dropped; none if that never happens.
-    pub drop_after: Option<Duration>,
-}
-
 /// A registered port, and what is known of its life.
 #[derive(Clone, Debug, Eq, PartialEq)]
 pub struct Known {
@@ -224,12 +215,13 @@ impl Registry {
         keeps.then(|| taken(holder))
     }
 
-    /// The ports that are to be looked at, at most `most`; they count as looked at.
-    pub fn to_look_at(&mut self, now: Instant, terms: &Terms, most: usize) -> Vec<Registration> {
+    /// The ports that are to be looked at, each once in `every`, at most `most`; they count as looked
+    /// at.
+    pub fn to_look_at(&mut self, now: Instant, every: Duration, most: usize) -> Vec<Registration> {
         let own = self.settings.name.clone();
         // Each of several servers looks for itself, all together no more often than configured.
         let servers = u32::try_from(self.settings.others.len()).map_or(u32::MAX, |n| n + 1);
-        let every = terms.every.saturating_mul(servers);
+        let every = every.saturating_mul(servers);
         let waits = |entry: &Entry| {
             let life = &entry.life;
             let due = life.looked.is_none_or(|then| now >= then + every);
@@ -247,7 +239,7 @@ impl Registry {
     }
 
     /// Takes note of what came of looking at `port`; tells whether it is to be dropped now.
-    /// `drop_after`: see [`Terms`].
+    /// `drop_after`: how long a port must have been gone to be dropped; none if that never happens.
     pub fn seen(
         &mut self,
         now: Instant,
@@ -364,10 +356,8 @@ mod tests {
     use crate::registry::Settings;
     use yarp_wire::name_service::Request;
 
-    const TERMS: Terms = Terms {
-        every: Duration::from_secs(30),
-        drop_after: Some(Duration::from_secs(600)),
-    };
+    const EVERY: Duration = Duration::from_secs(30);
+    const DROP_AFTER: Option<Duration> = Some(Duration::from_secs(600));
 
     struct Asked {
         registry: Registry,
@@ -407,12 +397,10 @@ mod tests {
         }
 
         fn look(&mut self, outcome: Outcome) -> Vec<(String, bool)> {
-            let due = self.registry.to_look_at(self.now, &TERMS, 100);
+            let due = self.registry.to_look_at(self.now, EVERY, 100);
             due.iter()
                 .map(|port| {
-                    let drop = self
-                        .registry
-                        .seen(self.now, TERMS.drop_after, port, outcome);
+                    let drop = self.registry.seen(self.now, DROP_AFTER, port, outcome);
                     (port.name.clone(), drop)
                 })
                 .collect()

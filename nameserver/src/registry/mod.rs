@@ -47,7 +47,7 @@ use properties::{Pool, Properties};
 
 pub use change::Change;
 pub(crate) use item::{Held, Item};
-pub use life::{Claim, Known, Look, Outcome, State, Terms};
+pub use life::{Claim, Known, Look, Outcome, State};
 pub use limits::Refusal;
 pub use reply::{Body, Effect, Link, Reply};
 pub use subnets::Subnet;

@@ -82,16 +82,42 @@ pub(super) fn split_carrier(text: &str) -> (Option<&str>, &str) {
 }
 
 impl Persistent {
-    /// Adds a subscription, or replaces the one between the same two names.
+    /// Adds a subscription, or replaces the one between the same two names; makes the topics that
+    /// it names.
     pub(super) fn subscribe(
         &mut self,
         source: End,
         destination: End,
         mode: &str,
     ) -> Result<(), Refusal> {
+        self.check(&source, &destination, mode)?;
+        for end in [&source, &destination] {
+            if end.names_topic() {
+                self.add_topic(&end.name, "")?;
+            }
+        }
+        self.insert(source, destination, mode);
+        Ok(())
+    }
+
+    /// Adds a subscription as it was kept: topics are kept by themselves, and one that it names may
+    /// have been removed since.
+    pub(super) fn restore(
+        &mut self,
+        source: End,
+        destination: End,
+        mode: &str,
+    ) -> Result<(), Refusal> {
+        self.check(&source, &destination, mode)?;
+        self.insert(source, destination, mode);
+        Ok(())
+    }
+
+    /// Whether there is room for a subscription, and its words can be told.
+    fn check(&self, source: &End, destination: &End, mode: &str) -> Result<(), Refusal> {
         limits::check_name(&source.name)?;
         limits::check_name(&destination.name)?;
-        for end in [&source, &destination] {
+        for end in [source, destination] {
             if let Some(carrier) = &end.carrier {
                 limits::check_word("carrier", carrier)?;
             }
@@ -107,18 +133,17 @@ impl Persistent {
                 limit: limits::SUBSCRIPTIONS,
             });
         }
-        for end in [&source, &destination] {
-            if end.names_topic() {
-                self.add_topic(&end.name, "")?;
-            }
-        }
+        Ok(())
+    }
+
+    fn insert(&mut self, source: End, destination: End, mode: &str) {
+        let key = (source.name.clone(), destination.name.clone());
         let subscription = Subscription {
             source,
             destination,
             mode: mode.to_owned(),
         };
         self.subscriptions.insert(key, subscription);
-        Ok(())
     }
 
     /// Removes the subscription between two names; tells whether there was one.

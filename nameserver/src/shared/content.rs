@@ -7,10 +7,10 @@
 //! | `mark/HOST:PORT` | what the server there has committed last |
 
 use std::collections::BTreeMap;
-use std::time::{SystemTime, UNIX_EPOCH};
 
 use super::{Entry, Everything, Truth, TruthError, Verdict, Write};
 use crate::registry::{Change, Held, Item};
+use crate::server::stamp;
 
 const FORMAT: &str = "format";
 const PROGRAM: &str = "yarp-nameserver";
@@ -39,8 +39,7 @@ impl Content {
             if !all.entries.is_empty() {
                 return Self::read(place, all);
             }
-            let now = SystemTime::now().duration_since(UNIX_EPOCH);
-            let start = now.map_or(0, |now| now.as_micros() as u64);
+            let start = stamp();
             let first = Write {
                 key: FORMAT.to_owned(),
                 value: Some(format!("{PROGRAM} {VERSION} {start}").into_bytes()),
@@ -113,26 +112,9 @@ impl Content {
 
     /// The changes that bring an empty registry there.
     pub(crate) fn changes(&self) -> Vec<Change> {
-        let changes = |topics: bool| {
-            let items = self.items.iter();
-            let some = items.filter(move |(item, _)| matches!(item, Item::Topic(_)) == topics);
-            some.flat_map(|(item, held)| item.changes(held.clone()))
-        };
-        // Topics first, in the order in which they were made: a connection that names one makes it.
-        let mut all: Vec<Change> = changes(true).chain(changes(false)).collect();
-        let known = |topic: &str| {
-            let mut items = self.items.iter();
-            items.any(|(item, _)| matches!(item, Item::Topic(name) if name == topic))
-        };
-        let mut none: Vec<Change> = Vec::new();
-        for (item, _) in &self.items {
-            if let Item::Connection(from, to) = item {
-                let gone = [from, to].into_iter().filter(|name| !known(name));
-                none.extend(gone.map(|name| Change::TopicGone(name.clone())));
-            }
-        }
-        all.extend(none);
-        all
+        let items = self.items.iter();
+        let changes = items.flat_map(|(item, held)| item.changes(held.clone()));
+        changes.collect()
     }
 }
 

@@ -90,8 +90,8 @@ pub struct Beat {
 
 /// What several servers have in common: entries, written by numbered commits.
 ///
-/// After an error of any kind [`load`](Self::load) comes next. Every call may take some seconds at the
-/// most; dropping one before its end is allowed.
+/// After an error [`load`](Self::load) comes next, unless it is [`TruthError::Declined`], after which all
+/// is as before. Every call may take some seconds at the most; dropping one before its end is allowed.
 pub trait Truth: Send + 'static {
     /// What it is called in messages: where it is.
     fn name(&self) -> String;
@@ -107,7 +107,8 @@ pub trait Truth: Send + 'static {
     /// Writes all of it, if the last commit is the one called `generation`, or nothing.
     ///
     /// Without anything to write it only tells whether that commit is the last one, as of some
-    /// moment during the call. After an error it is not known whether it was done, or will be.
+    /// moment during the call. [`TruthError::Declined`] says that it was not done and will not be; after
+    /// any other error neither is known.
     fn commit(
         &mut self,
         generation: i64,

@@ -391,11 +391,12 @@ impl<T: Truth> Writer<T> {
         let now = Instant::now();
         self.generation = content.generation;
         let changes = content.changes();
-        let mut copy = lock(&self.copy);
-        for registry in [&mut *copy, &mut self.draft] {
+        let renew = |registry: &mut Registry, changes| {
             registry.set_incarnation(content.incarnation);
-            *registry = registry.again(now, changes.clone());
-        }
+            *registry = registry.again(now, changes);
+        };
+        renew(&mut self.draft, changes.clone());
+        renew(&mut lock(&self.copy), changes);
     }
 }
 

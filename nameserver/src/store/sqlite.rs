@@ -229,7 +229,6 @@ fn load(connection: &Connection) -> rusqlite::Result<Vec<Change>> {
         })
     })?;
     changes.extend(topics.collect::<rusqlite::Result<Vec<_>>>()?);
-    // After the topics: an end that names one would make it.
     let mut held = connection.prepare("SELECT source, destination, mode FROM subscription")?;
     let held = held.query_map([], |row| {
         Ok(Change::Subscription {

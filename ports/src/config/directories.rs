@@ -21,7 +21,7 @@ pub struct Directories {
     /// Data for everybody: `YARP_DATA_DIRS`, else each of `XDG_DATA_DIRS`
     /// (`/usr/local/share:/usr/share`) + `/yarp`.
     pub data_dirs: Vec<PathBuf>,
-    /// Data of packages, which they name themselves, see [`find_packages`](Self::find_packages).
+    /// Data of packages, which they name themselves, see [`with_packages`](Self::with_packages).
     pub packages: Vec<PathBuf>,
 }
 
@@ -78,14 +78,23 @@ impl Directories {
         })
     }
 
-    /// Looks for the directories of packages: those that the files `config/path.d/*.ini` name in the first of
-    /// [`data_dirs`](Self::data_dirs) that has such a folder.
+    /// The directories that `environment` names, and those of packages: what the files `config/path.d/*.ini` name in
+    /// the first of [`data_dirs`](Self::data_dirs) that has such a folder.
     ///
     /// ```text
     /// [search my_package]
     /// path /opt/my_package/share /opt/more
     /// ```
-    pub fn find_packages(&mut self, source: &dyn Source) {
+    pub fn with_packages(
+        environment: &Environment,
+        source: &dyn Source,
+    ) -> Result<Self, ConfigError> {
+        let mut directories = Self::of(environment)?;
+        directories.find_packages(source);
+        Ok(directories)
+    }
+
+    fn find_packages(&mut self, source: &dyn Source) {
         let lists = |place: &&PathBuf| {
             let folder = place.join("config/path.d");
             source.list(&folder.to_string_lossy()).is_some()

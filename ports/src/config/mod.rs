@@ -145,8 +145,7 @@ impl Configuration {
     /// The configuration of this process.
     pub fn from_process() -> Result<Self, ConfigError> {
         let environment = Environment::from_process();
-        let mut directories = Directories::of(&environment)?;
-        directories.find_packages(&Disk::default());
+        let directories = Directories::with_packages(&environment, &Disk::default())?;
         Self::load_from(environment, directories, |file| {
             std::fs::read_to_string(file)
         })

@@ -15,7 +15,7 @@ use super::{ConfigError, Directories, Environment};
 /// 3. `robots/$YARP_ROBOT_NAME` in each of the places below (`default` unless told otherwise);
 /// 4. `contexts/CONTEXT` in each of them, unless 2 holds;
 /// 5. the places: `YARP_CONFIG_HOME`, `YARP_DATA_HOME`, `YARP_CONFIG_DIRS`, `YARP_DATA_DIRS`, and what
-///    `config/path.d` names ([`Directories::find_packages`]).
+///    `config/path.d` names ([`Directories::with_packages`]).
 ///
 /// Source: stock 3.5.0, asked the same questions about the same folders.
 #[derive(Clone, Debug)]
@@ -33,23 +33,15 @@ impl ResourceFinder {
     /// A finder with the variables and the current directory of this process.
     pub fn from_process() -> Result<Self, ConfigError> {
         let environment = Environment::from_process();
-        let mut directories = Directories::of(&environment)?;
-        directories.find_packages(&Disk::default());
         Ok(Self {
+            directories: Directories::with_packages(&environment, &Disk::default())?,
             environment,
-            directories,
             // Without one, names are taken as they are.
             here: std::env::current_dir().unwrap_or_default(),
             context: None,
             near: None,
             settings: Settings::new(),
         })
-    }
-
-    /// The context to look in unless the command line names another.
-    pub fn default_context(mut self, context: &str) -> Self {
-        self.context = Some(context.to_owned());
-        self
     }
 
     /// Reads the command line, and the main configuration file that it (`--from`) or else `main` names.
@@ -115,20 +107,19 @@ impl ResourceFinder {
         self.candidates(name).find(|file| file.exists())
     }
 
-    /// All files and folders of this name, the first one first.
-    pub fn find_all(&self, name: &str) -> Vec<PathBuf> {
-        let mut found: Vec<PathBuf> = Vec::new();
-        for file in self.candidates(name).filter(|file| file.exists()) {
-            if !found.contains(&file) {
-                found.push(file);
-            }
-        }
-        found
-    }
-
     /// Where a file may be, in the order of the search.
     fn candidates(&self, name: &str) -> impl Iterator<Item = PathBuf> {
-        let context = self.context.as_ref().filter(|_| self.near.is_none());
+        let context = self.context.as_deref().filter(|_| self.near.is_none());
+        self.candidates_in(self.near.clone(), context, name)
+    }
+
+    /// The same, beside a file that is in the current directory, and in a context.
+    fn candidates_in(
+        &self,
+        near: Option<PathBuf>,
+        context: Option<&str>,
+        name: &str,
+    ) -> impl Iterator<Item = PathBuf> {
         let contexts = context.map(|context| Path::new("contexts").join(context));
         let contexts = contexts.into_iter().flat_map(|context| {
             let places = self.directories.places();
@@ -137,7 +128,7 @@ impl ResourceFinder {
                 .collect::<Vec<_>>()
         });
         std::iter::once(self.here.clone())
-            .chain(self.near.clone())
+            .chain(near)
             .chain(self.directories.robot_places(&self.environment))
             .chain(contexts)
             .chain(self.directories.places().cloned())
@@ -170,12 +161,8 @@ impl Source for Disk<'_> {
     }
 
     fn resource(&self, context: &str, file: &str) -> Option<String> {
-        let finder = ResourceFinder {
-            near: None,
-            settings: Settings::new(),
-            ..self.finder?.clone()
-        };
-        let found = finder.default_context(context).find_file_by_name(file)?;
+        let mut files = self.finder?.candidates_in(None, Some(context), file);
+        let found = files.find(|file| file.exists())?;
         Some(found.to_string_lossy().into_owned())
     }
 }

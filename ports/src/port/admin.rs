@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use yarp_wire::admin::{AdminRequest, Direction};
 use yarp_wire::carrier::Carrier;
-use yarp_wire::{Bottle, Value, Vocab32};
+use yarp_wire::{Bottle, Dialect, Value, Vocab32};
 
 use super::core::Core;
 use super::monitor::{Attached, Chain, MonitorSide};
@@ -53,10 +53,21 @@ pub(super) fn needed(request: &Bottle) -> Option<Right> {
     }
 }
 
+/// A request as a port of this generation understands it: 3.x cuts its words to four characters.
+///
+/// So whoever asks us what we are (`probe.rs`) is told how we answer those who do not betray what they are.
+fn heard(request: &Bottle, dialect: Dialect) -> Bottle {
+    let cut = |value: &Value| match (value, dialect) {
+        (Value::Vocab64(word), Dialect::V3) => Value::Vocab32(word.truncated()),
+        _ => value.clone(),
+    };
+    request.iter().map(cut).collect()
+}
+
 impl Core {
     /// The answer to an admin request.
     pub(super) async fn administer(self: &Arc<Self>, request: &Bottle) -> Bottle {
-        match AdminRequest::parse(request) {
+        match AdminRequest::parse(&heard(request, self.options.dialect)) {
             AdminRequest::Help => {
                 let mut answer = Bottle::of(Vocab32::MANY);
                 answer.extend(HELP.map(Value::from));

@@ -3,7 +3,7 @@
 use std::io;
 use std::net::{IpAddr, SocketAddrV4};
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use bytes::BytesMut;
 use tokio::net::TcpStream;
@@ -26,13 +26,14 @@ use super::monitor::{Chain, MonitorError, MonitorSide};
 use super::options::{Input, Serving};
 use super::output::{Output, Way};
 use super::qos::SocketHandle;
-use super::received::{Answer, Received, Reply, Responder};
+use super::received::{Answer, Received, Reply, Responder, Said};
 use super::silent;
 use crate::auth;
 use crate::busy::BusyPoll;
 use crate::cancel::{Cancel, Cancelled};
 use crate::datagram;
 use crate::error::story;
+use crate::probe;
 use crate::roles::{self, Peer, Right, Rights};
 use crate::stream::{self, Inflow, Socket};
 use crate::{shmem, unix};
@@ -69,6 +70,7 @@ pub(super) async fn serve(
         stream: Arc::new(stream),
         input: Inflow::default(),
         output: BytesMut::new(),
+        greeting: 0,
         number,
         entry: None,
         cancel: Some(cancel),
@@ -120,6 +122,9 @@ pub(super) async fn serve(
     }
 }
 
+/// How long the answer to a header waits for that to the first message, if both have come.
+const GREETING: Duration = Duration::from_millis(1);
+
 /// How a connection ended.
 pub(super) enum End {
     Closed,
@@ -147,6 +152,8 @@ pub(super) struct Connection {
     acceptor: Acceptor,
     input: Inflow,
     pub(super) output: BytesMut,
+    /// How much of the output answers the header, as long as it has not been sent.
+    greeting: usize,
     /// Its number in the port's list.
     pub(super) number: u64,
     /// The place in the port's list, once the header is done with.
@@ -186,6 +193,8 @@ enum Step {
     Done(Next),
     /// It is on its way to the owner; tells whether the sender wants a reply.
     Handing(Handing, bool),
+    /// The answer is there, but how the sender reads it is not known.
+    Unclear(Option<Reply>),
     /// It is not for the owner, or not from who may write.
     Command(Command, Payload),
 }
@@ -235,6 +244,7 @@ impl Connection {
             if let Err(error) = stream::write_all(&self.stream, &mut self.output).await {
                 return error.into();
             }
+            self.greeting = 0;
             let missing = self.acceptor.missing(&self.input.bytes);
             if missing == 0
                 && let Some(read) = self.busy.read(&self.stream, &mut self.input).await
@@ -390,6 +400,7 @@ impl Connection {
             return Next::Stop(End::Reversed);
         }
         let opened = self.opened(carrier);
+        self.greeting = self.output.len();
         if !matches!(opened, Ok(true)) {
             // Without the header reply the peer knows that there is no connection.
             self.output.clear();
@@ -501,13 +512,17 @@ impl Connection {
             connection: self.number,
         };
         let answer = match self.hand(received) {
-            Handing::Now(Handed::Answered(Answer::Nothing)) => (None, false),
-            Handing::Now(Handed::Answered(Answer::Reply(reply))) => (Some(reply), false),
+            Handing::Now(Handed::Answered(Answer::Nothing)) => None,
+            Handing::Now(Handed::Answered(Answer::Reply(reply))) => Some(reply),
             handing => return Step::Handing(handing, reply),
         };
-        let next = self.answer(answer, reply);
+        let said = self.output.len();
+        if self.answer(answer.as_deref(), reply) {
+            self.output.truncate(said);
+            return Step::Unclear(answer);
+        }
         self.acceptor.acknowledge(&mut self.output);
-        Step::Done(next)
+        Step::Done(Next::Go)
     }
 
     /// Does what is left to do with a message.
@@ -515,8 +530,16 @@ impl Connection {
         let next = match left {
             Step::Done(next) => return next,
             Step::Handing(handing, reply) => {
-                let answer = self.finish(handing).await;
-                self.answer(answer, reply)
+                let (answer, last) = self.finish(handing).await;
+                self.answer_clearly(answer.as_deref(), reply).await;
+                match last {
+                    true => Next::Stop(End::Closed),
+                    false => Next::Go,
+                }
+            }
+            Step::Unclear(answer) => {
+                self.answer_clearly(answer.as_deref(), true).await;
+                Next::Go
             }
             // Who may not write.
             Step::Command(Command::Data { reply, .. }, _) => {
@@ -586,14 +609,26 @@ impl Connection {
             done = &mut waiting => return done,
             () = std::future::ready(()) => {}
         }
-        // A peer that is gone is noticed when it is read from.
-        let _ = stream::write_all(&self.stream, &mut self.output).await;
         if let Some(caller) = &mut self.caller {
             caller.waits(Instant::now());
         }
-        let done = waiting.await;
+        let done = tokio::select! {
+            biased;
+            done = &mut waiting => done,
+            () = self.say_so_far() => waiting.await,
+        };
         self.spoke();
         done
+    }
+
+    /// Sends what was said so far; only the answer to a header waits a moment for that to the message
+    /// which came along with it: who has sent both looks for nothing but the latter.
+    async fn say_so_far(&mut self) {
+        if self.greeting > 0 && self.output.len() == self.greeting {
+            tokio::time::sleep(GREETING).await;
+        }
+        // A peer that is gone is noticed when it is read from.
+        let _ = stream::write_all(&self.stream, &mut self.output).await;
     }
 
     /// The peer is not silent.
@@ -603,34 +638,36 @@ impl Connection {
         }
     }
 
-    fn answer(&mut self, (reply, last): (Option<Reply>, bool), wants_reply: bool) -> Next {
-        match reply {
-            Some(reply) => self.reply(&reply, wants_reply),
-            None => self.reply_nothing(wants_reply),
-        }
-        if last {
-            Next::Stop(End::Closed)
-        } else {
-            Next::Go
-        }
-    }
-
-    fn reply(&mut self, reply: &Reply, wanted: bool) {
-        if wanted {
-            self.acceptor.reply(reply.as_ref(), &mut self.output);
-        }
-    }
-
-    /// On a binary connection a sender that asked for a reply must get one: without it a stock
-    /// sender takes the acknowledgement for the reply and hangs. People at a terminal get none.
-    fn reply_nothing(&mut self, wanted: bool) {
+    /// Says what the owner answers; tells whether the peer may misread it.
+    ///
+    /// On a binary connection a sender that asked for a reply must get one: without it a stock sender takes the
+    /// acknowledgement for the reply and hangs. People at a terminal get none.
+    fn answer(&mut self, reply: Option<&Said>, wanted: bool) -> bool {
         let binary = self
             .acceptor
             .carrier()
             .is_some_and(|carrier| carrier.framing.is_binary());
-        if wanted && binary {
-            self.acceptor.reply(&Bottle::new(), &mut self.output);
+        match reply {
+            _ if !wanted => false,
+            Some(reply) => self.acceptor.reply(reply, &mut self.output),
+            None => binary && self.acceptor.reply(&Bottle::new(), &mut self.output),
         }
+    }
+
+    /// As [`answer`](Self::answer), in words that the peer reads right: if need be its port is asked what it is, once for
+    /// a connection.
+    async fn answer_clearly(&mut self, reply: Option<&Said>, wanted: bool) {
+        let said = self.output.len();
+        if !self.answer(reply, wanted) {
+            return;
+        }
+        self.output.truncate(said);
+        let (core, sender) = (self.core.clone(), self.sender.name.clone());
+        let asking = Box::pin(async move { probe::generation_of(&sender, &core.network).await });
+        let found = self.wait_for(asking).await;
+        self.acceptor
+            .settle(found.unwrap_or(self.core.options.dialect));
+        self.answer(reply, wanted);
     }
 
     async fn command(&mut self, command: Command) -> Next {

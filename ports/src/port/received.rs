@@ -11,7 +11,9 @@ use yarp_wire::message::{Payload, ReadObject, WireObject};
 use yarp_wire::{Bottle, Stamp};
 
 /// What a message is answered with.
-pub type Reply = Box<dyn WireObject + Send + Sync>;
+pub type Reply = Box<Said>;
+/// What is said in a reply.
+pub(super) type Said = dyn WireObject + Send + Sync;
 
 /// A message that arrived.
 #[derive(Debug)]

@@ -94,7 +94,7 @@ async fn ask(core: &Core, place: &Place) -> Found {
             Found::Gone(error.story())
         }
         PortError::Connect { step, .. } | PortError::Deadline { step, .. }
-            if *step == "TCP connection" =>
+            if *step == PortError::CONNECTING =>
         {
             Found::Missing(error.story())
         }

@@ -7,7 +7,9 @@ use bytes::{Bytes, BytesMut};
 use yarp_wire::message::{ReadObject, WireObject};
 use yarp_wire::{Bottle, Dialect, Limits};
 use yarp_wrappers::cartesian::messages as cartesian;
-use yarp_wrappers::control_board::messages::{Command, JointData, Reply, Request};
+use yarp_wrappers::control_board::messages::{
+    Command, JointData, MotionNews, Numbered, Reply, Request,
+};
 use yarp_wrappers::frame_grabber::messages as grabber;
 use yarp_wrappers::hand::messages as hands;
 use yarp_wrappers::thrift::{ReturnCode, ServiceVersion};
@@ -16,8 +18,9 @@ use yarp_wrappers::thrift::{ReturnCode, ServiceVersion};
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All targets.
-pub const TARGETS: [Target; 8] = [
+pub const TARGETS: [Target; 9] = [
     ("request", request),
+    ("numbered", numbered),
     ("call", call),
     ("streamed", streamed),
     ("state", state),
@@ -45,6 +48,28 @@ pub fn request(data: &[u8]) {
         }
         let reply = Reply::from_bottle(bottle);
         let _ = (reply.is_ok(), reply.is_refusal(), reply.read_version());
+    }
+}
+
+/// Words of ours about numbered motions, and what is said of them.
+pub fn numbered(data: &[u8]) {
+    for dialect in DIALECTS {
+        let Ok(bottle) = Bottle::decode(&Bytes::copy_from_slice(data), dialect, Limits::DEFAULT)
+        else {
+            continue;
+        };
+        if let Some(Ok(wanted)) = Numbered::parse(&bottle)
+            && let Some(printed) = wanted.to_bottle()
+        {
+            let again = Numbered::parse(&printed).expect("our own words");
+            // Compared as they print: a nan is not equal to itself.
+            let again = again.expect("our own words");
+            assert_eq!(format!("{again:?}"), format!("{wanted:?}"), "{printed}");
+        }
+        if let Some(news) = MotionNews::from_bottle(&bottle) {
+            assert_eq!(MotionNews::from_bottle(&news.to_bottle()), Some(news));
+        }
+        let _ = Numbered::read_drops(&bottle);
     }
 }
 

@@ -8,6 +8,7 @@
 //!   /local/command:o  ── velocities … ───────▶   /wam/command:i    never answered
 //!   /local/stateExt:i ◀── whole state ────────   /wam/stateExt:o   every period
 //!                         joint positions ────   /wam/state:o      every period, for whoever connects
+//!   /local/async:i    ◀── ends of moves ──────   /wam/async:o      once each; ours alone, stock has no such port
 //! ```
 //!
 //! | folder | what it is about |
@@ -21,6 +22,6 @@ mod error;
 pub mod messages;
 mod server;
 
-pub use client::{RemoteControlBoard, RemoteControlBoardOptions};
+pub use client::{RemoteControlBoard, RemoteControlBoardOptions, RemoteMotion};
 pub use error::OpenError;
 pub use server::{ControlBoardOptions, ControlBoardServer};

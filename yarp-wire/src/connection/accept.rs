@@ -199,15 +199,33 @@ impl Acceptor {
     }
 
     /// Appends the reply to the message at hand.
-    pub fn reply(&self, object: &dyn WireObject, output: &mut BytesMut) {
-        if let State::Open(carrier, _) = &self.state {
-            if self.frames.is_none() {
-                return put_reply(output, carrier, object, self.dialect);
-            }
+    ///
+    /// Tells whether the peer may misread it: it reads differently in the two generations, and the peer has not betrayed
+    /// of which it is. Then [`settle`](Self::settle) and reply anew, if that can be found out.
+    pub fn reply(&self, object: &dyn WireObject, output: &mut BytesMut) -> bool {
+        let State::Open(carrier, _) = &self.state else {
+            return false;
+        };
+        if self.frames.is_some() {
             let mut reply = BytesMut::new();
             put_reply(&mut reply, carrier, object, self.dialect);
             put_frame_head(output, reply.len());
             output.put_slice(&reply);
+            return false;
+        }
+        let begin = output.len();
+        put_reply(output, carrier, object, self.dialect);
+        !self.settled
+            && carrier.framing.is_binary()
+            && detect(&output[begin..], self.limits).is_some()
+    }
+
+    /// The generation of the peer is known from elsewhere.
+    pub fn settle(&mut self, dialect: Dialect) {
+        self.dialect = dialect;
+        self.settled = true;
+        if let State::Open(_, reader) = &mut self.state {
+            reader.set_dialect(dialect);
         }
     }
 
@@ -271,11 +289,7 @@ impl Acceptor {
             return;
         }
         if let Some(dialect) = detect(&message.payload.bytes(), self.limits) {
-            self.dialect = dialect;
-            self.settled = true;
-            if let State::Open(_, reader) = &mut self.state {
-                reader.set_dialect(dialect);
-            }
+            self.settle(dialect);
         }
     }
 }

@@ -2,8 +2,9 @@
 
 use std::time::Duration;
 
+use yarp_conformance::statistics::median;
+
 use crate::processes::{Bench, Side};
-use crate::statistics::median;
 use crate::{Failure, RUNS};
 
 /// A pace at which nothing should be lost, messages per second.

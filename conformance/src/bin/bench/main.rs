@@ -14,7 +14,6 @@ mod one_way;
 mod peer;
 mod processes;
 mod round_trips;
-mod statistics;
 
 use std::process::ExitCode;
 
@@ -36,7 +35,8 @@ fn main() -> ExitCode {
         _ => peer::work(&words).unwrap_or_else(|| {
             Err(
                 "usage: bench [only PART | serve NAME | count NAME | call NAME N | \
-                 send NAME CARRIER N BYTES [PER_SECOND]]"
+                 send NAME CARRIER N BYTES [PER_SECOND] | pong | ping PORT | sink | \
+                 pour PORT N BYTES]"
                     .into(),
             )
         }),

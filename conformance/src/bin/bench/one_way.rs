@@ -2,8 +2,9 @@
 
 use std::time::Instant;
 
+use yarp_conformance::statistics::median;
+
 use crate::processes::{Bench, Side};
-use crate::statistics::median;
 use crate::{Failure, RUNS};
 
 /// Writer and reader of each column; the first is what the others are compared with.

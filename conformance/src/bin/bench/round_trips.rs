@@ -1,7 +1,8 @@
 //! Requests and replies.
 
+use yarp_conformance::statistics::{median, percentiles};
+
 use crate::processes::{Bench, Side};
-use crate::statistics::{median, percentiles};
 use crate::{CALLS, Failure, RUNS};
 
 impl Bench {

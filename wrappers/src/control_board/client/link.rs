@@ -12,6 +12,7 @@ use std::error::Error;
 use std::sync::Arc;
 use std::time::Duration;
 
+use tokio::sync::OnceCell;
 use tokio::task::JoinSet;
 use yarp_devices::DeviceError;
 use yarp_ports::{Network, Port, PortError, PortOptions, Received, Supervised, blocking};
@@ -23,6 +24,7 @@ use super::super::messages::{
     Command, Get, ProtocolVersion, Question, Reply, Request, Selection, count,
 };
 use super::latest::Latest;
+use super::numbered::Announcements;
 use super::options::RemoteControlBoardOptions;
 use crate::linking::{CLOSING, RPC_CARRIER, WATCHING, fetch, keep, no_message, said, there};
 use crate::opening::{close_all, open};
@@ -47,6 +49,11 @@ pub(super) struct Link {
     kept: Vec<Supervised>,
     /// Asks the board for its state again; ends with the link.
     asking: JoinSet<()>,
+    /// Opened when the first move asks for a number.
+    announcements: OnceCell<Announcements>,
+    network: Network,
+    local: String,
+    carrier: String,
 }
 
 /// What a board says of itself.
@@ -115,6 +122,10 @@ impl Link {
             latest,
             kept: Vec::new(),
             asking: JoinSet::new(),
+            announcements: OnceCell::new(),
+            network: network.clone(),
+            local: options.local.clone(),
+            carrier: options.carrier.clone(),
         };
         match link.greet(network, options).await {
             Ok(about) => Ok((link, about)),
@@ -220,6 +231,23 @@ impl Link {
         Ok(there.map(|(name, _)| name).collect())
     }
 
+    /// The port for the ends of motions.
+    pub(super) async fn announcements(&self) -> Result<&Announcements, DeviceError> {
+        let (network, carrier) = (&self.network, self.carrier.as_str());
+        let opening = || Announcements::open(network, &self.remote, &self.local, carrier);
+        let opened = self.announcements.get_or_try_init(opening).await;
+        opened.map_err(|error| match error {
+            OpenError::NoRemote { name } => DeviceError::NotSupported {
+                what: format!("a move with a number, for which there is no port {name},"),
+            },
+            error => failed(
+                &self.remote,
+                "opening a port for the ends of moves".to_owned(),
+                Some(Box::new(error)),
+            ),
+        })
+    }
+
     pub(super) fn remote(&self) -> &str {
         &self.remote
     }
@@ -300,11 +328,14 @@ impl Link {
         }
     }
 
-    async fn send<R: ReadObject>(&self, message: &impl WireObject) -> Result<R, PortError> {
+    pub(super) async fn send<R: ReadObject>(
+        &self,
+        message: &impl WireObject,
+    ) -> Result<R, PortError> {
         self.rpc.call_within::<R>(message, self.deadline).await
     }
 
-    fn refused(&self, said: String, advice: &str) -> DeviceError {
+    pub(super) fn refused(&self, said: String, advice: &str) -> DeviceError {
         DeviceError::Refused {
             peer: self.rpc_peer.clone(),
             step: format!("`{said}`"),
@@ -312,7 +343,7 @@ impl Link {
         }
     }
 
-    fn lost(&self, message: &impl WireObject, error: PortError) -> DeviceError {
+    pub(super) fn lost(&self, message: &impl WireObject, error: PortError) -> DeviceError {
         let step = format!("`{}`", said(message));
         failed(&self.rpc_peer, step, Some(Box::new(error)))
     }
@@ -356,7 +387,9 @@ impl Link {
     /// Closes the ports; takes a few seconds at the most.
     pub(super) async fn close(mut self) {
         self.asking.shutdown().await;
-        let closing = close_all([self.rpc, self.command, self.feed]);
+        let announced = self.announcements.into_inner().map(|ends| ends.port);
+        let ports = [self.rpc, self.command, self.feed];
+        let closing = close_all(ports.into_iter().chain(announced));
         if tokio::time::timeout(CLOSING, closing).await.is_err() {
             tracing::warn!(remote = %self.remote, "closing took too long; names may be left behind");
         }

@@ -6,6 +6,7 @@
 //! | `link` | the three ports, the conversation at opening, calls |
 //! | `latest` | the newest state that has come |
 //! | `asking` | one value per joint, whichever message says it |
+//! | `numbered` | moves with a number, and the wait for their ends |
 //! | `interfaces`, `motion`, `motors` | the device interfaces, said in messages |
 
 mod asking;
@@ -14,6 +15,7 @@ mod latest;
 mod link;
 mod motion;
 mod motors;
+mod numbered;
 mod options;
 
 use std::collections::HashSet;
@@ -31,6 +33,7 @@ use yarp_wire::{Dialect, Value};
 use self::link::{Link, Results};
 use super::OpenError;
 use super::messages::{Get, Request, Set};
+pub use numbered::RemoteMotion;
 pub use options::RemoteControlBoardOptions;
 
 /// A control board in another program, as stock's `remote_controlboard` (3.x) and `controlBoard_nwc_yarp` (4.0) cast

@@ -15,6 +15,7 @@
 //! | `reply` | what stands around results in 3.x | `rpc:i` |
 //! | `loops`, `variable` | gains of control loops, values of variables | both |
 //! | `command` | orders that nobody waits for, in both | `command:i` |
+//! | `motion` | numbered motions, words of ours | `rpc:i`, `nws/rpc:i`, `async:o` |
 //! | `joint_data` | the whole state of the board, in both | `stateExt:o` |
 
 mod answer;
@@ -22,6 +23,7 @@ mod calls;
 mod command;
 mod joint_data;
 mod loops;
+mod motion;
 mod number;
 mod quantity;
 mod reply;
@@ -36,6 +38,7 @@ pub(crate) use calls::FUNCTIONS;
 pub use command::{Command, Streamed};
 pub use joint_data::{Field, JointData};
 pub(crate) use loops::{kind_of, kind_word};
+pub use motion::{MotionEnd, MotionNews, MotionState, Numbered};
 pub(crate) use number::{axis, count, float, floats, integer};
 pub use quantity::{Quantity, Setting};
 pub use reply::{ProtocolVersion, Reply};

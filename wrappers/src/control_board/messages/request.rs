@@ -3,8 +3,8 @@
 //! `words` says it as 3.x does, `calls` as 4.0 does.
 
 use yarp_devices::{
-    AxisIndex, CalibrationParameters, Impedance, Interaction, Limits, Mode, MotorTorqueParameters,
-    Pid, PidKind, VariableValue,
+    Axes, AxisIndex, CalibrationParameters, Impedance, Interaction, Limits, Mode,
+    MotorTorqueParameters, Pid, PidKind, VariableValue,
 };
 use yarp_wire::Vocab32;
 
@@ -199,6 +199,27 @@ pub enum Malformed {
     /// Arguments are missing, too many, or of another kind.
     #[error("wrong number or kind of arguments for {0}")]
     Arguments(String),
+}
+
+impl Set {
+    /// The axes that it is about; all of them for what is about the board.
+    pub fn axes(&self) -> Axes<'_> {
+        match self {
+            Self::Values(_, selection, _)
+            | Self::Act(_, selection)
+            | Self::ControlModes(selection, _)
+            | Self::Interactions(selection, _)
+            | Self::Pids(_, selection, _) => selection.axes(),
+            Self::Limits(_, axis, _)
+            | Self::Impedance(axis, _)
+            | Self::MotorParameters(axis, ..)
+            | Self::CalibrateAxis(axis, ..)
+            | Self::CalibrationParameters(axis, _)
+            | Self::ManualBrake(axis, _)
+            | Self::AutoBrake(axis, _) => Axes::One(*axis),
+            Self::Variable(..) => Axes::All,
+        }
+    }
 }
 
 impl Question {

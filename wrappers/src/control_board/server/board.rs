@@ -1,8 +1,10 @@
 //! The device behind the ports, and what becomes of a message.
 
-use std::fmt::Display;
+use std::fmt::{self, Display};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
+
+use tokio::sync::mpsc;
 
 use yarp_devices::{
     AmplifierControl, AxisInfo, ControlCalibration, ControlLimits, ControlMode, CurrentControl,
@@ -14,8 +16,11 @@ use yarp_ports::Answer;
 use yarp_wire::{Bottle, Stamp, Value, Vocab32};
 
 use super::super::messages::{
-    Command, Get, Malformed, ProtocolVersion, Question, Reply, Request, Set,
+    Get, Malformed, MotionNews, ProtocolVersion, Question, Reply, Request, Set,
 };
+use super::line::Line;
+use super::motions::Motions;
+use super::turn::{Given, InTurn, Waiting};
 use super::{interfaces, usage};
 use crate::thrift::{Item, Message, ReturnCode, ServiceVersion};
 use yarp_devices::clock::wall_clock;
@@ -25,12 +30,23 @@ pub(super) struct Board {
     device: Arc<dyn Device>,
     name: String,
     axes: usize,
+    /// Orders go to the device by this.
+    pub(super) line: Line<Waiting>,
+    pub(super) motions: Motions,
     /// Of the last answer to a question.
     stamp: Mutex<Stamp>,
     /// Whether the last streamed command was refused: the first of a run is reported aloud.
-    refusing: AtomicBool,
+    pub(super) refusing: AtomicBool,
     /// How many numbers about the torque of a motor 3.x clients speak of; see [`Board::answer`].
     motor_parameters: AtomicUsize,
+}
+
+impl fmt::Debug for Board {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Board")
+            .field("name", &self.name)
+            .finish_non_exhaustive()
+    }
 }
 
 /// Why a request was not carried out. In 3.x all of them are `[fail]`.
@@ -42,38 +58,57 @@ pub(super) enum Refusal {
     Device(#[from] DeviceError),
     #[error("the device has no {0}")]
     NoInterface(&'static str),
+    #[error("order {0} took its place before the device took it")]
+    Dropped(u64),
 }
 
 impl Board {
-    /// `None` for a device without axes.
-    pub(super) fn new(device: Arc<dyn Device>, name: &str) -> Option<Self> {
+    /// With the ends of motions as they come; `None` for a device without axes.
+    pub(super) fn new(
+        device: Arc<dyn Device>,
+        name: &str,
+    ) -> Option<(Self, mpsc::Receiver<MotionNews>)> {
         let axes = count_axes(device.as_ref()).filter(|&axes| axes > 0)?;
-        Some(Self {
+        let (motions, announced) = Motions::new(axes);
+        let board = Self {
             device,
             name: name.to_owned(),
             axes,
+            line: Line::new(name),
+            motions,
             // Answers are counted from 0.
             stamp: Mutex::new(Stamp::new(-1, 0.0)),
             refusing: AtomicBool::new(false),
             motor_parameters: AtomicUsize::new(9),
-        })
+        };
+        Some((board, announced))
     }
 
     pub(super) fn axes(&self) -> usize {
         self.axes
     }
 
+    /// Ends what works on the device; what waits for it is refused.
+    pub(super) fn end(&self) {
+        self.line.end();
+        self.motions.end();
+    }
+
+    pub(super) fn name(&self) -> &str {
+        &self.name
+    }
+
     /// What a request of 3.x is answered with, after it was carried out.
     ///
     /// Up to 3.6 four numbers tell what is assumed of the torque of a motor, later nine, and nothing on the wire says
     /// which a client is. It gets nine, unless the last that set them set four.
-    pub(super) fn answer(&self, message: &Bottle, from: &str) -> Reply {
+    pub(super) fn answer(&self, message: &Bottle, from: &str) -> InTurn<Reply> {
         let request = match Request::parse(message) {
             Ok(request) => request,
-            Err(Malformed::TooShort) => return Reply::not_understood(),
+            Err(Malformed::TooShort) => return InTurn::Now(Reply::not_understood()),
             Err(error) => {
                 self.report(None, message, from, &error);
-                return Reply::fail();
+                return InTurn::Now(Reply::fail());
             }
         };
         let outcome = match &request {
@@ -85,17 +120,24 @@ impl Board {
                 results.truncate(self.shown(get));
                 get.answer_v3(echo, results, self.next_stamp())
             }),
-            Request::Set(set) => self.order(set).map(|()| {
-                if let Set::MotorParameters(_, _, count) = set {
-                    self.motor_parameters.store(*count, Ordering::Relaxed);
+            Request::Set(set) => match self.give(set, from, false) {
+                (_, Given::Done(outcome)) => outcome.map(|()| {
+                    if let Set::MotorParameters(_, _, count) = set {
+                        self.motor_parameters.store(*count, Ordering::Relaxed);
+                    }
+                    Reply::ok()
+                }),
+                (_, Given::Waits(told)) => {
+                    return InTurn::later(async {
+                        told.await.map_or_else(|_| Reply::fail(), |()| Reply::ok())
+                    });
                 }
-                Reply::ok()
-            }),
+            },
         };
-        outcome.unwrap_or_else(|error| {
+        InTurn::Now(outcome.unwrap_or_else(|error| {
             self.report(Some(&request), message, from, &error);
             Reply::fail()
-        })
+        }))
     }
 
     /// How many results of a question a 3.x client gets.
@@ -134,11 +176,19 @@ impl Board {
                     }
                 }
             },
-            Request::Set(set) => match self.order(set) {
-                Ok(()) => ReturnCode::Ok.alone(),
-                Err(error) => {
+            Request::Set(set) => match self.give(set, from, false) {
+                (_, Given::Done(Ok(()))) => ReturnCode::Ok.alone(),
+                (_, Given::Done(Err(error))) => {
                     self.report(Some(&request), message, from, &error);
                     error.code().alone()
+                }
+                (_, Given::Waits(told)) => {
+                    return Answer::Later(Box::pin(async {
+                        let code = told
+                            .await
+                            .map_or_else(|error| error.code(), |()| ReturnCode::Ok);
+                        Answer::reply(Message(code.alone()))
+                    }));
                 }
             },
         };
@@ -154,19 +204,11 @@ impl Board {
         }
     }
 
-    /// Carries out a streamed command, or leaves everything as it is.
-    pub(super) fn obey(&self, command: &Command, from: &str) {
-        match self.stream(command) {
-            Ok(()) => self.refusing.store(false, Ordering::Relaxed),
-            Err(error) => self.refused(&error, from),
-        }
-    }
-
     pub(super) fn cannot_read(&self, error: &dyn Display, from: &str) {
         self.refused(error, from);
     }
 
-    fn refused(&self, error: &dyn Display, from: &str) {
+    pub(super) fn refused(&self, error: &dyn Display, from: &str) {
         if self.refusing.swap(true, Ordering::Relaxed) {
             tracing::debug!(board = %self.name, from, "streamed command refused: {error}");
         } else {
@@ -249,7 +291,7 @@ impl Refusal {
                 | DeviceError::NotFinite { .. }
                 | DeviceError::NoSuchAxis { .. },
             ) => ReturnCode::OutOfBounds,
-            Self::Device(_) | Self::Malformed(_) => ReturnCode::Failed,
+            Self::Device(_) | Self::Malformed(_) | Self::Dropped(_) => ReturnCode::Failed,
         }
     }
 }

@@ -3,17 +3,24 @@ use yarp_devices::wam::SimulatedWam;
 use yarp_devices::{Axes, Device, Encoders};
 use yarp_wire::{Dialect, Limits, Value, Vocab32};
 
+use super::super::super::messages::Command;
 use super::*;
 
 fn board() -> Board {
     let arm: Arc<dyn Device> = Arc::new(SimulatedWam::start().expect("threads"));
-    Board::new(arm, "/test").expect("it has axes")
+    Board::new(arm, "/test").expect("it has axes").0
+}
+
+/// Streams a command, and waits until the device has taken it.
+fn obey(board: &Board, command: Command) {
+    board.obey(command, "/tester");
+    while board.work_off() {}
 }
 
 /// The answer without the count and time of it.
 fn asked(board: &Board, request: &str) -> String {
     let request = Bottle::parse(request).expect("the test's own text");
-    let reply = board.answer(&request, "/tester").into_bottle();
+    let reply = board.answer(&request, "/tester").now().into_bottle();
     let mut items = reply.into_items();
     let stamp = Value::from(Vocab32::new("tsta"));
     if let Some(place) = items.iter().position(|item| *item == stamp) {
@@ -169,7 +176,7 @@ fn what_the_device_does_not_have_is_refused_with_its_results() {
         }
     }
     let arm = Shy(SimulatedWam::start().expect("threads"));
-    let board = Board::new(Arc::new(arm), "/test").expect("it has axes");
+    let board = Board::new(Arc::new(arm), "/test").expect("it has axes").0;
     let check = |call: &str, reply: &str| {
         let call = Bottle::parse(call).expect("the test's own text");
         assert_eq!(called(&board, &call).to_string(), reply, "{call}");
@@ -189,7 +196,7 @@ fn answers_are_counted_from_0() {
     let board = board();
     for count in 0..3 {
         let reply = board.answer(&Bottle::parse("[get] [axes]").unwrap(), "/tester");
-        assert_eq!(reply.into_bottle().get(4), Some(&Value::Int32(count)));
+        assert_eq!(reply.now().into_bottle().get(4), Some(&Value::Int32(count)));
     }
 }
 
@@ -200,7 +207,7 @@ fn streamed_velocities_move() {
     let stream = |text: &str| {
         let bytes = Bottle::parse(text).unwrap().encode(Dialect::V3);
         let command = yarp_wire::message::ReadObject::read_binary(&bytes, Dialect::V3).unwrap();
-        board.obey(&command, "/tester");
+        obey(&board, command);
         asked(&board, "[get] [vmo] 2")
     };
     let at = |velocity: &str| format!("[is] [vmo] {velocity} [tsta] [ok]");
@@ -380,12 +387,12 @@ proptest! {
         let board = board();
         for items in messages {
             let message = Bottle::from(items.clone());
-            let reply = board.answer(&message, "/tester").into_bottle();
+            let reply = board.answer(&message, "/tester").now().into_bottle();
             prop_assert!(!reply.is_empty());
             let mut items = items.into_iter();
             if let (Some(Value::List(head)), Some(Value::List(values))) = (items.next(), items.next()) {
                 let values = values.iter().filter_map(Value::as_f64).collect();
-                board.obey(&Command { head, values }, "/tester");
+                obey(&board, Command { head, values });
             }
         }
     }
@@ -394,7 +401,7 @@ proptest! {
     fn good_moves_are_carried_out(items in good_move()) {
         let board = board();
         let before = targets(&board);
-        prop_assert_eq!(board.answer(&Bottle::from(items), "/tester"), Reply::ok());
+        prop_assert_eq!(board.answer(&Bottle::from(items), "/tester").now(), Reply::ok());
         prop_assert_ne!(targets(&board), before);
     }
 
@@ -403,7 +410,7 @@ proptest! {
         let board = board();
         let before = targets(&board);
         for message in messages {
-            let reply = board.answer(&message, "/tester");
+            let reply = board.answer(&message, "/tester").now();
             prop_assert!(reply.is_refusal(), "{} was taken", message);
             prop_assert_eq!(&targets(&board), &before, "{} moved it", message);
         }

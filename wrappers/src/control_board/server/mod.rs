@@ -3,29 +3,42 @@
 //! | file | what it is about |
 //! | --- | --- |
 //! | `board` | the device, and the decision what a request is |
+//! | `line` | orders that wait while the device takes an earlier one |
+//! | `turn` | an order on its way through the line, and the watch over what it moves |
+//! | `motions` | numbered motions, and how they ended |
 //! | `question`, `order` | what questions and orders mean for the device |
 //! | `interfaces` | which interfaces the device has |
 //! | `publisher` | the state, every period |
+//! | `slips` | periods that began late |
 //! | `usage` | help for people |
 
 mod board;
 mod interfaces;
+mod line;
+mod motions;
 mod order;
 mod publisher;
 mod question;
+mod slips;
+mod turn;
 mod usage;
 
+use std::io;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::thread;
 use std::time::Duration;
 
 use tokio::runtime::Handle;
+use tokio::sync::{mpsc, oneshot};
+use tokio::task::JoinHandle;
 use yarp_devices::Device;
 use yarp_ports::{Answer, Network, Port, PortOptions, Received};
 use yarp_wire::Dialect;
 
 use self::board::Board;
 use super::OpenError;
-use super::messages::Command;
+use super::messages::{Command, MotionNews, Numbered};
 use crate::opening::{close_all, open};
 use crate::periodic::Periodic;
 
@@ -35,8 +48,10 @@ const PERIOD: Duration = Duration::from_millis(20);
 const SHORTEST_PERIOD: Duration = Duration::from_millis(1);
 /// Longer than any client trusts a state.
 const LONGEST_PERIOD: Duration = Duration::from_secs(60);
-/// How long the end of publishing is waited for.
+/// How long the end of publishing, and of other work on the device, is waited for.
 const ENDING: Duration = Duration::from_secs(1);
+/// How long an announcement waits for room at a reader that is slow.
+const ANNOUNCING: Duration = Duration::from_secs(1);
 
 /// How a control board is served.
 #[derive(Clone, Debug)]
@@ -69,10 +84,16 @@ impl ControlBoardOptions {
 /// * `NAME/rpc:i` answers questions and carries out orders of 3.x, `NAME/nws/rpc:i` those of 4.0, one after the other
 ///   for each client. The device is called on the task of the connection: a device that blocks holds up that client.
 /// * `NAME/command:i` takes velocities, torques and the like as either generation says them, in the order in which
-///   they come; none is dropped.
+///   they come.
+/// * Orders to move, from all ports, reach the device one by one. While it takes one the others wait; one that waits is
+///   dropped when a newer one of its kind for all its axes comes, or a stop for one of them. A client that waits for
+///   the answer is then told `[fail]`; drops are counted, and told in the log.
+/// * `NAME/async:o` announces the end of each move that was asked for with a number, and of all that begin while it has
+///   a reader, as [`MotionNews`] says; whoever asks for a move by [`Numbered`] is told its number.
 /// * `NAME/state:o` and `NAME/stateExt:o` send joint positions and the whole state every period, to each reader that
 ///   is done with the one before. Both carry one stamp: its count goes up by one, its time is the mean of the encoder
-///   times. A period is left out when the time of a joint is more than a second from that of the first, as in stock.
+///   times. A period is left out when the time of a joint is more than a second from that of the first, as in stock. A
+///   period that begins more than 20 ms late is told in the log.
 /// * Each reader of `NAME/stateExt:o` gets the layout of its own generation, which is found out before the first state.
 /// * A request that is malformed, or that the device has no interface for or refuses, is answered at once with `[fail]`
 ///   in 3.x and with its code in 4.0, and nothing moves. Parking is never waited for. Parts of the state that the device does not measure are zeros that are marked invalid; while it
@@ -106,16 +127,19 @@ pub struct ControlBoardServer {
 
 #[derive(Debug)]
 struct Running {
+    board: Arc<Board>,
     inputs: [Port; 3],
-    outputs: [Arc<Port>; 2],
+    outputs: [Arc<Port>; 3],
     publisher: Periodic,
+    workers: [oneshot::Receiver<()>; 2],
+    announcer: JoinHandle<()>,
 }
 
 impl ControlBoardServer {
-    /// Opens the five ports and begins to publish.
+    /// Opens the six ports and begins to publish.
     ///
     /// * `name`: begins with `/`; the ports are `NAME/rpc:i`, `NAME/nws/rpc:i`, `NAME/command:i`, `NAME/state:o`,
-    ///   `NAME/stateExt:o`.
+    ///   `NAME/stateExt:o`, `NAME/async:o`.
     /// * Errors: [`OpenError::NoAxes`], [`OpenError::Period`], [`OpenError::NameTaken`], [`OpenError::Port`],
     ///   [`OpenError::Thread`]; then all that was opened is closed and unregistered again.
     ///
@@ -134,13 +158,15 @@ impl ControlBoardServer {
                 max: LONGEST_PERIOD,
             });
         }
-        let board = Arc::new(Board::new(device, name).ok_or(OpenError::NoAxes)?);
+        let (board, announced) = Board::new(device, name).ok_or(OpenError::NoAxes)?;
+        let board = Arc::new(board);
         let wanted = [
             ("rpc:i", answering(board.clone())),
             ("nws/rpc:i", answering_calls(board.clone())),
             ("command:i", obeying(board.clone())),
             ("state:o", PortOptions::new()),
             ("stateExt:o", PortOptions::new()),
+            ("async:o", announcing(board.clone())),
         ];
         let mut opened = Vec::new();
         for (suffix, options) in wanted {
@@ -152,20 +178,27 @@ impl ControlBoardServer {
                 }
             }
         }
-        let [rpc, calls, command, state, extended]: [Port; 5] =
-            opened.try_into().expect("five were asked for");
-        let outputs = [Arc::new(state), Arc::new(extended)];
+        let [rpc, calls, command, state, extended, ends]: [Port; 6] =
+            opened.try_into().expect("six were asked for");
+        let outputs = [state, extended, ends].map(Arc::new);
         let axes = board.axes();
-        let running = match publisher::start(board, outputs.clone(), period) {
-            Ok(publisher) => Running {
-                inputs: [rpc, calls, command],
-                outputs,
-                publisher,
-            },
+        let threads = start_threads(&board, &outputs, period);
+        let (workers, publisher) = match threads {
+            Ok(threads) => threads,
             Err(error) => {
+                board.end();
                 close_all([rpc, calls, command].into_iter().chain(owned(outputs))).await;
                 return Err(OpenError::Thread(error));
             }
+        };
+        let announcer = tokio::spawn(announce(announced, outputs[2].clone()));
+        let running = Running {
+            board,
+            inputs: [rpc, calls, command],
+            outputs,
+            publisher,
+            workers,
+            announcer,
         };
         tracing::info!(name, axes, ?period, "control board served");
         Ok(Self {
@@ -175,12 +208,12 @@ impl ControlBoardServer {
         })
     }
 
-    /// The name that the five ports have in common.
+    /// The name that the six ports have in common.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Ends publishing, closes the five ports and unregisters their names.
+    /// Ends publishing, closes the six ports and unregisters their names.
     ///
     /// Takes a few seconds at the most, whatever peers do. The device stays as it is: a joint that moves goes on.
     pub async fn close(mut self) {
@@ -201,21 +234,81 @@ impl Drop for ControlBoardServer {
 
 impl Running {
     async fn close(self) {
+        self.board.end();
         self.publisher.end(ENDING).await;
+        for ended in self.workers {
+            if tokio::time::timeout(ENDING, ended).await.is_err() {
+                tracing::warn!("the device holds up the end of an order; going on without it");
+            }
+        }
+        self.announcer.abort();
+        // It holds a port; that it was aborted is what was wanted.
+        let _ = self.announcer.await;
         close_all(self.inputs.into_iter().chain(owned(self.outputs))).await;
     }
 }
 
 /// The ports that nobody else holds any more; the others close when they are let go.
-fn owned(ports: [Arc<Port>; 2]) -> impl Iterator<Item = Port> {
+fn owned(ports: [Arc<Port>; 3]) -> impl Iterator<Item = Port> {
     ports.into_iter().filter_map(Arc::into_inner)
+}
+
+/// What works on the device beside the ports: orders that wait, the watch over motions; and publishing.
+fn start_threads(
+    board: &Arc<Board>,
+    [state, extended, _]: &[Arc<Port>; 3],
+    period: Duration,
+) -> io::Result<([oneshot::Receiver<()>; 2], Periodic)> {
+    let workers = [
+        start("control-board-orders", board.clone(), Board::work)?,
+        start("control-board-motions", board.clone(), Board::watch)?,
+    ];
+    let feeds = [state.clone(), extended.clone()];
+    Ok((workers, publisher::start(board.clone(), feeds, period)?))
+}
+
+/// A thread that works on the board; its end is heard of when the board was let go.
+fn start(name: &str, board: Arc<Board>, work: fn(&Board)) -> io::Result<oneshot::Receiver<()>> {
+    let (alive, ended) = oneshot::channel();
+    thread::Builder::new().name(name.into()).spawn(move || {
+        work(&board);
+        drop(board);
+        drop(alive);
+    })?;
+    Ok(ended)
+}
+
+/// Announces the ends of motions as they come.
+async fn announce(mut announced: mpsc::Receiver<MotionNews>, port: Arc<Port>) {
+    while let Some(news) = announced.recv().await {
+        let message = news.to_bottle();
+        let writing = port.write_strict(&message, None);
+        // Whoever misses one can ask for it.
+        if tokio::time::timeout(ANNOUNCING, writing).await.is_err() {
+            tracing::debug!(port = port.name(), "a reader is too slow");
+        }
+    }
+}
+
+/// Counts who listens.
+fn announcing(board: Arc<Board>) -> PortOptions {
+    PortOptions::new().watcher(move |change| {
+        let readers = &board.motions.readers;
+        match (change.incoming, change.began) {
+            (true, _) => {}
+            (false, true) => drop(readers.fetch_add(1, Ordering::Relaxed)),
+            (false, false) => drop(readers.fetch_sub(1, Ordering::Relaxed)),
+        }
+    })
 }
 
 fn answering(board: Arc<Board>) -> PortOptions {
     let answer = move |received: &mut Received| {
         let request = received.bottle().unwrap_or_default();
-        let reply = board.answer(&request, &received.from);
-        Answer::reply(reply.into_bottle())
+        match Numbered::parse(&request) {
+            Some(wanted) => board.answer_numbered(wanted, &received.from),
+            None => board.answer(&request, &received.from).into_answer(),
+        }
     };
     PortOptions::new().handler(answer).input_only()
 }
@@ -223,7 +316,10 @@ fn answering(board: Arc<Board>) -> PortOptions {
 fn answering_calls(board: Arc<Board>) -> PortOptions {
     let answer = move |received: &mut Received| {
         let call = received.bottle().unwrap_or_default();
-        board.answer_call(&call, &received.from)
+        match Numbered::parse(&call) {
+            Some(wanted) => board.answer_numbered(wanted, &received.from),
+            None => board.answer_call(&call, &received.from),
+        }
     };
     PortOptions::new()
         .handler(answer)
@@ -234,7 +330,7 @@ fn answering_calls(board: Arc<Board>) -> PortOptions {
 fn obeying(board: Arc<Board>) -> PortOptions {
     let obey = move |received: &mut Received| {
         match received.read::<Command>() {
-            Ok(command) => board.obey(&command, &received.from),
+            Ok(command) => board.obey(command, &received.from),
             Err(error) => board.cannot_read(&error, &received.from),
         }
         Answer::Nothing

@@ -2,7 +2,7 @@
 
 use yarp_devices::{Axes, AxisIndex, Mode, MotorTorqueParameters};
 
-use super::super::messages::{Action, Command, Range, Set, Setting};
+use super::super::messages::{Action, Range, Set, Setting};
 use super::board::{Board, Refusal};
 
 impl Board {
@@ -54,12 +54,6 @@ impl Board {
             Set::AutoBrake(axis, enabled) => self.brakes()?.set_auto_brake(*axis, *enabled)?,
         }
         Ok(())
-    }
-
-    /// Carries out a streamed command.
-    pub(super) fn stream(&self, command: &Command) -> Result<(), Refusal> {
-        let streamed = command.parse()?;
-        self.set(streamed.setting, streamed.selection.axes(), &command.values)
     }
 
     fn set(&self, setting: Setting, axes: Axes<'_>, values: &[f64]) -> Result<(), Refusal> {

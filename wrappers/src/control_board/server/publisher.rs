@@ -2,7 +2,7 @@
 
 use std::io;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use yarp_devices::{Axes, EncoderReading};
 use yarp_ports::Port;
@@ -11,6 +11,7 @@ use yarp_wire::vector::Vector;
 
 use super::super::messages::{Field, JointData};
 use super::board::Board;
+use super::slips::Slips;
 use crate::periodic::Periodic;
 use yarp_devices::clock::wall_clock;
 
@@ -23,8 +24,14 @@ pub(super) fn start(
     [state, extended]: [Arc<Port>; 2],
     period: Duration,
 ) -> io::Result<Periodic> {
+    let mut slips = Slips::new(period);
     let mut cycle = Cycle::new(board, state, extended);
-    Periodic::start("control-board", period, move || cycle.publish())
+    Periodic::start("control-board", period, move || {
+        if let Some(slipped) = slips.begins(Instant::now()) {
+            tracing::warn!(board = %cycle.board.name(), "{slipped}");
+        }
+        cycle.publish();
+    })
 }
 
 /// One reading of the board after the other, in buffers that stay.

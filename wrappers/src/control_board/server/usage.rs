@@ -6,7 +6,7 @@ use super::super::messages::{FUNCTIONS, Reply};
 use crate::thrift::{Item, Message};
 
 /// What to type, and what it does.
-const LINES: [(&str, &str); 22] = [
+const LINES: [(&str, &str); 25] = [
     ("help more", "this list"),
     ("get axes", "number of axes"),
     ("get name 0", "name of an axis"),
@@ -35,6 +35,12 @@ const LINES: [(&str, &str); 22] = [
     ("set acc 0 20.0", "how hard an axis accelerates"),
     ("set vmos (1.0 0.0)", "move all axes at velocities"),
     ("set stos", "stop all axes; set sto 0 stops one"),
+    (
+        "numb set pos 0 10.0",
+        "move, and tell a number; async:o tells how it ends",
+    ),
+    ("numb get 1234", "what became of the move of this number"),
+    ("numb drop", "how many orders made way for newer ones"),
 ];
 
 /// The answer to `help more`, laid out as stock's: `[many]`, then a list and a string in turn.

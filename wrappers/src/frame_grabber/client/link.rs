@@ -55,7 +55,7 @@ impl Link {
         let rpc_name = format!("{}/rpc_client", options.local);
         let mut calling = PortOptions::new().calling();
         if let Some(generation) = options.generation {
-            // One that speaks both would say that it is of 4.0, and answer in 3.x all the same.
+            // One that speaks both says that it is of 3.x, whose words it takes callers to use.
             calling = calling.readers_are(generation);
         }
         let rpc = open(network, rpc_name, calling).await?;

@@ -1,0 +1,212 @@
+//! Several devices seen as one control board: some or all of their joints, in any order.
+//!
+//! | file | what it is about |
+//! | --- | --- |
+//! | `layout` | which joint is whose, and how a call falls into one per device |
+//! | `calls` | asking and telling the devices, and what is said when one of them refuses |
+//! | `ranges` | what the devices would refuse, as far as that is known beforehand |
+//! | `motion`, `motors` | the interfaces |
+//! | `variables` | variables of several devices |
+//!
+//! A call goes to each device once, with the joints that are its own. Before a command reaches any device, the selection
+//! is checked whole, and each device has to have the interface. Devices judge the values themselves; those that will
+//! probably refuse are asked first, so that a refusal leaves the others as they were wherever that can be foreseen. Where
+//! it cannot, the error says which devices did it and which did not. What brings joints to rest goes to every device,
+//! whatever the others say.
+//!
+//! Source: the behaviour of stock's `ControlBoardRemapper.cpp` of YARP 3.5.
+
+mod calls;
+mod layout;
+mod motion;
+mod motors;
+mod ranges;
+mod variables;
+
+use std::sync::Arc;
+
+use crate::{
+    AmplifierControl, AxisIndex, AxisInfo, ControlCalibration, ControlLimits, ControlMode,
+    CurrentControl, Device, DeviceError, Encoders, ImpedanceControl, InteractionMode, JointBrake,
+    JointFault, Motor, MotorEncoders, PidControl, PositionControl, PositionDirect, PwmControl,
+    RemoteCalibrator, RemoteVariables, TorqueControl, VelocityControl, VelocityDirect,
+};
+
+use self::calls::Interface;
+use self::layout::{Part, Place};
+use self::ranges::Ranges;
+
+/// A device and what it is called among the others.
+pub type Named = (String, Arc<dyn Device>);
+
+/// Several devices as one control board.
+///
+/// It offers each interface of a control board that any of them has; for a joint of one that lacks it, a call is refused
+/// with [`DeviceError::PartLacks`]. Errors number joints as this board does. Readings keep the times of their devices.
+///
+/// ```
+/// use std::sync::Arc;
+/// use yarp_devices::remapper::Remapper;
+/// use yarp_devices::wam::SimulatedWam;
+/// use yarp_devices::{Axes, Device};
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let arms: Vec<(String, Arc<dyn Device>)> = vec![
+///     ("left".into(), Arc::new(SimulatedWam::start()?)),
+///     ("right".into(), Arc::new(SimulatedWam::start()?)),
+/// ];
+/// // The elbows of both.
+/// let elbows = Remapper::of_joints(arms, &[(0, 3.into()), (1, 3.into())])?;
+/// elbows.position_control().unwrap().position_move(Axes::All, &[170.0, 160.0])?;
+/// assert_eq!(elbows.position_control().unwrap().target_positions(Axes::All)?, [170.0, 160.0]);
+/// # Ok(())
+/// # }
+/// ```
+pub struct Remapper {
+    parts: Vec<Part>,
+    axes: Vec<Place>,
+    names: Vec<String>,
+    known: Ranges,
+}
+
+/// Why devices could not be made one board.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RemapError {
+    /// A board without joints is none.
+    #[error("expected one joint at least, got none")]
+    NoAxes,
+    /// A device has no joints.
+    #[error("{part} has no joints")]
+    NoJoints {
+        /// The device.
+        part: String,
+    },
+    /// Two devices are called the same.
+    #[error("two devices are called {part}, expected a name of its own for each")]
+    SameName {
+        /// What they are called.
+        part: String,
+    },
+    /// No device has a joint of this name.
+    #[error("no device has a joint {name}; there is {known}")]
+    NoSuchName {
+        /// The name.
+        name: String,
+        /// The joints that there are.
+        known: String,
+    },
+    /// Several devices have a joint of this name.
+    #[error("{first} and {second} both have a joint {name}; name joints by networks instead")]
+    Ambiguous {
+        /// The name.
+        name: String,
+        /// A device.
+        first: String,
+        /// Another one, or the same one again.
+        second: String,
+    },
+    /// A device does not have so many joints.
+    #[error("{part} has no joint {asked}, it has {axes}, counted from 0")]
+    NoSuchJoint {
+        /// The device.
+        part: String,
+        /// The joint asked for.
+        asked: AxisIndex,
+        /// How many it has.
+        axes: usize,
+    },
+    /// A joint would have two numbers.
+    #[error("joint {joint} of {part} is named twice")]
+    Twice {
+        /// The joint, as its device counts.
+        joint: AxisIndex,
+        /// The device.
+        part: String,
+    },
+    /// A device did not tell the names of its joints.
+    #[error("{part} does not tell the name of its joint {joint}")]
+    Untold {
+        /// The joint, as its device counts.
+        joint: AxisIndex,
+        /// The device.
+        part: String,
+        /// Why not.
+        #[source]
+        source: Box<DeviceError>,
+    },
+}
+
+impl Remapper {
+    /// The joints with these names, in this order; each is found on the device that has it.
+    ///
+    /// Asks every device for the names of its joints, which takes its time behind a network.
+    /// Errors: [`RemapError`].
+    pub fn of_names(devices: Vec<Named>, names: &[String]) -> Result<Self, RemapError> {
+        let theirs = layout::names_of(&devices)?;
+        let joints = layout::find(&devices, &theirs, names)?;
+        Self::of_joints(devices, &joints)
+    }
+
+    /// These joints, in this order: the number of the device in `devices`, and the joint as the device counts.
+    ///
+    /// Joints whose names are not distinct have the name of their device and `_` in front. A device without a joint here
+    /// is left alone. Errors: [`RemapError`]; a number of a device that is not there counts as a device without joints.
+    pub fn of_joints(
+        devices: Vec<Named>,
+        joints: &[(usize, AxisIndex)],
+    ) -> Result<Self, RemapError> {
+        let (parts, axes) = layout::arrange(devices, joints)?;
+        let names = layout::distinct_names(&parts, &axes)?;
+        Ok(Self {
+            parts,
+            axes,
+            names,
+            known: Ranges::default(),
+        })
+    }
+}
+
+/// Each interface: the question of [`Device`], the name here, the trait, and what it is called in errors.
+macro_rules! interfaces {
+    ($($question:ident, $name:ident, $interface:ident, $words:literal;)*) => {
+        $(const $name: Interface = Interface {
+            words: $words,
+            has: |device| device.$question().is_some(),
+        };)*
+
+        impl Device for Remapper {
+            fn axis_info(&self) -> Option<&dyn AxisInfo> {
+                Some(self)
+            }
+
+            $(fn $question(&self) -> Option<&dyn $interface> {
+                self.any_has($name).then_some(self as _)
+            })*
+        }
+    };
+}
+
+interfaces! {
+    position_control, POSITION, PositionControl, "position control";
+    velocity_control, VELOCITY, VelocityControl, "velocity control";
+    encoders, ENCODERS, Encoders, "encoders";
+    control_mode, MODES, ControlMode, "control modes";
+    control_limits, LIMITS, ControlLimits, "limits";
+    position_direct, POSITION_DIRECT, PositionDirect, "direct positions";
+    velocity_direct, VELOCITY_DIRECT, VelocityDirect, "direct velocities";
+    torque_control, TORQUE, TorqueControl, "torque control";
+    current_control, CURRENT, CurrentControl, "current control";
+    pwm_control, PWM, PwmControl, "duty cycles";
+    interaction_mode, INTERACTION, InteractionMode, "interaction modes";
+    impedance_control, IMPEDANCE, ImpedanceControl, "impedance";
+    pid_control, PIDS, PidControl, "control loops";
+    motor_encoders, MOTOR_ENCODERS, MotorEncoders, "motor encoders";
+    motor, MOTOR, Motor, "motors";
+    amplifier_control, AMPLIFIERS, AmplifierControl, "amplifiers";
+    control_calibration, CALIBRATION, ControlCalibration, "calibration";
+    remote_calibrator, CALIBRATOR, RemoteCalibrator, "a calibrator";
+    remote_variables, VARIABLES, RemoteVariables, "variables";
+    joint_fault, FAULTS, JointFault, "faults of joints";
+    joint_brake, BRAKES, JointBrake, "brakes";
+}
