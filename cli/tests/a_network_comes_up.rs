@@ -55,6 +55,24 @@ fn with_an_arm_that_has_masses_and_friction() {
 }
 
 #[test]
+fn with_a_controller_of_the_tool() {
+    let home = Home::new();
+    let up = home.start("up --cartesian").see("Ctrl-C ends it.");
+    assert_eq!(home.names().len(), PORTS.len() + 4);
+    let lines =
+        "[set] [time] 100.0\n[go] [xyz] 0 (0.4 0.1 0.4)\n[get] [done]\n[stop]\n[get] [done]\n";
+    let asked = home
+        .run_with("rpc /cartController/wam/rpc:i", lines)
+        .with(0);
+    assert!(
+        asked.says("[ack] [fals]") && asked.says("[ack] [true]"),
+        "{asked:?}"
+    );
+    let ended = up.signal("TERM").finish().with(0);
+    assert!(ended.says("/cartController/wam/events:o"), "{ended:?}");
+}
+
+#[test]
 fn on_a_name_server_that_is_there() {
     let home = Home::new();
     let _server = home.serve();

@@ -135,7 +135,7 @@ for server in ours stock; do
         env TMPDIR="$work/$server/tmp" YARP_RUNTIME_DIR="$work/$server/tmp" \
         "$with_stock" "$python" conformance/live/carriers.py "$ours" "$with_stock yarp"
 
-    "$ours" up --name /wam >"$work/up.log" 2>&1 &
+    "$ours" up --name /wam --cartesian >"$work/up.log" 2>&1 &
     arm=$!
     running+=($arm)
     until_ok "$ours" exists /wam/stateExt:o
@@ -147,6 +147,9 @@ for server in ours stock; do
         "$with_stock" "$python" conformance/live/finished_moves.py /wam "$with_stock yarp"
     suite "modifiers of carriers, server: $server" \
         "$with_stock" "$python" conformance/live/monitors.py "$ours"
+    until_ok "$ours" exists /cartController/wam/rpc:i
+    suite "stock tools talk with the controller of a tool, server: $server" \
+        "$with_stock" "$python" conformance/live/cartesian.py /cartController/wam
     suite "yarp up ends cleanly" bash -c "kill -INT $arm; for i in \$(seq 100); do kill -0 $arm 2>/dev/null || exit 0; sleep 0.1; done; exit 1"
     line=$work/$server/line-of-the-hand
     "$ours" hand-sim --link "$line" >"$work/hand-sim.log" 2>&1 &
@@ -162,7 +165,7 @@ for server in ours stock; do
     until_ok "$ours" exists /dynamic/stateExt:o
     suite "stock remote_controlboard pushes an arm with masses, server: $server" \
         "$with_stock" "$python" conformance/live/dynamic_arm.py /dynamic
-    left=$("$ours" name list | grep -c ' /wam/' || true)
+    left=$("$ours" name list | grep -c -e ' /wam/' -e ' /cartController/' || true)
     suite "no name is left behind" test "$left" = 0
 
     "$ours" up --arm embedded --name /embedded --ports 14321,14323 >"$work/embedded.log" 2>&1 &

@@ -1,8 +1,8 @@
 //! What a device can do, asked at run time.
 
 use crate::{
-    AmplifierControl, AudioGrabber, AudioRender, AxisInfo, ControlCalibration, ControlLimits,
-    ControlMode, CurrentControl, Encoders, FrameGrabberControls, FrameGrabberImage,
+    AmplifierControl, AudioGrabber, AudioRender, AxisInfo, CartesianControl, ControlCalibration,
+    ControlLimits, ControlMode, CurrentControl, Encoders, FrameGrabberControls, FrameGrabberImage,
     FrameGrabberImageRaw, Grasp, Hand, ImpedanceControl, InteractionMode, JointBrake, JointFault,
     Motor, MotorEncoders, PidControl, PositionControl, PositionDirect, PwmControl,
     RemoteCalibrator, RemoteVariables, RgbVisualParams, SerialDevice, TorqueControl,
@@ -165,6 +165,11 @@ pub trait Device: Send + Sync {
 
     /// Brakes (`IJointBrake`).
     fn joint_brake(&self) -> Option<&dyn JointBrake> {
+        None
+    }
+
+    /// Where the tool of an arm goes (`ICartesianControl`).
+    fn cartesian_control(&self) -> Option<&dyn CartesianControl> {
         None
     }
 

@@ -7,6 +7,7 @@
 //! * [`wam`]: the seven-joint WAM arm: simulated, ideal or with masses, friction and control; or real, over CAN.
 //! * [`kinematics`], [`dynamics`], [`trajectory`], [`simulation`]: the mathematics of an arm, in radians.
 //! * [`hand`]: the BarrettHand on its serial line, and a simulated one at the other end of such a line.
+//! * [`cartesian`]: a controller of the tool of any such arm.
 //! * [`image`], [`camera`]: images, and a camera that shows test patterns or files.
 //! * [`embedded`]: the arm behind its embedded PC, driver and server.
 //! * [`remapper`]: several devices seen as one control board, or a part of one.
@@ -15,7 +16,7 @@
 //! * [`checks`]: behaviours that every device with these interfaces must show.
 //!
 //! Values are degrees, deg/s and deg/s² for revolute joints, metres, m/s and m/s² for prismatic ones:
-//! the convention of the stock interfaces. No radians cross an interface; [`wam::units`] is the border. Sockets and
+//! the convention of the stock interfaces. No radians cross an interface but [`CartesianControl`]; [`wam::units`] is the border. Sockets and
 //! buses are known only where a device is behind one.
 //!
 //! ```
@@ -35,6 +36,7 @@
 mod axes;
 pub mod camera;
 pub mod can;
+pub mod cartesian;
 pub mod checks;
 pub mod clock;
 mod device;
@@ -58,14 +60,16 @@ pub use device::Device;
 pub use error::DeviceError;
 pub use iface::{
     AmplifierControl, AmplifierLimit, Audio, AudioBufferSize, AudioGrabber, AudioRender, AxisInfo,
-    Bus, CalibrationParameters, CameraConfiguration, CameraDescription, ControlCalibration,
-    ControlLimits, ControlMode, CurrentControl, EncoderReading, Encoders, Fault, Feature,
-    FeatureMode, FrameGrabberControls, FrameGrabberImage, FrameGrabberImageRaw, Grasp, GraspKind,
-    Hand, Impedance, ImpedanceControl, ImpedanceLimits, Interaction, InteractionMode, Intrinsics,
-    JointBrake, JointFault, JointType, Limits, Mode, MotionControl, Motor, MotorEncoders,
-    MotorTorqueParameters, Pid, PidControl, PidKind, PidValue, PositionControl, PositionDirect,
-    PwmControl, RemoteCalibrator, RemoteVariables, RgbVisualParams, SerialDevice, TorqueControl,
-    UnknownGrasp, VariableValue, VelocityControl, VelocityDirect,
+    Bus, CalibrationParameters, CameraConfiguration, CameraDescription, CartesianControl,
+    CartesianEvent, CartesianInfo, ControlCalibration, ControlLimits, ControlMode, CurrentControl,
+    EncoderReading, Encoders, Fault, Feature, FeatureMode, FrameGrabberControls, FrameGrabberImage,
+    FrameGrabberImageRaw, Grasp, GraspKind, Hand, Impedance, ImpedanceControl, ImpedanceLimits,
+    Interaction, InteractionMode, Intrinsics, JointBrake, JointFault, JointType, Limits, Mode,
+    MotionControl, Motor, MotorEncoders, MotorTorqueParameters, Pid, PidControl, PidKind, PidValue,
+    PositionControl, PositionDirect, Priority, PwmControl, Reach, RemoteCalibrator,
+    RemoteVariables, RgbVisualParams, SerialDevice, StampedPose, Target, TaskPose, TaskVelocity,
+    TorqueControl, TweakChange, Tweaks, UnknownGrasp, VariableValue, VelocityControl,
+    VelocityDirect,
 };
 
 /// Compiles the example of the README.

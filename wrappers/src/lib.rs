@@ -5,12 +5,14 @@
 //! what 4.0 speaks: a server both at once, a client what the server at the other end does.
 //!
 //! * [`control_board`]: joints that move. [`ControlBoardServer`], [`RemoteControlBoard`].
+//! * [`cartesian`]: tools that move in space. [`CartesianServer`], [`RemoteCartesianControl`].
 //! * [`frame_grabber`]: cameras. [`FrameGrabberServer`], [`RemoteFrameGrabber`].
 //! * [`hand`]: a hand as a whole, with grasps. [`HandServer`], [`RemoteHand`].
 //! * [`thrift`]: calls of services as 4.0 puts them on the wire.
 //!
-//! Units are those of the interfaces: degrees and metres. No radians cross a wrapper.
+//! Units are those of the interfaces: degrees and metres; radians for the orientation of a tool alone.
 
+pub mod cartesian;
 pub mod control_board;
 pub mod frame_grabber;
 pub mod hand;
@@ -19,6 +21,9 @@ mod opening;
 mod periodic;
 pub mod thrift;
 
+pub use cartesian::{
+    CartesianServer, CartesianServerOptions, RemoteCartesianControl, RemoteCartesianOptions,
+};
 pub use control_board::{
     ControlBoardOptions, ControlBoardServer, OpenError, RemoteControlBoard,
     RemoteControlBoardOptions, RemoteMotion,

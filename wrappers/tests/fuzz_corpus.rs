@@ -136,6 +136,26 @@ const HANDS: [&str; 18] = [
     "[fail] malformed \"unknown word\"",
 ];
 
+/// Requests to controllers of a tool, events, and some that are wrong.
+const TOOL: [&str; 16] = [
+    "[go] [full] 1.5 (-0.3 -0.1 0.1 0.0 0.0 1.0 3.14)",
+    "[go] [xyz] 1.5 (-0.3 0.1 0.1)",
+    "[tvel] (0.1 0.0 0.0 0.0 0.0 1.0 0.5)",
+    "[ask] ([xd] (-0.3 0.1 0.1)) ([q] (0.0 12.0 3.0)) ([pose] [xyz])",
+    "[rest] 1",
+    "[del] (1 2)",
+    "[get] [lim] 3",
+    "[get] [info]",
+    "[set] [lim] 2 -10.0 10.0",
+    "[set] [dof] (1 0 2 1)",
+    "[set] [twea] ((tol 0.001) (max_iter 50))",
+    "[even] [regi] [ogoi] 0.5",
+    "motion-ongoing 1204.1 0.5",
+    "closing 1204.1",
+    "[go] [full] 1.5 (1.0 2.0)",
+    "[rest] 99999999999",
+];
+
 /// Heads of streamed commands of both generations.
 const HEADS: [&str; 8] = [
     "[vmo] 0",
@@ -176,6 +196,9 @@ fn write_seeds() {
         }
         for (number, text) in HANDS.iter().enumerate() {
             write("hand", number, &Bottle::parse(text).unwrap(), dialect);
+        }
+        for (number, text) in TOOL.iter().enumerate() {
+            write("tool", number, &Bottle::parse(text).unwrap(), dialect);
         }
         for (number, text) in HEADS.iter().enumerate() {
             let command = Command {

@@ -2,13 +2,19 @@
 
 use std::io::Write;
 use std::process::ExitCode;
+use std::sync::Arc;
 
+use yarp_devices::Device;
+use yarp_devices::cartesian::{CartesianController, CartesianOptions};
 use yarp_devices::embedded::{Meeting, Places};
+use yarp_devices::wam::WamModel;
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_ports::config::{self, Configuration, NameServer};
 use yarp_ports::{Network, PortError, addresses};
 use yarp_wire::PortName;
-use yarp_wrappers::{ControlBoardOptions, ControlBoardServer};
+use yarp_wrappers::{
+    CartesianServer, CartesianServerOptions, ControlBoardOptions, ControlBoardServer,
+};
 
 use crate::arm::{Arm, MeetingArgs};
 use crate::error::{Failure, Result};
@@ -23,6 +29,17 @@ const PORTS: [(&str, &str); 6] = [
     ("state:o", "joint positions in degrees, 50 times a second"),
     ("stateExt:o", "the whole state, 50 times a second"),
     ("async:o", "ends of moves, with their numbers"),
+];
+
+/// What stands in front of the name of an arm for the controller of its tool, as at iCub.
+const TOOL: &str = "/cartController";
+
+/// What a port of that controller is for.
+const TOOL_PORTS: [(&str, &str); 4] = [
+    ("rpc:i", "questions and orders about the tool"),
+    ("command:i", "targets and velocities of the tool"),
+    ("state:o", "its pose, 100 times a second"),
+    ("events:o", "motions that begin and end"),
 ];
 
 /// bring up a whole network with a simulated arm
@@ -42,6 +59,9 @@ pub(crate) struct Args {
     /// or can:INTERFACE (on a CAN bus of this machine that is up, as in can:can0)
     #[arg(long, default_value_t = Arm::Simulated)]
     arm: Arm,
+    /// Serve a controller of the arm's tool too, as iCub has one, as /cartController and PREFIX
+    #[arg(long)]
+    cartesian: bool,
     #[command(flatten)]
     meeting: MeetingArgs,
 }
@@ -73,10 +93,10 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let opened = tokio::select! {
         biased;
         () = interrupt.heard() => None,
-        opened = open(&base.network, &args.name, arm.clone(), meeting) => Some(opened),
+        opened = open(&base.network, &args.name, arm.clone(), meeting, args.cartesian) => Some(opened),
     };
-    let board = match opened {
-        Some(Ok(board)) => board,
+    let served = match opened {
+        Some(Ok(served)) => served,
         Some(Err(failure)) => {
             base.close().await;
             return Err(failure);
@@ -86,11 +106,11 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             return Ok(ExitCode::SUCCESS);
         }
     };
-    let told = tell(&base, &args.name, arm, meeting, out).await;
+    let told = tell(&base, &args.name, arm, meeting, args.cartesian, out).await;
     if told.is_ok() {
         interrupt.heard().await;
     }
-    board.close().await;
+    served.close().await;
     base.close().await;
     told.map(|()| ExitCode::SUCCESS)
 }
@@ -163,10 +183,47 @@ async fn open(
     name: &str,
     arm: Arm,
     meeting: Meeting,
-) -> Result<ControlBoardServer> {
+    cartesian: bool,
+) -> Result<Served> {
     let arm = arm.start(meeting)?;
     let options = ControlBoardOptions::new();
-    Ok(ControlBoardServer::open(network, arm, name, options).await?)
+    let board = ControlBoardServer::open(network, arm.clone(), name, options).await?;
+    if !cartesian {
+        return Ok(Served { board, tool: None });
+    }
+    match open_tool(network, name, arm).await {
+        Ok(tool) => Ok(Served {
+            board,
+            tool: Some(tool),
+        }),
+        Err(failure) => {
+            board.close().await;
+            Err(failure)
+        }
+    }
+}
+
+async fn open_tool(network: &Network, name: &str, arm: Arc<dyn Device>) -> Result<CartesianServer> {
+    let options = CartesianOptions::new().part_type("wam7");
+    let tool = CartesianController::start(arm, WamModel::<7>::new().chain, options)?;
+    let options = CartesianServerOptions::new();
+    let name = format!("{TOOL}{name}");
+    Ok(CartesianServer::open(network, Arc::new(tool), &name, options).await?)
+}
+
+/// The arm, and the controller of its tool if there is one.
+struct Served {
+    board: ControlBoardServer,
+    tool: Option<CartesianServer>,
+}
+
+impl Served {
+    async fn close(self) {
+        if let Some(tool) = self.tool {
+            tool.close().await;
+        }
+        self.board.close().await;
+    }
 }
 
 /// How the PC of an arm is met.
@@ -192,6 +249,7 @@ async fn tell(
     name: &str,
     arm: Arm,
     meeting: Meeting,
+    cartesian: bool,
     out: &mut dyn Write,
 ) -> Result<()> {
     let network = &base.network;
@@ -207,10 +265,20 @@ async fn tell(
         Arm::Can(interface) => writeln!(out, "WAM arm {name} on the CAN bus {interface}\n")?,
         Arm::Simulated | Arm::Dynamic => writeln!(out, "Simulated WAM arm {name}, seven joints\n")?,
     }
-    let width = name.len() + "/stateExt:o".len();
+    let tool = format!("{TOOL}{name}");
+    let mut ports: Vec<_> = PORTS
+        .map(|(suffix, purpose)| (format!("{name}/{suffix}"), purpose))
+        .into();
+    if cartesian {
+        ports.extend(TOOL_PORTS.map(|(suffix, purpose)| (format!("{tool}/{suffix}"), purpose)));
+    }
+    let width = ports
+        .iter()
+        .map(|(port, _)| port.len())
+        .max()
+        .unwrap_or_default();
     writeln!(out, "{:<width$}  {:<26}  what it is for", "port", "address")?;
-    for (suffix, purpose) in PORTS {
-        let port = format!("{name}/{suffix}");
+    for (port, purpose) in ports {
         let place = network.query(&port).await?;
         let address = format!("tcp://{}:{}/", place.host, place.port);
         writeln!(out, "{port:<width$}  {address:<26}  {purpose}")?;
@@ -221,9 +289,14 @@ async fn tell(
 Try in another terminal:
   yarp read ... {name}/state:o                          # watch the joints
   echo '[get] [encs]' | yarp rpc {name}/rpc:i           # ask where they are
-  echo '[set] [pos] 3 90.0' | yarp rpc {name}/rpc:i     # move the elbow to 90 degrees
-
-Ctrl-C ends it."
+  echo '[set] [pos] 3 90.0' | yarp rpc {name}/rpc:i     # move the elbow to 90 degrees"
     )?;
+    if cartesian {
+        writeln!(
+            out,
+            "  echo '[go] [xyz] 2.0 (0.4 0.1 0.4)' | yarp rpc {tool}/rpc:i   # bring the tool there"
+        )?;
+    }
+    writeln!(out, "\nCtrl-C ends it.")?;
     Ok(())
 }

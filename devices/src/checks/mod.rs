@@ -1,4 +1,4 @@
-//! Behaviours that every control board must show, and in [`camera`] every camera, to be run against any implementation.
+//! Behaviours that every control board must show, in [`camera`] every camera, and in [`tool`] every controller of a tool, to be run against any implementation.
 //!
 //! Each check is a function that takes a [`Device`] and panics, as an assertion does, when the device behaves
 //! otherwise. The device must have the interfaces that the check is about and those of motion, at least two joints with
@@ -21,10 +21,12 @@
 mod board;
 pub mod camera;
 mod motors;
+pub mod tool;
 
 use std::time::Duration;
 
 pub use self::camera::CAMERA;
+pub use self::tool::TOOL;
 
 use self::board::{Board, CLOSE, DISTANCE};
 pub use self::motors::{

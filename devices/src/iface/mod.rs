@@ -3,7 +3,8 @@
 //! All traits are object safe, take `&self` and are meant to be called from several threads. Calls return
 //! at once; a device behind a network may take as long as its own time-out, and says so. Those of [`Hand`] and [`Grasp`]
 //! return when the motion has ended. Values are in the
-//! unit of the axis (degrees or metres, and per second). The stock overloads for one, several and all joints
+//! unit of the axis (degrees or metres, and per second; radians in [`CartesianControl`] alone, for the orientation of a
+//! tool). The stock overloads for one, several and all joints
 //! are one method with an [`Axes`](crate::Axes) selector. A command for several joints is checked completely
 //! before anything moves: all of it happens, or none.
 
@@ -12,6 +13,7 @@ mod audio;
 mod audio_grabber;
 mod audio_render;
 mod axis_info;
+mod cartesian_control;
 mod control_calibration;
 mod control_limits;
 mod control_mode;
@@ -45,6 +47,11 @@ pub use audio::{Audio, AudioBufferSize};
 pub use audio_grabber::AudioGrabber;
 pub use audio_render::AudioRender;
 pub use axis_info::{AxisInfo, JointType};
+pub(crate) use cartesian_control::EVENTS_KEPT;
+pub use cartesian_control::{
+    CartesianControl, CartesianEvent, CartesianInfo, Priority, Reach, StampedPose, Target,
+    TaskPose, TaskVelocity, TweakChange, Tweaks,
+};
 pub use control_calibration::{CalibrationParameters, ControlCalibration};
 pub use control_limits::{ControlLimits, Limits};
 pub use control_mode::{ControlMode, Mode};

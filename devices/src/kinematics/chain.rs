@@ -92,6 +92,11 @@ impl<const N: usize> Chain<N> {
         Self { tool, ..self }
     }
 
+    /// The same chain with other joint limits, rad; a joint whose limits are one angle stays there.
+    pub fn with_limits(self, limits: [Limits; N]) -> Self {
+        Self { limits, ..self }
+    }
+
     /// Where each joint may be, rad.
     pub fn limits(&self) -> &[Limits; N] {
         &self.limits

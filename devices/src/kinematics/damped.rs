@@ -29,6 +29,13 @@ pub enum Redundancy<const N: usize> {
     AwayFromLimits,
     /// Joints stay near these angles, rad.
     Near(Joints<N>),
+    /// Each joint is drawn to an angle, rad, as strongly as its weight says, 0 for not at all.
+    Drawn {
+        /// To where, rad.
+        to: Joints<N>,
+        /// How strongly, 0 or more.
+        weights: Joints<N>,
+    },
 }
 
 /// What a [`Solver`] shall reach, how precisely, and how long it may try.
@@ -248,6 +255,8 @@ impl<const N: usize> Solver<N> {
         let (preferred, scale): (Joints<N>, Joints<N>) = match self.options.redundancy {
             Redundancy::Free => return solution,
             Redundancy::Near(joints) => (joints, Joints::repeat(1.0)),
+            Redundancy::Drawn { weights, .. } if weights.max() <= 0.0 => return solution,
+            Redundancy::Drawn { to, weights } => (to, weights.map(|weight| weight.max(0.0).sqrt())),
             Redundancy::AwayFromLimits => {
                 let limits = self.chain.limits();
                 (

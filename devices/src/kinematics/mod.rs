@@ -20,4 +20,5 @@ pub use damped::{Redundancy, Solution, Solver, SolverOptions, Unsolved};
 pub use euler::EulerXyz;
 pub use rotation::rotation_vector;
 pub use task::Task;
+pub(crate) use task::distances;
 pub use transposed::TransposedJacobian;

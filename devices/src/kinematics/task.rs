@@ -12,6 +12,8 @@ pub enum Task {
     Pose,
     /// The place alone; all that an arm with four joints can promise.
     Position,
+    /// The orientation alone.
+    Orientation,
 }
 
 impl Task {
@@ -19,9 +21,14 @@ impl Task {
     ///
     /// What the task does not ask for is 0.
     pub fn error(self, target: &Pose, pose: &Pose) -> Vector6<f64> {
-        let place = target.translation.vector - pose.translation.vector;
+        let place = match self {
+            Self::Pose | Self::Position => target.translation.vector - pose.translation.vector,
+            Self::Orientation => Default::default(),
+        };
         let turn = match self {
-            Self::Pose => rotation_vector(&(target.rotation * pose.rotation.inverse())),
+            Self::Pose | Self::Orientation => {
+                rotation_vector(&(target.rotation * pose.rotation.inverse()))
+            }
             Self::Position => Default::default(),
         };
         Vector6::new(place.x, place.y, place.z, turn.x, turn.y, turn.z)
@@ -29,15 +36,17 @@ impl Task {
 
     /// The Jacobian without the rows the task does not ask for: they are 0.
     pub(super) fn select<const N: usize>(self, mut jacobian: Jacobian<N>) -> Jacobian<N> {
-        if self == Self::Position {
-            jacobian.fixed_rows_mut::<3>(3).fill(0.0);
+        match self {
+            Self::Pose => {}
+            Self::Position => jacobian.fixed_rows_mut::<3>(3).fill(0.0),
+            Self::Orientation => jacobian.fixed_rows_mut::<3>(0).fill(0.0),
         }
         jacobian
     }
 }
 
 /// How far a place is off, m, and an orientation, rad.
-pub(super) fn distances(error: &Vector6<f64>) -> (f64, f64) {
+pub(crate) fn distances(error: &Vector6<f64>) -> (f64, f64) {
     (
         error.fixed_rows::<3>(0).norm(),
         error.fixed_rows::<3>(3).norm(),

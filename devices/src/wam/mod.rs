@@ -15,7 +15,7 @@ mod dynamic_arm;
 mod dynamic_variables;
 mod model;
 mod motors;
-mod pace;
+pub(crate) mod pace;
 mod parameters;
 mod simulated;
 mod transmission;

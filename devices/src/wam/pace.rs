@@ -10,14 +10,14 @@ const SHORTEST: Duration = Duration::from_micros(100);
 
 /// Periods that do not drift: the n-th ends n periods after the start.
 #[derive(Debug)]
-pub(super) struct Pace {
+pub(crate) struct Pace {
     period: Duration,
     deadline: Instant,
     late: u64,
 }
 
 impl Pace {
-    pub(super) fn new(period: Duration) -> Self {
+    pub(crate) fn new(period: Duration) -> Self {
         let period = period.max(SHORTEST);
         Self {
             period,
@@ -27,7 +27,7 @@ impl Pace {
     }
 
     /// Waits for the end of the period; false if the loop shall end. Wakes up at once when the thread is unparked.
-    pub(super) fn wait(&mut self, is_ending: impl Fn() -> bool) -> bool {
+    pub(crate) fn wait(&mut self, is_ending: impl Fn() -> bool) -> bool {
         loop {
             if is_ending() {
                 return false;

@@ -6,6 +6,7 @@
 use bytes::{Bytes, BytesMut};
 use yarp_wire::message::{ReadObject, WireObject};
 use yarp_wire::{Bottle, Dialect, Limits};
+use yarp_wrappers::cartesian::messages as cartesian;
 use yarp_wrappers::control_board::messages::{
     Command, JointData, MotionNews, Numbered, Reply, Request,
 };
@@ -17,7 +18,7 @@ use yarp_wrappers::thrift::{ReturnCode, ServiceVersion};
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All targets.
-pub const TARGETS: [Target; 8] = [
+pub const TARGETS: [Target; 9] = [
     ("request", request),
     ("numbered", numbered),
     ("call", call),
@@ -26,6 +27,7 @@ pub const TARGETS: [Target; 8] = [
     ("camera", camera),
     ("picture", picture),
     ("hand", hand),
+    ("tool", tool),
 ];
 
 const DIALECTS: [Dialect; 2] = [Dialect::V3, Dialect::V4];
@@ -186,6 +188,26 @@ pub fn hand(data: &[u8]) {
                 let again = hands::Reply::read(&request, &reply.to_bottle());
                 assert_eq!(format!("{again:?}"), format!("{:?}", Some(reply)));
             }
+        }
+    }
+}
+
+/// Requests to controllers of a tool, and events: what is understood is said again the same way.
+pub fn tool(data: &[u8]) {
+    let bytes = Bytes::copy_from_slice(data);
+    for dialect in DIALECTS {
+        let Ok(bottle) = Bottle::decode(&bytes, dialect, Limits::DEFAULT) else {
+            continue;
+        };
+        if let Ok(understood) = cartesian::Request::parse(&bottle) {
+            let printed = understood.to_bottle();
+            let again = cartesian::Request::parse(&printed).expect("our own words");
+            // Compared as they print: a nan is not equal to itself.
+            assert_eq!(format!("{again:?}"), format!("{understood:?}"), "{printed}");
+        }
+        if let Some(event) = cartesian::from_event(&bottle) {
+            let again = cartesian::from_event(&cartesian::to_event(&event));
+            assert_eq!(format!("{again:?}"), format!("{:?}", Some(event)));
         }
     }
 }

@@ -1,0 +1,35 @@
+//! A controller of the tool of an arm, for any arm that follows positions.
+//!
+//! What iCub's controller does in essence, on the kinematics of this crate:
+//!
+//! 1. A target becomes joints: damped least squares from where the joints are; a joint that is not used is fixed, the
+//!    rest posture draws what the target leaves open. **Out of reach**: the nearest pose that is found; where only the
+//!    whole pose is, what has priority is reached and the rest is as near as the search left it.
+//! 2. The tool goes there on a straight line, turning the shortest way, with the time law of minimum jerk. A new target
+//!    takes over from the old one with its velocity and acceleration.
+//! 3. Each period the next pose becomes joints, searched near a way of the joints to the same end, no joint faster than
+//!    its limit: where the line leaves the reach, or a joint is too slow, the tool leaves the line and arrives all the
+//!    same, later if need be.
+//!
+//! **Invariant:** a motion ends for good when a joint is set to another mode, has a fault, or cannot be read or commanded;
+//! nothing resumes it. Changes of settings hold from the next target on; where a target is kept, it is gone to anew.
+//!
+//! | file | what it is about |
+//! | --- | --- |
+//! | `arm` | the device, in rad |
+//! | `geometry` | poses of the interface, checked |
+//! | `path` | the line and its time law |
+//! | `settings` | what can be set; joints for a target |
+//! | `motion` | what is under way |
+//! | `controller` | orders, and the thread that carries them out |
+//! | `interface` | the interface, said in orders |
+
+mod arm;
+mod controller;
+mod geometry;
+mod interface;
+mod motion;
+mod path;
+mod settings;
+
+pub use controller::{CartesianController, CartesianOptions};

@@ -1,0 +1,330 @@
+//! Where the tool of an arm goes in space.
+
+use std::sync::mpsc::Receiver;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use crate::{AxisIndex, DeviceError, Limits};
+
+/// Moves the tool of an arm to places and orientations (stock: `ICartesianControl`).
+///
+/// Places are metres, orientations an axis and an angle in **radians**, both in the base frame of the arm, as stock has
+/// them: the one interface with radians. Joints are in degrees, and number as many as [`dof`](Self::dof) answers.
+///
+/// Errors, of every call: [`DeviceError::NotFinite`] and [`DeviceError::Unsuitable`] for numbers that make no sense, and
+/// nothing changes then; those of the arm itself; for a device behind a network [`DeviceError::Refused`] and
+/// [`DeviceError::Remote`].
+pub trait CartesianControl: Send + Sync {
+    /// Keeps the target after it was reached, instead of leaving the arm to others (`setTrackingMode`).
+    fn set_tracking(&self, tracking: bool) -> Result<(), DeviceError>;
+
+    /// Whether a target is kept (`getTrackingMode`).
+    fn tracking(&self) -> Result<bool, DeviceError>;
+
+    /// Takes what was ordered for where the joints are, instead of what is measured (`setReferenceMode`).
+    fn set_reference_mode(&self, reference: bool) -> Result<(), DeviceError>;
+
+    /// See [`set_reference_mode`](Self::set_reference_mode) (`getReferenceMode`).
+    fn reference_mode(&self) -> Result<bool, DeviceError>;
+
+    /// What comes first where a whole pose is out of reach (`setPosePriority`).
+    fn set_priority(&self, priority: Priority) -> Result<(), DeviceError>;
+
+    /// See [`set_priority`](Self::set_priority) (`getPosePriority`).
+    fn priority(&self) -> Result<Priority, DeviceError>;
+
+    /// Where the tool is (`getPose`).
+    ///
+    /// Errors: for a device behind a network also [`DeviceError::NoDataYet`] and [`DeviceError::Stale`].
+    fn pose(&self) -> Result<StampedPose, DeviceError>;
+
+    /// Where the frame of a link is (`getPose` with an axis); that of the last is without the tool.
+    ///
+    /// Errors: also [`DeviceError::NoSuchAxis`].
+    fn link_pose(&self, axis: AxisIndex) -> Result<StampedPose, DeviceError>;
+
+    /// Goes there in about `time` seconds, and returns at once (`goToPose`, `goToPosition`).
+    ///
+    /// * `time`: none, or none above 0, for the trajectory time that is set.
+    /// * A target out of reach is not refused: the tool goes to the nearest that is found, see
+    ///   [`ask`](Self::ask) and [`desired`](Self::desired).
+    /// * A device behind a network does not hear of a refusal; [`go_to_sync`](Self::go_to_sync) does.
+    fn go_to(&self, target: Target, time: Option<f64>) -> Result<(), DeviceError>;
+
+    /// As [`go_to`](Self::go_to), but returns when it is known how the joints shall stand, and the motion has been
+    /// ordered (`goToPoseSync`, `goToPositionSync`).
+    fn go_to_sync(&self, target: Target, time: Option<f64>) -> Result<(), DeviceError>;
+
+    /// The pose last gone to, as far as it can be reached, and its joints (`getDesired`).
+    fn desired(&self) -> Result<Reach, DeviceError>;
+
+    /// How a target would be reached; nothing moves (`askForPose`, `askForPosition`).
+    ///
+    /// * `start`: where the joints begin, degrees; where they are if there is none.
+    /// * Answers the nearest that was found, with its pose: how far that is away is for the caller to judge.
+    fn ask(&self, target: Target, start: Option<&[f64]>) -> Result<Reach, DeviceError>;
+
+    /// Which joints are used (`getDOF`).
+    fn dof(&self) -> Result<Vec<bool>, DeviceError>;
+
+    /// Chooses the joints that are used; the others stay (`setDOF`). Answers what is in force.
+    ///
+    /// `None` leaves a joint as it is; a list may be shorter than the joints.
+    fn set_dof(&self, dof: &[Option<bool>]) -> Result<Vec<bool>, DeviceError>;
+
+    /// The posture preferred where the target leaves a choice, degrees (`getRestPos`).
+    fn rest_positions(&self) -> Result<Vec<f64>, DeviceError>;
+
+    /// Sets the preferred posture, degrees; what lies outside the limits is put onto them (`setRestPos`). Answers what
+    /// is in force.
+    fn set_rest_positions(&self, positions: &[f64]) -> Result<Vec<f64>, DeviceError>;
+
+    /// How much each joint is drawn to its rest position, 0 for not at all (`getRestWeights`).
+    fn rest_weights(&self) -> Result<Vec<f64>, DeviceError>;
+
+    /// Sets the weights, 0 or more (`setRestWeights`). Answers what is in force.
+    fn set_rest_weights(&self, weights: &[f64]) -> Result<Vec<f64>, DeviceError>;
+
+    /// Where a joint may be, degrees (`getLimits`).
+    fn joint_limits(&self, axis: AxisIndex) -> Result<Limits, DeviceError>;
+
+    /// Sets where a joint may be, degrees, inside what the arm allows (`setLimits`).
+    fn set_joint_limits(&self, axis: AxisIndex, limits: Limits) -> Result<(), DeviceError>;
+
+    /// How long motions take, s (`getTrajTime`).
+    fn trajectory_time(&self) -> Result<f64, DeviceError>;
+
+    /// Sets how long motions take, s (`setTrajTime`).
+    fn set_trajectory_time(&self, time: f64) -> Result<(), DeviceError>;
+
+    /// How near is there: metres, and radians (`getInTargetTol`).
+    fn tolerance(&self) -> Result<f64, DeviceError>;
+
+    /// Sets how near is there (`setInTargetTol`).
+    fn set_tolerance(&self, tolerance: f64) -> Result<(), DeviceError>;
+
+    /// How fast the joints are told to move, deg/s (`getJointsVelocities`).
+    fn joint_velocities(&self) -> Result<Vec<f64>, DeviceError>;
+
+    /// How fast the tool is told to move (`getTaskVelocities`).
+    fn task_velocity(&self) -> Result<TaskVelocity, DeviceError>;
+
+    /// Moves the tool at a velocity until told otherwise; nothing but zeros ends it (`setTaskVelocities`).
+    ///
+    /// A device behind a network does not hear of a refusal.
+    fn set_task_velocity(&self, velocity: TaskVelocity) -> Result<(), DeviceError>;
+
+    /// Puts a tool onto the last link, given by its frame there (`attachTipFrame`).
+    fn attach_tip(&self, tip: TaskPose) -> Result<(), DeviceError>;
+
+    /// The tool that was put on (`getTipFrame`).
+    fn tip(&self) -> Result<TaskPose, DeviceError>;
+
+    /// Takes the tool off again (`removeTipFrame`).
+    fn remove_tip(&self) -> Result<(), DeviceError> {
+        self.attach_tip(TaskPose::default())
+    }
+
+    /// Whether nothing is under way (`checkMotionDone`).
+    fn motion_done(&self) -> Result<bool, DeviceError>;
+
+    /// Asks every `period` whether the motion is done, until `timeout` (`waitMotionDone`). Blocks.
+    fn wait_motion_done(&self, period: Duration, timeout: Duration) -> Result<bool, DeviceError> {
+        let begun = Instant::now();
+        loop {
+            if self.motion_done()? {
+                return Ok(true);
+            }
+            let left = timeout.saturating_sub(begun.elapsed());
+            if left.is_zero() {
+                return Ok(false);
+            }
+            thread::sleep(period.min(left));
+        }
+    }
+
+    /// Ends the motion where it is; the arm holds (`stopControl`).
+    fn stop(&self) -> Result<(), DeviceError>;
+
+    /// Keeps all settings under a number (`storeContext`). Number 0 is there from the beginning.
+    fn store_context(&self) -> Result<i32, DeviceError>;
+
+    /// Takes the settings of that number again (`restoreContext`).
+    ///
+    /// Errors: also [`DeviceError::Unsuitable`] for a number that is not known.
+    fn restore_context(&self, id: i32) -> Result<(), DeviceError>;
+
+    /// Forgets the settings of these numbers (`deleteContext`); number 0 stays.
+    ///
+    /// Errors: as [`restore_context`](Self::restore_context); then none is forgotten.
+    fn delete_contexts(&self, ids: &[i32]) -> Result<(), DeviceError>;
+
+    /// What arm this is (`getInfo`).
+    fn cartesian_info(&self) -> Result<CartesianInfo, DeviceError>;
+
+    /// The knobs of the solver (`tweakGet`).
+    fn tweaks(&self) -> Result<Tweaks, DeviceError>;
+
+    /// Turns knobs of the solver; those that are `None` stay (`tweakSet`).
+    fn tweak(&self, change: TweakChange) -> Result<(), DeviceError>;
+
+    /// Has the controller announce when this fraction of a path is covered, 0 to 1 (`registerEvent`).
+    fn register_checkpoint(&self, checkpoint: f64) -> Result<(), DeviceError>;
+
+    /// Takes that back (`unregisterEvent`).
+    ///
+    /// Errors: also [`DeviceError::Unsuitable`] for a fraction that is not registered.
+    fn unregister_checkpoint(&self, checkpoint: f64) -> Result<(), DeviceError>;
+
+    /// The fractions that are announced.
+    fn checkpoints(&self) -> Result<Vec<f64>, DeviceError>;
+
+    /// What happens from now on. Who does not look for long misses what is newest.
+    fn events(&self) -> Result<Receiver<CartesianEvent>, DeviceError>;
+}
+
+/// How many events wait for somebody who does not look.
+pub(crate) const EVENTS_KEPT: usize = 256;
+
+/// A place and an orientation: metres, an axis of any length above 0, and an angle in rad.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TaskPose {
+    /// Metres.
+    pub position: [f64; 3],
+    /// The axis of the turn; all zeros for no turn.
+    pub axis: [f64; 3],
+    /// The angle of the turn, rad.
+    pub angle: f64,
+}
+
+impl TaskPose {
+    /// From `x y z ax ay az theta`, as on the wire.
+    pub fn from_array([x, y, z, ax, ay, az, angle]: [f64; 7]) -> Self {
+        Self {
+            position: [x, y, z],
+            axis: [ax, ay, az],
+            angle,
+        }
+    }
+
+    /// `x y z ax ay az theta`, as on the wire.
+    pub fn to_array(self) -> [f64; 7] {
+        let [x, y, z] = self.position;
+        let [ax, ay, az] = self.axis;
+        [x, y, z, ax, ay, az, self.angle]
+    }
+}
+
+/// A pose, and when it was measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StampedPose {
+    /// Where it is.
+    pub pose: TaskPose,
+    /// When: seconds since the start of 1970.
+    pub time: f64,
+}
+
+/// Where to go.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Target {
+    /// A place and an orientation.
+    Pose(TaskPose),
+    /// A place, whatever the orientation; metres.
+    Position([f64; 3]),
+}
+
+/// What comes first where a whole pose is out of reach.
+#[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
+pub enum Priority {
+    /// The place.
+    #[default]
+    Position,
+    /// The orientation.
+    Orientation,
+}
+
+/// A pose that can be reached, and how.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Reach {
+    /// The pose.
+    pub pose: TaskPose,
+    /// All joints, degrees.
+    pub joints: Vec<f64>,
+}
+
+/// How the tool moves.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TaskVelocity {
+    /// m/s.
+    pub linear: [f64; 3],
+    /// The axis it turns about, in the base frame.
+    pub axis: [f64; 3],
+    /// rad/s.
+    pub speed: f64,
+}
+
+/// What arm a controller is for.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CartesianInfo {
+    /// The version of the protocol, `2.0`.
+    pub server_version: String,
+    /// What the part is called, for instance `arm`.
+    pub part: String,
+    /// The version of its kinematics.
+    pub part_version: String,
+    /// Which of its kind it is, for instance `wam7`.
+    pub part_type: String,
+}
+
+/// The knobs of a solver.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Tweaks {
+    /// How straight paths are.
+    pub straightness: f64,
+    /// How near a solution is a solution, metres and rad.
+    pub tolerance: f64,
+    /// How far a joint may be beyond its limit.
+    pub constraint_tolerance: f64,
+    /// The most iterations.
+    pub iterations: usize,
+}
+
+/// Knobs to be turned; those that are `None` stay.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TweakChange {
+    /// See [`Tweaks::straightness`].
+    pub straightness: Option<f64>,
+    /// See [`Tweaks::tolerance`].
+    pub tolerance: Option<f64>,
+    /// See [`Tweaks::constraint_tolerance`].
+    pub constraint_tolerance: Option<f64>,
+    /// See [`Tweaks::iterations`].
+    pub iterations: Option<usize>,
+}
+
+/// What happens on the way. Times are seconds since the start of 1970.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum CartesianEvent {
+    /// A motion begins (`motion-onset`).
+    Onset {
+        /// When.
+        time: f64,
+    },
+    /// A registered fraction of the path is covered (`motion-ongoing`).
+    Ongoing {
+        /// When.
+        time: f64,
+        /// The fraction, 0 to 1.
+        checkpoint: f64,
+    },
+    /// The motion has ended, there or elsewhere (`motion-done`).
+    Done {
+        /// When.
+        time: f64,
+    },
+    /// The controller ends (`closing`).
+    Closing {
+        /// When.
+        time: f64,
+    },
+}

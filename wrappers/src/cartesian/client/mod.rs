@@ -1,0 +1,122 @@
+//! A controller in another program.
+//!
+//! | file | what it is about |
+//! | --- | --- |
+//! | `options` | whom to call, as whom, and how long to wait |
+//! | `link` | the four ports, the conversation at opening, calls |
+//! | `latest` | the newest pose, and who listens to events |
+//! | `interface` | the interface, said in messages |
+
+mod interface;
+mod latest;
+mod link;
+mod options;
+
+use std::collections::BTreeSet;
+use std::sync::{Arc, Mutex};
+
+use yarp_devices::Device;
+use yarp_ports::{Network, blocking};
+
+use self::link::Link;
+use super::messages::Request;
+use crate::OpenError;
+pub use options::RemoteCartesianOptions;
+
+/// The tool of an arm in another program, as iCub's `cartesiancontrollerclient` casts it.
+///
+/// * **Poses** are those that the server streams; asking for one waits for nothing. It fails with
+///   [`DeviceError::NoDataYet`](yarp_devices::DeviceError::NoDataYet) before the first, and with
+///   [`DeviceError::Stale`](yarp_devices::DeviceError::Stale) when the newest is older than the trusted age
+///   ([`RemoteCartesianOptions::timeout`]).
+/// * **Targets without waiting, and velocities** are sent, and nobody hears of a refusal.
+/// * **What blocks.** Every other call is a message and its answer, and waits for it at most until
+///   [`RemoteCartesianOptions::deadline`]. Putting on a tip waits besides for the first pose with it.
+/// * **Refusals** are [`DeviceError::Refused`](yarp_devices::DeviceError::Refused).
+/// * **Connections that are lost** are made again when the server is back; until then calls fail. Settings and motions
+///   of the server that went away are not restored.
+///
+/// Dropping it has the server forget the contexts that it stored and the checkpoints that it registered, and closes its
+/// ports; that takes a few seconds at the most.
+///
+/// ```no_run
+/// # fn example() -> Result<(), Box<dyn std::error::Error>> {
+/// use yarp_devices::{CartesianControl, Target};
+/// use yarp_ports::Network;
+/// use yarp_wrappers::{RemoteCartesianControl, RemoteCartesianOptions};
+///
+/// let network = Network::from_process()?;
+/// let options = RemoteCartesianOptions::new("/cartController/wam", "/me/tool");
+/// let tool = RemoteCartesianControl::open(&network, options)?;
+/// tool.go_to_sync(Target::Position([0.4, 0.1, 0.4]), Some(1.5))?;
+/// # Ok(()) }
+/// ```
+#[derive(Debug)]
+pub struct RemoteCartesianControl {
+    /// Taken only on drop.
+    link: Option<Arc<Link>>,
+    /// What the server keeps for us.
+    contexts: Mutex<BTreeSet<i32>>,
+    checkpoints: Mutex<Vec<f64>>,
+}
+
+impl RemoteCartesianControl {
+    /// Opens four ports of its own and connects them to the server.
+    ///
+    /// * Ports: `LOCAL/command:o`, `LOCAL/state:i`, `LOCAL/events:i` and `LOCAL/rpc:o`.
+    /// * Asks for the version of the protocol and whether the solver is there. Does not wait for the first pose.
+    /// * Blocks for a few deadlines at the most.
+    /// * Errors: [`OpenError::NoRemote`], [`OpenError::NameTaken`], [`OpenError::Port`], [`OpenError::Connect`],
+    ///   [`OpenError::Question`]; then nothing stays open.
+    pub fn open(network: &Network, options: RemoteCartesianOptions) -> Result<Self, OpenError> {
+        let network = network.with_deadline(options.deadline);
+        let link = blocking::wait(async move { Link::open(&network, &options).await })?;
+        tracing::info!(remote = link.remote(), "remote tool connected");
+        Ok(Self {
+            link: Some(Arc::new(link)),
+            contexts: Mutex::default(),
+            checkpoints: Mutex::default(),
+        })
+    }
+
+    /// The name of the server, as it was asked for.
+    pub fn remote(&self) -> &str {
+        self.link().remote()
+    }
+
+    fn link(&self) -> &Arc<Link> {
+        self.link.as_ref().expect("taken only on drop")
+    }
+}
+
+impl Drop for RemoteCartesianControl {
+    fn drop(&mut self) {
+        let contexts = interface::lock(&self.contexts)
+            .iter()
+            .copied()
+            .collect::<Vec<_>>();
+        let checkpoints = interface::lock(&self.checkpoints).clone();
+        let forget = (!contexts.is_empty()).then_some(Request::Delete(Some(contexts)));
+        let requests: Vec<Request> = forget
+            .into_iter()
+            .chain(checkpoints.into_iter().map(Request::Unregister))
+            .collect();
+        // Calls borrow the tool, so none is under way.
+        if let Some(link) = self.link.take().and_then(Arc::into_inner) {
+            blocking::wait(async move {
+                for request in requests {
+                    if let Err(error) = link.ask(&request, |_| Some(())).await {
+                        // The server is gone, and with it what it kept.
+                        tracing::debug!("{error}");
+                        break;
+                    }
+                }
+                link.close().await;
+            });
+        }
+    }
+}
+
+impl Device for RemoteCartesianControl {
+    yarp_devices::offers! { cartesian_control: CartesianControl }
+}

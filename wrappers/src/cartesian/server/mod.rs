@@ -1,0 +1,242 @@
+//! A controller on ports.
+//!
+//! | file | what it is about |
+//! | --- | --- |
+//! | `desk` | the controller, and what requests mean for it |
+//! | `publisher` | its pose and events, every period |
+
+mod desk;
+mod publisher;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::runtime::Handle;
+use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
+use tokio::task::JoinHandle;
+use yarp_devices::clock::wall_clock;
+use yarp_devices::{CartesianEvent, Device};
+use yarp_ports::{Answer, Network, Port, PortOptions, Received};
+use yarp_wire::Stamp;
+
+use self::desk::Desk;
+use super::messages::to_event;
+use crate::OpenError;
+use crate::linking::CLOSING;
+use crate::opening::{close_all, open};
+use crate::periodic::Periodic;
+
+/// Stock's default.
+const PERIOD: Duration = Duration::from_millis(10);
+const SHORTEST_PERIOD: Duration = Duration::from_millis(1);
+const LONGEST_PERIOD: Duration = Duration::from_secs(60);
+/// How long the end of publishing is waited for.
+const ENDING: Duration = Duration::from_secs(1);
+
+/// How a controller is served.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct CartesianServerOptions {
+    period: Duration,
+}
+
+impl Default for CartesianServerOptions {
+    fn default() -> Self {
+        Self { period: PERIOD }
+    }
+}
+
+impl CartesianServerOptions {
+    /// The pose every 10 ms.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// How often the pose is sent, 1 ms to 60 s.
+    pub fn period(mut self, period: Duration) -> Self {
+        self.period = period;
+        self
+    }
+}
+
+/// A controller of a tool, served as iCub's `cartesiancontrollerserver` serves one.
+///
+/// * `NAME/rpc:i` answers questions and carries out orders.
+/// * `NAME/command:i` takes targets and velocities; nobody hears of a refusal.
+/// * `NAME/state:o` sends `x y z ax ay az theta` every period, in metres and radians, stamped with the time of the
+///   encoders.
+/// * `NAME/events:o` tells every reader when a motion begins, has covered a part of its way, ends, and when the server
+///   closes.
+///
+/// What is malformed, or what the controller refuses, is answered `[nack]`; the log says why.
+#[derive(Debug)]
+pub struct CartesianServer {
+    name: String,
+    running: Option<Running>,
+    /// Where the ports live, for closing them from anywhere.
+    runtime: Handle,
+}
+
+#[derive(Debug)]
+struct Running {
+    ports: Vec<Port>,
+    state: Arc<Port>,
+    events: Arc<Port>,
+    publisher: Periodic,
+    /// Ends when the publisher does; gives its last word.
+    writer: JoinHandle<()>,
+}
+
+impl CartesianServer {
+    /// Opens the four ports and begins to publish.
+    ///
+    /// * `name`: begins with `/`.
+    /// * Errors: [`OpenError::NoInterface`] when the device controls no tool, [`OpenError::Period`],
+    ///   [`OpenError::NameTaken`], [`OpenError::Port`], [`OpenError::Question`], [`OpenError::Thread`]; then all that was
+    ///   opened is closed again.
+    pub async fn open(
+        network: &Network,
+        device: Arc<dyn Device>,
+        name: &str,
+        options: CartesianServerOptions,
+    ) -> Result<Self, OpenError> {
+        let CartesianServerOptions { period } = options;
+        if !(SHORTEST_PERIOD..=LONGEST_PERIOD).contains(&period) {
+            return Err(OpenError::Period {
+                asked: period,
+                min: SHORTEST_PERIOD,
+                max: LONGEST_PERIOD,
+            });
+        }
+        if device.cartesian_control().is_none() {
+            return Err(OpenError::NoInterface("tool to be moved in space"));
+        }
+        let desk = Arc::new(Desk::new(device, name));
+        let question = "what happens on its way";
+        let events = desk.controller().and_then(|arm| arm.events());
+        let events = events.map_err(|source| OpenError::Question { question, source })?;
+        let mut ports = Vec::new();
+        for (suffix, port) in [
+            ("state:o", PortOptions::new().type_name("yarp/vector")),
+            ("events:o", PortOptions::new()),
+            ("command:i", obeying(&desk)),
+            ("rpc:i", answering(&desk)),
+        ] {
+            match open(network, format!("{name}/{suffix}"), port).await {
+                Ok(port) => ports.push(port),
+                Err(error) => {
+                    close_all(ports).await;
+                    return Err(error);
+                }
+            }
+        }
+        let mut outputs = ports.drain(..2).map(Arc::new);
+        let (Some(state), Some(told)) = (outputs.next(), outputs.next()) else {
+            unreachable!("four ports were opened")
+        };
+        drop(outputs);
+        let (sender, receiver) = unbounded_channel();
+        match publisher::start(desk, state.clone(), events, sender, period) {
+            Ok(publisher) => {
+                tracing::info!(name, ?period, "controller of a tool served");
+                let writer = tokio::spawn(write_events(told.clone(), receiver));
+                Ok(Self {
+                    name: name.to_owned(),
+                    running: Some(Running {
+                        ports,
+                        state,
+                        events: told,
+                        publisher,
+                        writer,
+                    }),
+                    runtime: Handle::current(),
+                })
+            }
+            Err(error) => {
+                let outputs = [state, told].into_iter().filter_map(Arc::into_inner);
+                close_all(ports.into_iter().chain(outputs)).await;
+                Err(OpenError::Thread(error))
+            }
+        }
+    }
+
+    /// What the ports have in front of their names.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Says that it closes, closes the ports and unregisters their names.
+    ///
+    /// Takes a few seconds at the most, whatever peers do. The controller goes on.
+    pub async fn close(mut self) {
+        if let Some(running) = self.running.take() {
+            running.close().await;
+        }
+    }
+}
+
+impl Drop for CartesianServer {
+    /// As [`close`](Self::close), in the background, as far as the runtime still runs.
+    fn drop(&mut self) {
+        if let Some(running) = self.running.take() {
+            self.runtime.spawn(running.close());
+        }
+    }
+}
+
+impl Running {
+    async fn close(self) {
+        // Nothing new is taken on, then what happened is told to the end.
+        close_all(self.ports).await;
+        self.publisher.end(ENDING).await;
+        let mut writer = self.writer;
+        if tokio::time::timeout(CLOSING, &mut writer).await.is_err() {
+            writer.abort();
+            let _ = writer.await;
+        }
+        let outputs = [self.state, self.events]
+            .into_iter()
+            .filter_map(Arc::into_inner);
+        close_all(outputs).await;
+    }
+}
+
+/// Writes events to every reader, and at the end that there will be no more.
+async fn write_events(port: Arc<Port>, mut events: UnboundedReceiver<CartesianEvent>) {
+    let mut stamp = Stamp::new(-1, 0.0);
+    let mut closed = false;
+    while !closed {
+        let event = events
+            .recv()
+            .await
+            .unwrap_or_else(|| CartesianEvent::Closing { time: wall_clock() });
+        closed = matches!(event, CartesianEvent::Closing { .. });
+        let (CartesianEvent::Onset { time }
+        | CartesianEvent::Ongoing { time, .. }
+        | CartesianEvent::Done { time }
+        | CartesianEvent::Closing { time }) = event;
+        stamp = stamp.next(time);
+        port.write_strict(&to_event(&event), Some(stamp.into()))
+            .await;
+    }
+    port.flush().await;
+}
+
+fn obeying(desk: &Arc<Desk>) -> PortOptions {
+    let desk = desk.clone();
+    let take = move |received: &mut Received| {
+        let message = received.bottle().unwrap_or_default();
+        desk.obey(&message, &received.from);
+        Answer::Nothing
+    };
+    PortOptions::new().handler(take).input_only()
+}
+
+fn answering(desk: &Arc<Desk>) -> PortOptions {
+    let desk = desk.clone();
+    let answer = move |received: &mut Received| {
+        let request = received.bottle().unwrap_or_default();
+        Answer::reply(desk.answer(&request, &received.from))
+    };
+    PortOptions::new().handler(answer).input_only()
+}

@@ -1,0 +1,50 @@
+//! The pose of the tool, every period, and behind it what has happened.
+
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::Receiver;
+use std::time::Duration;
+
+use tokio::sync::mpsc::UnboundedSender;
+use yarp_devices::CartesianEvent;
+use yarp_ports::Port;
+use yarp_wire::Stamp;
+use yarp_wire::vector::Vector;
+
+use super::desk::Desk;
+use crate::periodic::Periodic;
+
+/// Starts publishing poses on `state`, and passes `events` on to whoever writes them.
+pub(super) fn start(
+    desk: Arc<Desk>,
+    state: Arc<Port>,
+    events: Receiver<CartesianEvent>,
+    written: UnboundedSender<CartesianEvent>,
+    period: Duration,
+) -> io::Result<Periodic> {
+    // Stock counts from 0.
+    let mut stamp = Stamp::new(-1, 0.0);
+    let mut failing = false;
+    Periodic::start("cartesian-server", period, move || {
+        match desk.controller().and_then(|arm| arm.pose()) {
+            Ok(now) => {
+                stamp = stamp.next(now.time);
+                desk.count.store(stamp.count, Ordering::Relaxed);
+                let pose = Vector(now.pose.to_array().into());
+                state.write_if_idle(&pose, Some(stamp.into()));
+                failing = false;
+            }
+            Err(error) if !failing => {
+                tracing::warn!("the pose of the tool is not known: {error}");
+                failing = true;
+            }
+            Err(_) => {}
+        }
+        // After the state of the cycle, as stock.
+        for event in events.try_iter() {
+            // Nobody writes any more: the server closes.
+            let _ = written.send(event);
+        }
+    })
+}
