@@ -20,7 +20,7 @@ fn inside_runtimes_of_both_kinds() {
             // Dropped here as well.
         });
     }
-    assert_eq!(stage.registered().len(), 5);
+    assert_eq!(stage.registered().len(), 6);
     stage.runtime.block_on(server.close());
 }
 
