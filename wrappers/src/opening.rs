@@ -24,6 +24,25 @@ pub(crate) async fn open(
         .map_err(|source| OpenError::Port { name, source })
 }
 
+/// Opens the ports `NAME/SUFFIX`, in this order; all of them, or none.
+pub(crate) async fn open_all<const N: usize>(
+    network: &Network,
+    name: &str,
+    wanted: [(&str, PortOptions); N],
+) -> Result<[Port; N], OpenError> {
+    let mut opened = Vec::with_capacity(N);
+    for (suffix, options) in wanted {
+        match open(network, format!("{name}/{suffix}"), options).await {
+            Ok(port) => opened.push(port),
+            Err(error) => {
+                close_all(opened).await;
+                return Err(error);
+            }
+        }
+    }
+    Ok(opened.try_into().expect("all were opened"))
+}
+
 /// Closes ports side by side; takes a few seconds at the most, whatever peers do.
 pub(crate) async fn close_all(ports: impl IntoIterator<Item = Port>) {
     let closing: tokio::task::JoinSet<()> = ports.into_iter().map(Port::close).collect();

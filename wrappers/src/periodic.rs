@@ -1,12 +1,27 @@
 //! Work that is done every period, on a thread of its own.
 
 use std::io;
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use tokio::sync::oneshot;
+
+use crate::OpenError;
+
+/// Periods that servers publish with.
+const PERIODS: RangeInclusive<Duration> = Duration::from_millis(1)..=Duration::from_secs(60);
+
+/// Checks a period that somebody asked for.
+pub(crate) fn check_period(asked: Duration) -> Result<(), OpenError> {
+    if PERIODS.contains(&asked) {
+        return Ok(());
+    }
+    let (min, max) = PERIODS.into_inner();
+    Err(OpenError::Period { asked, min, max })
+}
 
 /// A thread that does something every period.
 ///

@@ -23,13 +23,11 @@ use self::desk::Desk;
 use super::messages::to_event;
 use crate::OpenError;
 use crate::linking::CLOSING;
-use crate::opening::{close_all, open};
-use crate::periodic::Periodic;
+use crate::opening::{close_all, open_all};
+use crate::periodic::{Periodic, check_period};
 
 /// Stock's default.
 const PERIOD: Duration = Duration::from_millis(10);
-const SHORTEST_PERIOD: Duration = Duration::from_millis(1);
-const LONGEST_PERIOD: Duration = Duration::from_secs(60);
 /// How long the end of publishing is waited for.
 const ENDING: Duration = Duration::from_secs(1);
 
@@ -79,7 +77,7 @@ pub struct CartesianServer {
 
 #[derive(Debug)]
 struct Running {
-    ports: Vec<Port>,
+    inputs: [Port; 2],
     state: Arc<Port>,
     events: Arc<Port>,
     publisher: Periodic,
@@ -101,13 +99,7 @@ impl CartesianServer {
         options: CartesianServerOptions,
     ) -> Result<Self, OpenError> {
         let CartesianServerOptions { period } = options;
-        if !(SHORTEST_PERIOD..=LONGEST_PERIOD).contains(&period) {
-            return Err(OpenError::Period {
-                asked: period,
-                min: SHORTEST_PERIOD,
-                max: LONGEST_PERIOD,
-            });
-        }
+        check_period(period)?;
         if device.cartesian_control().is_none() {
             return Err(OpenError::NoInterface("tool to be moved in space"));
         }
@@ -115,26 +107,15 @@ impl CartesianServer {
         let question = "what happens on its way";
         let events = desk.controller().and_then(|arm| arm.events());
         let events = events.map_err(|source| OpenError::Question { question, source })?;
-        let mut ports = Vec::new();
-        for (suffix, port) in [
+        let wanted = [
             ("state:o", PortOptions::new().type_name("yarp/vector")),
             ("events:o", PortOptions::new()),
             ("command:i", obeying(&desk)),
             ("rpc:i", answering(&desk)),
-        ] {
-            match open(network, format!("{name}/{suffix}"), port).await {
-                Ok(port) => ports.push(port),
-                Err(error) => {
-                    close_all(ports).await;
-                    return Err(error);
-                }
-            }
-        }
-        let mut outputs = ports.drain(..2).map(Arc::new);
-        let (Some(state), Some(told)) = (outputs.next(), outputs.next()) else {
-            unreachable!("four ports were opened")
-        };
-        drop(outputs);
+        ];
+        let [state, told, command, rpc] = open_all(network, name, wanted).await?;
+        let inputs = [command, rpc];
+        let (state, told) = (Arc::new(state), Arc::new(told));
         let (sender, receiver) = unbounded_channel();
         match publisher::start(desk, state.clone(), events, sender, period) {
             Ok(publisher) => {
@@ -143,7 +124,7 @@ impl CartesianServer {
                 Ok(Self {
                     name: name.to_owned(),
                     running: Some(Running {
-                        ports,
+                        inputs,
                         state,
                         events: told,
                         publisher,
@@ -154,7 +135,7 @@ impl CartesianServer {
             }
             Err(error) => {
                 let outputs = [state, told].into_iter().filter_map(Arc::into_inner);
-                close_all(ports.into_iter().chain(outputs)).await;
+                close_all(inputs.into_iter().chain(outputs)).await;
                 Err(OpenError::Thread(error))
             }
         }
@@ -187,7 +168,7 @@ impl Drop for CartesianServer {
 impl Running {
     async fn close(self) {
         // Nothing new is taken on, then what happened is told to the end.
-        close_all(self.ports).await;
+        close_all(self.inputs).await;
         self.publisher.end(ENDING).await;
         let mut writer = self.writer;
         if tokio::time::timeout(CLOSING, &mut writer).await.is_err() {

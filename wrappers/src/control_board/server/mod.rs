@@ -39,15 +39,11 @@ use yarp_wire::Dialect;
 use self::board::Board;
 use super::OpenError;
 use super::messages::{Command, MotionNews, Numbered};
-use crate::opening::{close_all, open};
-use crate::periodic::Periodic;
+use crate::opening::{close_all, open_all};
+use crate::periodic::{Periodic, check_period};
 
 /// How often the state is published: 50 Hz, as stock.
 const PERIOD: Duration = Duration::from_millis(20);
-/// 1 kHz.
-const SHORTEST_PERIOD: Duration = Duration::from_millis(1);
-/// Longer than any client trusts a state.
-const LONGEST_PERIOD: Duration = Duration::from_secs(60);
 /// How long the end of publishing, and of other work on the device, is waited for.
 const ENDING: Duration = Duration::from_secs(1);
 /// How long an announcement waits for room at a reader that is slow.
@@ -151,13 +147,7 @@ impl ControlBoardServer {
         options: ControlBoardOptions,
     ) -> Result<Self, OpenError> {
         let period = options.period;
-        if !(SHORTEST_PERIOD..=LONGEST_PERIOD).contains(&period) {
-            return Err(OpenError::Period {
-                asked: period,
-                min: SHORTEST_PERIOD,
-                max: LONGEST_PERIOD,
-            });
-        }
+        check_period(period)?;
         let (board, announced) = Board::new(device, name).ok_or(OpenError::NoAxes)?;
         let board = Arc::new(board);
         let wanted = [
@@ -168,18 +158,7 @@ impl ControlBoardServer {
             ("stateExt:o", PortOptions::new()),
             ("async:o", announcing(board.clone())),
         ];
-        let mut opened = Vec::new();
-        for (suffix, options) in wanted {
-            match open(network, format!("{name}/{suffix}"), options).await {
-                Ok(port) => opened.push(port),
-                Err(error) => {
-                    close_all(opened).await;
-                    return Err(error);
-                }
-            }
-        }
-        let [rpc, calls, command, state, extended, ends]: [Port; 6] =
-            opened.try_into().expect("six were asked for");
+        let [rpc, calls, command, state, extended, ends] = open_all(network, name, wanted).await?;
         let outputs = [state, extended, ends].map(Arc::new);
         let axes = board.axes();
         let threads = start_threads(&board, &outputs, period);

@@ -18,12 +18,10 @@ use yarp_ports::{Network, Port, PortOptions, Received};
 use self::camera::Camera;
 use crate::OpenError;
 use crate::opening::{close_all, open};
-use crate::periodic::Periodic;
+use crate::periodic::{Periodic, check_period};
 
 /// How often it is looked for a new image: 30 times a second, as stock.
 const PERIOD: Duration = Duration::from_millis(33);
-const SHORTEST_PERIOD: Duration = Duration::from_millis(1);
-const LONGEST_PERIOD: Duration = Duration::from_secs(60);
 /// How long the end of publishing is waited for.
 const ENDING: Duration = Duration::from_secs(1);
 
@@ -129,13 +127,7 @@ impl FrameGrabberServer {
         options: FrameGrabberOptions,
     ) -> Result<Self, OpenError> {
         let FrameGrabberOptions { period, capability } = options;
-        if !(SHORTEST_PERIOD..=LONGEST_PERIOD).contains(&period) {
-            return Err(OpenError::Period {
-                asked: period,
-                min: SHORTEST_PERIOD,
-                max: LONGEST_PERIOD,
-            });
-        }
+        check_period(period)?;
         match capability {
             Capability::Colour if device.frame_grabber_image().is_none() => {
                 return Err(OpenError::NoInterface("images in colour"));
