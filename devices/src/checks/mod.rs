@@ -122,6 +122,60 @@ pub const SINCE_4: &[(&str, Check)] = &[
     ("modes_and_loops_are_listed", modes_and_loops_are_listed),
 ];
 
+/// Hands the names in [`ALL`](crate::checks::ALL) to a macro, for tests that have one function per check.
+///
+/// `each_check_of_a_board! { my_macro! { its, first, words, } }`; more names may stand behind the inner braces.
+#[macro_export]
+macro_rules! each_check_of_a_board {
+    ($each:ident! { $($before:tt)* } $($after:ident),* $(,)?) => {
+        $each! {
+            $($before)*
+            axes_have_names,
+            readings_carry_fresh_times,
+            a_move_ends_at_its_target,
+            a_relative_move_adds_up,
+            a_group_move_leaves_the_others_alone,
+            a_new_target_replaces_the_old,
+            a_stop_ends_a_move,
+            a_bad_target_for_one_moves_none,
+            a_malformed_command_is_refused,
+            references_are_kept,
+            modes_are_kept,
+            position_moves_need_position_mode,
+            a_velocity_holds_until_told_otherwise,
+            a_velocity_ends_at_the_position_limit,
+            limits_are_kept,
+            direct_positions_are_followed,
+            torques_push_joints,
+            motor_torque_parameters_are_kept,
+            currents_push_joints,
+            duty_cycles_push_joints,
+            interactions_are_kept,
+            impedance_is_kept,
+            control_loops_keep_what_they_are_told,
+            motor_encoders_follow_the_joints,
+            motors_tell_what_they_are,
+            amplifiers_switch_joints_off,
+            calibration_is_done,
+            homing_brings_joints_home,
+            variables_are_kept,
+            a_joint_that_works_has_no_fault,
+            $($after),*
+        }
+    };
+}
+
+/// The same with those in [`SINCE_4`](crate::checks::SINCE_4) behind them.
+#[macro_export]
+macro_rules! each_check_of_a_board_of_4 {
+    ($each:ident! { $($before:tt)* }) => {
+        $crate::each_check_of_a_board! {
+            $each! { $($before)* }
+            direct_velocities_are_followed, brakes_hold, modes_and_loops_are_listed
+        }
+    };
+}
+
 /// There is at least one axis, each has a name of its own and a kind, and none comes after the last.
 pub fn axes_have_names(device: &dyn Device, patience: Duration) {
     let board = Board::new(device, patience);
