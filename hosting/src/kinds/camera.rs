@@ -4,20 +4,21 @@
 //! Source: `FakeFrameGrabber.cpp`, `FrameGrabber_nws_yarp.cpp` and `FrameGrabber_nwc_yarp.cpp` of YARP 3.5.
 
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::time::Duration;
 
 use yarp_devices::Intrinsics;
 use yarp_devices::camera::{CameraOptions, Pattern, Scene, SimulatedCamera};
 use yarp_ports::Network;
 use yarp_wire::PortName;
-use yarp_wire::settings::{Origin, Parameters};
+use yarp_wire::settings::Parameters;
 use yarp_wrappers::frame_grabber::Capability;
 use yarp_wrappers::{
     FrameGrabberOptions, FrameGrabberServer, RemoteFrameGrabber, RemoteFrameGrabberOptions,
 };
 
 use super::local::{self, Local};
+use super::on_ports::{OnPorts, check_period};
+use super::remote::cast;
 use super::{Opening, Outcome};
 use crate::{Attached, Future, HostError, Hosted};
 
@@ -112,15 +113,11 @@ pub(super) async fn remote(opening: Opening<'_>) -> Outcome {
         options = options.no_stream();
     }
     let network = opening.network.clone();
-    let opening = move || RemoteFrameGrabber::open(&network, options);
-    let opened = tokio::task::spawn_blocking(opening).await;
-    let opened = opened.unwrap_or_else(|panicked| std::panic::resume_unwind(panicked.into_panic()));
-    let camera = opened.map_err(|source| HostError::Open {
-        origin: parameters.origin().clone(),
-        device: parameters.device().to_owned(),
-        source: Box::new(source),
-    })?;
-    Ok(Box::new(Local::camera(Arc::new(camera))))
+    let camera = cast(parameters, move || {
+        RemoteFrameGrabber::open(&network, options)
+    })
+    .await?;
+    Ok(Box::new(Local::camera(camera)))
 }
 
 pub(super) async fn server(opening: Opening<'_>) -> Outcome {
@@ -128,9 +125,7 @@ pub(super) async fn server(opening: Opening<'_>) -> Outcome {
     let name: Option<PortName> = parameters.get("name")?;
     let mut options = FrameGrabberOptions::new();
     if let Some(period) = parameters.get::<Duration>("period")? {
-        if !(0.001..=60.0).contains(&period.as_secs_f64()) {
-            return Err(parameters.refuse("period", "0.001 to 60 seconds").into());
-        }
+        let period = check_period(parameters, period, "0.001 to 60 seconds")?;
         options = options.period(period);
     }
     options = match parameters.get::<String>("capabilities")?.as_deref() {
@@ -144,9 +139,7 @@ pub(super) async fn server(opening: Opening<'_>) -> Outcome {
         network: opening.network.clone(),
         name: name.map_or("/grabber".to_owned(), |name| name.to_string()),
         options,
-        device: parameters.device().to_owned(),
-        origin: parameters.origin().clone(),
-        running: None,
+        ports: OnPorts::of(parameters),
     }))
 }
 
@@ -155,17 +148,13 @@ struct Server {
     network: Network,
     name: String,
     options: FrameGrabberOptions,
-    device: String,
-    origin: Origin,
-    running: Option<FrameGrabberServer>,
+    ports: OnPorts<FrameGrabberServer>,
 }
 
 impl Hosted for Server {
     fn attach(&mut self, others: Vec<Attached>) -> Future<'_, Result<(), HostError>> {
         Box::pin(async move {
-            if self.running.is_some() {
-                return Err(HostError::Attached);
-            }
+            self.ports.check_free()?;
             let [other] = &others[..] else {
                 return Err(HostError::SeveralCameras { got: others.len() });
             };
@@ -175,31 +164,19 @@ impl Hosted for Server {
                 expected: "a camera",
             })?;
             let options = self.options.clone();
-            let opened = FrameGrabberServer::open(&self.network, camera, &self.name, options);
-            let running = opened.await.map_err(|source| HostError::Open {
-                origin: self.origin.clone(),
-                device: self.device.clone(),
-                source: Box::new(source),
-            })?;
-            self.running = Some(running);
-            Ok(())
+            let opening = FrameGrabberServer::open(&self.network, camera, &self.name, options);
+            self.ports.open(opening).await
         })
     }
 
     fn detach(&mut self) -> Future<'_, Result<(), HostError>> {
         Box::pin(async move {
-            if let Some(running) = self.running.take() {
-                running.close().await;
-            }
+            self.ports.close().await;
             Ok(())
         })
     }
 
     fn close(mut self: Box<Self>) -> Future<'static, ()> {
-        Box::pin(async move {
-            if let Some(running) = self.running.take() {
-                running.close().await;
-            }
-        })
+        Box::pin(async move { self.ports.close().await })
     }
 }

@@ -9,6 +9,7 @@ mod camera;
 mod fake_motion_control;
 mod hand;
 mod local;
+mod on_ports;
 mod remapper;
 mod remote;
 mod server;

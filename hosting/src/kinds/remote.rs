@@ -6,8 +6,9 @@ use std::time::Duration;
 use yarp_devices::Device;
 use yarp_wire::PortName;
 use yarp_wire::settings::Parameters;
-use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions};
+use yarp_wrappers::{OpenError, RemoteControlBoard, RemoteControlBoardOptions};
 
+use super::on_ports::not_opened;
 use super::{Opening, Outcome};
 use crate::{Future, HostError, Hosted, Parts};
 
@@ -64,16 +65,23 @@ pub(super) async fn connect(
 ) -> Result<Arc<RemoteControlBoard>, HostError> {
     let parameters = opening.parameters;
     let network = opening.network.clone();
-    let opened = tokio::task::spawn_blocking(move || RemoteControlBoard::open(&network, options));
-    let opened = opened
-        .await
-        .unwrap_or_else(|panicked| std::panic::resume_unwind(panicked.into_panic()));
-    let board = opened.map_err(|source| HostError::Open {
-        origin: parameters.origin().clone(),
-        device: parameters.device().to_owned(),
-        source: Box::new(source),
-    })?;
-    Ok(Arc::new(board))
+    cast(parameters, move || {
+        RemoteControlBoard::open(&network, options)
+    })
+    .await
+}
+
+/// Connects to a device of another program, on a thread that may wait.
+pub(super) async fn cast<D: Device + 'static>(
+    parameters: &Parameters,
+    open: impl FnOnce() -> Result<D, OpenError> + Send + 'static,
+) -> Result<Arc<D>, HostError> {
+    let opened = tokio::task::spawn_blocking(open).await;
+    let opened = opened.unwrap_or_else(|panicked| std::panic::resume_unwind(panicked.into_panic()));
+    let (origin, device) = (parameters.origin(), parameters.device());
+    Ok(Arc::new(
+        opened.map_err(|source| not_opened(origin, device, source))?,
+    ))
 }
 
 struct Remote(Arc<RemoteControlBoard>);

@@ -6,9 +6,9 @@ use std::time::Duration;
 use yarp_devices::Device;
 use yarp_ports::Network;
 use yarp_wire::PortName;
-use yarp_wire::settings::Origin;
 use yarp_wrappers::{ControlBoardOptions, ControlBoardServer};
 
+use super::on_ports::{OnPorts, check_period};
 use super::remapper::Mapping;
 use super::{Opening, Outcome};
 use crate::{Attached, Future, HostError, Hosted};
@@ -40,19 +40,14 @@ fn with_period(
     let name: PortName = parameters.need("name")?;
     let mut options = ControlBoardOptions::new();
     if let Some(period) = period {
-        if !(0.001..=60.0).contains(&period.as_secs_f64()) {
-            return Err(parameters.refuse("period", expected).into());
-        }
-        options = options.period(period);
+        options = options.period(check_period(parameters, period, expected)?);
     }
     Ok(Box::new(Server {
         network: opening.network.clone(),
         name: name.to_string(),
         options,
         networks,
-        device: parameters.device().to_owned(),
-        origin: parameters.origin().clone(),
-        running: None,
+        ports: OnPorts::of(parameters),
     }))
 }
 
@@ -63,48 +58,32 @@ struct Server {
     options: ControlBoardOptions,
     /// How it is made of several devices, if it is.
     networks: Option<Mapping>,
-    device: String,
-    origin: Origin,
-    running: Option<ControlBoardServer>,
+    ports: OnPorts<ControlBoardServer>,
 }
 
 impl Hosted for Server {
     fn attach(&mut self, others: Vec<Attached>) -> Future<'_, Result<(), HostError>> {
         Box::pin(async move {
-            if self.running.is_some() {
-                return Err(HostError::Attached);
-            }
+            self.ports.check_free()?;
             let board: Arc<dyn Device> = match &self.networks {
                 Some(networks) => networks.apply(others).await?,
                 None => only(others)?,
             };
             let options = self.options.clone();
-            let opened = ControlBoardServer::open(&self.network, board, &self.name, options);
-            let running = opened.await.map_err(|source| HostError::Open {
-                origin: self.origin.clone(),
-                device: self.device.clone(),
-                source: Box::new(source),
-            })?;
-            self.running = Some(running);
-            Ok(())
+            let opening = ControlBoardServer::open(&self.network, board, &self.name, options);
+            self.ports.open(opening).await
         })
     }
 
     fn detach(&mut self) -> Future<'_, Result<(), HostError>> {
         Box::pin(async move {
-            if let Some(running) = self.running.take() {
-                running.close().await;
-            }
+            self.ports.close().await;
             Ok(())
         })
     }
 
     fn close(mut self: Box<Self>) -> Future<'static, ()> {
-        Box::pin(async move {
-            if let Some(running) = self.running.take() {
-                running.close().await;
-            }
-        })
+        Box::pin(async move { self.ports.close().await })
     }
 }
 
