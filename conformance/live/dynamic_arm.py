@@ -7,9 +7,7 @@ Impedance, currents and variables, which change how this arm moves; duty cycles,
 elsewhere. Ends with 1 if any check failed.
 """
 
-import os
 import sys
-from importlib import metadata
 
 import yarp
 
@@ -95,18 +93,10 @@ def beside(driver):
 
 
 def main():
-    remote = sys.argv[1]
-    yarp.Network.init()
-    options = yarp.Property()
-    options.put("device", "remote_controlboard")
-    options.put("remote", remote)
-    options.put("local", f"/live-{os.getpid()}/arm")
-    driver = yarp.PolyDriver(options)
-    print(f"stock YARP {metadata.version('yarp-middleware')} against {remote}, an arm with masses")
-    if not check("remote_controlboard opens", driver.isValid()):
+    opened = board.cast(sys.argv[1], "an arm with masses")
+    if not opened:
         return 1
-    arm = board.Arm(driver)
-    check("a first state comes", eventually(lambda: arm.positions() is not None)[0])
+    driver, arm = opened
     check("all are in position mode", eventually(lambda: arm.mode_list() == [POSITION] * 7)[0], arm.mode_list())
     yielding(arm, driver)
     currents(arm, driver)

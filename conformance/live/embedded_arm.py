@@ -8,9 +8,7 @@ The protocol of the embedded PC has words for positions alone; what stock's clie
 client must live with that. The arm is left elsewhere. Ends with 1 if any check failed.
 """
 
-import os
 import sys
-from importlib import metadata
 
 import yarp
 
@@ -19,18 +17,10 @@ from remote_controlboard import POSITION, check, eventually, short
 
 
 def main():
-    remote = sys.argv[1]
-    yarp.Network.init()
-    options = yarp.Property()
-    options.put("device", "remote_controlboard")
-    options.put("remote", remote)
-    options.put("local", f"/live-{os.getpid()}/arm")
-    driver = yarp.PolyDriver(options)
-    print(f"stock YARP {metadata.version('yarp-middleware')} against {remote}, an arm behind its PC")
-    if not check("remote_controlboard opens", driver.isValid()):
+    opened = board.cast(sys.argv[1], "an arm behind its PC")
+    if not opened:
         return 1
-    arm = board.Arm(driver)
-    check("a first state comes", eventually(lambda: arm.positions() is not None)[0])
+    driver, arm = opened
     check("it has seven joints", arm.axes == 7, arm.axes)
     check("all are in position mode", eventually(lambda: arm.mode_list() == [POSITION] * 7)[0], arm.mode_list())
     check("it takes position mode", arm.set_mode(POSITION))

@@ -116,6 +116,24 @@ class Arm:
         return here is not None and all(abs(a - b) < CLOSE for a, b in zip(here, targets))
 
 
+def cast(remote, what, carrier=None):
+    """The client and the arm, once a first state has come; None if the client does not open."""
+    yarp.Network.init()
+    options = yarp.Property()
+    options.put("device", "remote_controlboard")
+    options.put("remote", remote)
+    options.put("local", f"/live-{os.getpid()}/arm")
+    if carrier:
+        options.put("carrier", carrier)
+    driver = yarp.PolyDriver(options)
+    print(f"stock YARP {metadata.version('yarp-middleware')} against {remote}, {what}")
+    if not check("remote_controlboard opens", driver.isValid()):
+        return None
+    arm = Arm(driver)
+    check("a first state comes", eventually(lambda: arm.positions() is not None)[0])
+    return driver, arm
+
+
 def identity(arm):
     check("axes", arm.axes >= 2, arm.axes)
     names = [arm.info.getAxisName(joint) for joint in arm.joints()]
@@ -436,18 +454,10 @@ def main():
     remote = sys.argv[1]
     carrier = sys.argv[2] if len(sys.argv) > 2 else "tcp"
     hertz = float(sys.argv[3]) if len(sys.argv) > 3 else 50.0
-    yarp.Network.init()
-    options = yarp.Property()
-    options.put("device", "remote_controlboard")
-    options.put("remote", remote)
-    options.put("local", f"/live-{os.getpid()}/arm")
-    options.put("carrier", carrier)
-    driver = yarp.PolyDriver(options)
-    print(f"stock YARP {metadata.version('yarp-middleware')} against {remote} over {carrier}")
-    if not check("remote_controlboard opens", driver.isValid()):
+    opened = cast(remote, f"over {carrier}", carrier)
+    if not opened:
         return 1
-    arm = Arm(driver)
-    check("a first state comes", eventually(lambda: arm.positions() is not None)[0])
+    driver, arm = opened
     identity(arm)
     timed(arm)
     modes(arm)
