@@ -15,6 +15,7 @@ import traceback
 from desktop import Desktop
 from motorgui import Motorgui
 from network import Network, Stock
+from view import View, quarters
 
 failed = 0
 
@@ -61,6 +62,23 @@ def drive_board(stock, part, parts, counts, steps):
         gui.close()
 
 
+VIEW = ["shows_the_camera", "original_size", "freezes", "tells_clicks", "saves", "goes_on_after_a_restart"]
+
+
+def drive_view(stock):
+    check = Checks(f"yarpview {stock.generation}")
+    source = os.path.join(work, "quarters.ppm")
+    quarters(source)
+    network.camera("--src", source)
+    view = View(desktop, network, stock, check)
+    try:
+        for name in VIEW:
+            step(check, view.picture.replace(".png", f"-{name}.png"), getattr(view, name))
+    finally:
+        view.close()
+        network.end("camera")
+
+
 STEPS = ["follows", "moves", "idles_and_runs", "modes", "gains", "whole", "homes", "sequence"]
 
 
@@ -71,7 +89,7 @@ if __name__ == "__main__":
     arguments.add_argument("--generation", action="append")
     arguments.add_argument("--part", default="/lab/arm")
     arguments = arguments.parse_args()
-    work = os.path.abspath("target/gui")
+    work = os.path.abspath("target/gui" + os.environ.get("GUI_OUT", ""))
     os.makedirs(work, exist_ok=True)
     import shutil
     shutil.rmtree(work); os.makedirs(work)
@@ -81,12 +99,14 @@ if __name__ == "__main__":
         "4.0.0": Stock("4.0.0", {"PATH": f"/root/y4/yarp-b/bin:{os.environ['PATH']}", "LD_LIBRARY_PATH": "/root/y4/yarp-b/lib:/root/y4/yarp-b/lib/yarp", "YARP_DATA_DIRS": "/root/y4/yarp-b/share/yarp"}, "/root/gui-src/b4"),
     }
     desktop = Desktop(work)
-    network = Network(arguments.yarp, work, 17910)
+    network = Network(arguments.yarp, work, int(os.environ.get("GUI_PORT", 17910)))
     try:
         network.arm()
         network.hand()
         for generation in arguments.generation or stocks:
-            if arguments.part == "/stock/arm":
+            if arguments.part == "view":
+                drive_view(stocks[generation])
+            elif arguments.part == "/stock/arm":
                 network.stock_board(stocks[generation])
                 print(drive_board(stocks[generation], "/stock/arm", ["/stock/arm"], False, arguments.steps.split(",")))
             else:
