@@ -186,6 +186,14 @@ class Part:
         subprocess.run(["xdotool", "mousemove", str(x + width // 2), str(y + height // 2), "click", "--repeat",
                         str(times), "--delay", "60", str(button)], check=True)
 
+    def drag(self, part):
+        """Takes a slider at its middle, where it must stand, and moves it by a part of its width."""
+        x, y, width, height = self.place()
+        begin, end = x + width // 2, x + int((0.5 + part) * width)
+        row = str(y + height // 2)
+        subprocess.run(["xdotool", "mousemove", str(begin), row, "mousedown", "1", "sleep", "0.3", "mousemove", str(end),
+                        row, "sleep", "0.3", "mouseup", "1"], check=True)
+
     @property
     def text(self):
         return self.desktop.atspi.Text.get_text(self.node, 0, -1)
@@ -204,7 +212,7 @@ class Part:
 
     def choose(self, item):
         """Opens a list of choices, and takes one."""
-        items = [entry.name for entry in self.all("list item", hidden=True)]
+        items = [entry.name for entry in self.all("list item")]
         self.click()
         time.sleep(0.4)
         self.desktop.type("Home", *["Down"] * items.index(item), "Return")

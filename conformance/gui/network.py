@@ -19,9 +19,6 @@ class Stock:
     def env(self):
         return {**os.environ, **self.environment, "YARP_FORWARD_LOG_ENABLE": "0"}
 
-    def run(self, command):
-        return subprocess.run(command, env=self.env(), capture_output=True, text=True, timeout=30)
-
 
 class Network:
     def __init__(self, yarp, work, port):
@@ -65,8 +62,12 @@ class Network:
 
     def stock_board(self, stock):
         """Stock's own simulated board with as many joints as the arm."""
-        self.launch("stock", ["yarpdev", "--device", "controlBoard_nws_yarp", "--subdevice", "fakeMotionControl",
-                              "--name", "/stock/arm", "--period", "0.02", "--GENERAL::Joints", "7"], stock.env())
+        devices = ["--device", "controlBoard_nws_yarp", "--subdevice", "fakeMotionControl"]
+        if stock.generation >= "4":
+            devices = ["--device", "deviceBundler", "--wrapper_device", "controlBoard_nws_yarp", "--attached_device",
+                       "fakeMotionControl"]
+        self.launch("stock", ["yarpdev", *devices, "--name", "/stock/arm", "--period", "0.02", "--GENERAL::Joints", "7"],
+                    stock.env())
         self.exists("/stock/arm/stateExt:o")
 
     def end(self, name, how=signal.SIGTERM):

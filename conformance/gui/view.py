@@ -48,6 +48,7 @@ class View:
             self.process.wait()
 
     def seen(self, what, condition, patience=40):
+        """Checks that something comes to be so."""
         try:
             until(what, condition, patience)
             self.check(what, True, True)
