@@ -7,7 +7,7 @@
 #                  deviceBundler: the libraries of the second; without these two variables they are built here
 #   YARP_GIT, YCM_GIT  where the sources come from: addresses, or folders with a bare repository
 #
-# Needs Debian 12 (apt-get). Takes five minutes on two cores, and half an hour if 4.0.0 is built, too.
+# Needs Debian 12 (apt-get). Takes about five minutes on two cores, and much longer if 4.0.0 is built, too.
 set -euo pipefail
 
 into=${1:?usage: install.sh FOLDER}

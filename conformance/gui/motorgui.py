@@ -42,8 +42,15 @@ class Motorgui:
             self.process.wait()
 
     def open(self):
-        self.application.one("push button", "OK").click()
-        self.window = self.application.one("frame", "Qt Robot Motor GUI.*")
+        self.application.one("push button", "OK")
+        def begun():
+            # A click that comes while the window manager still moves the dialog is lost.
+            button = self.application.any("push button", "OK")
+            if button is not None:
+                button.click()
+                time.sleep(1)
+            return self.application.any("frame", "Qt Robot Motor GUI.*")
+        self.window = until("the main window", begun)
         self.desktop.fill("Qt Robot Motor GUI")
         time.sleep(1)
 
