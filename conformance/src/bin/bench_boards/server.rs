@@ -17,6 +17,10 @@ pub(crate) enum Side {
     Stock4,
 }
 
+/// What serves a device, of each side, and stock's device.
+const BOARD: &str = "controlBoard_nws_yarp";
+const FAKE: &str = "fakeMotionControl";
+
 /// A board that runs until this is let go.
 #[derive(Debug)]
 pub(crate) struct Server {
@@ -44,22 +48,23 @@ impl Server {
             }
         };
         match side {
-            Side::Ours => command.args(["dev", "--subdevice", "simulatedWam"]),
-            Side::Stock => command.args(["yarpdev", "--subdevice", "fakeMotionControl"]),
-            Side::Stock4 => command.args(["--subdevice", "fakeMotionControl"]),
+            Side::Ours => command.args(["dev", "--device", BOARD, "--subdevice", "simulatedWam"]),
+            Side::Stock => command.args(["yarpdev", "--device", BOARD, "--subdevice", FAKE]),
+            // 4.0 does not take the short form any more.
+            Side::Stock4 => command.args([
+                "--device",
+                "deviceBundler",
+                "--wrapper_device",
+                BOARD,
+                "--attached_device",
+                FAKE,
+            ]),
         };
         if side != Side::Ours {
             command.args(["--GENERAL::Joints", "7"]);
         }
         let seconds = period.as_secs_f64().to_string();
-        command.args([
-            "--device",
-            "controlBoard_nws_yarp",
-            "--name",
-            &name,
-            "--period",
-            &seconds,
-        ]);
+        command.args(["--name", &name, "--period", &seconds]);
         let child = command
             .stdout(Stdio::null())
             .stderr(Stdio::null())
