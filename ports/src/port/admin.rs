@@ -88,7 +88,7 @@ impl Core {
             }
             AdminRequest::Get(direction, name) => self.parameters(direction, name),
             AdminRequest::GetProperty(key) => self.property(key),
-            AdminRequest::SetProperty(key, values) => self.set_property(key, values),
+            AdminRequest::SetProperty(key, values) => self.set_property(key, values).await,
             AdminRequest::UnknownProperty => fail("property action not known"),
             AdminRequest::Attach(None, _) => {
                 fail("attach command must be followed by [out] or [in]")
@@ -303,9 +303,9 @@ impl Core {
         }
     }
 
-    fn set_property(&self, key: String, values: Bottle) -> Bottle {
+    async fn set_property(&self, key: String, values: Bottle) -> Bottle {
         if key.starts_with('/') {
-            return self.set_connection_properties(&key, &values);
+            return self.set_connection_properties(&key, &values).await;
         }
         let mut properties = self.properties();
         if let Some(entry) = properties.iter_mut().find(|(name, _)| *name == key) {
