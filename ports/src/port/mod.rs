@@ -15,7 +15,7 @@
 //! | `log` | copies of what arrives for those who look on |
 //! | `counters` | what passed |
 //! | `monitor` | what messages pass on their way |
-//! | `qos` | how urgent the packets of a connection are |
+//! | `qos`, `own_thread` | how urgent the packets and the thread of a connection are |
 
 mod admin;
 mod batch;
@@ -35,6 +35,7 @@ mod monitor;
 mod options;
 mod outbox;
 mod output;
+pub(crate) mod own_thread;
 mod picture;
 mod pull;
 mod qos;

@@ -14,6 +14,7 @@ use yarp_wire::message::{Command, Payload};
 use super::batch::Batch;
 use super::counters::{Newest, Traffic};
 use super::encoded::Form;
+use super::own_thread::OwnThread;
 
 /// What becomes of a request.
 pub(crate) type Outcome = Result<Option<Payload>, Arc<str>>;
@@ -60,6 +61,10 @@ struct State {
     closed: Option<Arc<str>>,
     traffic: Traffic,
     newest: Newest,
+    /// The thread that the connection was given.
+    thread: Option<Arc<OwnThread>>,
+    /// Whether who sends has yet to look at `thread`.
+    moves: bool,
 }
 
 /// In what form messages wait.
@@ -151,6 +156,8 @@ impl Outbox {
                 closed: None,
                 traffic: Traffic::default(),
                 newest: Newest::default(),
+                thread: None,
+                moves: false,
             }),
             filled: Notify::new(),
             changed: Notify::new(),
@@ -360,18 +367,41 @@ impl Outbox {
         }
     }
 
-    /// Exchanges an empty batch for all that is to be sent.
-    pub(crate) fn take(&self, empty: &mut Batch) {
-        if let Line::Stream(_, batch) = &mut self.state().line {
+    /// Exchanges an empty batch for all that is to be sent; tells, once, when the connection shall move.
+    pub(crate) fn take(&self, empty: &mut Batch) -> bool {
+        let mut state = self.state();
+        if let Line::Stream(_, batch) = &mut state.line {
             std::mem::swap(batch, empty);
         }
+        std::mem::take(&mut state.moves)
     }
 
-    /// Moves all messages that are to be sent behind those that `messages` holds.
-    pub(crate) fn take_datagrams(&self, messages: &mut VecDeque<Bytes>) {
-        if let Line::Datagrams(_, waiting) = &mut self.state().line {
+    /// Moves all messages that are to be sent behind those that `messages` holds; tells, once, when
+    /// the connection shall move.
+    pub(crate) fn take_datagrams(&self, messages: &mut VecDeque<Bytes>) -> bool {
+        let mut state = self.state();
+        if let Line::Datagrams(_, waiting) = &mut state.line {
             messages.append(waiting);
         }
+        std::mem::take(&mut state.moves)
+    }
+
+    /// Has the connection move, unless it was given a thread before; gives the one that it has now.
+    pub(crate) fn give(&self, thread: Arc<OwnThread>) -> Arc<OwnThread> {
+        let mut state = self.state();
+        if let Some(has) = &state.thread {
+            return has.clone();
+        }
+        state.thread = Some(thread.clone());
+        state.moves = true;
+        drop(state);
+        self.filled.notify_one();
+        thread
+    }
+
+    /// The connection's own thread, if it was given one.
+    pub(crate) fn thread(&self) -> Option<Arc<OwnThread>> {
+        self.state().thread.clone()
     }
 
     /// The next message for a reader in this process.
