@@ -197,7 +197,7 @@ impl<const N: usize> Shared<N> {
     }
 
     fn run(&self, period: Duration) {
-        let mut pace = Pace::new(period);
+        let mut pace = Pace::unhurried(period);
         while pace.wait(|| self.ending.load(Ordering::Acquire)) {
             // After a pause of the machine a motion goes on from where it was: it does not jump.
             self.lock().cycle(self, period.as_secs_f64());
