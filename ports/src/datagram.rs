@@ -3,6 +3,8 @@
 use std::cell::RefCell;
 use std::io;
 use std::net::{Ipv4Addr, SocketAddrV4};
+use std::os::fd::AsFd;
+use std::sync::Arc;
 
 use socket2::{Domain, Protocol, Socket, Type};
 use tokio::net::UdpSocket;
@@ -17,6 +19,14 @@ const SEND_BUFFER: usize = 4 << 20;
 /// A socket to read from, on a port that the system chooses.
 pub(crate) fn reader() -> io::Result<UdpSocket> {
     bound(SocketAddrV4::new(Ipv4Addr::UNSPECIFIED, 0), |_| Ok(()))
+}
+
+/// The same socket, waited for by the runtime that this is called in; where that cannot be had, by
+/// the one before.
+pub(crate) fn renewed(socket: &Arc<UdpSocket>) -> Arc<UdpSocket> {
+    let copied = socket.as_fd().try_clone_to_owned();
+    let renewed = copied.and_then(|copy| UdpSocket::from_std(copy.into()));
+    renewed.map_or_else(|_| socket.clone(), Arc::new)
 }
 
 thread_local! {

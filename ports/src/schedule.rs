@@ -1,8 +1,9 @@
 //! How the threads of this process are scheduled.
 //!
-//! Connections are tasks: which thread runs one, and which waits for its bytes, the runtime decides
-//! anew each time. So a policy is for all threads of the process or for none. Threads that begin
-//! later begin like the one that starts them.
+//! A policy is for all threads of the process, or for the thread of one connection
+//! ([`OwnThread`](crate::port::own_thread::OwnThread)). Threads that begin later begin like the one that
+//! starts them; but a priority in real time of one connection is not handed on (`SCHED_RESET_ON_FORK`,
+//! see sched(7)).
 //!
 //! Policies have the system's numbers: 0 is the usual one, 1 and 2 are for real time (`SCHED_FIFO`,
 //! `SCHED_RR`, with priorities 1 to 99), 3 is for batches, 5 for when nothing else runs.
@@ -25,13 +26,18 @@ pub(crate) struct Schedule {
 impl Schedule {
     /// That of the thread that asks.
     pub(crate) fn now() -> io::Result<Self> {
+        Self::of(0)
+    }
+
+    /// That of a thread of this process; 0 is the one that asks.
+    pub(crate) fn of(thread: i32) -> io::Result<Self> {
         let mut parameters = libc::sched_param { sched_priority: 0 };
         // SAFETY: takes a number.
-        let policy = checked(unsafe { libc::sched_getscheduler(0) })?;
+        let policy = checked(unsafe { libc::sched_getscheduler(thread) })?;
         // SAFETY: `parameters` is what is asked for, and lives longer than the call.
-        checked(unsafe { libc::sched_getparam(0, &raw mut parameters) })?;
+        checked(unsafe { libc::sched_getparam(thread, &raw mut parameters) })?;
         Ok(Self {
-            policy,
+            policy: policy & !libc::SCHED_RESET_ON_FORK,
             priority: parameters.sched_priority,
         })
     }
@@ -57,6 +63,23 @@ impl Schedule {
                 done.insert(thread);
             }
         }
+    }
+
+    /// As [`Schedule::give`] for the thread that asks; tells its number.
+    pub(crate) fn take_on(self) -> io::Result<i32> {
+        self.give(0)?;
+        // SAFETY: takes nothing, and cannot fail.
+        Ok(unsafe { libc::gettid() })
+    }
+
+    /// Gives it to one thread, 0 being the one that asks; a priority in real time not to those that it
+    /// starts.
+    pub(crate) fn give(self, thread: i32) -> io::Result<()> {
+        let alone = Self {
+            policy: self.policy | libc::SCHED_RESET_ON_FORK,
+            ..self
+        };
+        alone.set_one(thread)
     }
 
     fn set_one(self, thread: i32) -> io::Result<()> {

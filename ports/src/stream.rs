@@ -3,6 +3,7 @@
 use std::future::Future;
 use std::io::{self, IoSlice, Read};
 use std::os::fd::{AsFd, BorrowedFd};
+use std::sync::Arc;
 use std::time::Duration;
 
 use bytes::{BufMut, BytesMut};
@@ -79,6 +80,24 @@ impl Socket {
             Self::Tcp(stream) => Some(stream),
             Self::Unix(_) | Self::Shmem(_) => None,
         }
+    }
+}
+
+impl Socket {
+    /// The same socket, waited for by the runtime that this is called in. Where that cannot be had it
+    /// is waited for as before; shared memory always is.
+    pub(crate) fn renewed(self: &Arc<Self>) -> Arc<Self> {
+        let copied = || self.as_fd().try_clone_to_owned();
+        let renewed = match &**self {
+            Self::Tcp(_) => copied()
+                .and_then(|copy| TcpStream::from_std(copy.into()))
+                .map(Self::Tcp),
+            Self::Unix(_) => copied()
+                .and_then(|copy| UnixStream::from_std(copy.into()))
+                .map(Self::Unix),
+            Self::Shmem(_) => return self.clone(),
+        };
+        renewed.map_or_else(|_| self.clone(), Arc::new)
     }
 }
 

@@ -93,15 +93,15 @@ async fn a_schedule_that_stays_as_it_is_is_no_obstacle() {
 }
 
 #[tokio::test]
-async fn single_connections_are_not_scheduled_and_nothing_else_is_changed_then() {
+async fn where_a_schedule_cannot_be_had_nothing_else_is_changed() {
     let (writer, _reader) = pair("tcp").await;
     let mut admin = Admin::of(&writer).await;
-    let no_thread = "[fail] \"a connection of this port has no thread of its own to schedule: \
-        set `process` of the port itself, for all threads of its process\"";
+    let no_policy = "[fail] \"cannot schedule this connection: Invalid argument (os error 22): \
+        there is no such policy, or it has no such priority\"";
     for (request, answer) in [
         (
-            "[set] /rd (sched ((priority 5) (policy 1))) (qos ((tos 40)))",
-            no_thread,
+            "[set] /rd (sched ((priority 5) (policy 0))) (qos ((tos 40)))",
+            no_policy,
         ),
         ("[get] /rd", &of_output(0)),
         ("[set] /wr (process)", "[fail]"),

@@ -15,8 +15,8 @@ use crate::text::complain;
 ///
 /// `get SOURCE DESTINATION [--src|--des] [--policy|--policy-label|--priority]` tells it; `set SOURCE
 /// DESTINATION --src|--des POL:POLICY` sets the policy, a number or SCHED_OTHER, SCHED_FIFO or
-/// SCHED_RR, and `PRT:NUMBER` the priority. Ports of ours refuse: their connections have no threads
-/// of their own.
+/// SCHED_RR, and `PRT:NUMBER` the priority. A connection of a port of ours gets a thread of its own with
+/// that; where the system does not allow it, nothing changes, and the port says what to try.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// What to do, and with which connection

@@ -88,7 +88,7 @@ impl Core {
             }
             AdminRequest::Get(direction, name) => self.parameters(direction, name),
             AdminRequest::GetProperty(key) => self.property(key),
-            AdminRequest::SetProperty(key, values) => self.set_property(key, values),
+            AdminRequest::SetProperty(key, values) => self.set_property(key, values).await,
             AdminRequest::UnknownProperty => fail("property action not known"),
             AdminRequest::Attach(None, _) => {
                 fail("attach command must be followed by [out] or [in]")
@@ -98,6 +98,11 @@ impl Core {
             AdminRequest::Detach(Some(direction)) => {
                 self.attached(direction).1.put(None);
                 ok()
+            }
+            // Also if it answers in 4.0: a caller of ours has asked what it will be answered in, and
+            // is not to be taken for one of stock's 4.0 (`probe.rs`).
+            AdminRequest::Process => {
+                Bottle::from_iter([1.into(), "".into(), (std::process::id() as i32).into()])
             }
             AdminRequest::Other(request) => {
                 let own = self
@@ -298,9 +303,9 @@ impl Core {
         }
     }
 
-    fn set_property(&self, key: String, values: Bottle) -> Bottle {
+    async fn set_property(&self, key: String, values: Bottle) -> Bottle {
         if key.starts_with('/') {
-            return self.set_connection_properties(&key, &values);
+            return self.set_connection_properties(&key, &values).await;
         }
         let mut properties = self.properties();
         if let Some(entry) = properties.iter_mut().find(|(name, _)| *name == key) {

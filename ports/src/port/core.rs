@@ -16,6 +16,7 @@ use super::log;
 use super::monitor::{Arbiter, Attached, Chain, MonitorError, MonitorSide, is_modifier};
 use super::options::{ConnectionChange, Input, Outputs, PortOptions};
 use super::output::{Output, Target};
+use super::own_thread::Steering;
 use super::qos::SocketHandle;
 use crate::cancel::{Cancel, Cancelled, join};
 use crate::error::{PortError, resolve};
@@ -67,8 +68,8 @@ pub(crate) struct InputEntry {
     pub(crate) meter: Arc<Meter>,
     /// What its messages pass, if anything.
     pub(super) monitors: Option<Arc<Chain>>,
-    /// Ends it.
-    pub(super) cancel: Cancel,
+    /// Ends it, or has it move to a thread of its own.
+    pub(super) steering: Steering,
 }
 
 /// A place in the port's list of connections, given back on drop, also by a handler's panic.
@@ -379,7 +380,7 @@ impl Core {
         let inputs = self.inputs();
         let mut found = false;
         for entry in inputs.iter().filter(|entry| entry.from == name) {
-            entry.cancel.cancel();
+            entry.steering.end();
             found = true;
         }
         found
@@ -430,7 +431,7 @@ impl Core {
             if same().any(|other| other.id > entry.id) {
                 return false;
             }
-            same().for_each(|other| other.cancel.cancel());
+            same().for_each(|other| other.steering.end());
         }
         inputs.push(entry);
         drop(inputs);

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bytes::BytesMut;
-use tokio::net::TcpStream;
+use tokio::net::{TcpStream, UdpSocket};
 use tokio::sync::oneshot;
 use yarp_wire::carrier::{Carrier, Framing, Sender, Transport};
 use yarp_wire::connection::{
@@ -25,14 +25,16 @@ use super::log::{self, Copied};
 use super::monitor::{Chain, MonitorError, MonitorSide};
 use super::options::{Input, Serving};
 use super::output::{Output, Way};
+use super::own_thread::{OwnThread, Steered, Steering};
 use super::qos::SocketHandle;
 use super::received::{Answer, Received, Reply, Responder};
 use super::silent;
 use crate::auth;
 use crate::busy::BusyPoll;
-use crate::cancel::{Cancel, Cancelled};
+use crate::cancel::Cancelled;
 use crate::datagram;
 use crate::error::story;
+use crate::probe;
 use crate::roles::{self, Peer, Right, Rights};
 use crate::stream::{self, Inflow, Socket};
 use crate::{shmem, unix};
@@ -62,7 +64,7 @@ pub(super) async fn serve(
             return;
         }
     }
-    let (cancel, mut displaced) = Cancel::new();
+    let (steering, steered) = Steering::new();
     let mut connection = Connection {
         acceptor: Acceptor::new(core.number, core.options.dialect, Limits::DEFAULT),
         core: core.clone(),
@@ -72,7 +74,10 @@ pub(super) async fn serve(
         greeting: 0,
         number,
         entry: None,
-        cancel: Some(cancel),
+        steering: Some(steering),
+        steered,
+        moved: false,
+        datagrams: None,
         sender: Sender::plain(""),
         from: "".into(),
         address,
@@ -83,41 +88,9 @@ pub(super) async fn serve(
         rights: (0, Rights::ALL),
         caller,
     };
-    // A message that is being answered when the port closes gets its answer, if it is not long.
-    let out_of_patience = async {
-        closing.cancelled().await;
-        tokio::time::sleep(GOODBYE).await;
-    };
-    let end = tokio::select! {
-        end = connection.run() => end,
-        () = displaced.cancelled() => End::Closed,
-        // Whatever comes of it: the place is given to somebody else.
-        _ = async { farewell.as_mut().expect("it is there").await }, if farewell.is_some() => {
-            End::Closed
-        }
-        () = out_of_patience => End::Closed,
-    };
-    connection.entry = None;
-    let from = &connection.sender.name;
-    match end {
-        End::Closed => {}
-        End::Broken(error) => {
-            tracing::warn!(port = %core.name, from, "dropping a connection: {error}");
-        }
-        End::Refused(error) => {
-            tracing::warn!(port = %core.name, from, "refusing a connection: {error}");
-        }
-        End::Failed(error) => {
-            tracing::debug!(port = %core.name, from, "a connection failed: {error}");
-        }
-        End::NotAllowed(right) => {
-            let text = connection.refusal(right);
-            tracing::warn!(port = %core.name, from, "dropping a connection: {text}");
-        }
-        End::Reversed => connection.into_output(),
-        End::Gone(reason) => {
-            tracing::info!(port = %core.name, from, "a silent writer is gone: {reason}");
-        }
+    match connection.attend(&mut farewell).await {
+        End::Moved(thread) => Box::pin(connection.move_to(&thread, farewell)).await,
+        end => connection.end(end),
     }
 }
 
@@ -137,6 +110,8 @@ pub(super) enum End {
     NotAllowed(Right),
     /// Nothing came any more, and the peer is not there.
     Gone(String),
+    /// It goes on on this thread.
+    Moved(Arc<OwnThread>),
 }
 
 impl From<io::Error> for End {
@@ -157,8 +132,13 @@ pub(super) struct Connection {
     pub(super) number: u64,
     /// The place in the port's list, once the header is done with.
     entry: Option<Entry>,
-    /// Ends this connection; goes to the port's list with the entry.
-    cancel: Option<Cancel>,
+    /// Goes to the port's list with the entry.
+    steering: Option<Steering>,
+    steered: Steered,
+    /// It is on a thread of its own already.
+    moved: bool,
+    /// What its messages come on, if they come as datagrams.
+    datagrams: Option<Box<Datagrams>>,
     pub(super) sender: Sender,
     /// The sender's name, as its messages carry it.
     pub(super) from: Arc<str>,
@@ -196,10 +176,92 @@ enum Step {
     Command(Command, Payload),
 }
 
+/// Where datagrams arrive and become messages.
+struct Datagrams {
+    socket: Arc<UdpSocket>,
+    reader: DatagramReader,
+}
+
 impl Connection {
+    /// Serves until the end, or until the connection shall move.
+    async fn attend(&mut self, farewell: &mut Option<Farewell>) -> End {
+        let (mut steered, mut closing) = (self.steered.clone(), self.closing.clone());
+        // A message that is being answered when the port closes gets its answer, if it is not long.
+        let out_of_patience = async {
+            closing.cancelled().await;
+            tokio::time::sleep(GOODBYE).await;
+        };
+        tokio::select! {
+            end = self.run() => end,
+            () = steered.ended() => End::Closed,
+            // Whatever comes of it: the place is given to somebody else.
+            _ = async { farewell.as_mut().expect("it is there").await }, if farewell.is_some() => {
+                End::Closed
+            }
+            () = out_of_patience => End::Closed,
+        }
+    }
+
+    /// Goes on on a thread of its own, until the end.
+    async fn move_to(mut self, thread: &OwnThread, mut farewell: Option<Farewell>) {
+        self.moved = true;
+        let begin = move || {
+            let socket = self.renew();
+            let running = async move {
+                let end = self.attend(&mut farewell).await;
+                self.end(end);
+            };
+            (socket, running)
+        };
+        let _ = thread.run(begin).await;
+    }
+
+    /// Has its sockets waited for by the runtime that this is called in.
+    fn renew(&mut self) -> SocketHandle {
+        self.stream = self.stream.renewed();
+        let socket = match &mut self.datagrams {
+            None => SocketHandle::of(&self.stream),
+            Some(datagrams) => {
+                datagrams.socket = datagram::renewed(&datagrams.socket);
+                SocketHandle::of(&datagrams.socket)
+            }
+        };
+        self.goes_on_over(socket.clone());
+        socket
+    }
+
+    fn end(mut self, end: End) {
+        self.entry = None;
+        let (port, from) = (&self.core.name, &self.sender.name);
+        match end {
+            // Nobody moves twice.
+            End::Closed | End::Moved(_) => {}
+            End::Broken(error) => {
+                tracing::warn!(%port, from, "dropping a connection: {error}");
+            }
+            End::Refused(error) => {
+                tracing::warn!(%port, from, "refusing a connection: {error}");
+            }
+            End::Failed(error) => {
+                tracing::debug!(%port, from, "a connection failed: {error}");
+            }
+            End::NotAllowed(right) => {
+                let text = self.refusal(right);
+                tracing::warn!(%port, from, "dropping a connection: {text}");
+            }
+            End::Reversed => self.into_output(),
+            End::Gone(reason) => {
+                tracing::info!(%port, from, "a silent writer is gone: {reason}");
+            }
+        }
+    }
+
     /// What comes seldom and takes much room while it runs stands in boxes here, so that a
     /// connection at rest is small.
     async fn run(&mut self) -> End {
+        if self.datagrams.is_some() {
+            return Box::pin(self.run_watched(None)).await;
+        }
         loop {
             loop {
                 let next = match self.acceptor.poll(&mut self.input.bytes, &mut self.output) {
@@ -212,7 +274,13 @@ impl Connection {
                         carrier,
                         sender,
                         group,
-                    })) => self.begin(carrier, sender, group),
+                    })) => {
+                        let next = self.begin(carrier, sender, group);
+                        if self.may_want_replies(&next, carrier) {
+                            Box::pin(self.ask_generation()).await;
+                        }
+                        next
+                    }
                     Ok(Some(Event::Browser(request))) => Box::pin(self.browse(request)).await,
                     Ok(None) => break,
                     Err(error) => {
@@ -256,6 +324,7 @@ impl Connection {
                 biased;
                 () = self.closing.cancelled() => return End::Closed,
                 read = self.input.read(&self.stream, missing) => read,
+                thread = self.steered.thread(), if !self.moved => return End::Moved(thread),
             };
             match read {
                 Ok(0) => return End::Closed,
@@ -288,12 +357,12 @@ impl Connection {
 
     fn go_over(&mut self, socket: Socket) {
         self.stream = Arc::new(socket);
-        self.moved(SocketHandle::of(&self.stream));
+        self.goes_on_over(SocketHandle::of(&self.stream));
         self.input = Inflow::default();
     }
 
     /// The connection goes on over another socket.
-    fn moved(&self, socket: SocketHandle) {
+    fn goes_on_over(&self, socket: SocketHandle) {
         if let Some(entry) = &self.entry {
             self.core.move_input(entry.id, socket);
         }
@@ -313,36 +382,27 @@ impl Connection {
     /// Serves what comes as datagrams: to the group, or to a socket that the peer is told of.
     /// The peer ends it by a message to the port, or by another connection of the same name.
     async fn run_datagrams(&mut self, group: Option<SocketAddrV4>) -> End {
-        let local = self
-            .stream
-            .tcp()
-            .and_then(|stream| stream.local_addr().ok());
-        let opening = match (group, local.map(|address| address.ip())) {
-            (Some(group), Some(IpAddr::V4(local))) => datagram::group_reader(group, local),
-            _ => datagram::reader(),
+        let mut datagrams = match self.datagrams.take() {
+            Some(datagrams) => datagrams,
+            None => match self.open_datagrams(group).await {
+                Ok(datagrams) => datagrams,
+                Err(error) => return error.into(),
+            },
         };
-        let socket = match opening {
-            Ok(socket) => Arc::new(socket),
-            Err(error) => return error.into(),
-        };
-        self.moved(SocketHandle::of(&socket));
-        if group.is_none() {
-            let number = socket.local_addr().map_or(0, |address| address.port());
-            header_reply(number, &mut self.output);
-        }
-        if let Err(error) = stream::write_all(&self.stream, &mut self.output).await {
-            return error.into();
-        }
-        let mut reader = DatagramReader::new(self.acceptor.dialect(), Limits::DEFAULT);
         loop {
+            let Datagrams { socket, reader } = &mut *datagrams;
             let ready = tokio::select! {
                 biased;
                 () = self.closing.cancelled() => return End::Closed,
                 ready = socket.readable() => ready,
+                thread = self.steered.thread(), if !self.moved => {
+                    self.datagrams = Some(datagrams);
+                    return End::Moved(thread);
+                }
             };
             let dropped = reader.dropped();
-            let received = ready
-                .and_then(|()| datagram::receive(&socket, |datagram| reader.receive(datagram)));
+            let received =
+                ready.and_then(|()| datagram::receive(socket, |datagram| reader.receive(datagram)));
             let message = match received {
                 Ok(message) => message.unwrap_or(Ok(None)),
                 Err(error) => return error.into(),
@@ -365,6 +425,26 @@ impl Connection {
                 }
             }
         }
+    }
+
+    async fn open_datagrams(&mut self, group: Option<SocketAddrV4>) -> io::Result<Box<Datagrams>> {
+        let local = self
+            .stream
+            .tcp()
+            .and_then(|stream| stream.local_addr().ok());
+        let socket = match (group, local.map(|address| address.ip())) {
+            (Some(group), Some(IpAddr::V4(local))) => datagram::group_reader(group, local),
+            _ => datagram::reader(),
+        };
+        let socket = Arc::new(socket?);
+        self.goes_on_over(SocketHandle::of(&socket));
+        if group.is_none() {
+            let number = socket.local_addr().map_or(0, |address| address.port());
+            header_reply(number, &mut self.output);
+        }
+        stream::write_all(&self.stream, &mut self.output).await?;
+        let reader = DatagramReader::new(self.acceptor.dialect(), Limits::DEFAULT);
+        Ok(Box::new(Datagrams { socket, reader }))
     }
 
     /// Tells a peer that speaks no carrier of ours what it may try.
@@ -418,6 +498,26 @@ impl Connection {
         }
     }
 
+    /// Whether a peer that has just come may be replied to in a form that its generation has to be known for.
+    fn may_want_replies(&self, next: &Next, carrier: &Carrier) -> bool {
+        let replies = match &self.core.options.input {
+            Input::Discard => false,
+            Input::Queue(_, serving) => *serving == Serving::Replies,
+            Input::Handler(_) => true,
+        };
+        let goes_on = !matches!(next, Next::Stop(_) | Next::Datagrams(_));
+        replies && goes_on && carrier.framing.is_binary() && is_port(&self.sender.name)
+    }
+
+    /// Asks a port that comes which generation it is of, while it waits for the answer to its header.
+    /// Later is too late: a port of stock's takes no connection while it waits for a reply.
+    async fn ask_generation(&mut self) {
+        let core = self.core.clone();
+        if let Some(dialect) = probe::caller(&self.sender.name, &core.network).await {
+            self.acceptor.assume(dialect);
+        }
+    }
+
     /// Takes note of the connection; `false` if there is a younger one of the same name.
     fn opened(&mut self, carrier: &'static Carrier) -> Result<bool, MonitorError> {
         self.spoke();
@@ -443,7 +543,7 @@ impl Connection {
             socket: SocketHandle::of(&self.stream),
             meter: self.meter.clone(),
             monitors: monitors.clone(),
-            cancel: self.cancel.take().expect("a header comes once"),
+            steering: self.steering.take().expect("a header comes once"),
         });
         if !noted {
             return Ok(false);
@@ -706,7 +806,14 @@ impl Connection {
         let output = Output::start(
             &self.sender.name,
             initiator.carrier().name.to_owned(),
-            Way::Stream(self.stream, self.input),
+            // Perhaps it is on a thread that ends with it.
+            Way::Stream(
+                match self.moved {
+                    true => self.stream.renewed(),
+                    false => self.stream,
+                },
+                self.input,
+            ),
             initiator,
             self.core.cancelled.clone(),
         );

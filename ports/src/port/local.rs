@@ -18,9 +18,10 @@ use super::log;
 use super::monitor::{Chain, MonitorSide};
 use super::outbox::{Outbox, Parcel};
 use super::output::Output;
+use super::own_thread::{Steered, Steering};
 use super::qos::SocketHandle;
 use super::received::Received;
-use crate::cancel::{Cancel, Cancelled};
+use crate::cancel::Cancelled;
 use crate::error::PortError;
 use crate::network::Place;
 
@@ -62,7 +63,7 @@ pub(super) fn connect(
     })?;
     let ends = (writer.name.as_str(), reader.name.as_str());
     let monitors = reader.monitors(&spec.modifiers, MonitorSide::Receive, ends)?;
-    let (cancel, displaced) = Cancel::new();
+    let (steering, displaced) = Steering::new();
     let meter = Arc::<Meter>::default();
     let sender = Sender {
         name: writer.name.clone(),
@@ -77,7 +78,7 @@ pub(super) fn connect(
         socket: SocketHandle::none(),
         meter: meter.clone(),
         monitors: monitors.clone(),
-        cancel,
+        steering,
     });
     let outbox = Arc::new(Outbox::new(None));
     let way = Local {
@@ -116,7 +117,7 @@ struct Local {
     from: Arc<str>,
     meter: Arc<Meter>,
     /// Another connection of the same name takes its place, or the reader drops it.
-    displaced: Cancelled,
+    displaced: Steered,
     /// The reader closes.
     closing: Cancelled,
     /// The writer closes.
@@ -130,7 +131,7 @@ impl Local {
         let mut cancelled = self.cancelled.clone();
         let reason = tokio::select! {
             biased;
-            () = displaced.cancelled() => "the reader closed it",
+            () = displaced.ended() => "the reader closed it",
             () = closing.cancelled() => "the reader closed",
             () = cancelled.cancelled() => "the port closed",
             end = self.deliver() => end,

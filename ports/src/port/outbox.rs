@@ -14,6 +14,7 @@ use yarp_wire::message::{Command, Payload};
 use super::batch::Batch;
 use super::counters::{Newest, Traffic};
 use super::encoded::Form;
+use super::own_thread::OwnThread;
 
 /// What becomes of a request.
 pub(crate) type Outcome = Result<Option<Payload>, Arc<str>>;
@@ -45,6 +46,8 @@ pub(crate) struct Outbox {
 struct State {
     line: Line,
     queued: usize,
+    /// Messages put in since `queued` was last 0.
+    waiting: usize,
     /// Whether monitors see messages first.
     monitored: bool,
     /// Messages that the monitors have not seen; their weight is in `queued`.
@@ -58,6 +61,10 @@ struct State {
     closed: Option<Arc<str>>,
     traffic: Traffic,
     newest: Newest,
+    /// The thread that the connection was given.
+    thread: Option<Arc<OwnThread>>,
+    /// Whether who sends has yet to look at `thread`.
+    moves: bool,
 }
 
 /// In what form messages wait.
@@ -140,6 +147,7 @@ impl Outbox {
             state: Mutex::new(State {
                 line,
                 queued: 0,
+                waiting: 0,
                 monitored: false,
                 staged: VecDeque::new(),
                 unfinished: VecDeque::new(),
@@ -148,6 +156,8 @@ impl Outbox {
                 closed: None,
                 traffic: Traffic::default(),
                 newest: Newest::default(),
+                thread: None,
+                moves: false,
             }),
             filled: Notify::new(),
             changed: Notify::new(),
@@ -298,10 +308,12 @@ impl Outbox {
         }
     }
 
-    /// Whether an earlier message is still on its way.
-    pub(crate) fn is_busy(&self) -> bool {
+    /// Whether more than so many earlier messages are still on their way.
+    pub(crate) fn is_behind(&self, messages: usize) -> bool {
         let state = self.state();
-        state.queued > 0 || !state.unfinished.is_empty()
+        let waiting = state.waiting + state.staged.len();
+        let queued = state.queued > 0 && (messages == 0 || waiting > messages);
+        queued || state.unfinished.len() > messages
     }
 
     /// Waits until earlier messages leave room for another.
@@ -355,18 +367,41 @@ impl Outbox {
         }
     }
 
-    /// Exchanges an empty batch for all that is to be sent.
-    pub(crate) fn take(&self, empty: &mut Batch) {
-        if let Line::Stream(_, batch) = &mut self.state().line {
+    /// Exchanges an empty batch for all that is to be sent; tells, once, when the connection shall move.
+    pub(crate) fn take(&self, empty: &mut Batch) -> bool {
+        let mut state = self.state();
+        if let Line::Stream(_, batch) = &mut state.line {
             std::mem::swap(batch, empty);
         }
+        std::mem::take(&mut state.moves)
     }
 
-    /// Moves all messages that are to be sent behind those that `messages` holds.
-    pub(crate) fn take_datagrams(&self, messages: &mut VecDeque<Bytes>) {
-        if let Line::Datagrams(_, waiting) = &mut self.state().line {
+    /// Moves all messages that are to be sent behind those that `messages` holds; tells, once, when
+    /// the connection shall move.
+    pub(crate) fn take_datagrams(&self, messages: &mut VecDeque<Bytes>) -> bool {
+        let mut state = self.state();
+        if let Line::Datagrams(_, waiting) = &mut state.line {
             messages.append(waiting);
         }
+        std::mem::take(&mut state.moves)
+    }
+
+    /// Has the connection move, unless it was given a thread before; gives the one that it has now.
+    pub(crate) fn give(&self, thread: Arc<OwnThread>) -> Arc<OwnThread> {
+        let mut state = self.state();
+        if let Some(has) = &state.thread {
+            return has.clone();
+        }
+        state.thread = Some(thread.clone());
+        state.moves = true;
+        drop(state);
+        self.filled.notify_one();
+        thread
+    }
+
+    /// The connection's own thread, if it was given one.
+    pub(crate) fn thread(&self) -> Option<Arc<OwnThread>> {
+        self.state().thread.clone()
     }
 
     /// The next message for a reader in this process.
@@ -490,6 +525,10 @@ impl State {
                 self.newest.keep(envelope);
             }
         }
+        if self.queued == 0 {
+            self.waiting = 0;
+        }
+        self.waiting += 1;
         self.queued += self.line.put(command, form);
         if answered {
             self.unfinished.push_back(Pending {

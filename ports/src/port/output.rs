@@ -47,8 +47,8 @@ pub(crate) struct Output {
     pub(crate) group: Option<Group>,
     /// Whom to tell of the end, where the connection itself cannot.
     farewell: Option<Farewell>,
-    /// What it sends on.
-    pub(crate) socket: SocketHandle,
+    /// What it sends on, as long as it has no thread of its own.
+    socket: SocketHandle,
     /// Whether the owner has been told that it began.
     pub(crate) reported: AtomicBool,
     /// What messages pass on their way, if anything.
@@ -147,10 +147,7 @@ impl Output {
             Way::Datagrams(socket) => SocketHandle::of(socket),
         };
         let task = tokio::spawn(async move {
-            let reason = match way {
-                Way::Stream(stream, input) => stream::run(&stream, &shared, input, cancelled).await,
-                Way::Datagrams(socket) => datagrams::run(&socket, &shared, cancelled).await,
-            };
+            let reason = send(way, &shared, cancelled).await;
             tracing::debug!(peer, reason, "output connection ended");
             shared.close(&reason);
         });
@@ -218,6 +215,13 @@ impl Output {
         self.end();
     }
 
+    /// What it sends on.
+    pub(crate) fn socket(&self) -> SocketHandle {
+        let thread = self.outbox.thread();
+        let moved = thread.as_ref().and_then(|thread| thread.socket());
+        moved.unwrap_or(&self.socket).clone()
+    }
+
     fn end(&self) {
         self.outbox.close("closed here");
         self.task.abort();
@@ -244,6 +248,52 @@ impl Target<'_> {
     fn lost(&self, error: io::Error) -> PortError {
         let address = format!("{}:{}", self.to.host, self.to.port);
         PortError::connect(&self.to.name, address, "connection header", error)
+    }
+}
+
+/// Why nothing is sent any more.
+pub(crate) enum Pause {
+    End(String),
+    /// The connection goes on on a thread of its own.
+    Move,
+}
+
+/// Sends what is in the outbox until the connection ends; tells why it did.
+async fn send(way: Way, outbox: &Arc<Outbox>, mut cancelled: Cancelled) -> String {
+    let own = || outbox.thread().expect("who is to move was given a thread");
+    let shared = outbox.clone();
+    let moved = match way {
+        Way::Stream(stream, input) => {
+            let mut sending = stream::Sending::new(stream, input);
+            if let Pause::End(reason) = stream::run(&mut sending, outbox, &mut cancelled).await {
+                return reason;
+            }
+            let mut sending = Box::new(sending);
+            let begin = move || {
+                sending.stream = sending.stream.renewed();
+                let socket = SocketHandle::of(&sending.stream);
+                let running =
+                    async move { stream::run(&mut sending, &shared, &mut cancelled).await };
+                (socket, running)
+            };
+            Box::pin(own().run(begin)).await
+        }
+        Way::Datagrams(socket) => {
+            if let Pause::End(reason) = datagrams::run(&socket, outbox, &mut cancelled).await {
+                return reason;
+            }
+            let begin = move || {
+                let socket = datagram::renewed(&socket);
+                let handle = SocketHandle::of(&socket);
+                let running = async move { datagrams::run(&socket, &shared, &mut cancelled).await };
+                (handle, running)
+            };
+            Box::pin(own().run(begin)).await
+        }
+    };
+    match moved {
+        Some(Pause::End(reason)) => reason,
+        _ => "its thread ended".to_owned(),
     }
 }
 

@@ -13,10 +13,10 @@ use yarp_wire::{Dialect, Limits};
 use super::core::{Core, Entry, InputEntry};
 use super::counters::Meter;
 use super::monitor::{Chain, MonitorSide};
+use super::own_thread::Steering;
 use super::picture;
 use super::qos::SocketHandle;
 use super::received::Received;
-use crate::cancel::Cancel;
 use crate::error::PortError;
 use crate::network::Place;
 use crate::stream::{self, Inflow, Socket};
@@ -48,7 +48,7 @@ impl Core {
         let opening = open(self, place, spec);
         let mut pull =
             stream::within(deadline, &place.name, "head of the response", opening).await?;
-        let (cancel, mut cancelled) = Cancel::new();
+        let (steering, mut displaced) = Steering::new();
         let id = self.next_number();
         self.add_input(InputEntry {
             id,
@@ -58,7 +58,7 @@ impl Core {
             socket: SocketHandle::of(&pull.stream),
             meter: pull.meter.clone(),
             monitors: monitors.clone(),
-            cancel,
+            steering,
         });
         pull.monitors = monitors;
         pull.connection = id;
@@ -73,7 +73,7 @@ impl Core {
             let from = pull.from.clone();
             let end = tokio::select! {
                 end = pull.run() => end,
-                () = cancelled.cancelled() => Ok(()),
+                () = displaced.ended() => Ok(()),
                 () = closing.cancelled() => Ok(()),
             };
             if let Err(error) = end {

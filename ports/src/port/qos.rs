@@ -1,10 +1,9 @@
 //! How urgent the packets of a connection are: what programs ask for, in stock's words.
 //!
-//! The type of service is set on the socket of the connection and read back from it. Threads are
-//! another matter: connections here are tasks that share the threads of the runtime, so there is
-//! no thread of a connection whose priority could be raised; who asks for that is told. What can be
-//! had is a policy for all threads of the process, by `process` and the name of the port itself, as
-//! in stock: then those that wait for bytes have it, too. The system must allow it.
+//! The type of service is set on the socket of the connection and read back from it. Connections
+//! here are tasks that share the threads of the runtime; one that is told a policy gets a thread of its
+//! own ([`own_thread`](super::own_thread)) that has it. By `process` and the name of the port itself
+//! all threads of the process get a policy, as in stock. The system must allow either.
 
 use std::fmt;
 use std::io;
@@ -14,16 +13,19 @@ use std::time::Duration;
 
 use socket2::{SockRef, TcpKeepalive};
 use tokio::net::TcpStream;
+use yarp_wire::carrier::{Carrier, Transport};
 use yarp_wire::qos::{Scheduling, type_of_service};
 use yarp_wire::{Bottle, Value, Vocab32};
 
 use super::admin::{fail, group, ok, pair};
 use super::core::Core;
+use super::outbox::Outbox;
+use super::own_thread::OwnThread;
 use crate::schedule::{self, Schedule};
 
-/// Why a thread's priority is not set.
-const NO_THREAD: &str = "a connection of this port has no thread of its own to schedule: set \
-    `process` of the port itself, for all threads of its process";
+/// Why a connection gets no thread of its own.
+const STAYS: &str = "connections within a process, and those that ask for pictures, have no thread of \
+    their own; `process` of the port itself is for all threads of its process";
 /// What stock answers for a connection whose thread was not asked for, and for sockets that have
 /// no type of service.
 const UNKNOWN: i32 = -1;
@@ -95,25 +97,25 @@ impl fmt::Debug for SocketHandle {
 impl Core {
     /// `[prop] [get] /PEER`: how the connection to or from a port is treated.
     pub(super) fn connection_properties(&self, name: &str) -> Bottle {
-        let (outputs, inputs) = (self.output_sockets(name), self.input_sockets(name));
-        // Stock knows the policy of a thread that reads, and none of one that only writes.
-        let schedule = match outputs.is_empty() {
-            true => Schedule::now().unwrap_or_default(),
-            false => NO_SCHEDULE,
-        };
-        let Some(socket) = outputs.iter().chain(&inputs).next() else {
+        let Some(found) = self.connections(name).into_iter().next() else {
             return fail(&format!("cannot find any connection to/from {name}"));
         };
-        let service = socket.type_of_service().ok();
+        let service = found.socket.type_of_service().ok();
         let service = service.and_then(|service| i32::try_from(service).ok());
+        let (schedule, thread) = match &found.thread {
+            Some(thread) => (thread.schedule().unwrap_or(NO_SCHEDULE), thread.id()),
+            // Stock knows the policy of a thread that reads, and none of one that only writes.
+            None if found.place.is_output() => (NO_SCHEDULE, UNKNOWN),
+            None => (Schedule::now().unwrap_or_default(), UNKNOWN),
+        };
         Bottle::from_iter([
-            scheduling(schedule, UNKNOWN),
+            scheduling(schedule, thread),
             group("qos", [pair("tos", service.unwrap_or(UNKNOWN))]),
         ])
     }
 
     /// `[prop] [set] /NAME GROUP...`: nothing is changed unless all of it can be.
-    pub(super) fn set_connection_properties(&self, name: &str, groups: &Bottle) -> Bottle {
+    pub(super) async fn set_connection_properties(&self, name: &str, groups: &Bottle) -> Bottle {
         // A group without content asks for nothing that there is.
         let wanted = |key: &str| {
             let group = groups.find_group(key)?;
@@ -135,66 +137,147 @@ impl Core {
         if schedule.is_none() && quality.is_none() {
             return ok();
         }
-        let mut sockets = self.output_sockets(name);
-        sockets.extend(self.input_sockets(name));
-        if sockets.is_empty() {
+        let connections = self.connections(name);
+        if connections.is_empty() || schedule == Some(None) {
             return refused();
         }
-        match schedule {
+        let service = match quality.map(|quality| quality.and_then(type_of_service)) {
             Some(None) => return refused(),
-            Some(Some(schedule)) if !stays(schedule) => return fail(NO_THREAD),
-            _ => {}
+            Some(Some(service)) => Some(service),
+            None => None,
+        };
+        let unable = |error: &io::Error| fail(&format!("cannot set the type of service: {error}"));
+        for found in connections.iter().filter(|_| service.is_some()) {
+            if let Err(error) = found.socket.type_of_service() {
+                return unable(&error);
+            }
         }
-        let Some(quality) = quality else {
-            return ok();
-        };
-        let Some(service) = quality.and_then(type_of_service) else {
-            return refused();
-        };
-        for socket in &sockets {
-            if let Err(error) = socket.set_type_of_service(service) {
+        if let Some(schedule) = schedule.flatten()
+            && let Err(reason) = self.schedule(&connections, schedule).await
+        {
+            return fail(&format!("cannot schedule this connection: {reason}"));
+        }
+        for found in connections {
+            if let Some(service) = service
+                && let Err(error) = found.socket.set_type_of_service(service)
+            {
                 tracing::debug!(port = %self.name, peer = name, service, "not set: {error}");
-                return fail(&format!("cannot set the type of service: {error}"));
+                return unable(&error);
             }
         }
         ok()
     }
 
-    fn output_sockets(&self, name: &str) -> Vec<SocketHandle> {
-        let outputs = self.outputs();
-        let found = outputs.iter().filter(|output| output.to == name);
-        found.map(|output| output.socket.clone()).collect()
+    /// Gives each connection what is asked for, on a thread of its own; tells why not.
+    async fn schedule(&self, connections: &[Found], wanted: Scheduling) -> Result<(), String> {
+        let reason = |error: io::Error| schedule::reason(&error);
+        let mut threads = Vec::new();
+        for found in connections {
+            if let Some(thread) = &found.thread {
+                let now = thread.schedule().map_err(reason)?;
+                thread
+                    .set_schedule(schedule_of(wanted, now)?)
+                    .map_err(reason)?;
+                continue;
+            }
+            let now = Schedule::now().map_err(reason)?;
+            let schedule = schedule_of(wanted, now)?;
+            // It has that already.
+            if schedule == now {
+                continue;
+            }
+            if !found.moves {
+                return Err(STAYS.to_owned());
+            }
+            let thread = OwnThread::start(schedule).await.map_err(reason)?;
+            threads.push((&found.place, schedule, thread));
+        }
+        for (place, schedule, thread) in threads {
+            let has = match place {
+                FoundAt::Output(outbox) => outbox.give(thread.clone()),
+                FoundAt::Input(id) => {
+                    let inputs = self.inputs();
+                    match inputs.iter().find(|entry| entry.id == *id) {
+                        Some(entry) => entry.steering.give(thread.clone()),
+                        // It has ended meanwhile.
+                        None => continue,
+                    }
+                }
+            };
+            // Somebody else may have asked for one in the meantime.
+            if !Arc::ptr_eq(&has, &thread) {
+                has.set_schedule(schedule).map_err(reason)?;
+            }
+            let Schedule { policy, priority } = schedule;
+            tracing::info!(port = %self.name, thread = has.id(), policy, priority, "a connection has a thread of its own");
+        }
+        Ok(())
     }
 
-    fn input_sockets(&self, name: &str) -> Vec<SocketHandle> {
+    /// The connections to and from a port, those to it first.
+    fn connections(&self, name: &str) -> Vec<Found> {
+        let moves = |carrier: &Carrier| carrier.transport != Transport::Local;
+        let mut connections: Vec<_> = self
+            .outputs()
+            .iter()
+            .filter(|output| output.to == name)
+            .map(|output| Found {
+                place: FoundAt::Output(output.outbox.clone()),
+                socket: output.socket(),
+                thread: output.outbox.thread(),
+                moves: moves(output.carrier),
+            })
+            .collect();
         let inputs = self.inputs();
-        let found = inputs.iter().filter(|input| input.from == name);
-        found.map(|input| input.socket.clone()).collect()
+        let inputs = inputs.iter().filter(|input| input.from == name);
+        connections.extend(inputs.map(|input| Found {
+            place: FoundAt::Input(input.id),
+            socket: input.socket.clone(),
+            thread: input.steering.thread(),
+            // What this port made to read from is served by the task that asked.
+            moves: moves(input.carrier) && input.carrier.push,
+        }));
+        connections
     }
 }
 
-/// Whether all that is asked for is there already.
-fn stays(wanted: Scheduling) -> bool {
-    let now = Schedule::now().unwrap_or_default();
-    wanted
-        .policy
-        .is_none_or(|policy| policy == now.policy.into())
-        && wanted
-            .priority
-            .is_none_or(|priority| priority == now.priority.into())
+/// A connection to or from a port that was asked for.
+struct Found {
+    place: FoundAt,
+    socket: SocketHandle,
+    thread: Option<Arc<OwnThread>>,
+    /// Whether it can go to a thread of its own.
+    moves: bool,
+}
+
+enum FoundAt {
+    Output(Arc<Outbox>),
+    /// By its number.
+    Input(u64),
+}
+
+impl FoundAt {
+    fn is_output(&self) -> bool {
+        matches!(self, Self::Output(_))
+    }
+}
+
+/// What is asked for, where the rest stays as it is now.
+fn schedule_of(wanted: Scheduling, now: Schedule) -> Result<Schedule, String> {
+    let number = |wanted: Option<i64>, now: i32| match wanted.map(i32::try_from) {
+        None => Ok(now),
+        Some(number) => number.map_err(|error| error.to_string()),
+    };
+    Ok(Schedule {
+        policy: number(wanted.policy, now.policy)?,
+        priority: number(wanted.priority, now.priority)?,
+    })
 }
 
 /// Gives all threads of the process what is asked for; tells why not.
 fn schedule_process(wanted: Scheduling) -> Result<(), String> {
     let now = Schedule::now().map_err(|error| schedule::reason(&error))?;
-    let number = |wanted: Option<i64>, now: i32| match wanted.map(i32::try_from) {
-        None => Ok(now),
-        Some(number) => number.map_err(|error| error.to_string()),
-    };
-    let wanted = Schedule {
-        policy: number(wanted.policy, now.policy)?,
-        priority: number(wanted.priority, now.priority)?,
-    };
+    let wanted = schedule_of(wanted, now)?;
     wanted.set().map_err(|error| schedule::reason(&error))?;
     tracing::info!(
         policy = wanted.policy,

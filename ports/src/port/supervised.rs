@@ -233,7 +233,7 @@ impl Supervisor {
             let mut outputs = outputs.iter();
             let found = outputs.find(|output| output.to == name && output.logs == self.logs)?;
             // Connections that are not TCP cannot.
-            let _ = found.socket.give_up_after(self.options.silence);
+            let _ = found.socket().give_up_after(self.options.silence);
             Some(found.outbox.clone())
         };
         // Somebody else may have connected the two in the meantime.

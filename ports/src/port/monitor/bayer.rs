@@ -3,12 +3,12 @@
 //! | option | values |
 //! | --- | --- |
 //! | `order` | the first four pixels, row by row: `grbg` (usual), `gbrg`, `rggb`, `bggr` |
-//! | `method` | `bilinear` (usual), `nearest`, `simple`, `hqlinear`, `edgesense`, `downsample` |
+//! | `method` | `bilinear` (usual), `nearest`, `simple`, `hqlinear`, `edgesense`, `vng`, `ahd`, `downsample` |
 //! | `size` | `half`: a pixel for each four; as `downsample` |
 //!
 //! As in stock, rows of a length that is no multiple of 8 are always made by means of the
 //! neighbours that there are, and the other methods leave an edge black that lacks neighbours.
-//! Stock's `ahd` and `vng` are not here. Its `edgesense` does nothing since the library it uses took
+//! `vng` and `ahd` take several times as long as the others. Stock's `edgesense` does nothing since the library it uses took
 //! it out for a patent, and gives whatever stood in memory; here it is what the name says. What is
 //! no image is stopped.
 //!
@@ -17,7 +17,12 @@
 //! `edgesense` by Hibbard, US patent 5,382,976 of 1995 (expired), as Ramanath, Snyder, Bilbro and
 //! Sander tell it in "Demosaicking methods for Bayer color arrays", 2002: green is the mean along
 //! the direction in which it changes less, and the other colours are as far from green as the mean
-//! of their neighbours. Means are rounded, halves up.
+//! of their neighbours. Means are rounded, halves up. [`vng`] and [`ahd`] tell theirs.
+
+mod ahd;
+#[cfg(test)]
+mod tests;
+mod vng;
 
 use std::cmp::Ordering;
 use std::sync::Arc;
@@ -37,15 +42,19 @@ enum Method {
     Simple,
     HighQuality,
     EdgeSensing,
+    VariableGradients,
+    Homogeneity,
     Half,
 }
 
-const METHODS: [(&str, Method); 6] = [
+const METHODS: [(&str, Method); 8] = [
     ("bilinear", Method::Bilinear),
     ("nearest", Method::Nearest),
     ("simple", Method::Simple),
     ("hqlinear", Method::HighQuality),
     ("edgesense", Method::EdgeSensing),
+    ("vng", Method::VariableGradients),
+    ("ahd", Method::Homogeneity),
     ("downsample", Method::Half),
 ];
 
@@ -140,6 +149,17 @@ enum Has {
     GreenByBlue,
 }
 
+impl Has {
+    /// Its place among red, green and blue.
+    fn colour(self) -> usize {
+        match self {
+            Self::Red => 0,
+            Self::GreenByRed | Self::GreenByBlue => 1,
+            Self::Blue => 2,
+        }
+    }
+}
+
 const BLACK: [u8; 3] = [0; 3];
 
 impl Raw<'_> {
@@ -149,6 +169,14 @@ impl Raw<'_> {
             Method::Half => (self.width / 2, self.height / 2),
             _ => (self.width, self.height),
         };
+        let whole = match method {
+            Method::VariableGradients if !plain && width > 0 => Some(vng::coloured(self)),
+            Method::Homogeneity if !plain && width > 0 => Some(ahd::coloured(self)),
+            _ => None,
+        };
+        if let Some(pixels) = whole {
+            return (width, height, pixels.into_flattened());
+        }
         let mut pixels = Vec::with_capacity(width * height * 3);
         // A height without pixels could be long.
         let rows = if width == 0 { 0 } else { height };
@@ -162,6 +190,8 @@ impl Raw<'_> {
                     Method::Simple => self.simple(x, y),
                     Method::HighQuality => self.high_quality(x, y),
                     Method::EdgeSensing => self.edge_sensing(x, y),
+                    // Made whole above.
+                    Method::VariableGradients | Method::Homogeneity => self.plain(x, y),
                 });
             }
         }

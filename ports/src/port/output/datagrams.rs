@@ -8,12 +8,14 @@ use yarp_wire::datagram;
 
 use crate::cancel::Cancelled;
 use crate::port::outbox::Outbox;
+use crate::port::output::Pause;
 
-/// Sends each message of the outbox, cut into datagrams, until it ends; tells why.
-pub(super) async fn run(socket: &UdpSocket, outbox: &Outbox, mut cancelled: Cancelled) -> String {
+/// Sends each message of the outbox, cut into datagrams, until it ends, or the connection shall move;
+/// tells why.
+pub(super) async fn run(socket: &UdpSocket, outbox: &Outbox, cancelled: &mut Cancelled) -> Pause {
     let mut messages: VecDeque<Bytes> = VecDeque::new();
     loop {
-        outbox.take_datagrams(&mut messages);
+        let moves = outbox.take_datagrams(&mut messages);
         for message in messages.drain(..) {
             for bytes in datagram::split(&message, datagram::LARGEST) {
                 match socket.send(&bytes).await {
@@ -28,13 +30,16 @@ pub(super) async fn run(socket: &UdpSocket, outbox: &Outbox, mut cancelled: Canc
             }
             outbox.sent(message.len());
         }
+        if moves {
+            return Pause::Move;
+        }
         tokio::select! {
             () = outbox.filled.notified() => {
                 if outbox.is_closed() {
-                    return "closed here".to_owned();
+                    return Pause::End("closed here".to_owned());
                 }
             }
-            () = cancelled.cancelled() => return "the port closed".to_owned(),
+            () = cancelled.cancelled() => return Pause::End("the port closed".to_owned()),
         }
     }
 }

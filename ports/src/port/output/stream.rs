@@ -1,36 +1,60 @@
 //! Sending over the connection itself.
 
 use std::io::{self, IoSlice};
+use std::sync::Arc;
 
 use crate::busy::BusyPoll;
 use crate::cancel::Cancelled;
 use crate::port::batch::Batch;
 use crate::port::outbox::Outbox;
+use crate::port::output::Pause;
 use crate::stream::{Inflow, Socket};
 
 /// Buffers handed to one system call.
 const VECTORS: usize = 16;
 
-/// Moves bytes between socket and outbox until either ends; tells why.
-pub(super) async fn run(
-    stream: &Socket,
-    outbox: &Outbox,
-    mut input: Inflow,
-    mut cancelled: Cancelled,
-) -> String {
-    let mut batch = Batch::default();
-    let mut busy = BusyPoll::new();
-    loop {
-        if batch.is_empty() {
-            outbox.take(&mut batch);
+/// What a connection has besides its outbox.
+pub(super) struct Sending {
+    pub(super) stream: Arc<Socket>,
+    input: Inflow,
+    batch: Batch,
+    busy: BusyPoll,
+}
+
+impl Sending {
+    pub(super) fn new(stream: Arc<Socket>, input: Inflow) -> Self {
+        Self {
+            stream,
+            input,
+            batch: Batch::default(),
+            busy: BusyPoll::new(),
         }
-        match write_batch(stream, outbox, &mut batch) {
+    }
+}
+
+/// Moves bytes between socket and outbox until either ends, or the connection shall move; tells why.
+pub(super) async fn run(
+    sending: &mut Sending,
+    outbox: &Outbox,
+    cancelled: &mut Cancelled,
+) -> Pause {
+    let Sending {
+        stream,
+        input,
+        batch,
+        busy,
+    } = sending;
+    loop {
+        if batch.is_empty() && outbox.take(batch) {
+            return Pause::Move;
+        }
+        match write_batch(stream, outbox, batch) {
             Ok(()) => {}
-            Err(error) => return format!("writing failed: {error}"),
+            Err(error) => return Pause::End(format!("writing failed: {error}")),
         }
         let mut read = None;
         if batch.is_empty() && outbox.awaits_answer() {
-            read = busy.read(stream, &mut input).await;
+            read = busy.read(stream, input).await;
         }
         if read.is_none() {
             tokio::select! {
@@ -40,27 +64,27 @@ pub(super) async fn run(
                 }
                 ready = stream.writable(), if !batch.is_empty() => {
                     if let Err(error) = ready {
-                        return format!("writing failed: {error}");
+                        return Pause::End(format!("writing failed: {error}"));
                     }
                 }
                 () = outbox.filled.notified(), if batch.is_empty() => {
                     if outbox.is_closed() {
-                        return "closed here".to_owned();
+                        return Pause::End("closed here".to_owned());
                     }
                 }
-                () = cancelled.cancelled() => return "the port closed".to_owned(),
+                () = cancelled.cancelled() => return Pause::End("the port closed".to_owned()),
             }
         }
         match read {
-            Some(Ok(0)) => return "the reader closed it".to_owned(),
+            Some(Ok(0)) => return Pause::End("the reader closed it".to_owned()),
             Some(Ok(_)) => {
                 busy.received();
                 if let Err(error) = outbox.receive(&mut input.bytes) {
-                    return format!("protocol: {error}");
+                    return Pause::End(format!("protocol: {error}"));
                 }
             }
             Some(Err(error)) if error.kind() != io::ErrorKind::WouldBlock => {
-                return format!("reading failed: {error}");
+                return Pause::End(format!("reading failed: {error}"));
             }
             Some(Err(_)) | None => {}
         }
