@@ -27,6 +27,9 @@ KNOWN = {
     "[ERROR] |yarp.device.remote_controlboard| getMotorTorqueParams return value not understood, size!=N",
     # In velocity mode the window asks for 100000 degrees/s², which the arm does not promise.
     "[ERROR] |yarp.device.ControlBoard_nwc_yarp| Unable to setTrajAccelerationOneRPC",
+    # Of a second and third set of gains of each loop, and of units of gains, the arm has none; stock's board invents them.
+    "[ERROR] |yarp.device.ControlBoard_nwc_yarp| Unable to getPidRPC",
+    "[ERROR] |yarp.device.ControlBoard_nwc_yarp| Unable to getPidExtraInfoRPC",
 }
 BOARD = ["follows", "moves", "idles_and_runs", "modes", "gains", "whole", "homes", "sequence"]
 CAMERA = ["shows_the_camera", "original_size", "freezes", "tells_clicks", "saves", "goes_on_after_a_restart"]
@@ -58,9 +61,10 @@ def step(check, action, *arguments):
     try:
         return action(*arguments)
     except Exception as error:
-        name = f"{check.title} {action.__name__}.png".replace(" ", "-").replace("/", "-")
-        desktop.picture(os.path.join(work, name))
-        print("".join(traceback.format_exception(error)), file=sys.stderr)
+        if check.counts:
+            name = f"{check.title} {action.__name__}.png".replace(" ", "-").replace("/", "-")
+            desktop.picture(os.path.join(work, name))
+            print("".join(traceback.format_exception(error)), file=sys.stderr)
         check(action.__name__, f"{type(error).__name__}: {error}", "no error")
 
 
@@ -97,6 +101,7 @@ def boards(stock):
     ours = drive(stock, title, ["/lab/arm"], BOARD)
     drive(stock, f"{title}, two parts", ["/lab/arm", "/lab/hand"], ["hand"])
     network.stock_board(stock)
+    # Of 4.0 it does not answer to `yarp rpc`; it is there for what the window says.
     theirs = drive(stock, f"{title} on stock's board", ["/stock/arm"], ["follows", "modes", "gains"], counts=False)
     check = Checks(title)
     check("it complains of nothing that it does not complain of with stock's board", sorted(ours - theirs - KNOWN), [])
