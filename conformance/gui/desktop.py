@@ -158,15 +158,15 @@ class Part:
             if child is not None:
                 yield Part(self.desktop, child)
 
-    def all(self, role=None, name=None, hidden=False):
+    def all(self, role=None, name=None):
         """Parts of this part: those of a role, or whose whole name is of a pattern; only what is shown."""
         for child in self.children():
             try:
-                if not hidden and not child.has("SHOWING") and child.role not in ("application",):
+                if not child.has("SHOWING"):
                     continue
                 if (role is None or child.role == role) and (name is None or re.fullmatch(name, child.name)):
                     yield child
-                yield from child.all(role, name, hidden)
+                yield from child.all(role, name)
             except self.desktop.gone:
                 continue
 

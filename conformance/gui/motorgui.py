@@ -12,8 +12,8 @@ from desktop import until
 
 # Words of the window for the modes, and the modes.
 MODES = {
-    "Position Direct": "posd", "Velocity": "vel", "Velocity Direct": "veld", "Torque": "torq", "PWM": "ipwm", "Current": "icur", "Idle": "idl",
-    "Position": "pos",
+    "Idle": "idl", "Position": "pos", "Position Direct": "posd", "Velocity": "vel", "Velocity Direct": "veld",
+    "Torque": "torq", "PWM": "ipwm", "Current": "icur",
 }
 
 
