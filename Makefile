@@ -57,7 +57,7 @@ test-live: build stock
 # Debian's Python has what reads windows.
 test-gui: build stock
 	conformance/gui/install.sh "$(WINDOWS)"
-	/usr/bin/python3 conformance/gui/check.py target/release/yarp "$(WINDOWS)"
+	/usr/bin/python3 -B conformance/gui/check.py target/release/yarp "$(WINDOWS)"
 
 test-can: setup
 	conformance/can/run.sh
