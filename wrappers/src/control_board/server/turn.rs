@@ -105,7 +105,7 @@ impl Board {
     pub(super) fn obey(&self, command: Command, from: &str) {
         let streamed = match command.parse() {
             Ok(streamed) => streamed,
-            Err(error) => return self.refused(&error.into(), from),
+            Err(error) => return self.refused(&error, from),
         };
         let set = Set::Values(streamed.setting, streamed.selection, command.values);
         if let Err(error) = self.may_wait(&set) {
