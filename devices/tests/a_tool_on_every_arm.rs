@@ -127,7 +127,7 @@ fn a_pc_that_goes_away_ends_a_motion_for_good() {
     let arm = ideal_arm();
     let driver = Arc::new(driver());
     let options = node_options(Meeting::Connect(driver.places()));
-    let node = || Some(WamNode::start(arm.clone(), options.clone()).expect("it starts"));
+    let node = || Some(WamNode::start(arm.clone(), options).expect("it starts"));
     let nodes = std::sync::Mutex::new(None);
     // Nobody is there yet: the controller need not wait for the arm, and says so.
     let tool = control(driver.clone());

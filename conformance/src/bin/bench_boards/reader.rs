@@ -16,6 +16,9 @@ pub(crate) const FEEDS: [&str; 2] = ["state:o", "stateExt:o"];
 /// States of each port before it counts.
 const FIRST: usize = 5;
 
+/// States of each port that make a measurement.
+const FEWEST: usize = 3;
+
 /// When messages came, with their numbers.
 type Times = Arc<Mutex<Vec<(Instant, i64)>>>;
 
@@ -57,23 +60,15 @@ async fn read(
         connect(&network, &format!("{name}/{suffix}"), &own, carrier).await?;
         feeds.push((port, times));
     }
-    let end = Instant::now() + PATIENCE;
     for (port, times) in &feeds {
-        while take(times, |times| times.len()) < FIRST {
-            if Instant::now() > end {
-                return Err(format!("{}: no states with numbers come", port.name()).into());
-            }
-            tokio::time::sleep(Duration::from_millis(5)).await;
-        }
+        arrive(port.name(), times, FIRST).await?;
     }
     feeds.iter().for_each(|(_, times)| take(times, Vec::clear));
     let bare = thread::spawn(move || bare(period, duration));
     tokio::time::sleep(duration).await;
-    for (_, times) in &feeds {
+    for (port, times) in &feeds {
+        arrive(port.name(), times, FEWEST).await?;
         let times = take(times, std::mem::take);
-        if times.len() < 3 {
-            return Err(format!("{name}: {} states in {duration:?}", times.len()).into());
-        }
         println!("{}", Arrivals::of(&times).to_line());
     }
     let bare = bare.join().map_err(|_| "the bare thread panicked")?;
@@ -86,6 +81,18 @@ async fn read(
 
 fn take<T>(times: &Times, what: impl FnOnce(&mut Vec<(Instant, i64)>) -> T) -> T {
     what(&mut times.lock().unwrap_or_else(PoisonError::into_inner))
+}
+
+/// Waits until so many have come.
+async fn arrive(port: &str, times: &Times, count: usize) -> Result<(), Failure> {
+    let end = Instant::now() + PATIENCE;
+    while take(times, |times| times.len()) < count {
+        if Instant::now() > end {
+            return Err(format!("{port}: {count} states with numbers do not come").into());
+        }
+        tokio::time::sleep(Duration::from_millis(5)).await;
+    }
+    Ok(())
 }
 
 /// Connects as soon as the board is there.
