@@ -78,7 +78,7 @@ fn its_tool_is_brought_to_a_place() {
     let told = home.run_with("rpc /cartController/wam/rpc:i", order);
     assert!(told.says("[ack]"), "{told:?}");
     answers(&home, "/wam", "[get] [icmd] [cmod] 0", "[posd]");
-    answers(&home, "/cartController/wam", "[get] [done]", "[ack] 1");
+    answers(&home, "/cartController/wam", "[get] [done]", "[ack] [true]");
     up.signal("TERM").finish().with(0);
     node.signal("TERM").finish().with(0);
 }
