@@ -268,7 +268,7 @@ impl Outbox {
             outcome,
             ..
         } = staged;
-        state.queued = state.queued.saturating_sub(weight);
+        state.less(weight);
         let told = match (&state.closed, form) {
             (Some(reason), _) => Some(reason.clone()),
             (None, Some(form)) => {
@@ -415,7 +415,7 @@ impl Outbox {
     /// A reader in this process is done with a message of this many bytes.
     pub(crate) fn delivered(&self, bytes: usize, reply: Option<Payload>) {
         let mut state = self.state();
-        state.queued = state.queued.saturating_sub(bytes);
+        state.less(bytes);
         if let Some(pending) = state.unfinished.front_mut() {
             pending.reply = reply;
         }
@@ -428,7 +428,7 @@ impl Outbox {
     /// Takes note that `bytes` have been handed to the socket.
     pub(crate) fn sent(&self, bytes: usize) {
         let mut state = self.state();
-        state.queued = state.queued.saturating_sub(bytes);
+        state.less(bytes);
         let notify = state.queued < HIGH_WATER;
         drop(state);
         if notify {
@@ -525,9 +525,6 @@ impl State {
                 self.newest.keep(envelope);
             }
         }
-        if self.queued == 0 {
-            self.waiting = 0;
-        }
         self.waiting += 1;
         self.queued += self.line.put(command, form);
         if answered {
@@ -536,6 +533,14 @@ impl State {
                 outcome,
                 stopped: false,
             });
+        }
+    }
+
+    /// So many bytes are not to be sent any more.
+    fn less(&mut self, bytes: usize) {
+        self.queued = self.queued.saturating_sub(bytes);
+        if self.queued == 0 {
+            self.waiting = 0;
         }
     }
 
