@@ -3,6 +3,7 @@
 #
 #   conformance/bench/run.sh            everything
 #   conformance/bench/run.sh only names the name servers alone
+#   conformance/bench/run.sh only boards  boards alone, see boards.sh; `only boards feed` and `only boards orders` parts
 #   conformance/bench/run.sh WORDS      `bench` with these words
 set -euo pipefail
 cd "$(dirname "$0")/../.."
@@ -13,6 +14,12 @@ if [ "$*" = "only names" ]; then
     cargo build --quiet --release -p yarp-cli
     cargo build --quiet --release -p yarp-conformance --bin bench_names
     YARP=target/release/yarp exec target/release/bench_names
+fi
+
+if [ "${1:-} ${2:-}" = "only boards" ]; then
+    cargo build --quiet --release -p yarp-cli
+    cargo build --quiet --release -p yarp-conformance --bin bench_boards
+    exec conformance/bench/boards.sh ${3:+only "$3"}
 fi
 
 work=$(mktemp -d)
@@ -37,4 +44,6 @@ LD_LIBRARY_PATH="$stock_libraries" YARP_DATA_DIRS="$stock_package/share/yarp" \
 if [ $# = 0 ]; then
     echo
     YARP=target/release/yarp target/release/bench_names
+    echo
+    STOCK_PEER="$work/stock_peer" conformance/bench/boards.sh
 fi

@@ -3,6 +3,7 @@
 //   stock_peer serve NAME            answers each request with itself
 //   stock_peer count NAME            reads messages, answers an RPC on NAME/n with how many came
 //   stock_peer call NAME N           N round trips of 16 bytes of payload; prints each in ns
+//   stock_peer order NAME N          N orders [set] [pos] 0 V to the board NAME; prints the time of each in ns
 //   stock_peer send NAME CARRIER N BYTES   sends N messages of BYTES payload; prints the total ns
 //
 // Build: g++ -O2 -std=c++17 stock_peer.cpp -lYARP_os (with the stock installation's paths).
@@ -14,6 +15,7 @@
 #include <yarp/os/PortReader.h>
 #include <yarp/os/RpcClient.h>
 #include <yarp/os/RpcServer.h>
+#include <yarp/os/Vocab.h>
 
 #include <atomic>
 #include <chrono>
@@ -147,6 +149,33 @@ int main(int argc, char** argv)
             port.write(request, reply);
             auto end = Steady::now();
             if (reply.size() != 2) {
+                return 1;
+            }
+            printf("%lld\n", ns(begin, end));
+        }
+        port.close();
+    } else if (what == "order" && argc == 4) {
+        RpcClient port;
+        port.open("...");
+        // The board may still be on its way.
+        for (int tries = 0; !Network::connect(port.getName(), name + "/rpc:i", "tcp", true); tries++) {
+            if (tries == 100) {
+                return 1;
+            }
+            std::this_thread::sleep_for(std::chrono::milliseconds(100));
+        }
+        int n = atoi(argv[3]);
+        for (int i = 0; i < n; i++) {
+            Bottle request;
+            Bottle reply;
+            request.addVocab32("set");
+            request.addVocab32("pos");
+            request.addInt32(0);
+            request.addFloat64(i % 2 == 0 ? 5.0 : -5.0);
+            auto begin = Steady::now();
+            port.write(request, reply);
+            auto end = Steady::now();
+            if (reply.get(0).asVocab32() != createVocab32('o', 'k')) {
                 return 1;
             }
             printf("%lld\n", ns(begin, end));

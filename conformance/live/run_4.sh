@@ -39,6 +39,7 @@ messages=$STOCK4_BUILD/src/devices/messages/ControlBoardMsgs/CMakeFiles/ControlB
 g++ -std=c++17 -O1 "-I$client" "${include[@]}" conformance/live/control_board_4.cpp "$client"/*.cpp "$messages"/*.o \
     "${libraries[@]}" -o "$work/client"
 g++ -std=c++17 -O1 "${include[@]}" conformance/live/fake_board_4.cpp "${libraries[@]}" -o "$work/board"
+g++ -std=c++17 -O1 "${include[@]}" conformance/live/caller_4.cpp "${libraries[@]}" -o "$work/caller"
 grabber=$STOCK4_SOURCE/src/devices/fake/fakeFrameGrabber
 g++ -std=c++17 -O1 "-I$grabber" "${include[@]}" conformance/live/frame_grabber_4.cpp "$grabber"/*.cpp \
     "${libraries[@]}" -o "$work/grabber"
@@ -57,6 +58,8 @@ for carrier in fast_tcp tcp udp; do
     echo "---- stock 4.0 client over $carrier"
     timeout 300 "$work/client" /wam "/live4/$carrier" "$carrier" 2>"$work/client.log"
 done
+echo "---- a program of stock 4.0 types 3.x's words"
+timeout 120 "$work/caller" /wam/rpc:i
 "$work/board" /fake4 600 >"$work/board.log" 2>&1 &
 running+=($!)
 until_ok "$target/yarp" exists /fake4/stateExt:o

@@ -5,7 +5,7 @@
 
 mod common;
 
-use common::{ACK, Raw, bottle, connect, open, tcp_message, until, within};
+use common::{ACK, Raw, ask, bottle, connect, open, tcp_message, until, within};
 use yarp_ports::{Port, PortOptions, Queue};
 use yarp_wire::{Bottle, Dialect};
 
@@ -53,6 +53,18 @@ const NOBODY: &str = "-1 \"Could not find an outgoing connection to /nobody\\r\\
 
 async fn port() -> Port {
     open("/adm", PortOptions::new().reading(Queue::Latest)).await
+}
+
+/// Compared with 3.5.0; 4.0 does not know the words any more.
+#[tokio::test]
+async fn the_number_of_the_process_is_told() {
+    for dialect in [Dialect::V3, Dialect::V4] {
+        let port = open("/adm", PortOptions::new().dialect(dialect)).await;
+        for request in ["[pid]", "getPid"] {
+            let expected = format!("1 \"\" {}", std::process::id());
+            assert_eq!(ask(&port, &bottle(request)).await, expected);
+        }
+    }
 }
 
 #[tokio::test]

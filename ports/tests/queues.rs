@@ -104,6 +104,23 @@ async fn a_full_queue_loses_nothing_of_a_writer_that_does_not_wait() {
 }
 
 #[tokio::test]
+async fn a_reader_that_is_a_little_behind_misses_nothing() {
+    let (reader, writer) = pair(Queue::Wait(1), "tcp").await;
+    assert_eq!(within(writer.write(&bottle("0"))).await, 1);
+    // The reader has room for none of these yet.
+    for text in ["1", "2", "3"] {
+        assert_eq!(writer.write_unless_behind(&bottle(text), None, 2), 1);
+    }
+    assert_eq!(writer.write_unless_behind(&bottle("4"), None, 2), 0);
+    for text in ["0", "1", "2", "3"] {
+        assert_eq!(next(&reader).await, text);
+    }
+    within(writer.flush()).await;
+    assert_eq!(writer.write_unless_behind(&bottle("5"), None, 2), 1);
+    assert_eq!(next(&reader).await, "5");
+}
+
+#[tokio::test]
 async fn a_busy_reader_is_passed_over_on_request() {
     let (reader, writer) = pair(Queue::Wait(1), "tcp").await;
     assert_eq!(within(writer.write(&bottle("0"))).await, 1);

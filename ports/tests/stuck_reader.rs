@@ -103,6 +103,22 @@ async fn a_real_time_writer_goes_on_with_others() {
 }
 
 #[tokio::test]
+async fn a_reader_that_takes_nothing_is_passed_over_when_it_is_far_behind() {
+    let writer = open("/writer", PortOptions::new()).await;
+    let _text = stuck_text(&writer, "/stuck").await;
+    for number in 0..4 {
+        assert_eq!(writer.write_unless_behind(&heavy(number), None, 3), 1);
+    }
+    // What the sockets hold is not behind.
+    let filling = async {
+        while writer.write_unless_behind(&heavy(4), None, 3) == 1 {
+            tokio::task::yield_now().await;
+        }
+    };
+    within(filling).await;
+}
+
+#[tokio::test]
 async fn inputs_and_requests_are_served_meanwhile() {
     let answering = PortOptions::new().handler(|_| Answer::reply(Bottle::of("ok")));
     let busy = open("/busy", answering).await;

@@ -106,6 +106,28 @@ fn a_kilohertz_is_a_kilohertz() {
     stage.runtime.block_on(server.close());
 }
 
+/// A state was left out for a reader that was not done with the one before: at 1 kHz a machine that was busy for a
+/// millisecond lost some.
+#[test]
+fn a_reader_that_is_up_to_20_ms_behind_misses_no_state() {
+    let stage = Stage::new();
+    // Every 5 ms: four states may wait.
+    let server = stage.serve_arm();
+    let slow = stage.port("/slow", PortOptions::new().reading(Queue::Wait(1)));
+    let connecting = remote::connect(&stage.network, "/wam/state:o", "/slow", Some("tcp"));
+    stage.runtime.block_on(connecting).expect("it can be read");
+    // It reads nothing until many more are out.
+    let other = reader(&stage, "/other", "/wam/state:o");
+    let count = |port| next(&stage, port).stamp().expect("it is stamped").count;
+    let begin = count(&other);
+    while count(&other) < begin + 50 {}
+    let first = count(&slow);
+    for behind in 1..5 {
+        assert_eq!(count(&slow), first + behind);
+    }
+    stage.runtime.block_on(server.close());
+}
+
 /// A board that knows its modes, its name, and nothing else.
 struct Modes;
 

@@ -34,6 +34,8 @@ pub enum AdminRequest {
     Attach(Option<Direction>, String),
     /// `[dtch] [in|out]`
     Detach(Option<Direction>),
+    /// `[pid]`, or `getPid`: the number of the process. 3.x only, as ROS asks for it.
+    Process,
     /// Anything else: for the owner's own reader, if it has one.
     Other(Bottle),
 }
@@ -98,6 +100,7 @@ impl AdminRequest {
                 Self::Attach(direction(1), what.to_owned())
             }
             "dtch" => Self::Detach(direction(1)),
+            "pid" | "getPid" => Self::Process,
             _ => Self::Other(request.clone()),
         }
     }
@@ -180,6 +183,8 @@ mod tests {
             "[atch] [in] (type dll)",
             AdminRequest::Attach(Some(Direction::In), String::new()),
         );
+        check("[pid]", AdminRequest::Process);
+        check("getPid", AdminRequest::Process);
         check(
             "[address] 1",
             AdminRequest::Other(Bottle::parse("[address] 1").unwrap()),

@@ -34,6 +34,7 @@ use crate::busy::BusyPoll;
 use crate::cancel::Cancelled;
 use crate::datagram;
 use crate::error::story;
+use crate::probe;
 use crate::roles::{self, Peer, Right, Rights};
 use crate::stream::{self, Inflow, Socket};
 use crate::{shmem, unix};
@@ -273,7 +274,13 @@ impl Connection {
                         carrier,
                         sender,
                         group,
-                    })) => self.begin(carrier, sender, group),
+                    })) => {
+                        let next = self.begin(carrier, sender, group);
+                        if self.may_want_replies(&next, carrier) {
+                            Box::pin(self.ask_generation()).await;
+                        }
+                        next
+                    }
                     Ok(Some(Event::Browser(request))) => Box::pin(self.browse(request)).await,
                     Ok(None) => break,
                     Err(error) => {
@@ -488,6 +495,26 @@ impl Connection {
             (Ok(true), Transport::UnixSocket) => Next::UnixSocket,
             (Ok(true), Transport::SharedMemory) => Next::SharedMemory,
             (Ok(true), _) => Next::Datagrams(group),
+        }
+    }
+
+    /// Whether a peer that has just come may be replied to in a form that its generation has to be known for.
+    fn may_want_replies(&self, next: &Next, carrier: &Carrier) -> bool {
+        let replies = match &self.core.options.input {
+            Input::Discard => false,
+            Input::Queue(_, serving) => *serving == Serving::Replies,
+            Input::Handler(_) => true,
+        };
+        let goes_on = !matches!(next, Next::Stop(_) | Next::Datagrams(_));
+        replies && goes_on && carrier.framing.is_binary() && is_port(&self.sender.name)
+    }
+
+    /// Asks a port that comes which generation it is of, while it waits for the answer to its header.
+    /// Later is too late: a port of stock's takes no connection while it waits for a reply.
+    async fn ask_generation(&mut self) {
+        let core = self.core.clone();
+        if let Some(dialect) = probe::caller(&self.sender.name, &core.network).await {
+            self.acceptor.assume(dialect);
         }
     }
 

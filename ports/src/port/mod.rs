@@ -344,6 +344,19 @@ impl Port {
     ///
     /// A reader that is still busy misses this message. Tells how many will get it.
     pub fn write_if_idle(&self, message: &impl WireObject, envelope: Option<Envelope>) -> usize {
+        self.write_unless_behind(message, envelope, 0)
+    }
+
+    /// Sends to every reader that has not more than `backlog` earlier messages still to take, and waits for none.
+    ///
+    /// For messages that come at a rate: a moment in which the machine does something else costs nobody a message, and a
+    /// reader that does not keep up still gets what is new. Tells how many will get it.
+    pub fn write_unless_behind(
+        &self,
+        message: &impl WireObject,
+        envelope: Option<Envelope>,
+        backlog: usize,
+    ) -> usize {
         let Some((message, _)) = self.outgoing(message) else {
             return 0;
         };
@@ -351,7 +364,7 @@ impl Port {
         let mut encoded = Encoded::of(&command);
         let mut taken = 0;
         self.core.for_each_sender(|output| {
-            if output.outbox.is_busy() {
+            if output.outbox.is_behind(backlog) {
                 output.outbox.count_dropped();
             } else {
                 let Some(form) = encoded.form(&message, output) else {

@@ -46,6 +46,8 @@ pub(crate) struct Outbox {
 struct State {
     line: Line,
     queued: usize,
+    /// Messages put in since `queued` was last 0.
+    waiting: usize,
     /// Whether monitors see messages first.
     monitored: bool,
     /// Messages that the monitors have not seen; their weight is in `queued`.
@@ -145,6 +147,7 @@ impl Outbox {
             state: Mutex::new(State {
                 line,
                 queued: 0,
+                waiting: 0,
                 monitored: false,
                 staged: VecDeque::new(),
                 unfinished: VecDeque::new(),
@@ -305,10 +308,12 @@ impl Outbox {
         }
     }
 
-    /// Whether an earlier message is still on its way.
-    pub(crate) fn is_busy(&self) -> bool {
+    /// Whether more than so many earlier messages are still on their way.
+    pub(crate) fn is_behind(&self, messages: usize) -> bool {
         let state = self.state();
-        state.queued > 0 || !state.unfinished.is_empty()
+        let waiting = state.waiting + state.staged.len();
+        let queued = state.queued > 0 && (messages == 0 || waiting > messages);
+        queued || state.unfinished.len() > messages
     }
 
     /// Waits until earlier messages leave room for another.
@@ -520,6 +525,10 @@ impl State {
                 self.newest.keep(envelope);
             }
         }
+        if self.queued == 0 {
+            self.waiting = 0;
+        }
+        self.waiting += 1;
         self.queued += self.line.put(command, form);
         if answered {
             self.unfinished.push_back(Pending {

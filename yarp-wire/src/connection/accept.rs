@@ -98,6 +98,14 @@ impl Acceptor {
         self.dialect
     }
 
+    /// Takes the peer to be of a generation, until its own messages betray another.
+    pub fn assume(&mut self, dialect: Dialect) {
+        self.dialect = dialect;
+        if let State::Open(_, reader) = &mut self.state {
+            reader.set_dialect(dialect);
+        }
+    }
+
     /// Takes the next event from `input`; what the protocol answers by itself goes to `output`.
     ///
     /// `None` while bytes are missing.
@@ -271,11 +279,8 @@ impl Acceptor {
             return;
         }
         if let Some(dialect) = detect(&message.payload.bytes(), self.limits) {
-            self.dialect = dialect;
+            self.assume(dialect);
             self.settled = true;
-            if let State::Open(_, reader) = &mut self.state {
-                reader.set_dialect(dialect);
-            }
         }
     }
 }

@@ -18,6 +18,7 @@ mod round_trips;
 use std::process::ExitCode;
 
 use processes::Bench;
+use yarp_conformance::machine;
 
 type Failure = Box<dyn std::error::Error>;
 
@@ -73,16 +74,4 @@ fn compare(part: &str) -> Result<(), Failure> {
         bench.datagrams()?;
     }
     Ok(())
-}
-
-fn machine() -> String {
-    let read = |path| std::fs::read_to_string(path).unwrap_or_default();
-    let cpuinfo = read("/proc/cpuinfo");
-    let model = cpuinfo
-        .lines()
-        .find_map(|line| line.strip_prefix("model name")?.split_once(": "))
-        .map_or("unknown processor", |(_, model)| model);
-    let cores = std::thread::available_parallelism().map_or(0, usize::from);
-    let kernel = read("/proc/sys/kernel/osrelease");
-    format!("{cores} x {model}, Linux {}", kernel.trim())
 }

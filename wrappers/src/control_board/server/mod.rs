@@ -87,7 +87,8 @@ impl ControlBoardOptions {
 /// * `NAME/async:o` announces the end of each move that was asked for with a number, and of all that begin while it has
 ///   a reader, as [`MotionNews`] says; whoever asks for a move by [`Numbered`] is told its number.
 /// * `NAME/state:o` and `NAME/stateExt:o` send joint positions and the whole state every period, to each reader that
-///   is done with the one before. Both carry one stamp: its count goes up by one, its time is the mean of the encoder
+///   is not more than 20 ms behind: while the machine does something else, those of 1 kHz wait and none is lost.
+///   Both carry one stamp: its count goes up by one, its time is the mean of the encoder
 ///   times. A period is left out when the time of a joint is more than a second from that of the first, as in stock. A
 ///   period that begins more than 20 ms late is told in the log.
 /// * Each reader of `NAME/stateExt:o` gets the layout of its own generation, which is found out before the first state.

@@ -15,6 +15,8 @@ use super::slips::Slips;
 use crate::periodic::Periodic;
 use yarp_devices::clock::wall_clock;
 
+/// How far behind a reader may be and still get the next state.
+const BEHIND: Duration = Duration::from_millis(20);
 /// How far apart the times of joints may be, in seconds. Source: stock from 3.7 on.
 const LARGEST_SPREAD: f64 = 1.0;
 
@@ -25,7 +27,7 @@ pub(super) fn start(
     period: Duration,
 ) -> io::Result<Periodic> {
     let mut slips = Slips::new(period);
-    let mut cycle = Cycle::new(board, state, extended);
+    let mut cycle = Cycle::new(board, [state, extended], backlog(period));
     Periodic::start("control-board", period, move || {
         if let Some(slipped) = slips.begins(Instant::now()) {
             tracing::warn!(board = %cycle.board.name(), "{slipped}");
@@ -43,10 +45,12 @@ struct Cycle {
     positions: Vector,
     data: JointData,
     stamp: Stamp,
+    /// How many states a reader may still have to take.
+    backlog: usize,
 }
 
 impl Cycle {
-    fn new(board: Arc<Board>, state: Arc<Port>, extended: Arc<Port>) -> Self {
+    fn new(board: Arc<Board>, [state, extended]: [Arc<Port>; 2], backlog: usize) -> Self {
         let axes = board.axes();
         Self {
             board,
@@ -57,6 +61,7 @@ impl Cycle {
             data: JointData::unknown(axes),
             // Stock counts from 0.
             stamp: Stamp::new(-1, 0.0),
+            backlog,
         }
     }
 
@@ -78,10 +83,10 @@ impl Cycle {
         self.stamp = self.stamp.next(time);
         if measured {
             self.state
-                .write_if_idle(&self.positions, Some(self.stamp.into()));
+                .write_unless_behind(&self.positions, Some(self.stamp.into()), self.backlog);
         }
         self.extended
-            .write_if_idle(&self.data, Some(self.stamp.into()));
+            .write_unless_behind(&self.data, Some(self.stamp.into()), self.backlog);
     }
 
     /// Reads the joints into the buffers; tells whether that worked.
@@ -163,6 +168,11 @@ impl Cycle {
                 .is_ok()
         });
     }
+}
+
+/// How many states, at one every `period`, are not more than [`BEHIND`].
+fn backlog(period: Duration) -> usize {
+    (BEHIND.as_nanos() / period.as_nanos().max(1)) as usize
 }
 
 /// Takes over what was measured; a part that is not known is zeros, and said to be invalid.

@@ -1,0 +1,47 @@
+#!/usr/bin/env bash
+# Boards on the network, ours beside stock's: `conformance/bench/run.sh only boards [feed|orders]`.
+#
+# Two hosts are two network namespaces with a cable, which need root; without it only localhost is measured. Leaves
+# nothing behind. From the environment:
+#
+#   STOCK          the folder of stock YARP 3.5.0
+#   STOCK4_BUILD   a build of stock 4.0.0 as for live/run_4.sh; without it orders of 4.0 are left out
+#   ROUNDS         how often each measurement is made, 5
+#   LONGER         how many times longer states are looked at, 1: then it takes four minutes
+#   CARRIER        what states travel over, fast_tcp
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+: "${STOCK:?set STOCK to the folder of stock YARP; \`make bench\` does}"
+. conformance/stock/environment.sh
+target=${CARGO_TARGET_DIR:-target}/release
+
+work=$(mktemp -d)
+server=bench-s-$$ client=bench-c-$$
+clean() {
+    ip netns del "$server" 2>/dev/null || true
+    ip netns del "$client" 2>/dev/null || true
+    rm -rf "$work"
+}
+trap clean EXIT
+
+if [ -z "${STOCK_PEER:-}" ]; then
+    g++ -O2 -std=c++17 -include cstdint conformance/bench/stock_peer.cpp \
+        -I"$stock_package/include" -L"$stock_package/lib" -lYARP_os -lYARP_init -o "$work/stock_peer"
+    export STOCK_PEER=$work/stock_peer
+fi
+
+address=10.213.78.1
+if ip netns add "$server" 2>/dev/null && ip netns add "$client" 2>/dev/null; then
+    ip link add eth0 netns "$server" type veth peer name eth0 netns "$client"
+    ip -n "$server" address add "$address/24" dev eth0
+    ip -n "$client" address add 10.213.78.2/24 dev eth0
+    for space in "$server" "$client"; do
+        ip -n "$space" link set lo up
+        ip -n "$space" link set eth0 up
+    done
+    export NETWORKS="$server $client $address"
+else
+    echo "no network namespaces: run as root, with iproute2, to measure between two hosts" >&2
+fi
+
+YARP=$target/yarp "$target/bench_boards" "$@"

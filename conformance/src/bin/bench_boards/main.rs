@@ -1,0 +1,81 @@
+//! Boards on the network, ours beside stock in one run: how even their states come, how fast orders are taken.
+//!
+//! ```text
+//! bench_boards                 runs everything, prints tables; five rounds
+//! bench_boards only PART       one of feed, orders
+//! bench_boards read NAME MICROSECONDS CARRIER SECONDS       what comes of a board's states, as a process of its own
+//! bench_boards order NAME GENERATION N                      times of N orders to a board; 3.x or 4.0
+//! bench_boards device-call N                               times until N orders are at a device within this process
+//! bench_boards busy | copy                                  keeps a processor, or the memory, at work until it is killed
+//! ```
+//!
+//! Servers are processes as users have them: `yarp dev` of ours with the simulated arm, `yarpdev` of stock with its
+//! `fakeMotionControl`, seven joints each, behind `controlBoard_nws_yarp`. The same reader and the same clients, in
+//! processes of their own, meet both, in turn. What is read from the environment is in `boards.sh`, which starts this.
+
+mod arrivals;
+mod device_call;
+mod feed;
+mod load;
+mod orders;
+mod place;
+mod reader;
+mod server;
+mod table;
+
+use std::process::ExitCode;
+
+use yarp_conformance::machine;
+
+use place::Place;
+
+type Failure = Box<dyn std::error::Error + Send + Sync>;
+
+/// How often each measurement is made, ours and stock's in turn, unless `ROUNDS` says otherwise.
+const ROUNDS: usize = 5;
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let result = match words[..] {
+        [] => compare(&["feed", "orders"]),
+        ["only", part @ ("feed" | "orders")] => compare(&[part]),
+        ["read", name, period, carrier, seconds] => reader::run(name, period, carrier, seconds),
+        ["order", name, generation, n] => orders::run(name, generation, n),
+        ["device-call", n] => device_call::run(n),
+        ["busy"] => load::busy(),
+        ["copy"] => load::copy(),
+        _ => Err("usage: bench_boards [only feed | only orders]; the rest is for itself".into()),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("bench_boards: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn compare(parts: &[&str]) -> Result<(), Failure> {
+    let rounds = match std::env::var("ROUNDS") {
+        Ok(text) => text.parse::<usize>()?.max(1),
+        Err(_) => ROUNDS,
+    };
+    println!("machine: {}", machine());
+    println!("{rounds} rounds, in turn; every server, reader and client is a process of its own");
+    let here = Place::here()?;
+    if parts.contains(&"feed") {
+        let mut places = vec![&here];
+        let apart = Place::apart()?;
+        match &apart {
+            Some(apart) => places.push(apart),
+            None => println!("no network namespaces (they need root): only localhost is measured"),
+        }
+        feed::compare(&places, rounds)?;
+    }
+    if parts.contains(&"orders") {
+        orders::compare(&here, rounds)?;
+        device_call::measure(&here, rounds)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,84 @@
+//! Boards of ours and of stock, each a process of its own.
+
+use std::cell::Cell;
+use std::process::{Child, Stdio};
+use std::time::Duration;
+use std::{env, thread};
+
+use crate::Failure;
+use crate::place::{Host, Place, yarp};
+
+/// Whose server.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub(crate) enum Side {
+    Ours,
+    Stock,
+    /// Stock of the other generation, if `STOCK4_BUILD` names a build of it.
+    Stock4,
+}
+
+/// What serves a device, of each side, and stock's device.
+const BOARD: &str = "controlBoard_nws_yarp";
+const FAKE: &str = "fakeMotionControl";
+
+/// A board that runs until this is let go.
+#[derive(Debug)]
+pub(crate) struct Server {
+    child: Child,
+    /// What its ports have in front of their names.
+    pub(crate) name: String,
+}
+
+impl Server {
+    /// Starts one; its ports come later, clients wait for them.
+    pub(crate) fn start(place: &Place, side: Side, period: Duration) -> Result<Self, Failure> {
+        thread_local!(static STARTED: Cell<usize> = const { Cell::new(0) });
+        let number = STARTED.replace(STARTED.get() + 1);
+        let name = format!("/board/{number}");
+        let mut command = match side {
+            Side::Ours => place.command(Host::OfServer, &yarp()),
+            Side::Stock => place.command(Host::OfServer, "conformance/stock/with_stock"),
+            Side::Stock4 => {
+                let build = env::var("STOCK4_BUILD")?;
+                let mut command = place.command(Host::OfServer, &format!("{build}/bin/yarpdev"));
+                command
+                    .env("LD_LIBRARY_PATH", format!("{build}/lib:{build}/lib/yarp"))
+                    .env("YARP_DATA_DIRS", format!("{build}/share/yarp"));
+                command
+            }
+        };
+        match side {
+            Side::Ours => command.args(["dev", "--device", BOARD, "--subdevice", "simulatedWam"]),
+            Side::Stock => command.args(["yarpdev", "--device", BOARD, "--subdevice", FAKE]),
+            // 4.0 does not take the short form any more.
+            Side::Stock4 => command.args([
+                "--device",
+                "deviceBundler",
+                "--wrapper_device",
+                BOARD,
+                "--attached_device",
+                FAKE,
+            ]),
+        };
+        if side != Side::Ours {
+            command.args(["--GENERAL::Joints", "7"]);
+        }
+        let seconds = period.as_secs_f64().to_string();
+        command.args(["--name", &name, "--period", &seconds]);
+        let child = command
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()?;
+        // So that it is not still starting while it is measured.
+        thread::sleep(Duration::from_millis(300));
+        Ok(Self { child, name })
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}

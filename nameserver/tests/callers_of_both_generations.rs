@@ -1,0 +1,185 @@
+//! A port of another program that calls one of ours gets its replies in what it reads, also if its requests
+//! hold nothing that the generations write differently.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
+
+use bytes::BytesMut;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::{TcpListener, TcpStream};
+use yarp_nameserver::{Server, ServerOptions};
+use yarp_ports::{Answer, Dialogue, Network, Port, PortOptions, Queue, Received};
+use yarp_wire::bottle::detect;
+use yarp_wire::carrier::Carrier;
+use yarp_wire::connection::{Acceptor, Event};
+use yarp_wire::message::Command;
+use yarp_wire::{Bottle, Dialect, Limits};
+
+/// The most that anything here may take; nothing is right or wrong because of it.
+const DEADLINE: Duration = Duration::from_secs(60);
+
+const REPLY: &str = "1.5 (2.5 3.5)";
+
+/// A port of another program: what it answers to any admin request, and how often it was asked.
+struct Caller {
+    name: String,
+    asked: Arc<AtomicUsize>,
+}
+
+impl Caller {
+    /// Opens one that gives this answer; none at all without one.
+    async fn open(network: &Network, name: &str, answer: Option<&'static str>) -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let number = listener.local_addr().unwrap().port();
+        let request = format!("register {name} tcp 127.0.0.1 {number}");
+        network.ask(&request).await.unwrap();
+        let asked = Arc::new(AtomicUsize::new(0));
+        let count = asked.clone();
+        tokio::spawn(async move {
+            while let Ok((stream, _)) = listener.accept().await {
+                tokio::spawn(answer_all(stream, number, answer, count.clone()));
+            }
+        });
+        let name = name.to_owned();
+        Self { name, asked }
+    }
+
+    /// Calls a port of ours over a carrier, and tells what generation the reply is written for.
+    async fn call(&self, port: &Port, carrier: &str) -> Dialect {
+        let carrier = Carrier::by_name(carrier).unwrap();
+        let address = ("127.0.0.1", port.number());
+        let network = Network::none().with_deadline(DEADLINE);
+        let opening = Dialogue::open(port.name(), address, carrier, &self.name, &network);
+        let mut dialogue = opening.await.unwrap();
+        let command = Command::Data {
+            reply: true,
+            envelope: None,
+        };
+        let request = Bottle::parse("[get] [pos]").unwrap();
+        let reply = dialogue.request(&command, &request).await.unwrap();
+        let bytes = reply.bytes();
+        let dialect = detect(&bytes, Limits::DEFAULT).expect("it has floats");
+        let read = Bottle::decode(&bytes, dialect, Limits::DEFAULT).unwrap();
+        assert_eq!(read.to_string(), REPLY);
+        dialect
+    }
+}
+
+async fn answer_all(
+    mut stream: TcpStream,
+    number: u16,
+    answer: Option<&str>,
+    asked: Arc<AtomicUsize>,
+) {
+    let mut acceptor = Acceptor::new(number, Dialect::V4, Limits::DEFAULT);
+    let (mut input, mut output) = (BytesMut::new(), BytesMut::new());
+    loop {
+        while let Some(event) = acceptor.poll(&mut input, &mut output).unwrap() {
+            let Event::Message(message) = event else {
+                continue;
+            };
+            assert_eq!(message.command, Command::Admin);
+            asked.fetch_add(1, Ordering::Relaxed);
+            match answer {
+                Some(answer) => acceptor.reply(&Bottle::parse(answer).unwrap(), &mut output),
+                None => std::future::pending().await,
+            }
+            acceptor.acknowledge(&mut output);
+        }
+        stream.write_all_buf(&mut output).await.unwrap();
+        match stream.read_buf(&mut input).await {
+            Ok(0) | Err(_) => return,
+            Ok(_) => {}
+        }
+    }
+}
+
+async fn network() -> (Server, Network) {
+    let server = Server::start(ServerOptions::default().at("127.0.0.1", 0))
+        .await
+        .unwrap();
+    let network = server.network().with_deadline(DEADLINE);
+    (server, network)
+}
+
+/// A port of ours that replies with floats.
+async fn replying(network: &Network, name: &str, dialect: Dialect) -> Port {
+    let handler = |_: &mut Received| Answer::reply(Bottle::parse(REPLY).unwrap());
+    let options = PortOptions::new().handler(handler).dialect(dialect);
+    Port::open(network, name, options).await.unwrap()
+}
+
+/// What 3.5.0 and 4.0.0 answer to a request for the number of their process.
+const ANSWERS: [(&str, Dialect); 2] = [
+    ("1 \"\" 4412", Dialect::V3),
+    (
+        "[fail] \"send [help] for list of valid commands\"",
+        Dialect::V4,
+    ),
+];
+
+#[tokio::test]
+async fn replies_are_written_as_their_reader_reads() {
+    let (_server, network) = network().await;
+    for (answer, reads) in ANSWERS {
+        let caller = Caller::open(&network, &format!("/caller/{reads}"), Some(answer)).await;
+        for default in [Dialect::V3, Dialect::V4] {
+            let port = replying(&network, &format!("/{reads}/{default}"), default).await;
+            for carrier in ["tcp", "fast_tcp"] {
+                // On a machine that stands still for a while the answer comes too late.
+                let mut tries = 1;
+                while caller.call(&port, carrier).await != reads {
+                    assert!(tries < 10, "over {carrier}");
+                    tries += 1;
+                }
+            }
+            port.close().await;
+        }
+    }
+}
+
+#[tokio::test]
+async fn who_does_not_say_gets_what_the_port_answers_in() {
+    let (_server, network) = network().await;
+    let silent = Caller::open(&network, "/silent", None).await;
+    let strange = Caller::open(&network, "/strange", Some("what?")).await;
+    let program = Caller {
+        name: "program".to_owned(),
+        asked: Arc::default(),
+    };
+    let unknown = Caller {
+        name: "/unknown".to_owned(),
+        asked: Arc::default(),
+    };
+    for default in [Dialect::V3, Dialect::V4] {
+        let port = replying(&network, &format!("/{default}"), default).await;
+        for caller in [&silent, &strange, &program, &unknown] {
+            assert_eq!(caller.call(&port, "tcp").await, default, "{}", caller.name);
+        }
+        port.close().await;
+    }
+    assert_eq!(silent.asked.load(Ordering::Relaxed), 2);
+}
+
+#[tokio::test]
+async fn nobody_is_asked_who_gets_no_replies() {
+    let (_server, network) = network().await;
+    let caller = Caller::open(&network, "/caller", Some("[fail]")).await;
+    let options = PortOptions::new().reading(Queue::Latest);
+    let port = Port::open(&network, "/reader", options).await.unwrap();
+    let carrier = Carrier::by_name("tcp").unwrap();
+    let address = ("127.0.0.1", port.number());
+    let mut dialogue = Dialogue::open("/reader", address, carrier, &caller.name, &network)
+        .await
+        .unwrap();
+    let command = Command::Data {
+        reply: true,
+        envelope: None,
+    };
+    dialogue
+        .request(&command, &Bottle::parse("1").unwrap())
+        .await
+        .unwrap();
+    assert_eq!(caller.asked.load(Ordering::Relaxed), 0);
+}
