@@ -10,6 +10,8 @@ use crate::network::Network;
 
 /// A word that generation 3.x cuts to four characters.
 const WORD: &str = "generation";
+/// What a port of ours says of itself behind the number of its process.
+pub(crate) const OURS: &str = "either";
 /// A reader that has not answered by then does not say.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// The same for a caller, which waits meanwhile.
@@ -39,7 +41,8 @@ pub(crate) async fn generation(
 /// The generation that a port which calls one of ours reads its replies in, or `None` if it does not say.
 ///
 /// Asks it for the number of its process, which 4.0 does not tell any more. Checked against 3.5.0 and 4.0.0.
-/// Ports of ours tell it always: they have asked before they call, and read what they were told.
+/// Ports of ours do not say: they have asked before they call, and read what they were told, which is what the port that
+/// they call answers in by default.
 pub(crate) async fn caller(name: &str, network: &Network) -> Option<Dialect> {
     let asking = async {
         let place = network.query(name).await.ok()?;
@@ -48,7 +51,7 @@ pub(crate) async fn caller(name: &str, network: &Network) -> Option<Dialect> {
     };
     let answer = tokio::time::timeout(BRIEFLY, asking).await.ok()??;
     match answer.get(0)? {
-        Value::Int32(1) => Some(Dialect::V3),
+        Value::Int32(1) if answer.get(3).is_none() => Some(Dialect::V3),
         word if word.as_vocab() == Some(Vocab32::new("fail")) => Some(Dialect::V4),
         _ => None,
     }

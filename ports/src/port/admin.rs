@@ -10,6 +10,7 @@ use super::core::Core;
 use super::monitor::{Attached, Chain, MonitorSide};
 use super::options::{Input, Outputs, Serving};
 use super::qos::scheduling;
+use crate::probe;
 use crate::roles::Right;
 use crate::schedule::Schedule;
 
@@ -99,11 +100,14 @@ impl Core {
                 self.attached(direction).1.put(None);
                 ok()
             }
-            // Also if it answers in 4.0: a caller of ours has asked what it will be answered in, and
-            // is not to be taken for one of stock's 4.0 (`probe.rs`).
-            AdminRequest::Process => {
-                Bottle::from_iter([1.into(), "".into(), (std::process::id() as i32).into()])
-            }
+            // With a word more than stock's: a caller of ours has asked what it will be answered in, and
+            // is to be taken neither for one of 3.x nor for one of 4.0 (`probe.rs`).
+            AdminRequest::Process => Bottle::from_iter([
+                1.into(),
+                "".into(),
+                (std::process::id() as i32).into(),
+                probe::OURS.into(),
+            ]),
             AdminRequest::Other(request) => {
                 let own = self
                     .options
