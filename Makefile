@@ -4,6 +4,7 @@
 #   make test       everything that needs no stock YARP
 #   make test-etcd  several name servers that share their names in etcd, which is installed if it is missing
 #   make test-live  ours against stock YARP 3.5.0, which is built first if it is not there
+#   make test-gui   stock's yarpmotorgui and yarpview on our devices, by hand: builds them with Qt first
 #   make test-can   the CAN driver of the arm on a bus of Debian's kernel, booted in QEMU (about a minute)
 #   make soak       100 000 connections that come and go leave nothing behind
 #   make idle       what connections cost that are open and at rest
@@ -19,7 +20,10 @@ export STOCK
 FEATURES ?=
 WORKSPACE_FEATURES = $(if $(FEATURES),--features $(FEATURES:%=yarp-cli/%))
 
-.PHONY: run build test test-etcd test-live test-can soak idle hour bench check setup stock
+# Where stock's graphical tools are kept.
+WINDOWS ?= $(HOME)/.cache/stock-yarp-windows
+
+.PHONY: run build test test-etcd test-live test-gui test-can soak idle hour bench check setup stock
 
 run: build
 	target/release/yarp up
@@ -49,6 +53,11 @@ stock: setup
 
 test-live: build stock
 	conformance/live/run.sh
+
+# Debian's Python has what reads windows.
+test-gui: build stock
+	conformance/gui/install.sh "$(WINDOWS)"
+	/usr/bin/python3 -B conformance/gui/check.py target/release/yarp "$(WINDOWS)"
 
 test-can: setup
 	conformance/can/run.sh

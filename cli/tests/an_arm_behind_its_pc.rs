@@ -17,9 +17,9 @@ fn free_ports() -> String {
 }
 
 /// Asks the arm until it answers `text`.
-fn answers(home: &Home, question: &str, text: &str) {
+fn answers(home: &Home, arm: &str, question: &str, text: &str) {
     for _ in 0..600 {
-        let told = home.run_with("rpc /wam/rpc:i", &format!("{question}\n"));
+        let told = home.run_with(&format!("rpc {arm}/rpc:i"), &format!("{question}\n"));
         if told.says(text) {
             return;
         }
@@ -36,10 +36,10 @@ fn the_pc_connects_moves_is_killed_and_comes_again() {
         .see("run `yarp wam-node` on it")
         .see("Ctrl-C ends it.");
     // Nobody is there yet.
-    answers(&home, "[get] [icmd] [cmod] 0", "[hwfa]");
+    answers(&home, "/wam", "[get] [icmd] [cmod] 0", "[hwfa]");
     let line = format!("wam-node --arm simulated --ports {ports}");
     let node = home.start(&line).see("The driver is connected.");
-    answers(&home, "[get] [icmd] [cmod] 0", "[pos]");
+    answers(&home, "/wam", "[get] [icmd] [cmod] 0", "[pos]");
     // Should the machine stand still for so long that the connection is given up, the arm stops: told again.
     let arrived = (0..100).any(|_| {
         home.run_with("rpc /wam/rpc:i", "[set] [pos] 3 175.0\n");
@@ -50,15 +50,37 @@ fn the_pc_connects_moves_is_killed_and_comes_again() {
     });
     assert!(arrived);
     node.kill();
-    answers(&home, "[get] [icmd] [cmod] 0", "[hwfa]");
+    answers(&home, "/wam", "[get] [icmd] [cmod] 0", "[hwfa]");
     let refused = home.run_with("rpc /wam/rpc:i", "[set] [pos] 3 170.0\n");
     assert!(!refused.says("[ok]"), "{refused:?}");
     let again = home.start(&line).see("The driver is connected.");
-    answers(&home, "[get] [icmd] [cmod] 0", "[pos]");
+    answers(&home, "/wam", "[get] [icmd] [cmod] 0", "[pos]");
     let ended = up.signal("TERM").finish().with(0);
     assert!(ended.says("behind its PC"), "{ended:?}");
     let again = again.see("The driver is gone (");
     again.signal("TERM").finish().with(0);
+}
+
+/// Its tool is brought to places through both PCs, and nothing is refused because the arm's own PC comes later.
+#[test]
+fn its_tool_is_brought_to_a_place() {
+    let home = Home::new();
+    let ports = free_ports();
+    let up = home
+        .start(&format!("up --arm embedded --cartesian --ports {ports}"))
+        .see("bring the tool there")
+        .see("Ctrl-C ends it.");
+    let node = home
+        .start(&format!("wam-node --arm dynamic --ports {ports}"))
+        .see("The driver is connected.");
+    answers(&home, "/wam", "[get] [icmd] [cmod] 0", "[pos]");
+    let order = "[go] [xyz] 1.0 (-0.2 0.05 0.05)\n";
+    let told = home.run_with("rpc /cartController/wam/rpc:i", order);
+    assert!(told.says("[ack]"), "{told:?}");
+    answers(&home, "/wam", "[get] [icmd] [cmod] 0", "[posd]");
+    answers(&home, "/cartController/wam", "[get] [done]", "[ack] [true]");
+    up.signal("TERM").finish().with(0);
+    node.signal("TERM").finish().with(0);
 }
 
 #[test]
@@ -74,7 +96,7 @@ fn the_pc_listens() {
         ))
         .see("Ctrl-C ends it.");
     let node = node.see("The driver is connected.");
-    answers(&home, "[get] [icmd] [cmod] 0", "[pos]");
+    answers(&home, "/wam", "[get] [icmd] [cmod] 0", "[pos]");
     up.signal("TERM").finish().with(0);
     node.signal("INT").finish().with(0);
 }

@@ -296,6 +296,12 @@ single("write, no target", "write /w", text="hi\n(there\n")
 single("write, bad name", "write w", text="hi\n")
 single("read, bad name", "read r", codes=FAILURE_IS_TOLD)
 single("wait", "wait /root", codes=WAIT_SUCCEEDS)
+single("describe", *[f"{command} describe{word}" for command, words in [("priority-qos", ["", " AF12", " LOW", " 40", " 10", " x"]), ("qos", [""]),
+                                                                     ("priority-sched", ["", " SCHED_FIFO", " 2", " 9"]), ("sched", [""])]
+                     for word in words])
+single("env", "env a b", "env --help", "env HOME", "env NO_SUCH_VARIABLE")
+single("merge, usage", "merge")
+single("merge, unknown", "merge /nothing")
 
 
 @scenario("ports that are gone")
@@ -415,6 +421,37 @@ def transfer(carrier):
 
 for carrier in ("tcp", "fast_tcp", "text", "text_ack"):
     scenario(f"write and read over {carrier}", roles=3)(transfer(carrier))
+
+
+def may_run_in_real_time():
+    """Whether the system lets programs have such a policy."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        return True
+    except PermissionError:
+        return False
+
+
+if may_run_in_real_time():
+
+    @scenario("threads of a connection", roles=3)
+    def _(world, writing, reading, asking):
+        reader = world.start(reading, "read /r")
+        writer = world.start(writing, "write /w")
+        results = [world.run(asking, "connect /w /r")]
+        for process in (reader, writer):
+            process.see("from /w to /r")
+        for side in ("--src", "--des"):
+            for value in ("POL:SCHED_FIFO", "PRT:30", "POL:2", "POL:SCHED_OTHER", "PRT:5", "PRT:x"):
+                results.append(world.run(asking, f"priority-sched set /w /r {side} {value}"))
+                results.append(world.run(asking, "priority-sched get /w /r"))
+        writer.type("still there")
+        reader.see("still there")
+        results.append(writer.end_input().finish())
+        reader.see("Removing input")
+        results.append(reader.signal().finish())
+        return results
 
 
 @scenario("write to a target", roles=2)
@@ -569,6 +606,39 @@ def _(world, writing, repeating, reading):
     results.append(reader.signal().finish())
     # Stock has no handler there: it dies of the signal and leaves its name behind.
     repeater.signal().finish()
+    return results
+
+
+@scenario("merge", roles=3)
+def _(world, writing, merging, reading):
+    writers = [world.start(writing, f"write /w{number}") for number in (0, 1)]
+    merger = world.start(merging, "merge --input /w0 /w1 --output /m --worker /mi --carrier tcp", "Ready.")
+    reader = world.start(reading, "read /r")
+    results = [world.run(reading, "connect /m /r")]
+    reader.see("Receiving input")
+    # What is not there yet is left out. It may be sent before the connection is there.
+    writers[0].type("a 1")
+    reader.see("a 1")
+    writers[1].type("(b) 2")
+    reader.see("a 1 (b) 2")
+    for writer in writers:
+        results.append(writer.end_input().finish())
+    # Stock has no handler there: it dies of the signal and leaves its names behind.
+    merger.signal().finish()
+    said = [line for line in merger.out if not REPORTS.match(line) and line != "Interrupting..."]
+    results.append((0, said))
+    reader.see("Removing input")
+    results.append(reader.signal().finish())
+    return results
+
+
+@scenario("time", roles=1)
+def _(world, tool):
+    results = []
+    for line in ("time", "time --ros"):
+        clock = world.start(tool, line, "1")
+        clock.signal().finish()
+        results.append((0, [re.sub(r"\d", "9", clock.out[0])]))
     return results
 
 

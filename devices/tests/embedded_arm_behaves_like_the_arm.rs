@@ -145,7 +145,7 @@ fn what_the_protocol_has_no_words_for_is_refused() {
     ));
     assert_eq!(
         driver.available_control_modes(0.into()).unwrap(),
-        [Mode::Position]
+        [Mode::Position, Mode::PositionDirect]
     );
     assert!(driver.velocity_control().is_none() && driver.torque_control().is_none());
 }

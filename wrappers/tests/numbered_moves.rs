@@ -5,7 +5,9 @@ mod support;
 use std::time::Duration;
 
 use support::{PATIENCE, Stage};
-use yarp_devices::{Axes, AxisIndex, ControlMode, Mode, MotionControl, PositionControl};
+use yarp_devices::{
+    Axes, AxisIndex, ControlMode, DeviceError, Mode, MotionControl, PositionControl,
+};
 use yarp_ports::{PortOptions, Queue, remote};
 use yarp_wire::Dialect;
 use yarp_wrappers::control_board::messages::MotionEnd;
@@ -50,6 +52,44 @@ fn an_end_is_announced_to_readers_and_to_who_waits() {
         drop(arm);
         stage.runtime.block_on(server.close());
         assert_eq!(stage.registered(), ["/person"]);
+    }
+}
+
+/// One axis, several and all, as the words of 3.x and the calls of 4.0 have a form for each.
+#[test]
+fn relative_moves_have_numbers_too() {
+    for generation in [Dialect::V3, Dialect::V4] {
+        let stage = Stage::new();
+        let server = stage.serve_arm();
+        let options = RemoteControlBoardOptions::new("/wam", "/me").generation(generation);
+        let arm = RemoteControlBoard::open(&stage.network, options.deadline(PATIENCE))
+            .expect("it can be reached");
+        let start = arm.target_positions(JOINT).expect("it answers")[0];
+        let some = [AxisIndex::new(0), AxisIndex::new(4)];
+        let selections: [(Axes<'_>, &[f64]); 3] = [
+            (JOINT, &[0.5]),
+            (Axes::Group(&some), &[0.5, 0.5]),
+            (Axes::All, &[0.5, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0]),
+        ];
+        let mut before = 0;
+        for (axes, distances) in selections {
+            let motion = arm
+                .relative_move_numbered(axes, distances)
+                .expect("it moves");
+            assert_eq!(motion.wait(PATIENCE).expect("it ends"), MotionEnd::Done);
+            assert!(motion.number() > before);
+            before = motion.number();
+        }
+        let end = arm.target_positions(JOINT).expect("it answers")[0];
+        assert!((end - start - 1.5).abs() < 1e-9, "{start} {end}");
+        let error = arm.relative_move_numbered(JOINT, &[0.5, 0.5]);
+        assert!(matches!(error, Err(DeviceError::WrongCount { .. })));
+        let error = arm.relative_move_numbered(JOINT, &[f64::NAN]);
+        assert!(matches!(error, Err(DeviceError::NotFinite { .. })));
+        let far = arm.relative_move_numbered(JOINT, &[999.0]);
+        assert!(far.expect_err("too far").to_string().contains("999"));
+        drop(arm);
+        stage.runtime.block_on(server.close());
     }
 }
 

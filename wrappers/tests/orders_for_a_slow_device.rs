@@ -123,11 +123,15 @@ fn drops(stage: &Stage, port: &Port) -> u64 {
     Numbered::read_drops(&answer).expect("a number")
 }
 
-/// A move of joint 0 with a number.
-fn numbered_move(target: f64) -> Bottle {
-    let selection = Selection::One(0.into());
-    let set = Set::Values(Setting::Position, selection, vec![target]);
+/// A move with a number.
+fn numbered(selection: Selection, targets: &[f64]) -> Bottle {
+    let set = Set::Values(Setting::Position, selection, targets.to_vec());
     Numbered::Order(set).to_bottle().expect("there are words")
+}
+
+/// The same, of joint 0.
+fn numbered_move(target: f64) -> Bottle {
+    numbered(Selection::One(0.into()), &[target])
 }
 
 #[test]
@@ -185,6 +189,51 @@ fn who_waits_for_the_answer_is_told_that_its_order_was_dropped() {
     let asked = Numbered::Ask(dropped.number).to_bottle().expect("words");
     let told = stage.runtime.block_on(ask(&monitor, &asked));
     assert_eq!(MotionNews::from_bottle(&told), Some(dropped));
+    drop(arm);
+    stage.runtime.block_on(server.close());
+}
+
+/// An order that could be seen to be wrong took the place of one that waited, and was refused afterwards.
+#[test]
+fn an_order_that_is_wrong_whatever_the_device_says_displaces_none() {
+    let stage = Stage::new();
+    let (device, taken) = slow();
+    let server = stage.serve("/wam", device);
+    let arm = stage.remote("/me");
+    let (monitor, one) = (caller(&stage, "/monitor"), caller(&stage, "/one"));
+    arm.set_direct_positions(Axes::One(3.into()), &[1.0])
+        .expect("it is sent");
+    eventually("the first", || taken.positions().len() == 1);
+    let waiting = stage
+        .runtime
+        .spawn(async move { ask(&one, &numbered_move(1.0)).await });
+    // It waits as soon as something else can take its place, which is seen by a drop.
+    let two = caller(&stage, "/two");
+    let newer = stage
+        .runtime
+        .spawn(async move { ask(&two, &numbered_move(2.0)).await });
+    eventually("a drop", || drops(&stage, &monitor) == 1);
+    // All of these are about joint 0, and are answered while the device is busy.
+    let group = |axes: &[usize]| Selection::Group(axes.iter().copied().map(Into::into).collect());
+    for wrong in [
+        numbered_move(f64::NAN),
+        numbered(Selection::All, &[3.0]),
+        numbered(group(&[0, 0]), &[3.0, 3.0]),
+        numbered(group(&[0, 99]), &[3.0, 3.0]),
+        Bottle::parse("[set] [poss] (3.0)").expect("a bottle"),
+        Bottle::parse("[set] [stog] (0 99)").expect("a bottle"),
+        Bottle::parse("[set] [stog] 2 (0 99)").expect("a bottle"),
+    ] {
+        let answer = stage.runtime.block_on(ask(&monitor, &wrong)).to_string();
+        assert!(answer.contains("[fail]"), "{wrong}: {answer}");
+    }
+    assert_eq!(drops(&stage, &monitor), 1);
+    assert_eq!(taken.positions(), [(3, 1.0)]);
+    taken.let_go();
+    let answers =
+        [waiting, newer].map(|answer| stage.runtime.block_on(answer).expect("it answers"));
+    let states = answers.map(|answer| MotionNews::from_bottle(&answer).expect("news").state);
+    assert!(states.contains(&MotionState::Moving), "{states:?}");
     drop(arm);
     stage.runtime.block_on(server.close());
 }

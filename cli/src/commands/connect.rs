@@ -13,6 +13,9 @@ use crate::error::Result;
 use crate::session;
 use crate::text::complain;
 
+/// What a carrier may have, under the names that stock lists.
+const MODIFIERS: [&str; 3] = ["bayer", "portmonitor", "priority"];
+
 /// create a connection between two ports
 ///
 /// Connects two ports, now or whenever they are there.
@@ -49,8 +52,11 @@ pub(crate) struct Args {
 
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     if args.list_carriers {
-        let names = ALL.map(|carrier| carrier.name).join("\n ");
-        writeln!(out, "{names}\n")?;
+        // Some have a name for several ways; as in stock, modifiers stand behind.
+        let mut names = ALL.map(|carrier| carrier.name).to_vec();
+        names.dedup();
+        names.extend(MODIFIERS);
+        writeln!(out, "{}\n", names.join("\n "))?;
         return Ok(ExitCode::SUCCESS);
     }
     let persist = args.persist || args.persist_from || args.persist_to;

@@ -9,17 +9,20 @@ mod demo;
 mod detect;
 mod dev;
 mod disconnect;
+mod env;
 mod exists;
 mod hand_board;
 mod hand_node;
 #[cfg(unix)]
 mod hand_sim;
 mod help;
+mod merge;
 mod name;
 mod namespace;
 mod ping;
 mod priority_qos;
 mod priority_sched;
+mod priority_tables;
 mod read;
 mod readwrite;
 mod repeat;
@@ -29,6 +32,7 @@ mod rpc;
 mod rpcserver;
 mod server;
 mod terminate;
+mod time;
 mod topic;
 mod up;
 mod version;
@@ -57,6 +61,7 @@ pub(crate) enum Command {
     Detect(detect::Args),
     Dev(dev::Args),
     Disconnect(disconnect::Args),
+    Env(env::Args),
     Exists(exists::Args),
     #[command(name = "hand-board")]
     HandBoard(hand_board::Args),
@@ -66,12 +71,13 @@ pub(crate) enum Command {
     #[command(name = "hand-sim")]
     HandSim(hand_sim::Args),
     Help(help::Args),
+    Merge(merge::Args),
     Name(name::Args),
     Namespace(namespace::Args),
     Ping(ping::Args),
-    #[command(name = "priority-qos")]
+    #[command(name = "priority-qos", alias = "qos")]
     PriorityQos(priority_qos::Args),
-    #[command(name = "priority-sched")]
+    #[command(name = "priority-sched", alias = "sched")]
     PrioritySched(priority_sched::Args),
     Read(read::Args),
     Readwrite(readwrite::Args),
@@ -82,6 +88,7 @@ pub(crate) enum Command {
     Rpcserver(rpcserver::Args),
     Server(Box<server::Args>),
     Terminate(terminate::Args),
+    Time(time::Args),
     Topic(topic::Args),
     Up(up::Args),
     Version(version::Args),
@@ -105,12 +112,14 @@ impl Command {
             Self::Detect(args) => detect::run(args, out).await,
             Self::Dev(args) => dev::run(args, out).await,
             Self::Disconnect(args) => disconnect::run(args, out).await,
+            Self::Env(args) => env::run(args, out),
             Self::Exists(args) => exists::run(args, out).await,
             Self::HandBoard(args) => hand_board::run(args, out).await,
             Self::HandNode(args) => hand_node::run(args, out).await,
             #[cfg(unix)]
             Self::HandSim(args) => hand_sim::run(args, out).await,
             Self::Help(args) => help::run(args, out),
+            Self::Merge(args) => merge::run(args, out).await,
             Self::Name(args) => name::run(args, out).await,
             Self::Namespace(args) => namespace::run(args, out),
             Self::Ping(args) => ping::run(args, out).await,
@@ -125,6 +134,7 @@ impl Command {
             Self::Rpcserver(args) => rpcserver::run(args, out).await,
             Self::Server(args) => server::run(*args, out).await,
             Self::Terminate(args) => terminate::run(args, out).await,
+            Self::Time(args) => time::run(args, out).await,
             Self::Topic(args) => topic::run(args, out).await,
             Self::Up(args) => up::run(args, out).await,
             Self::Version(args) => version::run(args, out),

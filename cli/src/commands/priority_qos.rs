@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use yarp_wire::Value;
 use yarp_wire::qos::{CodePoint, Level};
 
-use super::code;
+use super::{code, priority_tables};
 use crate::error::Result;
 use crate::quality::{NAMES, Wish, side};
 use crate::session;
@@ -14,7 +14,7 @@ use crate::text::complain;
 
 /// set/get the packet priority for a given connection
 ///
-/// `get SOURCE DESTINATION [--src|--des] [--dscp|--level|--tos]` tells the type of service of the
+/// `describe [VALUE]` shows what there is. `get SOURCE DESTINATION [--src|--des] [--dscp|--level|--tos]` tells the type of service of the
 /// packets that either end sends; `set SOURCE DESTINATION --src|--des VALUE` sets it: a number, the
 /// name of a class such as AF42, LOW, NORM, HIGH or CRIT, or one of these behind `TOS:`, `DSCP:` or
 /// `LEVEL:`.
@@ -22,7 +22,7 @@ use crate::text::complain;
 pub(crate) struct Args {
     /// What to do, and with which connection
     #[arg(
-        value_name = "get|set SOURCE DESTINATION ...",
+        value_name = "describe|get|set SOURCE DESTINATION ...",
         allow_hyphen_values = true,
         trailing_var_arg = true
     )]
@@ -32,6 +32,12 @@ pub(crate) struct Args {
 const FORMATS: [&str; 3] = ["--dscp", "--level", "--tos"];
 
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
+    if let [mode, words @ ..] = &args.words[..]
+        && mode == "describe"
+    {
+        priority_tables::packets().show(words.first(), out)?;
+        return Ok(ExitCode::SUCCESS);
+    }
     let Some(wish) = Wish::parse(&args.words, "priority-qos", out)? else {
         return Ok(ExitCode::FAILURE);
     };

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use yarp_wire::Value;
 
-use super::code;
+use super::{code, priority_tables};
 use crate::error::Result;
 use crate::quality::{NAMES, Wish, side};
 use crate::session;
@@ -13,7 +13,7 @@ use crate::text::complain;
 
 /// set/get the thread policy and priority for a given connection
 ///
-/// `get SOURCE DESTINATION [--src|--des] [--policy|--policy-label|--priority]` tells it; `set SOURCE
+/// `describe [POLICY]` shows what there is. `get SOURCE DESTINATION [--src|--des] [--policy|--policy-label|--priority]` tells it; `set SOURCE
 /// DESTINATION --src|--des POL:POLICY` sets the policy, a number or SCHED_OTHER, SCHED_FIFO or
 /// SCHED_RR, and `PRT:NUMBER` the priority. A connection of a port of ours gets a thread of its own with
 /// that; where the system does not allow it, nothing changes, and the port says what to try.
@@ -21,7 +21,7 @@ use crate::text::complain;
 pub(crate) struct Args {
     /// What to do, and with which connection
     #[arg(
-        value_name = "get|set SOURCE DESTINATION ...",
+        value_name = "describe|get|set SOURCE DESTINATION ...",
         allow_hyphen_values = true,
         trailing_var_arg = true
     )]
@@ -44,6 +44,12 @@ struct Schedule {
 }
 
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
+    if let [mode, words @ ..] = &args.words[..]
+        && mode == "describe"
+    {
+        priority_tables::threads(&POLICIES).show(words.first(), out)?;
+        return Ok(ExitCode::SUCCESS);
+    }
     let Some(wish) = Wish::parse(&args.words, "priority-sched", out)? else {
         return Ok(ExitCode::FAILURE);
     };

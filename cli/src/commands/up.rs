@@ -59,7 +59,7 @@ pub(crate) struct Args {
     /// or can:INTERFACE (on a CAN bus of this machine that is up, as in can:can0)
     #[arg(long, default_value_t = Arm::Simulated)]
     arm: Arm,
-    /// Serve a controller of the arm's tool too, as iCub has one, as /cartController and PREFIX
+    /// Serve a controller of the arm's tool too, as iCub has one, as /cartController and PREFIX; works with every arm
     #[arg(long)]
     cartesian: bool,
     #[command(flatten)]

@@ -107,6 +107,14 @@ impl<const N: usize> Arm<N> {
         Ok((0..N).all(|joint| !dof[joint] || modes[joint] == Mode::PositionDirect))
     }
 
+    /// Brings joints to rest, of an arm that can do that beside following positions.
+    pub(super) fn stop(&self, dof: &[bool; N]) -> Result<(), DeviceError> {
+        match self.device.position_control() {
+            Some(control) => control.stop(Axes::Group(&Self::used(dof))),
+            None => Ok(()),
+        }
+    }
+
     /// Sends the joints there, never beyond the limits of the device by a rounding.
     pub(super) fn send(&self, dof: &[bool; N], joints: &Joints<N>) -> Result<(), DeviceError> {
         let used = Self::used(dof);

@@ -111,8 +111,8 @@ pub(super) struct State<const N: usize> {
     contexts: BTreeMap<i32, Settings<N>>,
     next_context: i32,
     pub(super) motion: Option<Motion<N>>,
-    /// What the last target came down to.
-    pub(super) desired: (Pose, Joints<N>),
+    /// What the last target came down to; before it, where the arm stood when it was asked first.
+    desired: Option<(Pose, Joints<N>)>,
     /// What the arm was told last.
     commanded: Option<Joints<N>>,
     pub(super) checkpoints: Vec<f64>,
@@ -120,7 +120,7 @@ pub(super) struct State<const N: usize> {
 }
 
 impl<const N: usize> CartesianController<N> {
-    /// Starts the thread of a controller; the arm stays where it is.
+    /// Starts the thread of a controller; the arm stays where it is, and need not be within reach yet.
     ///
     /// * `chain`: what the arm is built like; its tool is where the tip begins.
     /// * Errors: [`DeviceError::NotSupported`] where the device has no encoders, control modes, limits or positions step
@@ -133,7 +133,6 @@ impl<const N: usize> CartesianController<N> {
         let arm = Arm::new(device)?;
         let limits = arm.limits(chain.limits())?;
         let chain = chain.with_limits(limits);
-        let joints = arm.measured()?.joints;
         let settings = Settings::new(limits);
         let shared = Arc::new(Shared {
             info: CartesianInfo {
@@ -147,7 +146,7 @@ impl<const N: usize> CartesianController<N> {
                 next_context: 1,
                 settings,
                 motion: None,
-                desired: (chain.forward(&joints), joints),
+                desired: None,
                 commanded: None,
                 checkpoints: Vec::new(),
                 listeners: Vec::new(),
@@ -180,6 +179,9 @@ impl<const N: usize> Drop for CartesianController<N> {
                 tracing::error!("the thread of the cartesian controller had panicked");
             }
         }
+        if let Err(error) = self.shared.stop() {
+            tracing::warn!(%error, "the arm was not stopped; it goes where it was sent last");
+        }
         let time = wall_clock();
         self.shared.lock().tell(CartesianEvent::Closing { time });
     }
@@ -195,7 +197,7 @@ impl<const N: usize> Shared<N> {
     }
 
     fn run(&self, period: Duration) {
-        let mut pace = Pace::new(period);
+        let mut pace = Pace::unhurried(period);
         while pace.wait(|| self.ending.load(Ordering::Acquire)) {
             // After a pause of the machine a motion goes on from where it was: it does not jump.
             self.lock().cycle(self, period.as_secs_f64());
@@ -213,6 +215,16 @@ impl<const N: usize> Shared<N> {
             }
         };
         told.map_or_else(|| Ok(self.arm.measured()?.joints), Ok)
+    }
+
+    /// Where the last target leads; before the first one, where the arm stands.
+    pub(super) fn desired(&self) -> Result<(Pose, Joints<N>), DeviceError> {
+        if let Some(desired) = self.lock().desired {
+            return Ok(desired);
+        }
+        let joints = self.arm.measured()?.joints;
+        let here = (self.chain.forward(&joints), joints);
+        Ok(*self.lock().desired.get_or_insert(here))
     }
 
     /// Goes to a target.
@@ -248,8 +260,17 @@ impl<const N: usize> Shared<N> {
             before.as_ref(),
         );
         state.motion = Some(motion?);
-        state.desired = desired;
+        state.desired = Some(desired);
         Ok(())
+    }
+
+    /// Ends the motion; an arm that is behind what it was told last stops too.
+    pub(super) fn stop(&self) -> Result<(), DeviceError> {
+        let mut state = self.lock();
+        match state.end() {
+            Some(motion) => self.arm.stop(&motion.settings.dof),
+            None => Ok(()),
+        }
     }
 
     /// Moves at a velocity; none ends the motion.
@@ -259,8 +280,7 @@ impl<const N: usize> Shared<N> {
         angular: Vector3<f64>,
     ) -> Result<(), DeviceError> {
         if linear.norm() == 0.0 && angular.norm() == 0.0 {
-            self.lock().end();
-            return Ok(());
+            return self.stop();
         }
         let start = self.stand()?;
         let mut state = self.lock();
@@ -304,7 +324,7 @@ impl<const N: usize> State<N> {
             }
             Err(reason) => {
                 tracing::warn!(%reason, "the motion of the tool ends");
-                self.end();
+                drop(self.end());
             }
         }
     }
@@ -336,14 +356,14 @@ impl<const N: usize> State<N> {
         self.motion.as_ref().is_none_or(Motion::holds)
     }
 
-    /// Ends what is under way.
-    pub(super) fn end(&mut self) {
-        let was_done = self.is_done();
-        self.motion = None;
-        if !was_done {
+    /// Ends what is under way, and gives it back.
+    fn end(&mut self) -> Option<Motion<N>> {
+        let ended = self.motion.take().filter(|motion| !motion.holds());
+        if ended.is_some() {
             let time = wall_clock();
             self.tell(CartesianEvent::Done { time });
         }
+        ended
     }
 
     /// Tells who listens; those who do not look miss it, those who are gone are forgotten.

@@ -133,7 +133,7 @@ impl<const N: usize> CartesianControl for CartesianController<N> {
     }
 
     fn desired(&self) -> Result<Reach, DeviceError> {
-        let (pose, joints) = self.shared.lock().desired;
+        let (pose, joints) = self.shared.desired()?;
         Ok(reached(&pose, &joints))
     }
 
@@ -284,8 +284,7 @@ impl<const N: usize> CartesianControl for CartesianController<N> {
     }
 
     fn stop(&self) -> Result<(), DeviceError> {
-        self.shared.lock().end();
-        Ok(())
+        self.shared.stop()
     }
 
     fn store_context(&self) -> Result<i32, DeviceError> {

@@ -10,6 +10,9 @@
 //! 3. Each period the next pose becomes joints, searched near a way of the joints to the same end, no joint faster than
 //!    its limit: where the line leaves the reach, or a joint is too slow, the tool leaves the line and arrives all the
 //!    same, later if need be.
+//! 4. Neither tool nor elbow is sent faster than [`MAX_TOOL_SPEED`](crate::trajectory::MAX_TOOL_SPEED), however short the
+//!    time that was asked for: beyond that the arm's safety module warns, and at twice that it takes the power off.
+//! 5. An arm that falls behind is waited for, on the line; one that stands and does not follow ends the motion.
 //!
 //! **Invariant:** a motion ends for good when a joint is set to another mode, has a fault, or cannot be read or commanded;
 //! nothing resumes it. Changes of settings hold from the next target on; where a target is kept, it is gone to anew.

@@ -11,8 +11,10 @@
 //! A call goes to each device once, with the joints that are its own. Before a command reaches any device, the selection
 //! is checked whole, and each device has to have the interface. Devices judge the values themselves; those that will
 //! probably refuse are asked first, so that a refusal leaves the others as they were wherever that can be foreseen. Where
-//! it cannot, the error says which devices did it and which did not. What brings joints to rest goes to every device,
-//! whatever the others say.
+//! it cannot, the error says which devices did it and which did not ([`DeviceError::PartRefused`]). Those that did it go on:
+//! to stop them would be a second order that nobody gave, and would take an older one from them too; stock leaves them
+//! as well, without saying which. A caller for whom half a command is worse than none stops the board when it is told.
+//! What brings joints to rest goes to every device, whatever the others say.
 //!
 //! Source: the behaviour of stock's `ControlBoardRemapper.cpp` of YARP 3.5.
 

@@ -3,7 +3,7 @@
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// The most time that is made up for. After a longer pause of the machine the loop goes on from where it was.
+/// Of machines that keep up with time. After a longer pause of the machine the loop goes on from where it was.
 const LONGEST_PAUSE: Duration = Duration::from_millis(100);
 /// A period of 0 would never end.
 const SHORTEST: Duration = Duration::from_micros(100);
@@ -14,6 +14,8 @@ pub(crate) struct Pace {
     period: Duration,
     deadline: Instant,
     late: u64,
+    /// The most time that is made up for.
+    longest_pause: Duration,
 }
 
 impl Pace {
@@ -23,6 +25,15 @@ impl Pace {
             period,
             deadline: Instant::now() + period,
             late: 0,
+            longest_pause: LONGEST_PAUSE,
+        }
+    }
+
+    /// Makes up for nothing: for who tells a machine one small step after the other, none of which may come in a hurry.
+    pub(crate) fn unhurried(period: Duration) -> Self {
+        Self {
+            longest_pause: Duration::ZERO,
+            ..Self::new(period)
         }
     }
 
@@ -47,7 +58,7 @@ impl Pace {
         if lateness > self.period {
             self.late += 1;
         }
-        if lateness > LONGEST_PAUSE {
+        if lateness > self.longest_pause {
             self.deadline = now;
         }
         self.deadline += self.period;

@@ -7,13 +7,15 @@ use super::{EmbeddedWam, Request};
 use crate::embedded::protocol::Kind;
 use crate::{
     Axes, AxisIndex, AxisInfo, ControlLimits, ControlMode, Device, DeviceError, EncoderReading,
-    Encoders, JointType, Limits, Mode, MotionControl, PositionControl, RemoteCalibrator,
+    Encoders, JointType, Limits, Mode, MotionControl, PositionControl, PositionDirect,
+    RemoteCalibrator,
 };
 
 impl Device for EmbeddedWam {
     crate::offers! {
         axis_info: AxisInfo,
         position_control: PositionControl,
+        position_direct: PositionDirect,
         encoders: Encoders,
         control_mode: ControlMode,
         control_limits: ControlLimits,
@@ -21,6 +23,11 @@ impl Device for EmbeddedWam {
         remote_variables: RemoteVariables,
     }
 }
+
+/// A move, and the mode that it needs.
+const POSITION_MOVE: (&str, Mode) = ("position move", Mode::Position);
+const DIRECT_POSITION: (&str, Mode) = ("direct position", Mode::PositionDirect);
+const MODES: [Mode; 2] = [Mode::Position, Mode::PositionDirect];
 
 /// What the protocol has no words for.
 pub(super) fn wordless<T>(what: &str) -> Result<T, DeviceError> {
@@ -36,6 +43,16 @@ impl EmbeddedWam {
 }
 
 impl State {
+    /// The mode of a joint of the arm.
+    fn mode(&self, joint: AxisIndex) -> Mode {
+        match self.link.state {
+            LinkState::Down => Mode::HardwareFault,
+            LinkState::Idle => Mode::Idle,
+            LinkState::Up if self.direct[joint.index()] => Mode::PositionDirect,
+            LinkState::Up => Mode::Position,
+        }
+    }
+
     /// The newest readings, if they can be trusted.
     fn trusted(&self, limit: std::time::Duration) -> Result<&[EncoderReading], DeviceError> {
         let what = "encoder reading";
@@ -122,9 +139,10 @@ impl EmbeddedWam {
             .map(drop)
     }
 
-    /// Checks a move and adds the joints that it does not name.
+    /// Checks a move in a mode and adds the joints that it does not name.
     fn move_some(
         &self,
+        (command, needed): (&'static str, Mode),
         axes: Axes<'_>,
         values: &[f64],
         place: impl Fn(&State, AxisIndex, f64) -> f64,
@@ -133,14 +151,13 @@ impl EmbeddedWam {
         let goals = {
             let state = self.shared.lock();
             state.check_up(Kind::MoveJoints.step())?;
-            if let (LinkState::Idle, Some(joint)) =
-                (state.link.state, axes.iter(self.total()).next())
-            {
+            let mut named = axes.iter(self.total());
+            if let Some(joint) = named.find(|&joint| state.mode(joint) != needed) {
                 return Err(DeviceError::WrongMode {
                     joint,
-                    command: "position move",
-                    mode: Mode::Idle,
-                    needed: Mode::Position,
+                    command,
+                    mode: state.mode(joint),
+                    needed,
                 });
             }
             state.trusted(self.shared.options.trusted)?;
@@ -162,11 +179,11 @@ impl EmbeddedWam {
 
 impl PositionControl for EmbeddedWam {
     fn position_move(&self, axes: Axes<'_>, targets: &[f64]) -> Result<(), DeviceError> {
-        self.move_some(axes, targets, |_, _, target| target)
+        self.move_some(POSITION_MOVE, axes, targets, |_, _, target| target)
     }
 
     fn relative_move(&self, axes: Axes<'_>, distances: &[f64]) -> Result<(), DeviceError> {
-        self.move_some(axes, distances, |state, joint, distance| {
+        self.move_some(POSITION_MOVE, axes, distances, |state, joint, distance| {
             state.readings[joint.index()].position + distance
         })
     }
@@ -200,6 +217,16 @@ impl PositionControl for EmbeddedWam {
     }
 }
 
+impl PositionDirect for EmbeddedWam {
+    fn set_direct_positions(&self, axes: Axes<'_>, positions: &[f64]) -> Result<(), DeviceError> {
+        self.move_some(DIRECT_POSITION, axes, positions, |_, _, place| place)
+    }
+
+    fn direct_positions(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
+        self.target_positions(axes)
+    }
+}
+
 impl Encoders for EmbeddedWam {
     fn read_encoders(&self, axes: Axes<'_>, out: &mut [EncoderReading]) -> Result<(), DeviceError> {
         axes.check(self.total())?;
@@ -221,34 +248,40 @@ impl Encoders for EmbeddedWam {
 impl ControlMode for EmbeddedWam {
     fn available_control_modes(&self, axis: AxisIndex) -> Result<Vec<Mode>, DeviceError> {
         Axes::One(axis).check(self.total())?;
-        Ok(vec![Mode::Position])
+        Ok(MODES.to_vec())
     }
 
-    /// Position; idle as long as the arm is without gravity compensation and after a fault ended a move; a hardware fault
-    /// without a connection. Of a fault at rest the protocol does not tell: the next move is refused.
+    /// Those of positions; idle as long as the arm is without gravity compensation and after a fault ended a move; a hardware
+    /// fault without a connection. Of a fault at rest the protocol does not tell: the next move is refused.
     fn read_control_modes(&self, axes: Axes<'_>, out: &mut [Mode]) -> Result<(), DeviceError> {
         axes.check(self.total())?;
         axes.check_count(self.total(), "slots for modes", out.len())?;
-        let mode = match self.shared.lock().link.state {
-            LinkState::Down => Mode::HardwareFault,
-            LinkState::Idle => Mode::Idle,
-            LinkState::Up => Mode::Position,
-        };
-        out.fill(mode);
+        let state = self.shared.lock();
+        for (slot, axis) in out.iter_mut().zip(axes.iter(self.total())) {
+            *slot = state.mode(axis);
+        }
         Ok(())
     }
 
-    /// Position mode alone, which switches gravity compensation on for the whole arm.
+    /// The modes of positions alone, which switch gravity compensation on for the whole arm.
     fn set_control_modes(&self, axes: Axes<'_>, modes: &[Mode]) -> Result<(), DeviceError> {
         axes.check_command(self.total(), "modes", modes.len())?;
         let mut asked = axes.iter(self.total()).zip(modes);
-        if let Some((joint, &mode)) = asked.find(|(_, mode)| **mode != Mode::Position) {
+        if let Some((joint, &mode)) = asked.find(|(_, mode)| !MODES.contains(mode)) {
             return Err(DeviceError::NoSuchMode { joint, mode });
         }
-        if modes.is_empty() || self.link().state == LinkState::Up {
+        if modes.is_empty() {
             return Ok(());
         }
-        self.switch_gravity_on()
+        if self.link().state != LinkState::Up {
+            self.switch_gravity_on()?;
+        }
+        let mut state = self.shared.lock();
+        state.check_up("setting control modes")?;
+        for (axis, &mode) in axes.iter(self.total()).zip(modes) {
+            state.direct[axis.index()] = mode == Mode::PositionDirect;
+        }
+        Ok(())
     }
 }
 

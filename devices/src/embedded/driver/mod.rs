@@ -71,8 +71,10 @@ impl DriverOptions {
 /// * Calls that need the arm wait for its acknowledgement, at most some times the patience of the options, and fail at once while
 ///   there is no connection. An error says which step failed. When the connection breaks the arm holds by itself, and
 ///   nothing that was asked before is carried out later.
-/// * It offers axis info, encoders, position control, control modes, limits, homing and variables. What the protocol has
-///   no words for is refused: speeds and accelerations, modes other than position, setting encoders.
+/// * It offers axis info, encoders, position control, direct positions, control modes, limits, homing and variables. What the
+///   protocol has no words for is refused: speeds and accelerations, modes other than those of positions, setting encoders.
+/// * Each direct position is a move (`moj`) that takes the place of the one before: the arm follows at its own speed and
+///   acceleration. A move of the whole arm, home or to a pose, puts all joints back into position mode.
 /// * One message moves all joints. A joint that is not named in a command goes on to where it was told to go, or stays.
 /// * [`stop`](crate::MotionControl::stop) sends the arm to where it was measured last: it slows down and comes back to that place.
 /// * Velocities and accelerations are difference quotients of the angles.
@@ -144,6 +146,7 @@ impl EmbeddedWam {
     /// Errors: [`DeviceError::NotFinite`], [`DeviceError::Remote`], [`DeviceError::Refused`] when the arm cannot reach it.
     pub fn move_to(&self, pose: CartesianPose) -> Result<(), DeviceError> {
         pose.check()?;
+        self.shared.lock().direct.fill(false);
         self.ask(Request::MovePose(pose.to_wire()), Goal::Unknown)
             .map(drop)
     }
@@ -152,6 +155,7 @@ impl EmbeddedWam {
     ///
     /// Errors: [`DeviceError::Remote`], [`DeviceError::Refused`].
     pub fn move_home(&self) -> Result<(), DeviceError> {
+        self.shared.lock().direct.fill(false);
         self.ask(Request::Home, Goal::Home).map(drop)
     }
 

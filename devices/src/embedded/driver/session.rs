@@ -319,6 +319,7 @@ impl<'a> Session<'a> {
                         state.link.last_interruption = Some(packet.reason);
                         // Not because of a newer move, so of a fault: `gra` is what leads out.
                         state.link.state = LinkState::Idle;
+                        state.direct.fill(false);
                     }
                 } else {
                     // Of an older move, or of a kind that is not ours.

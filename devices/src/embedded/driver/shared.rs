@@ -91,6 +91,8 @@ pub(super) struct State {
     pub(super) read_at: Option<Instant>,
     /// Where the joints were told to go on this connection, degrees.
     pub(super) targets: Option<Vec<f64>>,
+    /// Which joints are given their places step by step; none on a new connection.
+    pub(super) direct: Vec<bool>,
     pub(super) moving: bool,
     /// A move is on its way to the arm, which has not answered yet.
     pub(super) sending: bool,
@@ -111,6 +113,7 @@ impl Shared {
             },
             mailbox: Mailbox::default(),
             limits: Model::new(options.joints.clone()),
+            direct: vec![false; options.joints.len()],
             readings: Vec::new(),
             read_at: None,
             targets: None,
@@ -171,6 +174,7 @@ impl State {
     pub(super) fn close(&mut self, trouble: &Trouble) {
         self.link.state = LinkState::Down;
         self.targets = None;
+        self.direct.fill(false);
         self.moving = false;
         self.sending = false;
         for order in self.mailbox.clear() {

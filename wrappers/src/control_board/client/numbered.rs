@@ -255,10 +255,29 @@ impl RemoteControlBoard {
         axes: Axes<'_>,
         targets: &[f64],
     ) -> Result<RemoteMotion<'_>, DeviceError> {
-        axes.check_command(self.axes, "target positions", targets.len())?;
-        self.check_finite(axes, "target positions", targets)?;
-        let values = targets.to_vec();
-        let set = Set::Values(Setting::Position, Selection::from(axes), values);
+        self.numbered(Setting::Position, "target positions", axes, targets)
+    }
+
+    /// As [`PositionControl::relative_move`](yarp_devices::PositionControl::relative_move), and gives the motion; otherwise
+    /// as [`position_move_numbered`](Self::position_move_numbered).
+    pub fn relative_move_numbered(
+        &self,
+        axes: Axes<'_>,
+        distances: &[f64],
+    ) -> Result<RemoteMotion<'_>, DeviceError> {
+        self.numbered(Setting::Distance, "distances", axes, distances)
+    }
+
+    fn numbered(
+        &self,
+        setting: Setting,
+        what: &'static str,
+        axes: Axes<'_>,
+        values: &[f64],
+    ) -> Result<RemoteMotion<'_>, DeviceError> {
+        axes.check_command(self.axes, what, values.len())?;
+        self.check_finite(axes, what, values)?;
+        let set = Set::Values(setting, Selection::from(axes), values.to_vec());
         let link = self.link().clone();
         let number = blocking::wait(async move {
             let number = link.move_numbered(set).await;

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! [numb] [set] [pos] 0 10.0     move, and say the number         [move] N (0), else [drop] .., [fail] reason
+//! [numb] [set] [rel] 0 10.0     the same, from where it is
 //! [numb] [get] N                what became of it                one of those below
 //! [numb] [drop]                 how many orders were dropped     [is] [drop] count
 //! ```

@@ -86,6 +86,9 @@ impl Board {
         if let Some(_taking) = self.line.free() {
             return (number, Given::Done(self.pass(number, set, numbered)));
         }
+        if let Err(error) = self.may_wait(set) {
+            return (number, Given::Done(Err(error)));
+        }
         let (teller, told) = oneshot::channel();
         let waiting = Waiting {
             set: set.clone(),
@@ -100,12 +103,16 @@ impl Board {
 
     /// Takes in a streamed command; one that is malformed leaves everything as it is.
     pub(super) fn obey(&self, command: Command, from: &str) {
-        let streamed = match self.streamed(&command) {
+        let streamed = match command.parse() {
             Ok(streamed) => streamed,
             Err(error) => return self.refused(&error, from),
         };
+        let set = Set::Values(streamed.setting, streamed.selection, command.values);
+        if let Err(error) = self.may_wait(&set) {
+            return self.refused(&error, from);
+        }
         let waiting = Waiting {
-            set: Set::Values(streamed.setting, streamed.selection, command.values),
+            set,
             from: from.to_owned(),
             numbered: false,
             teller: None,
@@ -114,10 +121,13 @@ impl Board {
         self.queue(self.motions.number(), kind, waiting);
     }
 
-    /// Looks at a command well enough that it may take the place of another.
-    fn streamed(&self, command: &Command) -> Result<super::super::messages::Streamed, Refusal> {
-        let streamed = command.parse()?;
-        let (axes, values) = (streamed.selection.axes(), &command.values);
+    /// Looks at an order well enough that it may take the place of another that waits: at its axes and its values, for which
+    /// the device need not be asked. Limits and modes may change before its turn comes; the device judges those then.
+    fn may_wait(&self, set: &Set) -> Result<(), Refusal> {
+        let axes = set.axes();
+        let Set::Values(_, _, values) = set else {
+            return Ok(axes.check(self.axes())?);
+        };
         axes.check_command(self.axes(), "values", values.len())?;
         let wrong = (axes.iter(self.axes()).zip(values)).find(|(_, value)| !value.is_finite());
         match wrong {
@@ -126,7 +136,7 @@ impl Board {
                 quantity: "value",
                 asked,
             })),
-            None => Ok(streamed),
+            None => Ok(()),
         }
     }
 

@@ -1,0 +1,149 @@
+//! `yarp merge`: several ports in one.
+
+use std::io::Write;
+use std::process::ExitCode;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::SystemTime;
+
+use tokio::sync::Notify;
+use yarp_ports::{Answer, Network, Port, PortOptions, Received};
+use yarp_wire::settings::Settings;
+use yarp_wire::{Bottle, Stamp};
+
+use crate::connecting::{self, Telling};
+use crate::error::Result;
+use crate::session;
+use crate::signals::Interrupt;
+
+const USAGE: &str = "\
+This is yarp merge. Please provide a list of ports to read from, e.g:
+  yarp merge /port1 /port2
+Alternative syntax:
+  yarp merge --input /p1 /p2 --output /p3 --worker /prefix --carrier udp";
+
+/// What stock ends with if it cannot begin.
+const FAILED: u8 = 255;
+
+/// concatenate input from several ports into a single unit
+///
+/// Whenever one of the ports sends something, the newest messages of all of them, one behind the other,
+/// are sent as one. `--output PORT` (/portsMerge/o0) is where; `--worker PREFIX` (/portsMerge/i) begins
+/// the names of the ports that read, `--carrier CARRIER` (udp) is what they read over.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The ports, or options
+    #[arg(
+        value_name = "PORT ... | --input PORT ... [--output PORT] [--worker PREFIX] [--carrier CARRIER]",
+        allow_hyphen_values = true,
+        trailing_var_arg = true
+    )]
+    words: Vec<String>,
+}
+
+/// The newest messages, by the place of their port.
+#[derive(Default)]
+struct Newest {
+    bottles: Mutex<Vec<Bottle>>,
+    changed: Notify,
+}
+
+pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
+    if args.words.is_empty() {
+        writeln!(out, "{USAGE}")?;
+        return Ok(ExitCode::from(FAILED));
+    }
+    let mut options = Settings::new();
+    options.add_command_line(&args.words);
+    let text = |name: &str, usual: &str| match options.get(name) {
+        Some(setting) => setting.to_plain_string(),
+        None => usual.to_owned(),
+    };
+    let sources = match options.group("input") {
+        Some(group) => {
+            let values = group.values().iter();
+            values.map(|value| value.to_plain_string()).collect()
+        }
+        None => args.words.clone(),
+    };
+    let (output, worker) = (
+        text("output", "/portsMerge/o0"),
+        text("worker", "/portsMerge/i"),
+    );
+    let network = session::network()?;
+    let mut interrupt = Interrupt::listen();
+    let newest = Arc::new(Newest::default());
+    let names = (0..sources.len()).map(|place| format!("{worker}{place}"));
+    let mut ports = open(&network, names, &newest).await?;
+    let writer = session::open(&network, &output, PortOptions::new()).await?;
+    let mut ready = ports.len() == sources.len();
+    if let Some(writer) = &writer {
+        let carrier = text("carrier", "udp");
+        for (source, port) in sources.iter().zip(&ports) {
+            ready = ready
+                && connecting::connect(&network, source, port.name(), Some(&carrier), Telling::All)
+                    .await;
+        }
+        if ready {
+            writeln!(out, "Ready. Output goes to {}", writer.name())?;
+            out.flush()?;
+            pass_on(&newest, writer, &mut interrupt).await;
+        }
+    }
+    for port in ports.drain(..).chain(writer) {
+        port.close().await;
+    }
+    Ok(ExitCode::from(FAILED))
+}
+
+/// Opens the ports that read, until one does not open.
+async fn open(
+    network: &Network,
+    names: impl Iterator<Item = String>,
+    newest: &Arc<Newest>,
+) -> Result<Vec<Port>> {
+    let mut ports = Vec::new();
+    for (place, name) in names.enumerate() {
+        newest.bottles().push(Bottle::new());
+        let newest = newest.clone();
+        let take = move |received: &mut Received| {
+            if let Ok(bottle) = received.bottle() {
+                newest.bottles()[place] = bottle;
+                newest.changed.notify_one();
+            }
+            Answer::Nothing
+        };
+        let options = PortOptions::new().handler(take).input_only();
+        match session::open(network, &name, options).await? {
+            Some(port) => ports.push(port),
+            None => break,
+        }
+    }
+    Ok(ports)
+}
+
+/// Sends on what comes, until a signal.
+async fn pass_on(newest: &Newest, writer: &Port, interrupt: &mut Interrupt) {
+    let mut count = 0;
+    loop {
+        tokio::select! {
+            biased;
+            () = interrupt.heard() => return,
+            () = newest.changed.notified() => {}
+        }
+        let time = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+        let stamp = Stamp {
+            count,
+            time: time.unwrap_or_default().as_secs_f64(),
+        };
+        count = count.checked_add(1).unwrap_or(0);
+        let bottles = newest.bottles().clone();
+        let all: Bottle = bottles.iter().flat_map(|one| one.iter().cloned()).collect();
+        writer.write_if_idle(&all, Some(stamp.into()));
+    }
+}
+
+impl Newest {
+    fn bottles(&self) -> std::sync::MutexGuard<'_, Vec<Bottle>> {
+        self.bottles.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
