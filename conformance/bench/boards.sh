@@ -5,7 +5,8 @@
 # nothing behind. From the environment:
 #
 #   STOCK          the folder of stock YARP 3.5.0
-#   STOCK4_BUILD   a build of stock 4.0.0 as for live/run_4.sh; without it orders of 4.0 are left out
+#   STOCK4_BOARD   live/fake_board_4.cpp, built as live/run_4.sh builds it, or a script that starts it with the
+#                  environment that it needs; without it orders of 4.0 are left out
 #   ROUNDS         how often each measurement is made, 5
 #   LONGER         how many times longer states are looked at, 1: then it takes four minutes
 #   CARRIER        what states travel over, fast_tcp

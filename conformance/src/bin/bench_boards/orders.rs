@@ -74,7 +74,7 @@ const ROWS: [(&str, Client, Side, Generation); 6] = [
 
 /// Measures round trips of `[set] [pos]` and prints them with ratios.
 pub(crate) fn compare(place: &Place, rounds: usize) -> Result<(), Failure> {
-    let with_4 = env::var_os("STOCK4_BUILD").is_some();
+    let with_4 = env::var_os("STOCK4_BOARD").is_some();
     let stock_peer = env::var("STOCK_PEER").ok();
     let measured = |row: &&(&str, Client, Side, Generation)| {
         (row.1 == Client::Ours || stock_peer.is_some()) && (row.3 == Generation::V3 || with_4)
@@ -126,7 +126,7 @@ pub(crate) fn compare(place: &Place, rounds: usize) -> Result<(), Failure> {
         }
     }
     if !with_4 {
-        println!("STOCK4_BUILD names no build of stock 4.0: it is left out");
+        println!("STOCK4_BOARD names no board of stock 4.0: it is left out");
     }
     Ok(())
 }

@@ -13,7 +13,7 @@ use crate::place::{Host, Place, yarp};
 pub(crate) enum Side {
     Ours,
     Stock,
-    /// Stock of the other generation, if `STOCK4_BUILD` names a build of it.
+    /// Stock of the other generation, if `STOCK4_BOARD` names a program that serves its board.
     Stock4,
 }
 
@@ -38,33 +38,21 @@ impl Server {
         let mut command = match side {
             Side::Ours => place.command(Host::OfServer, &yarp()),
             Side::Stock => place.command(Host::OfServer, "conformance/stock/with_stock"),
-            Side::Stock4 => {
-                let build = env::var("STOCK4_BUILD")?;
-                let mut command = place.command(Host::OfServer, &format!("{build}/bin/yarpdev"));
-                command
-                    .env("LD_LIBRARY_PATH", format!("{build}/lib:{build}/lib/yarp"))
-                    .env("YARP_DATA_DIRS", format!("{build}/share/yarp"));
-                command
-            }
+            Side::Stock4 => place.command(Host::OfServer, &env::var("STOCK4_BOARD")?),
         };
         match side {
             Side::Ours => command.args(["dev", "--device", BOARD, "--subdevice", "simulatedWam"]),
             Side::Stock => command.args(["yarpdev", "--device", BOARD, "--subdevice", FAKE]),
-            // 4.0 does not take the short form any more.
-            Side::Stock4 => command.args([
-                "--device",
-                "deviceBundler",
-                "--wrapper_device",
-                BOARD,
-                "--attached_device",
-                FAKE,
-            ]),
+            // It takes its name and the seconds that it serves; its period is that of stock.
+            Side::Stock4 => command.args([&name, "600"]),
         };
-        if side != Side::Ours {
+        if side == Side::Stock {
             command.args(["--GENERAL::Joints", "7"]);
         }
-        let seconds = period.as_secs_f64().to_string();
-        command.args(["--name", &name, "--period", &seconds]);
+        if side != Side::Stock4 {
+            let seconds = period.as_secs_f64().to_string();
+            command.args(["--name", &name, "--period", &seconds]);
+        }
         let child = command
             .stdout(Stdio::null())
             .stderr(Stdio::null())
