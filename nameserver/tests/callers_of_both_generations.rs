@@ -144,6 +144,7 @@ async fn who_does_not_say_gets_what_the_port_answers_in() {
     let (_server, network) = network().await;
     let silent = Caller::open(&network, "/silent", None).await;
     let strange = Caller::open(&network, "/strange", Some("what?")).await;
+    let ours = Caller::open(&network, "/ours", Some("1 \"\" 4412 either")).await;
     let program = Caller {
         name: "program".to_owned(),
         asked: Arc::default(),
@@ -154,7 +155,7 @@ async fn who_does_not_say_gets_what_the_port_answers_in() {
     };
     for default in [Dialect::V3, Dialect::V4] {
         let port = replying(&network, &format!("/{default}"), default).await;
-        for caller in [&silent, &strange, &program, &unknown] {
+        for caller in [&silent, &strange, &ours, &program, &unknown] {
             assert_eq!(caller.call(&port, "tcp").await, default, "{}", caller.name);
         }
         port.close().await;
