@@ -48,6 +48,11 @@ pub enum AnswerError {
         /// The limit in force.
         limit: usize,
     },
+    /// What came is no text.
+    #[error(
+        "the answer is no text: perhaps no name server is there, or one that asks for a key (auth.conf)"
+    )]
+    NotText,
 }
 
 impl AnswerReader {
@@ -89,7 +94,7 @@ impl AnswerReader {
             self.line.extend_from_slice(part);
             taken += part.len();
             if ended {
-                self.end_line();
+                self.end_line()?;
             }
         }
         Ok(taken)
@@ -100,29 +105,33 @@ impl AnswerReader {
     /// A last line without line end counts, as it does for stock.
     pub fn close(&mut self) -> bool {
         if !self.done && !self.line.is_empty() {
-            self.end_line();
+            return self.end_line().is_ok() && self.done;
         }
         self.done
     }
 
-    fn end_line(&mut self) {
+    fn end_line(&mut self) -> Result<(), AnswerError> {
         let line = std::mem::take(&mut self.line);
         let line = String::from_utf8_lossy(&line);
         let line = line.trim_end_matches(['\r', '\n', '\0']);
+        if line.contains(|letter: char| letter.is_ascii_control() && letter != '\t') {
+            return Err(AnswerError::NotText);
+        }
         if !self.greeted {
             self.greeted = true;
-            return;
+            return Ok(());
         }
         match self.until {
             Until::Ack if line == "<ACK>" => {
                 self.done = true;
-                return;
+                return Ok(());
             }
             Until::Ack => {}
             Until::FirstLine => self.done = true,
             Until::End => self.done = line.len() > 1 && line.starts_with(['*', '[']),
         }
         self.lines.push(line.to_owned());
+        Ok(())
     }
 
     /// Whether the whole answer is here.
@@ -302,6 +311,24 @@ mod tests {
         assert_eq!(reader.feed(&[b'a'; 60]), Ok(60));
         let error = AnswerError::TooLong { limit: 100 };
         assert_eq!(reader.feed(&[b'a'; 60]), Err(error));
+    }
+
+    /// Who asks for a key sends random bytes; some begin like the last line of an answer.
+    #[test]
+    fn what_is_no_text_is_no_answer() {
+        let asking = b"[\x8a\x9bRY/\xd3 \x07\0;!\x0e\x7f";
+        let mut reader = AnswerReader::new(Until::End);
+        assert_eq!(
+            reader.feed(&[asking.as_slice(), b"\n"].concat()),
+            Err(AnswerError::NotText)
+        );
+        let mut reader = AnswerReader::new(Until::End);
+        reader.feed(asking).unwrap();
+        assert!(!reader.close());
+        // Tabs are text, and so is what stock says in another encoding.
+        let mut reader = AnswerReader::new(Until::End);
+        reader.feed(b"gr\xfcn\tblau\r\n[ok]\r\n\0").unwrap();
+        assert!(reader.is_done());
     }
 
     #[test]
