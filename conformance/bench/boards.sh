@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Boards on the network, ours beside stock's: `conformance/bench/run.sh only boards [feed|orders]`.
+# Boards on the network, ours beside stock's: `conformance/bench/run.sh only boards [feed|orders|crowd]`.
 #
 # Two hosts are two network namespaces with a cable, which need root; without it only localhost is measured. Leaves
 # nothing behind. From the environment:

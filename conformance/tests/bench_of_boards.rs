@@ -54,6 +54,13 @@ fn orders_are_taken_in_both_generations() {
 }
 
 #[test]
+fn a_crowd_is_served_in_any_company() {
+    for company in ["good", "bad"] {
+        assert_eq!(said(&["crowd", "/wam", company, "20"]).len(), 18);
+    }
+}
+
+#[test]
 fn orders_reach_the_device() {
     assert_eq!(said(&["device-call", "20"]).len(), 20);
 }

@@ -2,9 +2,10 @@
 //!
 //! ```text
 //! bench_boards                 runs everything, prints tables; five rounds
-//! bench_boards only PART       one of feed, orders
+//! bench_boards only PART       one of feed, orders, crowd
 //! bench_boards read NAME MICROSECONDS CARRIER SECONDS       what comes of a board's states, as a process of its own
 //! bench_boards order NAME GENERATION N                      times of N orders to a board; 3.x or 4.0
+//! bench_boards crowd NAME good|bad N                        p99 of 18 clients of a board in such company, N orders each
 //! bench_boards device-call N                               times until N orders are at a device within this process
 //! bench_boards busy | copy                                  keeps a processor, or the memory, at work until it is killed
 //! ```
@@ -14,6 +15,7 @@
 //! processes of their own, meet both, in turn. What is read from the environment is in `boards.sh`, which starts this.
 
 mod arrivals;
+mod crowd;
 mod device_call;
 mod feed;
 mod load;
@@ -38,14 +40,18 @@ fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
     let result = match words[..] {
-        [] => compare(&["feed", "orders"]),
-        ["only", part @ ("feed" | "orders")] => compare(&[part]),
+        [] => compare(&["feed", "orders", "crowd"]),
+        ["only", part @ ("feed" | "orders" | "crowd")] => compare(&[part]),
         ["read", name, period, carrier, seconds] => reader::run(name, period, carrier, seconds),
         ["order", name, generation, n] => orders::run(name, generation, n),
+        ["crowd", name, company, n] => crowd::run(name, company, n),
         ["device-call", n] => device_call::run(n),
         ["busy"] => load::busy(),
         ["copy"] => load::copy(),
-        _ => Err("usage: bench_boards [only feed | only orders]; the rest is for itself".into()),
+        _ => Err(
+            "usage: bench_boards [only feed | only orders | only crowd]; the rest is for itself"
+                .into(),
+        ),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
@@ -76,6 +82,9 @@ fn compare(parts: &[&str]) -> Result<(), Failure> {
     if parts.contains(&"orders") {
         orders::compare(&here, rounds)?;
         device_call::measure(&here, rounds)?;
+    }
+    if parts.contains(&"crowd") {
+        crowd::compare(&here, rounds)?;
     }
     Ok(())
 }

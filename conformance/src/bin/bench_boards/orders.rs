@@ -198,19 +198,46 @@ impl Orders {
         n: usize,
         mut sending: impl FnMut(Instant),
     ) -> Result<Vec<Duration>, Failure> {
-        let orders = [5.0, -5.0].map(|degrees| order(self.generation, degrees));
+        let orders = self.here_and_there();
         let mut times = Vec::with_capacity(n);
         for i in 0..n {
             let begin = Instant::now();
             sending(begin);
-            let reply: Bottle = self.port.call(&orders[i % 2]).await?;
+            self.ask(&orders[i % 2]).await?;
             times.push(begin.elapsed());
-            if reply.get(0) != Some(&Value::Vocab32(Vocab32::OK)) {
-                return Err(format!("`{}` was answered `{reply}`", orders[i % 2]).into());
-            }
         }
         self.port.close().await;
         Ok(times)
+    }
+
+    /// As [`Orders::give`], with a pause after each.
+    pub(crate) async fn give_at_leisure(
+        self,
+        n: usize,
+        pause: Duration,
+    ) -> Result<Vec<Duration>, Failure> {
+        let orders = self.here_and_there();
+        let mut times = Vec::with_capacity(n);
+        for i in 0..n {
+            let begin = Instant::now();
+            self.ask(&orders[i % 2]).await?;
+            times.push(begin.elapsed());
+            tokio::time::sleep(pause).await;
+        }
+        self.port.close().await;
+        Ok(times)
+    }
+
+    fn here_and_there(&self) -> [Bottle; 2] {
+        [5.0, -5.0].map(|degrees| order(self.generation, degrees))
+    }
+
+    async fn ask(&self, order: &Bottle) -> Result<(), Failure> {
+        let reply: Bottle = self.port.call(order).await?;
+        match reply.get(0) == Some(&Value::Vocab32(Vocab32::OK)) {
+            true => Ok(()),
+            false => Err(format!("`{order}` was answered `{reply}`").into()),
+        }
     }
 }
 

@@ -1,0 +1,175 @@
+//! Twenty clients of one board, ten of each generation: what one that is stuck and one that sends garbage cost the others.
+
+use std::io::Write;
+use std::net::{Shutdown, TcpStream};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use yarp_conformance::statistics::{median, percentiles};
+use yarp_ports::Network;
+
+use crate::Failure;
+use crate::orders::{Generation, Orders};
+use crate::place::{PATIENCE, Place, said};
+use crate::server::{Server, Side};
+
+/// Whose times are looked at, beside two others.
+const CLIENTS: usize = 18;
+/// Orders of each, one after a `PAUSE` each.
+const ORDERS: usize = 400;
+const PAUSE: Duration = Duration::from_millis(10);
+const PERIOD: Duration = Duration::from_millis(20);
+
+/// What the other two do.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+enum Company {
+    /// The same as all.
+    Good,
+    /// One asks and never reads, nor ends what it began; one sends garbage, a connection after the other.
+    Bad,
+}
+
+/// Measures in processes of its own, and prints what came of it.
+pub(crate) fn compare(place: &Place, rounds: usize) -> Result<(), Failure> {
+    let mut runs = [Vec::new(), Vec::new()];
+    for _ in 0..rounds {
+        for (company, runs) in ["good", "bad"].iter().zip(&mut runs) {
+            let server = Server::start(place, Side::Ours, PERIOD)?;
+            let mut command = place.client()?;
+            command.args(["crowd", &server.name, company, &ORDERS.to_string()]);
+            let text = said(command)?;
+            let of_each: Vec<f64> = text.lines().filter_map(|line| line.parse().ok()).collect();
+            if of_each.len() != CLIENTS {
+                return Err(format!("{} clients told, expected {CLIENTS}", of_each.len()).into());
+            }
+            runs.push(of_each);
+        }
+    }
+    let [good, bad] = runs.map(|runs| -> Vec<f64> {
+        let of_client = |client| median(runs.iter().map(|run: &Vec<f64>| run[client]));
+        (0..CLIENTS).map(of_client).collect()
+    });
+    let ratios: Vec<f64> = bad
+        .iter()
+        .zip(&good)
+        .map(|(bad, good)| bad / good)
+        .collect();
+    println!();
+    println!(
+        "20 clients of our board, ten of each generation, an order every {} ms: p99 of 18, µs",
+        PAUSE.as_millis()
+    );
+    let line = |label: &str, of: &[f64]| {
+        let worst = of.iter().copied().fold(0.0, f64::max);
+        println!("{label:<42}{:>9.1}{worst:>9.1}", median(of.iter().copied()));
+    };
+    println!("{:<42}{:>9}{:>9}", "", "median", "worst");
+    line("all 20 do the same", &good);
+    line("one is stuck, one sends garbage", &bad);
+    println!(
+        "  bad / good: {:.2}, of the client that it costs most {:.2}   aim < 2",
+        median(ratios.iter().copied()),
+        ratios.iter().copied().fold(0.0, f64::max),
+    );
+    Ok(())
+}
+
+/// The clients; prints the p99 of each of those that are looked at, in microseconds.
+pub(crate) fn run(name: &str, company: &str, orders: &str) -> Result<(), Failure> {
+    let company = match company {
+        "good" => Company::Good,
+        "bad" => Company::Bad,
+        other => return Err(format!("{other:?} is no company, expected good or bad").into()),
+    };
+    let orders: usize = orders.parse()?;
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(2)
+        .enable_all()
+        .build()?;
+    let network = Network::from_process()?;
+    let open = |number: usize| {
+        let generation = match number.is_multiple_of(2) {
+            true => Generation::V3,
+            false => Generation::V4,
+        };
+        runtime.block_on(Orders::open(&network, name, generation))
+    };
+    let clients = (0..CLIENTS).map(open).collect::<Result<Vec<_>, _>>()?;
+    let over = Arc::new(AtomicBool::new(false));
+    let mut others = Vec::new();
+    let mut bad = None;
+    match company {
+        Company::Good => {
+            let two = (CLIENTS..CLIENTS + 2).map(open);
+            others.extend(two.collect::<Result<Vec<_>, _>>()?);
+        }
+        Company::Bad => {
+            let place = runtime.block_on(network.query(&format!("{name}/rpc:i")))?;
+            let board = (place.host, place.port);
+            let stuck = stuck(&board)?;
+            let over = over.clone();
+            let garbage = thread::spawn(move || send_garbage(&board, &over));
+            bad = Some((stuck, garbage));
+        }
+    }
+    let giving = |client: Orders| {
+        let giving = client.give_at_leisure(orders, PAUSE);
+        runtime.spawn(async { tokio::time::timeout(PATIENCE, giving).await })
+    };
+    let clients: Vec<_> = clients.into_iter().map(giving).collect();
+    let others: Vec<_> = others.into_iter().map(giving).collect();
+    for client in clients {
+        let times = runtime.block_on(client)???;
+        let times = times.iter().map(|time| time.as_nanos() as f64).collect();
+        println!("{}", percentiles(times).1);
+    }
+    for other in others {
+        runtime.block_on(other)???;
+    }
+    over.store(true, Ordering::Release);
+    if let Some((_stuck, garbage)) = bad {
+        garbage.join().map_err(|_| "who sends garbage panicked")??;
+    }
+    Ok(())
+}
+
+/// A connection over tcp, as far as the header of a client.
+fn raw(board: &(String, u16), name: &str) -> std::io::Result<TcpStream> {
+    let mut stream = TcpStream::connect((board.0.as_str(), board.1))?;
+    stream.set_write_timeout(Some(PATIENCE))?;
+    let mut header = b"YA\xe4\x1e\0\0RP".to_vec();
+    header.extend((name.len() as u32 + 1).to_le_bytes());
+    header.extend(name.as_bytes());
+    header.push(0);
+    stream.write_all(&header)?;
+    Ok(stream)
+}
+
+/// Begins a message and never ends it.
+fn stuck(board: &(String, u16)) -> std::io::Result<TcpStream> {
+    let mut stream = raw(board, "/stuck")?;
+    stream.write_all(b"YA\x0a\0\0\0RP\x02\x01")?;
+    Ok(stream)
+}
+
+fn send_garbage(board: &(String, u16), over: &AtomicBool) -> std::io::Result<()> {
+    let mut state = 1_u64;
+    let end = Instant::now() + PATIENCE;
+    while !over.load(Ordering::Acquire) && Instant::now() < end {
+        let garbage: Vec<u8> = (0..512)
+            .map(|_| {
+                state = state
+                    .wrapping_mul(6364136223846793005)
+                    .wrapping_add(1442695040888963407);
+                (state >> 56) as u8
+            })
+            .collect();
+        let mut stream = raw(board, "/garbage")?;
+        // It may be cut off in the middle.
+        let _ = stream.write_all(&garbage);
+        let _ = stream.shutdown(Shutdown::Both);
+    }
+    Ok(())
+}
