@@ -5,7 +5,8 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use yarp_devices::guard::{Guarded, GuardedOptions, JointLimits, RateLimits, TorqueLimits};
-use yarp_devices::wam::DynamicWam;
+use yarp_devices::simulation::SimulatorOptions;
+use yarp_devices::wam::{DynamicArm, DynamicWam, WamModel};
 use yarp_devices::{Axes, AxisIndex, Device, DeviceError, Limits, Mode, PidKind, PidValue};
 
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -98,6 +99,41 @@ fn motors_turn_with_the_joints() {
     let told = motors.motor_readings(ELBOW.into()).unwrap()[0].position;
     // The elbow's motor turns 18 times the other way.
     assert!((told + 18.0 * position(&arm)).abs() < 20.0, "{told}");
+}
+
+#[test]
+fn a_motor_that_holds_the_arm_up_gets_warm_and_cools_when_it_is_let_go() {
+    let mut arm = DynamicArm::new(WamModel::<7>::new(), SimulatorOptions::default());
+    let temperatures = |arm: &DynamicArm| arm.simulator().temperatures();
+    assert_eq!(temperatures(&arm), [40.0; 7]);
+    // Stretched out sideways, where gravity pulls at the shoulder.
+    arm.position_move(Axes::All, &[0.0, 90.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+        .unwrap();
+    let minute = |arm: &mut DynamicArm| (0..30_000).for_each(|_| arm.tick());
+    minute(&mut arm);
+    let warm = temperatures(&arm);
+    assert!(warm[1] > 41.0 && warm[1] < 60.0, "{warm:?}");
+    assert!((warm[6] - 40.0).abs() < 0.5, "{warm:?}");
+    arm.safety_mut().press_stop();
+    minute(&mut arm);
+    let cooler = temperatures(&arm);
+    assert!(cooler[1] < warm[1] && cooler[1] > 40.0, "{cooler:?}");
+}
+
+#[test]
+fn temperatures_and_the_supply_are_told() {
+    let arm = DynamicWam::start().expect("the arm starts");
+    let motors = arm.motor().unwrap();
+    let all = motors.temperatures(Axes::All).unwrap();
+    assert!(
+        all.iter().all(|warm| (40.0..60.0).contains(warm)),
+        "{all:?}"
+    );
+    assert_eq!(motors.temperature_limit(ELBOW).unwrap(), 60.0);
+    assert!(motors.set_temperature_limit(ELBOW, 90.0).is_err());
+    assert!(motors.temperatures(Axes::One(7.into())).is_err());
+    let amplifiers = arm.amplifier_control().unwrap();
+    assert_eq!(amplifiers.supply_voltage(ELBOW).unwrap(), 48.0);
 }
 
 #[test]

@@ -17,6 +17,7 @@ mod plant;
 mod pucks;
 mod safety;
 mod simulator;
+mod warmth;
 
 pub use arm::{Arm, MoveRefused};
 pub use controller::{Controller, Order};
@@ -24,3 +25,4 @@ pub use pid::{Gains, Pid};
 pub use pucks::{SimulatedPucks, serve_pucks};
 pub use safety::{Fault, SafetyLimits, SafetyMode, SafetyModule};
 pub use simulator::{Simulator, SimulatorOptions};
+pub(crate) use warmth::{AT_REST, HOT, SUPPLY};

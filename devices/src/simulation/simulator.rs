@@ -6,12 +6,13 @@ use nalgebra::Vector3;
 
 use super::plant::{Load, Plant};
 use super::safety::SafetyMode;
+use super::warmth::Warmth;
 use super::{SafetyLimits, SafetyModule};
 use crate::Limits;
 use crate::dynamics::Body;
 use crate::kinematics::{Joints, Pose};
 use crate::random::Random;
-use crate::wam::{Friction, WamModel};
+use crate::wam::{Friction, UNITS_PER_AMPERE, WamModel};
 
 /// How far outside the joint limits the stops are, rad. Not published.
 const STOPS_OUTSIDE: f64 = 0.03;
@@ -97,6 +98,7 @@ pub struct Simulator<const N: usize> {
     twist: Joints<N>,
     load: Body,
     random: Random,
+    warmth: Warmth<N>,
     steps: u64,
 }
 
@@ -127,6 +129,7 @@ impl<const N: usize> Simulator<N> {
             twist: Joints::zeros(),
             load: Body::default(),
             random: Random::new(options.seed),
+            warmth: Warmth::at_rest(),
             steps: 0,
             model,
             options,
@@ -163,6 +166,8 @@ impl<const N: usize> Simulator<N> {
             load.torques += self.pushed();
             self.plant.advance(&load, seconds / f64::from(substeps));
         }
+        let drawn = self.drawn();
+        self.warmth.advance(|motor| drawn[motor], seconds);
         self.steps += 1;
         self.counts()
     }
@@ -175,6 +180,11 @@ impl<const N: usize> Simulator<N> {
     /// How long it has run.
     pub fn time(&self) -> Duration {
         Duration::from_secs_f64(self.options.period.as_secs_f64() * self.steps as f64)
+    }
+
+    /// How warm the pucks of the motors are, °C: see `warmth.rs` for what is assumed.
+    pub fn temperatures(&self) -> [f64; N] {
+        self.warmth.temperatures()
     }
 
     /// How it runs.
@@ -286,6 +296,19 @@ impl<const N: usize> Simulator<N> {
             let units = self.model.motors[motor].units_per_newton_metre * motors[motor];
             *command = within(units.floor(), LARGEST_COMMAND);
         }
+    }
+
+    /// The currents in the motors, A: none without power, and where a joint is idle.
+    fn drawn(&self) -> [f64; N] {
+        let active = self.safety.mode() == SafetyMode::Active;
+        std::array::from_fn(|motor| {
+            let turned = |joint: usize| self.model.transmission.turns(motor, joint);
+            if !active || (0..N).any(|joint| self.idle[joint] && turned(joint)) {
+                return 0.0;
+            }
+            let limit = self.model.motors[motor].limit;
+            self.commands[motor].clamp(-limit, limit) / UNITS_PER_AMPERE
+        })
     }
 
     /// What motors and friction do in this period.

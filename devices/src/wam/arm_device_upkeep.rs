@@ -8,7 +8,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use super::AXES;
-use super::arm_control::UNITS_PER_AMPERE;
+use super::UNITS_PER_AMPERE;
 use super::arm_device::{ArmDevice, SteeredArm};
 use crate::can::puck::Property;
 use crate::{

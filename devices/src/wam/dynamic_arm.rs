@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use super::arm_device::{ArmDevice, SteeredArm};
 use super::{AXES, ArmControl, WamModel, dynamic_variables};
 use crate::can::puck::Property;
-use crate::simulation::{SafetyMode, SafetyModule, Simulator, SimulatorOptions};
+use crate::simulation::{HOT, SUPPLY, SafetyMode, SafetyModule, Simulator, SimulatorOptions};
 use crate::{Axes, AxisIndex, DeviceError, Mode, VariableValue};
 
 /// The seven-joint arm with masses, friction, encoders and a PID per joint, in **degrees**, as pure model.
@@ -113,7 +113,7 @@ impl DerefMut for DynamicArm {
     }
 }
 
-/// The machine has motors, but nothing warm or electric.
+/// The machine has motors, and nothing else of what a puck tells.
 fn no_pucks<T>(what: &str) -> Result<T, DeviceError> {
     Err(DeviceError::NotSupported {
         what: format!("{what}, which the simulated machine has not,"),
@@ -147,11 +147,19 @@ impl SteeredArm for DynamicArm {
     }
 
     fn temperatures(&self) -> Result<[f64; AXES], DeviceError> {
-        no_pucks("a temperature")
+        Ok(self.simulator.temperatures())
     }
 
-    fn puck_property(_: &ArmDevice<Self>, _: AxisIndex, _: Property) -> Result<i32, DeviceError> {
-        no_pucks("what only a puck can tell")
+    fn puck_property(
+        _: &ArmDevice<Self>,
+        _: AxisIndex,
+        property: Property,
+    ) -> Result<i32, DeviceError> {
+        match property {
+            Property::OTEMP => Ok(HOT),
+            Property::VBUS => Ok(SUPPLY),
+            _ => no_pucks("what only a puck can tell"),
+        }
     }
 
     fn variables() -> Vec<String> {

@@ -22,6 +22,7 @@ mod transmission;
 pub mod units;
 mod variables;
 
+pub(crate) use arm_control::UNITS_PER_AMPERE;
 pub use arm_control::{ArmControl, Trouble};
 pub use arm_device::{ArmDevice, SteeredArm};
 pub use dynamic::DynamicWam;

@@ -145,6 +145,10 @@ impl SimulatedPucks {
         let units = std::array::from_fn(|motor| self.motors[motor].units());
         let commanded = std::mem::take(&mut self.commanded);
         self.simulator.step_units(commanded.then_some(&units));
+        let temperatures = self.simulator.temperatures();
+        for (puck, temperature) in self.motors.iter_mut().zip(temperatures) {
+            puck.feel(temperature);
+        }
     }
 
     /// The safety module switches the motors when its mode has changed.

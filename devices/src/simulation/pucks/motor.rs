@@ -1,15 +1,11 @@
 //! The puck of one motor.
 
 use crate::can::puck::{Group, Message, Node, Property, Target, mode, role, status};
+use crate::simulation::{AT_REST, HOT, SUPPLY};
 use crate::wam::Motor;
 
 /// Version of the firmware whose property list is published whole.
 const VERSION: i32 = 200;
-/// How warm a puck usually is (Barrett's wiki: from 40 °C), and may become (btclient: 60 °C).
-const WARM: i32 = 40;
-const HOT: i32 = 60;
-/// V.
-const SUPPLY: i32 = 48;
 /// Motors that one frame of torques is for.
 const SLOTS: usize = 4;
 
@@ -24,6 +20,8 @@ pub(super) struct MotorPuck {
     torque: i16,
     slot: usize,
     torque_group: Group,
+    /// °C.
+    temperature: i32,
     /// Properties that stay as they were set.
     values: [Option<i32>; 128],
 }
@@ -41,7 +39,6 @@ impl MotorPuck {
         for (property, value) in [
             (Property::VERS, VERSION),
             (Property::ROLE, role::MOTOR | 0x0400),
-            (Property::TEMP, WARM),
             (Property::OTEMP, HOT),
             (Property::VBUS, SUPPLY),
             (Property::MT, of.limit as i32),
@@ -61,6 +58,7 @@ impl MotorPuck {
             torque: 0,
             slot: motor % SLOTS,
             torque_group,
+            temperature: AT_REST as i32,
             values,
         }
     }
@@ -111,6 +109,7 @@ impl MotorPuck {
             Property::VERS => self.stored(property),
             _ if !self.is_awake() => None,
             Property::MODE => Some(self.mode),
+            Property::TEMP => Some(self.temperature),
             Property::T => Some(i32::from(self.torque)),
             _ => self.stored(property),
         }
@@ -133,6 +132,11 @@ impl MotorPuck {
                 }
             }
         }
+    }
+
+    /// Tells it how warm it is, °C.
+    pub(super) fn feel(&mut self, temperature: f64) {
+        self.temperature = temperature as i32;
     }
 
     /// Sets what the motor does. A motor that is switched off forgets its torque.

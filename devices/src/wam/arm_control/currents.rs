@@ -14,7 +14,7 @@ use crate::wam::{AXES, Motor};
 use crate::{Axes, AxisIndex, DeviceError, Limits, Mode};
 
 /// Units of a puck's torque in an ampere (libbarrett; Barrett's properties of pucks).
-pub(in crate::wam) const UNITS_PER_AMPERE: f64 = 1024.0;
+pub(crate) const UNITS_PER_AMPERE: f64 = 1024.0;
 
 impl ArmControl {
     /// Takes what the pucks say of their motors for what the model says.

@@ -6,7 +6,7 @@ mod currents;
 use std::time::Duration;
 
 use self::compliance::Compliance;
-pub(super) use self::currents::UNITS_PER_AMPERE;
+pub(crate) use self::currents::UNITS_PER_AMPERE;
 use super::units::{degrees, gains_per_degree, gains_per_radian};
 use super::{AXES, WamModel, parameters};
 use crate::dynamics::Body;
