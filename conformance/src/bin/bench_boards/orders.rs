@@ -203,14 +203,19 @@ impl Orders {
         for i in 0..n {
             let begin = Instant::now();
             sending(begin);
-            self.ask(&orders[i % 2]).await?;
+            let order = &orders[i % 2];
+            let reply: Bottle = self.port.call(order).await?;
             times.push(begin.elapsed());
+            if reply.get(0) != Some(&Value::Vocab32(Vocab32::OK)) {
+                return Err(format!("`{order}` was answered `{reply}`").into());
+            }
         }
         self.port.close().await;
         Ok(times)
     }
 
-    /// As [`Orders::give`], with a pause after each.
+    /// Gives `n` orders with a pause after each; how long each took to be answered. Where many give orders for the same joint
+    /// the answer may be that a newer one came before the device had this one.
     pub(crate) async fn give_at_leisure(
         self,
         n: usize,
@@ -220,7 +225,7 @@ impl Orders {
         let mut times = Vec::with_capacity(n);
         for i in 0..n {
             let begin = Instant::now();
-            self.ask(&orders[i % 2]).await?;
+            let _: Bottle = self.port.call(&orders[i % 2]).await?;
             times.push(begin.elapsed());
             tokio::time::sleep(pause).await;
         }
@@ -230,14 +235,6 @@ impl Orders {
 
     fn here_and_there(&self) -> [Bottle; 2] {
         [5.0, -5.0].map(|degrees| order(self.generation, degrees))
-    }
-
-    async fn ask(&self, order: &Bottle) -> Result<(), Failure> {
-        let reply: Bottle = self.port.call(order).await?;
-        match reply.get(0) == Some(&Value::Vocab32(Vocab32::OK)) {
-            true => Ok(()),
-            false => Err(format!("`{order}` was answered `{reply}`").into()),
-        }
     }
 }
 
