@@ -5,6 +5,10 @@
 For each kind of lasting connection and each combination of tools: the reader, then the writer, then
 both are killed without a goodbye and started again; each time messages must flow. Prints `ok NAME`
 or `FAIL NAME`, ends with 1 if any failed.
+
+Stock's name server tells a writer once to connect to a reader that is back. A writer of stock's that has
+not noticed by then that the reader before is dead keeps that connection, drops it later, and never connects
+again: seen with nothing of ours in play. So what has a part of stock's is tried three times.
 """
 
 import argparse
@@ -64,6 +68,20 @@ def check(world, asking, writing, reading, lines):
     reaches(writer, reader, "both are back")
 
 
+def lasts(world, roles, lines, undo):
+    """Checks once, and clears away what is left of it; tells why it failed."""
+    why = None
+    try:
+        check(world, "ours", *roles, lines)
+    except Failure as failure:
+        why = failure
+    world.sweep()
+    for line in undo:
+        world.run("ours", line)
+    forget_names(world)
+    return why
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--stock-yarp", required=True, help="stock's `yarp`")
@@ -80,16 +98,17 @@ def main():
             for name, (lines, undo) in LASTING.items():
                 for roles in itertools.product(["stock", "ours"], repeat=2):
                     label = f"{name} (writer {roles[0]}, reader {roles[1]})"
-                    try:
-                        check(world, "ours", *roles, lines)
+                    tries = 3 if "stock" in (*roles, arguments.server) else 1
+                    for left in reversed(range(tries)):
+                        why = lasts(world, roles, lines, undo)
+                        if why is None or left == 0:
+                            break
+                        print("again", label, why, flush=True)
+                    if why is None:
                         print("ok", label, flush=True)
-                    except Failure as failure:
-                        print("FAIL", label, failure, flush=True)
+                    else:
+                        print("FAIL", label, why, flush=True)
                         failures += 1
-                    world.sweep()
-                    for line in undo:
-                        world.run("ours", line)
-                    forget_names(world)
         except Failure as failure:
             print("FAIL", failure)
             failures += 1

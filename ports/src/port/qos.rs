@@ -209,7 +209,7 @@ impl Core {
                 has.set_schedule(schedule).map_err(reason)?;
             }
             let Schedule { policy, priority } = schedule;
-            tracing::info!(port = %self.name, thread = has.id(), policy, priority, "a connection has a thread of its own");
+            tracing::debug!(port = %self.name, thread = has.id(), policy, priority, "a connection has a thread of its own");
         }
         Ok(())
     }
