@@ -5,31 +5,23 @@
 # nothing behind. From the environment:
 #
 #   STOCK          the folder of stock YARP 3.5.0
+#   STOCK_PEER     its client, stock_peer.cpp, which run.sh builds
 #   STOCK4_BOARD   live/fake_board_4.cpp, built as live/run_4.sh builds it, or a script that starts it with the
 #                  environment that it needs; without it orders of 4.0 are left out
 #   ROUNDS         how often each measurement is made, 5
-#   LONGER         how many times longer states are looked at, 1: then it takes four minutes
+#   LONGER         how many times longer states are looked at, 1: then all takes six minutes
 #   CARRIER        what states travel over, fast_tcp
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 : "${STOCK:?set STOCK to the folder of stock YARP; \`make bench\` does}"
-. conformance/stock/environment.sh
 target=${CARGO_TARGET_DIR:-target}/release
 
-work=$(mktemp -d)
 server=bench-s-$$ client=bench-c-$$
 clean() {
     ip netns del "$server" 2>/dev/null || true
     ip netns del "$client" 2>/dev/null || true
-    rm -rf "$work"
 }
 trap clean EXIT
-
-if [ -z "${STOCK_PEER:-}" ]; then
-    g++ -O2 -std=c++17 -include cstdint conformance/bench/stock_peer.cpp \
-        -I"$stock_package/include" -L"$stock_package/lib" -lYARP_os -lYARP_init -o "$work/stock_peer"
-    export STOCK_PEER=$work/stock_peer
-fi
 
 address=10.213.78.1
 if ip netns add "$server" 2>/dev/null && ip netns add "$client" 2>/dev/null; then

@@ -3,7 +3,7 @@
 #
 #   conformance/bench/run.sh            everything
 #   conformance/bench/run.sh only names the name servers alone
-#   conformance/bench/run.sh only boards  boards alone, see boards.sh; `only boards feed` and `only boards orders` parts
+#   conformance/bench/run.sh only boards  boards alone, see boards.sh; parts of it: `only boards feed`, `orders` or `crowd`
 #   conformance/bench/run.sh WORDS      `bench` with these words
 set -euo pipefail
 cd "$(dirname "$0")/../.."
@@ -16,18 +16,20 @@ if [ "$*" = "only names" ]; then
     YARP=target/release/yarp exec target/release/bench_names
 fi
 
-if [ "${1:-} ${2:-}" = "only boards" ]; then
-    cargo build --quiet --release -p yarp-cli
-    cargo build --quiet --release -p yarp-conformance --bin bench_boards
-    exec conformance/bench/boards.sh ${3:+only "$3"}
-fi
-
 work=$(mktemp -d)
 server=
 trap 'if [ -n "$server" ]; then kill "$server" 2>/dev/null || true; fi; rm -rf "$work"' EXIT
 
 g++ -O2 -std=c++17 -include cstdint conformance/bench/stock_peer.cpp \
     -I"$stock_package/include" -L"$stock_package/lib" -lYARP_os -lYARP_init -o "$work/stock_peer"
+export STOCK_PEER=$work/stock_peer
+
+if [ "${1:-} ${2:-}" = "only boards" ]; then
+    cargo build --quiet --release -p yarp-cli
+    cargo build --quiet --release -p yarp-conformance --bin bench_boards
+    conformance/bench/boards.sh ${3:+only "$3"}
+    exit
+fi
 
 # `unix_stream` of stock needs to know where sockets go.
 export YARP_CONFIG_HOME="$work" YARP_DATA_HOME="$work/data" YARP_RUNTIME_DIR="$work"
@@ -39,11 +41,11 @@ for _ in $(seq 100); do
     sleep 0.1
 done
 LD_LIBRARY_PATH="$stock_libraries" YARP_DATA_DIRS="$stock_package/share/yarp" \
-    STOCK_PEER="$work/stock_peer" target/release/bench "$@"
+    target/release/bench "$@"
 
 if [ $# = 0 ]; then
     echo
     YARP=target/release/yarp target/release/bench_names
     echo
-    STOCK_PEER="$work/stock_peer" conformance/bench/boards.sh
+    conformance/bench/boards.sh
 fi

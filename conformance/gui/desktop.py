@@ -6,6 +6,7 @@ pressed, dragged and typed goes through the X server, as from a mouse and a keyb
 
 import os
 import re
+import signal
 import subprocess
 import time
 import warnings
@@ -27,6 +28,16 @@ def until(what, condition, patience=PATIENCE):
         if time.monotonic() > end:
             raise TimeoutError(f"waited {patience} s for {what}")
         time.sleep(0.1)
+
+
+def finish(process, patience=20, how=signal.SIGTERM):
+    """Asks a program to end, and sees to it; what it started ends with it, if it is asked."""
+    process.send_signal(how)
+    try:
+        process.wait(patience)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
 
 
 class Desktop:
@@ -90,13 +101,7 @@ class Desktop:
 
     def close(self):
         for process in reversed(self.running):
-            # What it started ends with it, if it is asked.
-            process.terminate()
-            try:
-                process.wait(5)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+            finish(process, 5)
 
     def program(self, process):
         """The windows of a program that has been started."""

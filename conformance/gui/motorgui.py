@@ -8,7 +8,7 @@ import re
 import subprocess
 import time
 
-from desktop import until
+from desktop import finish, until
 
 # Words of the window for the modes, and the modes.
 MODES = {
@@ -34,12 +34,7 @@ class Motorgui:
         self.application = desktop.program(self.process)
 
     def close(self):
-        self.process.terminate()
-        try:
-            self.process.wait(20)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.wait()
+        finish(self.process)
 
     def open(self):
         self.application.one("push button", "OK")

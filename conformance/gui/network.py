@@ -5,7 +5,7 @@ import re
 import signal
 import subprocess
 
-from desktop import until
+from desktop import finish, until
 
 
 class Stock:
@@ -72,14 +72,8 @@ class Network:
 
     def end(self, name, how=signal.SIGTERM):
         process = self.running.pop(name, None)
-        if process is None:
-            return
-        process.send_signal(how)
-        try:
-            process.wait(20)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+        if process is not None:
+            finish(process, how=how)
 
     def close(self):
         for name in reversed(list(self.running)):

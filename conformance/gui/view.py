@@ -8,7 +8,7 @@ import time
 
 from PIL import Image
 
-from desktop import until
+from desktop import finish, until
 
 WIDTH, HEIGHT = 320, 240
 # What the camera shows, in four quarters: above left and right, below left and right.
@@ -40,12 +40,7 @@ class View:
         network.exists("/view/right")
 
     def close(self):
-        self.process.terminate()
-        try:
-            self.process.wait(20)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.wait()
+        finish(self.process)
 
     def seen(self, what, condition, patience=40):
         """Checks that something comes to be so."""

@@ -26,6 +26,8 @@ import tempfile
 import threading
 import time
 
+from again import tried
+
 # What may differ from run to run, and what replaces it.
 MASKS = [
     (r"YARP version .*", "YARP version V"),
@@ -750,11 +752,11 @@ def play(world, function, tools):
 
 def stock_alone(world, function, tools):
     """What a scenario does with stock alone. Seldom stock gets stuck by itself; then it is played again."""
-    for left in reversed(range(3)):
+    def attempt():
         expected = play(world, function, tools)
-        if left == 0 or not isinstance(expected, str):
-            return expected
-        print("again with stock alone:", expected, flush=True)
+        return expected, expected if isinstance(expected, str) else None
+
+    return tried(attempt, "with stock alone:")[0]
 
 
 def differences(expected, found, codes):

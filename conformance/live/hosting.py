@@ -15,6 +15,8 @@ import time
 
 import yarp
 
+from again import tried
+
 PATIENCE = 30
 
 INI = """
@@ -176,15 +178,18 @@ def hosted(command, folder, ready, questions, ends):
 
 def hosted_by_stock(*arguments):
     """The same of stock's program. Seldom it crashes at the signal that ends it, and hangs; then it is tried again."""
-    for left in reversed(range(3)):
+    def attempt():
         try:
-            return hosted(*arguments)
+            return hosted(*arguments), None
         except subprocess.TimeoutExpired as error:
-            if left == 0:
-                raise
-            print("again:", error, flush=True)
             # It left its names.
             subprocess.run([sys.argv[1], "clean", "--timeout", "1"], timeout=2 * PATIENCE, stdout=subprocess.DEVNULL)
+            return None, error
+
+    seen, why = tried(attempt, arguments[0][0])
+    if why is not None:
+        raise why
+    return seen
 
 
 def main():

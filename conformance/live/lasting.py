@@ -18,6 +18,7 @@ import sys
 import tempfile
 import time
 
+from again import tried
 from cli import PATIENCE, Failure, World, forget_names, start_server
 
 LASTING = {
@@ -99,11 +100,7 @@ def main():
                 for roles in itertools.product(["stock", "ours"], repeat=2):
                     label = f"{name} (writer {roles[0]}, reader {roles[1]})"
                     tries = 3 if "stock" in (*roles, arguments.server) else 1
-                    for left in reversed(range(tries)):
-                        why = lasts(world, roles, lines, undo)
-                        if why is None or left == 0:
-                            break
-                        print("again", label, why, flush=True)
+                    _, why = tried(lambda: (None, lasts(world, roles, lines, undo)), label, tries)
                     if why is None:
                         print("ok", label, flush=True)
                     else:

@@ -117,6 +117,26 @@ impl<'a> Axes<'a> {
         self.check_count(total, what, values)
     }
 
+    /// Checks the values of a command, one for each axis; `quantity`: what one is, for the error.
+    ///
+    /// Errors: [`DeviceError::NotFinite`].
+    pub fn check_finite(
+        self,
+        total: usize,
+        quantity: &'static str,
+        values: &[f64],
+    ) -> Result<(), DeviceError> {
+        let mut pairs = self.iter(total).zip(values);
+        match pairs.find(|(_, value)| !value.is_finite()) {
+            Some((joint, &asked)) => Err(DeviceError::NotFinite {
+                joint,
+                quantity,
+                asked,
+            }),
+            None => Ok(()),
+        }
+    }
+
     /// Checks that there is exactly one value, or one slot for an answer, per selected axis.
     ///
     /// Errors: [`DeviceError::WrongCount`].

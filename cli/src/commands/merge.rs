@@ -3,9 +3,9 @@
 use std::io::Write;
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::SystemTime;
 
 use tokio::sync::Notify;
+use yarp_devices::clock::wall_clock;
 use yarp_ports::{Answer, Network, Port, PortOptions, Received};
 use yarp_wire::settings::Settings;
 use yarp_wire::{Bottle, Stamp};
@@ -123,19 +123,15 @@ async fn open(
 
 /// Sends on what comes, until a signal.
 async fn pass_on(newest: &Newest, writer: &Port, interrupt: &mut Interrupt) {
-    let mut count = 0;
+    // Stock counts from 0.
+    let mut stamp = Stamp::new(-1, 0.0);
     loop {
         tokio::select! {
             biased;
             () = interrupt.heard() => return,
             () = newest.changed.notified() => {}
         }
-        let time = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
-        let stamp = Stamp {
-            count,
-            time: time.unwrap_or_default().as_secs_f64(),
-        };
-        count = count.checked_add(1).unwrap_or(0);
+        stamp = stamp.next(wall_clock());
         let bottles = newest.bottles().clone();
         let all: Bottle = bottles.iter().flat_map(|one| one.iter().cloned()).collect();
         writer.write_if_idle(&all, Some(stamp.into()));

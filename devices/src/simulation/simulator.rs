@@ -306,20 +306,21 @@ impl<const N: usize> Simulator<N> {
             if !active || (0..N).any(|joint| self.idle[joint] && turned(joint)) {
                 return 0.0;
             }
-            let limit = self.model.motors[motor].limit;
-            self.commands[motor].clamp(-limit, limit) / UNITS_PER_AMPERE
+            self.limited(motor) / UNITS_PER_AMPERE
         })
+    }
+
+    /// What a motor was told, in units of its puck, as far as the puck lets it.
+    fn limited(&self, motor: usize) -> f64 {
+        let limit = self.model.motors[motor].limit;
+        self.commands[motor].clamp(-limit, limit)
     }
 
     /// What motors and friction do in this period.
     fn acting(&mut self) -> Load<N> {
         let active = self.safety.mode() == SafetyMode::Active;
         let motors = Joints::from_fn(|motor, _| {
-            let Self {
-                model, commands, ..
-            } = &*self;
-            let limit = model.motors[motor].limit;
-            commands[motor].clamp(-limit, limit) / model.motors[motor].units_per_newton_metre
+            self.limited(motor) / self.model.motors[motor].units_per_newton_metre
         });
         let mut torques = self.model.transmission.joint_torques(&motors);
         let mut viscous = Joints::zeros();

@@ -7,8 +7,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use bytes::BytesMut;
 use yarp_conformance::statistics::{median, percentiles};
 use yarp_ports::Network;
+use yarp_wire::carrier::{Carrier, Sender};
+use yarp_wire::connection::Initiator;
+use yarp_wire::{Dialect, Limits};
 
 use crate::Failure;
 use crate::orders::{Generation, Orders};
@@ -90,10 +94,7 @@ pub(crate) fn run(name: &str, company: &str, orders: &str) -> Result<(), Failure
         }
     };
     let orders: usize = orders.parse()?;
-    let runtime = tokio::runtime::Builder::new_multi_thread()
-        .worker_threads(2)
-        .enable_all()
-        .build()?;
+    let runtime = crate::runtime()?;
     let network = Network::from_process()?;
     let open = |number: usize| {
         let generation = match number.is_multiple_of(2) {
@@ -145,10 +146,11 @@ pub(crate) fn run(name: &str, company: &str, orders: &str) -> Result<(), Failure
 fn raw(board: &(String, u16), name: &str) -> std::io::Result<TcpStream> {
     let mut stream = TcpStream::connect((board.0.as_str(), board.1))?;
     stream.set_write_timeout(Some(PATIENCE))?;
-    let mut header = b"YA\xe4\x1e\0\0RP".to_vec();
-    header.extend((name.len() as u32 + 1).to_le_bytes());
-    header.extend(name.as_bytes());
-    header.push(0);
+    let carrier = Carrier::by_name("tcp").expect("it is one of ours");
+    let mut header = BytesMut::new();
+    let sender = Sender::plain(name);
+    // What comes back is not looked at.
+    let _ = Initiator::new(carrier, &sender, Dialect::V3, Limits::DEFAULT, &mut header);
     stream.write_all(&header)?;
     Ok(stream)
 }

@@ -36,12 +36,8 @@ pub(crate) fn measure(place: &Place, rounds: usize) -> Result<(), Failure> {
 /// Prints nanoseconds from sending an order to its arrival at the device.
 pub(crate) fn run(n: &str) -> Result<(), Failure> {
     let n: usize = n.parse()?;
-    let runtime = || {
-        let mut builder = tokio::runtime::Builder::new_multi_thread();
-        builder.worker_threads(2).enable_all().build()
-    };
     // A runtime for each, as if they were two programs.
-    let (serving, asking) = (runtime()?, runtime()?);
+    let (serving, asking) = (crate::runtime()?, crate::runtime()?);
     let noted = Arc::new(Noting::default());
     let name = format!("/device-call/{}", std::process::id());
     let network = Network::from_process()?;

@@ -88,3 +88,9 @@ fn compare(parts: &[&str]) -> Result<(), Failure> {
     }
     Ok(())
 }
+
+/// What a client runs on.
+fn runtime() -> std::io::Result<tokio::runtime::Runtime> {
+    let mut builder = tokio::runtime::Builder::new_multi_thread();
+    builder.worker_threads(2).enable_all().build()
+}

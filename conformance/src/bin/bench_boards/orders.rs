@@ -146,10 +146,7 @@ pub(crate) fn run(name: &str, generation: &str, n: &str) -> Result<(), Failure> 
         other => return Err(format!("{other:?} is no generation, expected 3.x or 4.0").into()),
     };
     let n: usize = n.parse()?;
-    let runtime = tokio::runtime::Builder::new_multi_thread()
-        .worker_threads(2)
-        .enable_all()
-        .build()?;
+    let runtime = crate::runtime()?;
     let times = runtime.block_on(async {
         let network = Network::from_process()?;
         let orders = Orders::open(&network, name, generation).await?;

@@ -26,10 +26,7 @@ type Times = Arc<Mutex<Vec<(Instant, i64)>>>;
 pub(crate) fn run(name: &str, period: &str, carrier: &str, seconds: &str) -> Result<(), Failure> {
     let period = Duration::from_micros(period.parse()?);
     let duration = Duration::try_from_secs_f64(seconds.parse()?)?;
-    let runtime = tokio::runtime::Builder::new_multi_thread()
-        .worker_threads(2)
-        .enable_all()
-        .build()?;
+    let runtime = crate::runtime()?;
     runtime.block_on(read(name, period, carrier, duration))
 }
 

@@ -193,14 +193,6 @@ impl RemoteControlBoard {
         quantity: &'static str,
         values: &[f64],
     ) -> Result<(), DeviceError> {
-        let mut pairs = axes.iter(self.axes).zip(values);
-        match pairs.find(|(_, value)| !value.is_finite()) {
-            Some((joint, &asked)) => Err(DeviceError::NotFinite {
-                joint,
-                quantity,
-                asked,
-            }),
-            None => Ok(()),
-        }
+        axes.check_finite(self.axes, quantity, values)
     }
 }

@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use tokio::sync::oneshot;
-use yarp_devices::{Axes, AxisIndex, DeviceError, Mode};
+use yarp_devices::{Axes, AxisIndex, Mode};
 use yarp_ports::Answer;
 use yarp_wire::{Bottle, Vocab32};
 
@@ -129,15 +129,7 @@ impl Board {
             return Ok(axes.check(self.axes())?);
         };
         axes.check_command(self.axes(), "values", values.len())?;
-        let wrong = (axes.iter(self.axes()).zip(values)).find(|(_, value)| !value.is_finite());
-        match wrong {
-            Some((joint, &asked)) => Err(Refusal::Device(DeviceError::NotFinite {
-                joint,
-                quantity: "value",
-                asked,
-            })),
-            None => Ok(()),
-        }
+        Ok(axes.check_finite(self.axes(), "value", values)?)
     }
 
     fn queue(&self, number: u64, kind: Kind, waiting: Waiting) {
