@@ -24,6 +24,13 @@ fn read_ends_well() {
 }
 
 #[test]
+fn what_sends_at_a_rate_ends_well() {
+    check("sample --output /a --rate 20", "/a", 0);
+    check("clock --name /a", "/a", 0);
+    check("trafficgen /a", "/a", 0);
+}
+
+#[test]
 fn others_do_not() {
     check("write /a", "/a", 1);
     check("readwrite /a /b", "/b", 1);

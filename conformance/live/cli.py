@@ -304,6 +304,9 @@ single("describe", *[f"{command} describe{word}" for command, words in [("priori
 single("env", "env a b", "env --help", "env HOME", "env NO_SUCH_VARIABLE")
 single("merge, usage", "merge")
 single("merge, unknown", "merge /nothing")
+single("at a rate, usage", "sample", "sample --output /s", "sample --rate 5", "sample --output s --rate 5", "clock --help",
+       "clock --name c", "stats", "stats /nothing", "stats /nothing --port_type x", "trafficgen", "trafficgen --help",
+       "trafficgen /t --period 1", "trafficgen /t --bandwidth 1 --size 1", "trafficgen t")
 
 
 @scenario("ports that are gone")
@@ -631,6 +634,80 @@ def _(world, writing, merging, reading):
     results.append((0, said))
     reader.see("Removing input")
     results.append(reader.signal().finish())
+    return results
+
+
+@scenario("sample", roles=3)
+def _(world, writing, sampling, reading):
+    writer = world.start(writing, "write /w")
+    reader = world.start(reading, "read /r")
+    sampler = world.start(sampling, "sample --input /w --output /s --carrier tcp --rate 20 --show", "Receiving input")
+    results = [world.run(reading, "connect /s /r")]
+    reader.see("Receiving input")
+    writer.see("Sending output").type("hello (a b) 1.5")
+    # It is sent again and again, and shown as often.
+    reader.see("hello (a b) 1.5", 3)
+    sampler.see("hello (a b) 1.5", 3)
+    results.append(writer.end_input().finish())
+    # Stock has no handler there: it dies of the signal and leaves its name behind.
+    sampler.signal().finish()
+    results.append((0, sorted({line for line in sampler.out if not REPORTS.match(line) and line != "Interrupting..."})))
+    reader.see("Removing input")
+    code, lines = reader.signal().finish()
+    return results + [(code, sorted(set(lines)))]
+
+
+@scenario("clock", roles=2)
+def _(world, ticking, reading):
+    clock = world.start(ticking, "clock --name /tick --period 20 --rtf 0.001", "running happily")
+    reader = world.start(reading, "read /r")
+    results = [world.run(reading, "connect /tick /r")]
+    reader.see("Receiving input").see("0 ", 5)
+    clock.signal().finish()
+    said = [line for line in clock.out if not REPORTS.match(line) and line != "Interrupting..."]
+    results.append((0, sorted(set(said))))
+    reader.see("Removing input")
+    code, lines = reader.signal().finish()
+    times = [line.split() for line in lines if re.fullmatch(r"\d+ \d+", line)]
+    times = [int(seconds) * 1_000_000_000 + int(nanoseconds) for seconds, nanoseconds in times]
+    forward = len(times) > 3 and times == sorted(times)
+    return results + [(code, ["forward" if forward else repr(lines)])]
+
+
+# What a program of stock's does that follows a clock of the network: the time that it has is that of the clock.
+FOLLOWING = """
+import yarp
+yarp.Network.init()
+first = yarp.now()
+yarp.delay(0.2)
+print("follows" if first < 1e6 and yarp.now() >= first + 0.2 else "does not follow", flush=True)
+yarp.Network.fini()
+"""
+
+
+@scenario("a program follows the clock")
+def _(world, tool):
+    clock = world.start(tool, "clock --name /sim/clock --period 10", "running happily")
+    environment = dict(world.environment, YARP_CLOCK="/sim/clock")
+    ended = subprocess.run([sys.executable, "-c", FOLLOWING], env=environment, cwd=world.directory, text=True,
+                           capture_output=True, timeout=PATIENCE)
+    clock.signal().finish()
+    said = [line for line in ended.stdout.splitlines() if "follow" in line]
+    return [(ended.returncode, said or ended.stdout.splitlines() + ended.stderr.splitlines())]
+
+
+@scenario("trafficgen and stats", roles=2)
+def _(world, sending, counting):
+    line = "trafficgen /t --period 0.1 --size 0.001"
+    traffic = world.start(sending, line)
+    results = []
+    for kind in ("", " --port_type Port", " --protocol fast_tcp"):
+        code, lines = world.run(counting, f"stats /t --duration 2{kind}")
+        results.append((code, [re.sub(r"(?<![\w/])(\d[\d.e+-]*|inf)(?= )", "9", line) for line in lines]))
+    traffic.signal().finish()
+    said = [line for line in traffic.out if not REPORTS.match(line) and line != "Interrupting..."]
+    results.append((0, said))
+    results.append(world.run(sending, "trafficgen /t --bandwidth 1 --duration 0.2"))
     return results
 
 

@@ -7,9 +7,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::Notify;
 use yarp_devices::clock::wall_clock;
 use yarp_ports::{Answer, Network, Port, PortOptions, Received};
-use yarp_wire::settings::Settings;
 use yarp_wire::{Bottle, Stamp};
 
+use super::words::Options;
 use crate::connecting::{self, Telling};
 use crate::error::Result;
 use crate::session;
@@ -52,12 +52,8 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         writeln!(out, "{USAGE}")?;
         return Ok(ExitCode::from(FAILED));
     }
-    let mut options = Settings::new();
-    options.add_command_line(&args.words);
-    let text = |name: &str, usual: &str| match options.get(name) {
-        Some(setting) => setting.to_plain_string(),
-        None => usual.to_owned(),
-    };
+    let options = Options::parse(&args.words);
+    let text = |name: &str, usual: &str| options.text(name).unwrap_or_else(|| usual.to_owned());
     let sources = match options.group("input") {
         Some(group) => {
             let values = group.values().iter();

@@ -3,6 +3,7 @@
 mod camera;
 mod check;
 mod clean;
+mod clock;
 mod conf;
 mod connect;
 mod demo;
@@ -30,10 +31,14 @@ mod resource;
 mod robotinterface;
 mod rpc;
 mod rpcserver;
+mod sample;
 mod server;
+mod split;
+mod stats;
 mod terminate;
 mod time;
 mod topic;
+mod trafficgen;
 mod up;
 mod version;
 mod wait;
@@ -55,6 +60,7 @@ pub(crate) enum Command {
     Camera(camera::Args),
     Check(check::Args),
     Clean(clean::Args),
+    Clock(clock::Args),
     Conf(conf::Args),
     Connect(connect::Args),
     Demo(demo::Args),
@@ -86,10 +92,14 @@ pub(crate) enum Command {
     Robotinterface(robotinterface::Args),
     Rpc(rpc::Args),
     Rpcserver(rpcserver::Args),
+    Sample(sample::Args),
     Server(Box<server::Args>),
+    Split(split::Args),
+    Stats(stats::Args),
     Terminate(terminate::Args),
     Time(time::Args),
     Topic(topic::Args),
+    Trafficgen(trafficgen::Args),
     Up(up::Args),
     Version(version::Args),
     Wait(wait::Args),
@@ -106,6 +116,7 @@ impl Command {
             Self::Camera(args) => camera::run(args, out).await,
             Self::Check(args) => check::run(args, out).await,
             Self::Clean(args) => clean::run(args, out).await,
+            Self::Clock(args) => clock::run(args, out).await,
             Self::Conf(args) => conf::run(args, out),
             Self::Connect(args) => connect::run(args, out).await,
             Self::Demo(args) => demo::run(args, out),
@@ -132,10 +143,14 @@ impl Command {
             Self::Robotinterface(args) => robotinterface::run(args, out).await,
             Self::Rpc(args) => rpc::run(args, prefixes, out).await,
             Self::Rpcserver(args) => rpcserver::run(args, out).await,
+            Self::Sample(args) => sample::run(args, out).await,
             Self::Server(args) => server::run(*args, out).await,
+            Self::Split(args) => split::run(args, out).await,
+            Self::Stats(args) => stats::run(args, out).await,
             Self::Terminate(args) => terminate::run(args, out).await,
             Self::Time(args) => time::run(args, out).await,
             Self::Topic(args) => topic::run(args, out).await,
+            Self::Trafficgen(args) => trafficgen::run(args, out).await,
             Self::Up(args) => up::run(args, out).await,
             Self::Version(args) => version::run(args, out),
             Self::Wait(args) => wait::run(args, out).await,

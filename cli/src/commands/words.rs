@@ -1,5 +1,8 @@
 //! Options that stock takes anywhere among the words of a command.
 
+use yarp_wire::Value;
+use yarp_wire::settings::{Group, Settings};
+
 /// Takes `option` out of the words; tells whether it was there.
 pub(super) fn take_flag(words: &mut Vec<String>, option: &str) -> bool {
     let before = words.len();
@@ -14,9 +17,62 @@ pub(super) fn take_value(words: &mut Vec<String>, option: &str) -> Option<String
     (index < words.len()).then(|| words.remove(index))
 }
 
+/// Options such as `--rate 50` as stock's `Property` reads them.
+pub(super) struct Options(Settings);
+
+impl Options {
+    pub(super) fn parse(words: &[String]) -> Self {
+        let mut settings = Settings::new();
+        settings.add_command_line(words);
+        Self(settings)
+    }
+
+    /// Whether the option is there.
+    pub(super) fn has(&self, name: &str) -> bool {
+        self.0.has(name)
+    }
+
+    /// The value of an option as text, if it is there.
+    pub(super) fn text(&self, name: &str) -> Option<String> {
+        self.value(name).map(|value| value.to_plain_string())
+    }
+
+    /// The value of an option as a number, if it is there; 0 if it is none, as in stock.
+    pub(super) fn number(&self, name: &str) -> Option<f64> {
+        self.value(name).map(|value| value.as_f64().unwrap_or(0.0))
+    }
+
+    /// The value of an option, if it is there; an empty text if it has none.
+    pub(super) fn value(&self, name: &str) -> Option<Value> {
+        let value = self.0.get(name).map(|setting| setting.value());
+        value.or_else(|| self.has(name).then(|| "".into()))
+    }
+
+    /// An option with all its values, if it is there.
+    pub(super) fn group(&self, name: &str) -> Option<Group<'_>> {
+        self.0.group(name)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn options_have_values_of_their_kind() {
+        let words = [
+            "/p", "--rate", "50", "--show", "--to", "/a", "/b", "--number", "x",
+        ];
+        let words = words.map(str::to_owned);
+        let options = Options::parse(&words);
+        assert_eq!(options.number("rate"), Some(50.0));
+        assert_eq!(options.number("number"), Some(0.0));
+        assert_eq!(options.number("nothing"), None);
+        assert_eq!(options.text("to").as_deref(), Some("/a"));
+        assert_eq!(options.text("show").as_deref(), Some(""));
+        assert!(options.has("show") && !options.has("nothing"));
+        assert_eq!(options.group("to").unwrap().values().len(), 2);
+    }
 
     #[test]
     fn options_are_found_anywhere() {

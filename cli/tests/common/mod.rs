@@ -196,6 +196,25 @@ impl Running {
         self.out.wait(|line| line.contains(text), patience)
     }
 
+    /// Waits until so many lines of standard output are `text`.
+    #[track_caller]
+    pub(crate) fn see_often(self, text: &str, count: usize) -> Self {
+        let often = |lines: &[String]| lines.iter().filter(|line| *line == text).count() >= count;
+        let seen = self.out.wait_for(often, PATIENCE);
+        assert!(
+            seen,
+            "{}: not {count} times {text:?} in {:?}",
+            self.line,
+            self.out.lines()
+        );
+        self
+    }
+
+    /// What it has printed so far.
+    pub(crate) fn printed(&self) -> Vec<String> {
+        self.out.lines()
+    }
+
     /// Types `text` as a line again and again until `reader` prints it.
     #[track_caller]
     pub(crate) fn reaches(&mut self, reader: &mut Self, text: &str) {
@@ -318,8 +337,11 @@ impl Watched {
     }
 
     fn wait(&self, matches: impl Fn(&str) -> bool, patience: Duration) -> bool {
+        self.wait_for(|lines| lines.iter().any(|line| matches(line)), patience)
+    }
+
+    fn wait_for(&self, found: impl Fn(&[String]) -> bool, patience: Duration) -> bool {
         let (collected, changed) = &*self.state;
-        let found = |lines: &[String]| lines.iter().any(|line| matches(line));
         let waiting = changed.wait_timeout_while(collected.lock().unwrap(), patience, |state| {
             !state.ended && !found(&state.lines)
         });

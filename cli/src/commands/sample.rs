@@ -1,0 +1,166 @@
+//! `yarp sample`: what arrives, at a constant rate.
+
+use std::io::Write;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use tokio::time::{Instant, sleep_until, timeout_at};
+use yarp_ports::{Port, PortError, PortOptions, Queue, Received};
+use yarp_wire::Bottle;
+
+use super::words::Options;
+use crate::connecting::{self, Telling};
+use crate::error::Result;
+use crate::session;
+use crate::signals::Interrupt;
+use crate::text::complain;
+
+const USAGE: &str = "\
+This is yarp sample. Syntax:
+  yarp sample --output /port --period 0.01
+  yarp sample --output /port --rate 100
+  yarp sample --input /p1 --output /p2 --rate 50 --carrier udp
+  yarp sample --output /port --rate 100 --show
+Data is read from the input port and repeated on the output port at the
+specified rate/period.  If the 'show' flag is given, the data is also printed
+on standard output.";
+
+/// drop or duplicate messages to achieve a constant frame-rate
+///
+/// Opens a port that reads, and sends on the newest message once per period: what came in between is dropped, what is
+/// missing is sent again. Before the first message it sends empty ones.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The options
+    #[arg(
+        value_name = "--output PORT --period SECONDS|--rate HERTZ [--input PORT] [--carrier CARRIER] [--show]",
+        allow_hyphen_values = true,
+        trailing_var_arg = true
+    )]
+    words: Vec<String>,
+}
+
+pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
+    let options = Options::parse(&args.words);
+    let output = options.text("output");
+    let period = match options.number("rate") {
+        Some(rate) => Some(1.0 / rate),
+        None => options.number("period"),
+    };
+    let (Some(output), Some(period)) = (output, period) else {
+        writeln!(out, "{USAGE}")?;
+        return Ok(ExitCode::FAILURE);
+    };
+    let network = session::network()?;
+    let mut interrupt = Interrupt::listen();
+    let reading = PortOptions::new().reading(Queue::Latest);
+    let Some(port) = session::open(&network, &output, reading).await? else {
+        complain(out, "Failed to open output port")?;
+        return Ok(ExitCode::FAILURE);
+    };
+    if let Some(input) = options.text("input") {
+        let carrier = options
+            .text("carrier")
+            .filter(|carrier| !carrier.is_empty());
+        // Stock goes on even so: somebody else may connect.
+        connecting::connect(
+            &network,
+            &input,
+            port.name(),
+            carrier.as_deref(),
+            Telling::Failure,
+        )
+        .await;
+    }
+    let show = options.has("show");
+    let done = pass_on(&port, Beat::of(period), show, &mut interrupt, out).await;
+    port.close().await;
+    done.map(|()| ExitCode::SUCCESS)
+}
+
+/// Sends on the newest message at each beat, until a signal.
+async fn pass_on(
+    port: &Port,
+    mut beat: Beat,
+    show: bool,
+    interrupt: &mut Interrupt,
+    out: &mut dyn Write,
+) -> Result<()> {
+    let mut newest = Bottle::new();
+    loop {
+        let came = tokio::select! {
+            biased;
+            () = interrupt.heard() => return Ok(()),
+            came = beat.next(port) => came?,
+        };
+        if let Some(bottle) = came.and_then(|message| message.bottle().ok()) {
+            newest = bottle;
+        }
+        if show {
+            writeln!(out, "{newest}")?;
+            out.flush()?;
+        }
+        port.write_if_idle(&newest, None);
+    }
+}
+
+/// When messages go on: at fixed times after the first one.
+struct Beat {
+    /// Without it each message goes on as it comes.
+    period: Option<Duration>,
+    /// Of the last beat; none before the first message.
+    last: Option<Instant>,
+}
+
+impl Beat {
+    /// A beat every so many seconds; what is no time or none at all lets each message go on as it comes.
+    fn of(seconds: f64) -> Self {
+        let period = match seconds > 0.0 {
+            true => Some(Duration::try_from_secs_f64(seconds).unwrap_or(session::FOREVER)),
+            false => None,
+        };
+        Self {
+            period: period.map(|period| period.min(session::FOREVER)),
+            last: None,
+        }
+    }
+
+    /// Waits for the next beat; gives the newest message if one came since the last.
+    async fn next(&mut self, port: &Port) -> std::result::Result<Option<Received>, PortError> {
+        let Some(period) = self.period else {
+            return port.read().await.map(Some);
+        };
+        let due = self.last.unwrap_or_else(Instant::now) + period;
+        let came = timeout_at(due, port.read()).await.ok().transpose()?;
+        let Some(message) = came else {
+            // Before the first message there is no beat to keep.
+            self.last = self.last.map(|_| due);
+            return Ok(None);
+        };
+        if self.last.is_none() {
+            self.last = Some(Instant::now());
+            return Ok(Some(message));
+        }
+        sleep_until(due).await;
+        self.last = Some(due);
+        Ok(Some(port.try_read().unwrap_or(message)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn periods_are_seconds_and_may_be_nonsense() {
+        let check = |seconds: f64, expected: Option<Duration>| {
+            assert_eq!(Beat::of(seconds).period, expected, "{seconds}");
+        };
+        check(0.25, Some(Duration::from_millis(250)));
+        check(0.0, None);
+        check(-1.0, None);
+        check(f64::NAN, None);
+        check(f64::INFINITY, Some(session::FOREVER));
+        check(1e300, Some(session::FOREVER));
+    }
+}

@@ -1,0 +1,112 @@
+//! `yarp split`: each element of what a port sends on a port of its own. Stock has it since 3.12.
+
+use std::io::Write;
+use std::process::ExitCode;
+
+use yarp_ports::{Envelope, Network, Port, PortOptions, Queue};
+use yarp_wire::Bottle;
+
+use super::words::Options;
+use crate::connecting::{self, Telling};
+use crate::error::Result;
+use crate::session;
+use crate::signals::Interrupt;
+use crate::text::complain;
+
+const USAGE: &str = "\
+This is yarp split. Please provide the name of the port to process, e.g:
+  yarp split /port1";
+
+/// What stock ends with if it cannot begin.
+const FAILED: u8 = 255;
+/// The most ports that one message opens.
+const MOST: usize = 256;
+
+/// splits data received in a bottle onto multiple ports, one for each element
+///
+/// Reads from the port over `--carrier CARRIER` (udp), and sends the element N of each message from `PORT/splitN:o`,
+/// with the envelope of the message. The first message says how many there are; others that have another number of
+/// elements are complained about.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The port, and options
+    #[arg(
+        value_name = "PORT [--carrier CARRIER]",
+        allow_hyphen_values = true,
+        trailing_var_arg = true
+    )]
+    words: Vec<String>,
+}
+
+pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
+    let Some(source) = args.words.first() else {
+        writeln!(out, "{USAGE}")?;
+        return Ok(ExitCode::from(FAILED));
+    };
+    let network = session::network()?;
+    let mut interrupt = Interrupt::listen();
+    let reading = PortOptions::new().reading(Queue::Latest).input_only();
+    let Some(port) = session::open(&network, "...", reading).await? else {
+        return Ok(ExitCode::from(FAILED));
+    };
+    let carrier = Options::parse(&args.words).text("carrier");
+    let carrier = carrier.as_deref().unwrap_or("udp");
+    let connected =
+        connecting::connect(&network, source, port.name(), Some(carrier), Telling::All).await;
+    let mut outputs = Vec::new();
+    let done = if connected {
+        split(&network, source, &port, &mut outputs, &mut interrupt, out).await
+    } else {
+        complain(out, "Failed to connect.")?;
+        Ok(false)
+    };
+    for port in outputs.into_iter().chain([port]) {
+        port.close().await;
+    }
+    Ok(match done? {
+        true => ExitCode::SUCCESS,
+        false => ExitCode::from(FAILED),
+    })
+}
+
+/// Sends on what comes, until a signal; tells whether it could.
+async fn split(
+    network: &Network,
+    source: &str,
+    port: &Port,
+    outputs: &mut Vec<Port>,
+    interrupt: &mut Interrupt,
+    out: &mut dyn Write,
+) -> Result<bool> {
+    writeln!(out, "Waiting for data..")?;
+    out.flush()?;
+    loop {
+        let message = tokio::select! {
+            biased;
+            () = interrupt.heard() => return Ok(true),
+            message = port.read() => message?,
+        };
+        let Ok(bottle) = message.bottle() else {
+            continue;
+        };
+        if outputs.is_empty() && (1..=MOST).contains(&bottle.len()) {
+            writeln!(out, "Received a Bottle of {} elements.", bottle.len())?;
+            for element in 0..bottle.len() {
+                let name = format!("{source}/split{element}:o");
+                match session::open(network, &name, PortOptions::new()).await? {
+                    Some(port) => outputs.push(port),
+                    None => return Ok(false),
+                }
+            }
+            writeln!(out, "Ready")?;
+        }
+        if bottle.len() != outputs.len() || outputs.is_empty() {
+            complain(out, "Data with invalid size received.")?;
+        }
+        out.flush()?;
+        let envelope = message.stamp().map(Envelope::from);
+        for (output, element) in outputs.iter().zip(bottle) {
+            output.write_if_idle(&Bottle::from_iter([element]), envelope.clone());
+        }
+    }
+}

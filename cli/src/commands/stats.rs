@@ -1,0 +1,184 @@
+//! `yarp stats`: how much a port sends.
+
+use std::io::Write;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+use tokio::time::{Instant, interval_at};
+use yarp_ports::{Answer, PortOptions, Received};
+use yarp_wire::Dialect;
+
+use super::words::Options;
+use crate::connecting::{self, Telling};
+use crate::error::Result;
+use crate::session;
+use crate::signals::Interrupt;
+use crate::text::general;
+
+const USAGE: &str = "\
+This is yarp stats. Syntax:
+yarp stats /remote_port
+yarp stats /remote_port --port_type BufferedPort
+yarp stats /remote_port --port_type Port
+yarp stats /remote_port --duration <time_in_s> --protocol <protocol_name>
+
+If port_type is not specified, BufferedPort is assumed as default";
+
+/// What stock ends with if it cannot begin.
+const FAILED: u8 = 255;
+/// What is counted in one line.
+const LINE: Duration = Duration::from_secs(1);
+
+/// print statics about the data received from a specific port
+///
+/// Connects to a port, and prints once a second how much it sends: as binary messages, without what the carrier adds.
+/// Ends after `--duration SECONDS`, or on a signal.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// The port, and options
+    #[arg(
+        value_name = "PORT [--duration SECONDS] [--protocol CARRIER] [--port_type BufferedPort|Port]",
+        allow_hyphen_values = true,
+        trailing_var_arg = true
+    )]
+    words: Vec<String>,
+}
+
+/// What has arrived.
+#[derive(Default)]
+struct Arrived {
+    messages: AtomicU64,
+    bytes: AtomicU64,
+}
+
+pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
+    let Some(remote) = args.words.first() else {
+        writeln!(out, "{USAGE}")?;
+        return Ok(ExitCode::from(FAILED));
+    };
+    let options = Options::parse(&args.words);
+    // Here the two do the same: each message is counted where it arrives.
+    match options.text("port_type").as_deref() {
+        None | Some("BufferedPort") => writeln!(out, "Using BufferedPort for connection")?,
+        Some("Port") => writeln!(out, "Using standard Port for connection")?,
+        Some(_) => {
+            writeln!(
+                out,
+                "Invalid value for parameter port_type. Must be `BufferedPort` or `Port`"
+            )?;
+            return Ok(ExitCode::from(FAILED));
+        }
+    }
+    let network = session::network()?;
+    let mut interrupt = Interrupt::listen();
+    let arrived = Arc::new(Arrived::default());
+    let counting = arrived.clone();
+    let take = move |received: &mut Received| {
+        counting.add(received);
+        Answer::Nothing
+    };
+    let reading = PortOptions::new().handler(take).input_only();
+    let Some(port) = session::open(&network, "...", reading).await? else {
+        return Ok(ExitCode::from(FAILED));
+    };
+    let carrier = options.text("protocol");
+    let carrier = carrier.as_deref().unwrap_or("tcp");
+    let connected =
+        connecting::connect(&network, remote, port.name(), Some(carrier), Telling::All).await;
+    let done = if connected {
+        let seconds = options.number("duration").filter(|seconds| *seconds != 0.0);
+        tell(&arrived, seconds, &mut interrupt, out).await
+    } else {
+        writeln!(out, "Connection failed").map_err(Into::into)
+    };
+    port.close().await;
+    done?;
+    Ok(match connected {
+        true => ExitCode::SUCCESS,
+        false => ExitCode::from(FAILED),
+    })
+}
+
+/// Tells once a second what arrived, for so many seconds or until a signal; then all of it.
+async fn tell(
+    arrived: &Arrived,
+    seconds: Option<f64>,
+    interrupt: &mut Interrupt,
+    out: &mut dyn Write,
+) -> Result<()> {
+    let mut ticks = interval_at(Instant::now() + LINE, LINE);
+    let (mut lines, mut messages, mut bytes) = (0_u32, 0, 0);
+    while seconds.is_none_or(|seconds| f64::from(lines) < seconds) {
+        tokio::select! {
+            biased;
+            () = interrupt.heard() => break,
+            _ = ticks.tick() => {}
+        }
+        let (more, size) = arrived.take();
+        writeln!(out, "{}", line(more, size))?;
+        out.flush()?;
+        lines += 1;
+        messages += more;
+        bytes += size;
+    }
+    writeln!(out, "{}", summary(lines, messages, bytes))?;
+    Ok(())
+}
+
+/// What is told of one second.
+fn line(messages: u64, bytes: u64) -> String {
+    let rate = general(bytes as f64 * 8.0 / 1e6);
+    let period = general(1.0 / messages as f64);
+    format!("{rate} Mb/s, {messages} btl/s, {period} mean period (s)")
+}
+
+/// What is told of all seconds.
+fn summary(seconds: u32, messages: u64, bytes: u64) -> String {
+    let size = general(bytes as f64 / 1e6);
+    let period = general(f64::from(seconds) / messages as f64);
+    let messages = general(messages as f64);
+    // The two blanks are stock's.
+    format!(
+        "{size} total MB received,  {messages} total bottles received, {period} mean period (s)"
+    )
+}
+
+impl Arrived {
+    fn add(&self, received: &Received) {
+        // What cannot be read is no message.
+        if let Ok(binary) = received.payload.to_binary(Dialect::V3) {
+            self.messages.fetch_add(1, Ordering::Relaxed);
+            self.bytes.fetch_add(binary.len() as u64, Ordering::Relaxed);
+        }
+    }
+
+    /// Messages and bytes since the last time.
+    fn take(&self) -> (u64, u64) {
+        let messages = self.messages.swap(0, Ordering::Relaxed);
+        (messages, self.bytes.swap(0, Ordering::Relaxed))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_second_is_told_in_the_words_of_stock() {
+        assert_eq!(
+            line(10, 10120),
+            "0.08096 Mb/s, 10 btl/s, 0.1 mean period (s)"
+        );
+        assert_eq!(line(0, 0), "0 Mb/s, 0 btl/s, inf mean period (s)");
+    }
+
+    #[test]
+    fn the_whole_is_told_in_the_words_of_stock() {
+        assert_eq!(
+            summary(2, 20, 20240),
+            "0.02024 total MB received,  20 total bottles received, 0.1 mean period (s)"
+        );
+    }
+}

@@ -1,0 +1,53 @@
+//! `yarp sample` sends the newest message on at a constant rate.
+
+mod common;
+
+use common::Home;
+
+#[test]
+fn a_message_goes_on_again_and_again() {
+    let home = Home::new();
+    let _server = home.serve();
+    let reader = home.start("read /r").see("Port /r active at");
+    let sampler = home
+        .start("sample --output /s --rate 50")
+        .see("Port /s active at");
+    home.run("connect /s /r").with(0);
+    // Before the first message there are empty ones.
+    let reader = reader.see_often("", 2);
+    home.run_with("write /w /s", "hello (a b)\n").with(0);
+    drop(reader.see_often("hello (a b)", 3));
+    sampler.signal("INT").finish().with(0);
+}
+
+#[test]
+fn what_comes_in_between_is_dropped() {
+    const COUNT: usize = 1000;
+    let home = Home::new();
+    let _server = home.serve();
+    let mut writer = home.start("write /w").see("Port /w active at");
+    let line = "sample --input /w --output /s --period 0.2 --carrier tcp --show";
+    let sampler = home
+        .start(line)
+        .see("Receiving input from /w to /s using tcp");
+    let numbers: String = (0..COUNT)
+        .map(|number| format!("number {number}\n"))
+        .collect();
+    writer.type_text(&numbers);
+    let last = format!("number {}", COUNT - 1);
+    let ended = sampler.see(&last).signal("TERM").finish().with(0);
+    let mut shown: Vec<_> = ended
+        .out
+        .iter()
+        .filter(|line| line.starts_with("number "))
+        .collect();
+    shown.dedup();
+    // At five in a second, all of them would take longer than any test.
+    assert!(shown.len() < COUNT, "{} of {COUNT}", shown.len());
+}
+
+#[test]
+fn a_port_that_does_not_open_is_told() {
+    let ended = Home::new().run("sample --output s --rate 5").with(1);
+    assert_eq!(ended.out, ["[ERROR] Failed to open output port"]);
+}

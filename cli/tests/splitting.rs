@@ -1,0 +1,50 @@
+//! `yarp split` takes messages apart.
+
+mod common;
+
+use common::Home;
+
+#[test]
+fn each_element_has_a_port() {
+    let home = Home::new();
+    let _server = home.serve();
+    let mut writer = home.start("write /w").see("Port /w active at");
+    let mut splitter = home
+        .start("split /w --carrier tcp")
+        .see("Waiting for data..");
+    writer = writer.see("Sending output");
+    writer.type_text("1 two (3 4)\n");
+    splitter = splitter
+        .see("Received a Bottle of 3 elements.")
+        .see("Ready");
+    for (element, expected) in ["1", "two", "(3 4)"].iter().enumerate() {
+        let remote = format!("/w/split{element}:o");
+        let mut reader = home.start(&format!("read ... {remote}"));
+        assert!(reader.sees("Receiving input"));
+        // The connection may not be in force yet.
+        for _ in 0..100 {
+            writer.type_text("1 two (3 4)\n");
+            if reader.sees_within(expected, std::time::Duration::from_millis(300)) {
+                break;
+            }
+        }
+        drop(reader.see_often(expected, 1));
+    }
+    writer.type_text("1 2\n");
+    splitter = splitter.see("[ERROR] Data with invalid size received.");
+    splitter.signal("INT").finish().with(0);
+    let names = home.names();
+    let left = names.iter().any(|name| name.starts_with("/w/"));
+    assert!(!left, "{names:?}");
+}
+
+#[test]
+fn a_port_that_is_not_there_cannot_be_split() {
+    let home = Home::new();
+    let _server = home.serve();
+    assert!(
+        home.run("split /nothing")
+            .with(255)
+            .says("[ERROR] Failed to connect.")
+    );
+}
