@@ -711,6 +711,70 @@ def _(world, sending, counting):
     return results
 
 
+def asked(world, tool, *words):
+    """Runs `yarp run` to its end; what it prints on standard error counts from the reply on."""
+    process = Process(world, tool, ["run", *words])
+    process.end_input()
+    code, lines = process.finish()
+    said = process.err[process.err.index("RESPONSE:"):] if "RESPONSE:" in process.err else ["no reply"]
+    return code, lines + [re.sub(r"(?<=pid=)\d+|(?<=\(pid )\d+|^\d+$", "9", line) for line in said]
+
+
+def until_gone(world, tool, tag):
+    """Waits until a server has noticed the end of a command."""
+    end = time.monotonic() + PATIENCE
+    while asked(world, tool, "--on", "/host", "--isrunning", tag)[0] == 0:
+        if time.monotonic() > end:
+            raise Failure(f"{tag} runs on")
+
+
+single("run, usage", "run", "run --help", "run --on /host", "run --cmd", "run --cmd ls", "run --cmd ls --as t", "run --sigterm",
+       "run --kill t --on /host", "run --ps", "run --exit", "run --isrunning --on /host", "run --server host")
+
+
+@scenario("run", roles=2)
+def _(world, serving, asking):
+    server = world.start(serving, "run --server /host", "successfully started")
+    results = [world.run(asking, "name get /host yarprun")]
+
+    def ask(*words):
+        results.append(asked(world, asking, "--on", "/host", *words))
+
+    told = os.path.join(world.directory, "told")
+    ask("--as", "t1", "--cmd", "sleep 1000", "--env", "A=1;B=2")
+    ask("--as", "t2", "--cmd", "sleep", "1000")
+    until_gone(world, asking, "t2")
+    ask("--ps")
+    ask("--isrunning", "t1")
+    ask("--isrunning", "other")
+    ask("--sigterm", "other")
+    ask("--kill", "other", "9")
+    ask("--sigterm", "t1")
+    until_gone(world, asking, "t1")
+    ask("--ps")
+    ask("--as", "t3", "--cmd", "sleep 1000", "--workdir", "/tmp")
+    ask("--kill", "t3", "9")
+    until_gone(world, asking, "t3")
+    ask("--as", "t4", "--cmd", f'sh -c "echo $A $YARP_IS_YARPRUN > {told}"', "--env", "A=blue")
+    until_gone(world, asking, "t4")
+    with open(told) as file:
+        results.append((0, file.read().splitlines()))
+    os.remove(told)
+    ask("--as", "t5", "--cmd", "sleep 1000")
+    ask("--sigtermall")
+    until_gone(world, asking, "t5")
+    ask("--which", "sleep")
+    ask("--which", "nothing")
+    ask("--as", "t6", "--cmd", "/no/such/program")
+    # Stock runs it all the same, somewhere else.
+    ask("--as", "t7", "--cmd", "/no/such/program", "--workdir", "/no/such/place")
+    ask("--exit")
+    code, lines = server.finish()
+    results.append((code, lines))
+    results.append(world.run("stock", "exists /host"))
+    return [(code, [line.replace(world.directory, "DIR") for line in lines]) for code, lines in results]
+
+
 @scenario("time", roles=1)
 def _(world, tool):
     results = []

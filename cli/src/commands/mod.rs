@@ -31,6 +31,8 @@ mod resource;
 mod robotinterface;
 mod rpc;
 mod rpcserver;
+#[cfg(unix)]
+mod run;
 mod sample;
 mod server;
 mod split;
@@ -92,6 +94,8 @@ pub(crate) enum Command {
     Robotinterface(robotinterface::Args),
     Rpc(rpc::Args),
     Rpcserver(rpcserver::Args),
+    #[cfg(unix)]
+    Run(run::Args),
     Sample(sample::Args),
     Server(Box<server::Args>),
     Split(split::Args),
@@ -143,6 +147,8 @@ impl Command {
             Self::Robotinterface(args) => robotinterface::run(args, out).await,
             Self::Rpc(args) => rpc::run(args, prefixes, out).await,
             Self::Rpcserver(args) => rpcserver::run(args, out).await,
+            #[cfg(unix)]
+            Self::Run(args) => run::run(args, out).await,
             Self::Sample(args) => sample::run(args, out).await,
             Self::Server(args) => server::run(*args, out).await,
             Self::Split(args) => split::run(args, out).await,

@@ -48,6 +48,11 @@ impl Options {
         value.or_else(|| self.has(name).then(|| "".into()))
     }
 
+    /// All options, as text.
+    pub(super) fn described(&self) -> String {
+        self.0.to_string()
+    }
+
     /// An option with all its values, if it is there.
     pub(super) fn group(&self, name: &str) -> Option<Group<'_>> {
         self.0.group(name)

@@ -1,0 +1,245 @@
+//! Asking a server.
+
+use std::io::Write;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use yarp_ports::{Network, Port, PortError, PortOptions};
+use yarp_wire::{Bottle, Value};
+
+use super::{ERROR, FAILED};
+use crate::commands::words::Options;
+use crate::error::Result;
+use crate::session;
+use crate::signals::Interrupt;
+
+/// How often a server is tried, and the pause between, as in stock.
+const TRIES: u32 = 20;
+const PAUSE: Duration = Duration::from_millis(500);
+/// How long a server may take to answer. Terminals may have to be opened.
+const PATIENCE: Duration = Duration::from_secs(60);
+/// What stock ends with if the server did not do it.
+const NOT_DONE: u8 = 2;
+
+/// What a server is asked.
+#[derive(Debug, PartialEq)]
+pub(super) struct Wish {
+    server: String,
+    request: Bottle,
+    /// The reply that means yes; without it the server just has to answer.
+    yes: Option<&'static str>,
+    /// Whether the reply begins with the number of a process.
+    starts: bool,
+}
+
+impl Wish {
+    /// What the options ask for, if anything; or what is wrong with them.
+    pub(super) fn of(options: &Options) -> std::result::Result<Option<Self>, String> {
+        if options.has("cmd") {
+            return Self::start(options).map(Some);
+        }
+        for (name, yes) in [
+            ("kill", Some("kill OK")),
+            ("sigterm", Some("sigterm OK")),
+            ("sigtermall", None),
+            ("ps", None),
+            ("isrunning", Some("running")),
+            ("which", None),
+            ("exit", None),
+        ] {
+            if !options.has(name) {
+                continue;
+            }
+            let server = text(options, "on", "missing remote server")?;
+            if yes.is_some() {
+                text(options, name, "missing tag")?;
+            }
+            let signal = || options.group("kill")?.values().get(1)?.value().as_i32();
+            if name == "kill" && signal().is_none_or(|number| number == 0) {
+                return Err("missing signum".to_owned());
+            }
+            return Ok(Some(Self {
+                server,
+                request: [group(options, name)].into_iter().collect(),
+                yes,
+                starts: false,
+            }));
+        }
+        Ok(None)
+    }
+
+    fn start(options: &Options) -> std::result::Result<Self, String> {
+        let mut names = vec!["cmd", "as", "workdir", "log", "env"];
+        if options.has("stdio") {
+            text(options, "stdio", "missing remote stdio server")?;
+            names = vec![
+                "stdio", "cmd", "as", "on", "workdir", "geometry", "hold", "env", "log",
+            ];
+        }
+        text(options, "cmd", "missing command")?;
+        text(options, "as", "missing tag")?;
+        let server = text(options, "on", "missing remote server")?;
+        let names = names.into_iter().filter(|name| options.has(name));
+        Ok(Self {
+            server,
+            request: names.map(|name| group(options, name)).collect(),
+            yes: None,
+            starts: true,
+        })
+    }
+
+    /// Whether this reply says that it was done.
+    fn is_done(&self, reply: &Bottle) -> bool {
+        let number = reply.get(0).and_then(Value::as_i32);
+        match self.yes {
+            Some(yes) => reply.get(0).and_then(Value::as_str) == Some(yes),
+            None if self.starts => number.is_some_and(|number| number > 0),
+            None => number != Some(ERROR),
+        }
+    }
+}
+
+/// The text that an option needs.
+fn text(options: &Options, name: &str, complaint: &str) -> std::result::Result<String, String> {
+    let value = options.value(name);
+    let text = value.as_ref().and_then(Value::as_str).unwrap_or_default();
+    match text.is_empty() {
+        true => Err(complaint.to_owned()),
+        false => Ok(text.to_owned()),
+    }
+}
+
+/// An option as a list that begins with its name.
+fn group(options: &Options, name: &str) -> Value {
+    let values = options.group(name).map(|group| group.values());
+    let values = values.unwrap_or_default().iter().map(|value| value.value());
+    Value::List(std::iter::once(name.into()).chain(values).collect())
+}
+
+/// Asks, shows the reply on standard error as stock does, and tells whether it was done.
+pub(super) async fn ask(wish: &Wish, options: &Options, out: &mut dyn Write) -> Result<ExitCode> {
+    let network = session::network()?;
+    if network.server().is_none() || !session::serves(&network, network.namespace()).await {
+        eprintln!("ERROR: no yarp network found.");
+        return Ok(ExitCode::from(FAILED));
+    }
+    let mut interrupt = Interrupt::listen();
+    if wish.starts && options.has("stdio") {
+        writeln!(out, "*********** {} ************", options.described())?;
+    }
+    let reply = tokio::select! {
+        biased;
+        () = interrupt.heard() => return Ok(ExitCode::from(FAILED)),
+        reply = reply(&network, wish) => reply?,
+    };
+    eprintln!("RESPONSE:\n=========");
+    let Some(reply) = reply else {
+        eprintln!("Cannot connect to remote server, aborting...\n");
+        return Ok(ExitCode::from(NOT_DONE));
+    };
+    for value in reply.iter() {
+        eprintln!("{}", value.to_plain_string());
+    }
+    Ok(match wish.is_done(&reply) {
+        // Nothing runs: stock's `ps` ends so.
+        _ if reply.is_empty() => ExitCode::from(FAILED),
+        true => ExitCode::SUCCESS,
+        false => ExitCode::from(NOT_DONE),
+    })
+}
+
+/// What the server replies; nothing if none could be asked.
+async fn reply(network: &Network, wish: &Wish) -> Result<Option<Bottle>> {
+    for _ in 0..TRIES {
+        let Some(port) = session::open(network, "...", PortOptions::new().calling()).await? else {
+            tokio::time::sleep(PAUSE).await;
+            continue;
+        };
+        let reply = call(&port, wish).await;
+        port.close().await;
+        match reply {
+            Ok(reply) => return Ok(Some(reply)),
+            // It may have been done: who knows. Asking again might do it twice.
+            Err(error @ PortError::Deadline { .. }) => return Err(error.into()),
+            Err(error) => tracing::debug!(target: "yarp.os.Network", "{}", error.story()),
+        }
+        tokio::time::sleep(PAUSE).await;
+    }
+    Ok(None)
+}
+
+async fn call(port: &Port, wish: &Wish) -> std::result::Result<Bottle, PortError> {
+    port.connect(&wish.server).await?;
+    port.call_within(&wish.request, PATIENCE).await
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wish(words: &[&str]) -> std::result::Result<Option<Wish>, String> {
+        let words: Vec<String> = words.iter().map(|word| (*word).to_owned()).collect();
+        Wish::of(&Options::parse(&words))
+    }
+
+    #[test]
+    fn options_become_the_requests_of_stock() {
+        let check = |words: &[&str], expected: &str| {
+            let wish = wish(words).unwrap().unwrap();
+            assert_eq!(
+                (wish.server.as_str(), wish.request.to_string().as_str()),
+                ("/h", expected)
+            );
+        };
+        check(
+            &[
+                "--on", "/h", "--as", "t", "--cmd", "sleep 9", "--env", "A=1;B=2",
+            ],
+            "(cmd \"sleep 9\") (as t) (env \"A=1;B=2\")",
+        );
+        check(
+            &[
+                "--cmd", "ls", "--as", "t", "--on", "/h", "--stdio", "/x", "--hold",
+            ],
+            "(stdio \"/x\") (cmd ls) (as t) (on \"/h\") (hold)",
+        );
+        check(&["--on", "/h", "--kill", "t", "9"], "(kill t 9)");
+        check(&["--on", "/h", "--sigterm", "t"], "(sigterm t)");
+        check(&["--on", "/h", "--sigtermall"], "(sigtermall)");
+        check(&["--on", "/h", "--ps"], "(ps)");
+        check(&["--on", "/h", "--exit"], "(exit)");
+    }
+
+    #[test]
+    fn what_is_missing_is_told() {
+        let check =
+            |words: &[&str], expected: &str| assert_eq!(wish(words), Err(expected.to_owned()));
+        check(&["--cmd", "ls", "--as", "t"], "missing remote server");
+        check(&["--cmd", "ls", "--on", "/h"], "missing tag");
+        check(&["--cmd", "--on", "/h"], "missing command");
+        check(&["--sigterm", "--on", "/h"], "missing tag");
+        check(&["--sigterm", "t"], "missing remote server");
+        check(&["--kill", "t", "--on", "/h"], "missing signum");
+        assert_eq!(wish(&["--on", "/h"]), Ok(None));
+    }
+
+    #[test]
+    fn replies_say_whether_it_was_done() {
+        let check = |words: &[&str], reply: &str, expected: bool| {
+            let wish = wish(words).unwrap().unwrap();
+            let reply = Bottle::parse(reply).unwrap();
+            assert_eq!(wish.is_done(&reply), expected, "{words:?} {reply}");
+        };
+        let start = &["--on", "/h", "--as", "t", "--cmd", "ls"];
+        check(start, "17 \"STARTED: ..\"", true);
+        check(start, "-1 \"ABORTED: ..\"", false);
+        check(&["--on", "/h", "--isrunning", "t"], "running", true);
+        check(
+            &["--on", "/h", "--isrunning", "t"],
+            "\"not running\"",
+            false,
+        );
+        check(&["--on", "/h", "--ps"], "((pid 1))", true);
+        check(&["--on", "/h", "--ps"], "-1 \"ABORTED: ..\"", false);
+    }
+}

@@ -1,0 +1,152 @@
+//! A command as somebody asks for it.
+
+use std::env;
+use std::ffi::OsString;
+use std::fs;
+use std::io;
+use std::os::unix::process::CommandExt;
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+
+use yarp_wire::{Bottle, Value};
+
+/// What shall run.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Launch {
+    /// How it is called from then on. Several may have one tag.
+    pub(super) tag: String,
+    /// Program and arguments. Blanks between double quotes do not separate.
+    pub(super) command: String,
+    /// `A=1;B=2`; a name without a value takes the variable away.
+    pub(super) environment: String,
+    /// Where it runs; where the server runs if nothing is said.
+    directory: Option<String>,
+}
+
+impl Launch {
+    pub(super) fn of(request: &Bottle) -> Self {
+        let text = |name| request.find(name).map(Value::to_plain_string);
+        Self {
+            tag: text("as").unwrap_or_default(),
+            command: text("cmd").unwrap_or_default(),
+            environment: text("env").unwrap_or_default(),
+            directory: text("workdir"),
+        }
+    }
+
+    /// Starts it, as a process group of its own that nobody sees or hears; or says in stock's words why not.
+    pub(super) fn spawn(&self) -> Result<Child, String> {
+        let directory = self.directory().map_err(|error| {
+            let reason = reason(&error);
+            format!("Can't execute command, cannot set working directory {reason}")
+        })?;
+        let words = words(&self.command);
+        let Some((program, arguments)) = words.split_first() else {
+            return Err("Can't execute command because it is empty".to_owned());
+        };
+        let spawn = |program: OsString| {
+            let mut command = Command::new(program);
+            command.args(arguments).current_dir(&directory);
+            // Programs of stock's look at these two.
+            command.env("YARP_IS_YARPRUN", "1");
+            command.env("YARPRUN_IS_FORWARDING_LOG", "0");
+            for variable in self.environment.split(';') {
+                match variable.split_once('=') {
+                    Some(("", _)) => {}
+                    Some((name, value)) => drop(command.env(name, value)),
+                    None if variable.is_empty() => {}
+                    None => drop(command.env_remove(variable)),
+                }
+            }
+            command.stdin(Stdio::null()).stdout(Stdio::null());
+            command.stderr(Stdio::null()).process_group(0).spawn()
+        };
+        // As in stock, a program in that directory goes first.
+        let beside = directory.join(program);
+        let started = match beside.is_file() {
+            true => spawn(beside.into()).or_else(|_| spawn(program.into())),
+            false => spawn(program.into()),
+        };
+        started.map_err(|error| format!("Can't execute command because {}", reason(&error)))
+    }
+
+    /// Where it runs, if one can be there.
+    fn directory(&self) -> io::Result<PathBuf> {
+        let here = env::current_dir()?;
+        let there = match &self.directory {
+            Some(directory) => here.join(directory),
+            None => here,
+        };
+        fs::read_dir(&there).map(|_| there)
+    }
+}
+
+/// The system's words alone.
+fn reason(error: &io::Error) -> String {
+    let text = error.to_string();
+    match text.split_once(" (os error") {
+        Some((reason, _)) => reason.to_owned(),
+        None => text,
+    }
+}
+
+/// The words of a command line: quotes keep blanks together, and separate words themselves, as in stock.
+fn words(line: &str) -> Vec<String> {
+    let mut words = Vec::new();
+    for (index, part) in line.split('"').enumerate() {
+        if index % 2 == 1 {
+            words.push(part.to_owned());
+        } else {
+            words.extend(part.split(' ').map(str::to_owned));
+        }
+    }
+    words.retain(|word| !word.is_empty());
+    words
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quotes_keep_words_together() {
+        let check = |line: &str, expected: &[&str]| assert_eq!(words(line), expected, "{line}");
+        check("sleep 100", &["sleep", "100"]);
+        check("  sh  -c \"sleep 1; ls\" ", &["sh", "-c", "sleep 1; ls"]);
+        check("a\"b c\"d", &["a", "b c", "d"]);
+        check("\"unfinished word", &["unfinished word"]);
+        check("a \"\" b", &["a", "b"]);
+        check("", &[]);
+    }
+
+    #[test]
+    fn a_request_says_what_runs() {
+        let request = Bottle::parse("(cmd \"sleep 9\") (as t) (env \"A=1\")").unwrap();
+        let expected = Launch {
+            tag: "t".to_owned(),
+            command: "sleep 9".to_owned(),
+            environment: "A=1".to_owned(),
+            directory: None,
+        };
+        assert_eq!(Launch::of(&request), expected);
+        assert_eq!(Launch::of(&Bottle::new()), Launch::default());
+    }
+
+    #[test]
+    fn what_cannot_run_says_why() {
+        let check = |text: &str, expected: &str| {
+            let launch = Launch::of(&Bottle::parse(text).unwrap());
+            assert_eq!(launch.spawn().unwrap_err(), expected, "{text}");
+        };
+        let missing = "No such file or directory";
+        check(
+            "(cmd /no/such/program)",
+            &format!("Can't execute command because {missing}"),
+        );
+        check(
+            "(cmd ls) (workdir /no/such/place)",
+            &format!("Can't execute command, cannot set working directory {missing}"),
+        );
+        check("(cmd \"\")", "Can't execute command because it is empty");
+    }
+}

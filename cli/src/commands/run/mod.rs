@@ -1,0 +1,110 @@
+//! `yarp run`: commands on other machines, as stock's `yarprun` has them. Linux only.
+//!
+//! A server (`server`) waits on a port for whoever wants a command started, asked about or ended (`client`); what is
+//! said there is stock's, seen between peers of 3.5.0:
+//!
+//! | request | reply |
+//! | --- | --- |
+//! | `(cmd "sleep 9") (as tag) [(env "A=1;B=2")] [(workdir DIR)]` | `PID "STARTED: .."`, or `-1 "ABORTED: .."` |
+//! | `(sigterm tag)`, `(kill tag 9)` | `"sigterm OK"` or `"sigterm FAILED"`, `"kill OK"` or `"kill FAILED"` |
+//! | `(sigtermall)` | `"sigtermall OK"` |
+//! | `(isrunning tag)` | `running` or `"not running"` |
+//! | `(ps)` | for each command `((pid 9) (tag t) (status running) (cmd ..) (env ..))` |
+//! | `(which ls)` | `/usr/bin/ls` |
+//! | `(exit)` | `"exit OK"`, and the server ends |
+//!
+//! **Whoever may send to that port may run anything as the user of the server**, in stock and here. Therefore all of
+//! it needs the right to administer the port, if a role of `roles.conf` is about it; and the server says that it is
+//! open when there is neither such a role nor a key.
+//!
+//! Each command is a process group of its own (`processes`), signals go to all of it, and whatever is left when the
+//! server ends is ended by a small process beside it, the keeper (`keeper`): it notices the end of its standard input,
+//! so also a server that was killed leaves nothing behind. What a command makes independent of its group
+//! (`setsid`) is on its own.
+
+mod client;
+mod keeper;
+mod launch;
+mod processes;
+mod server;
+
+use std::io::Write;
+use std::process::ExitCode;
+
+use super::words::Options;
+use crate::error::Result;
+
+const USAGE: &str = "
+USAGE:
+
+yarp run --server SERVERPORT
+run a server on the local machine
+
+yarp run --on SERVERPORT --as TAG --cmd COMMAND [ARGLIST] [--workdir WORKDIR] [--env ENVIRONMENT]
+run a command on SERVERPORT server
+
+yarp run --on SERVERPORT --as TAG --stdio STDIOSERVERPORT [--hold] [--geometry WxH+X+Y] --cmd COMMAND [ARGLIST] [--workdir WORKDIR] [--env ENVIRONMENT]
+run a command on SERVERPORT server sending I/O to STDIOSERVERPORT server
+
+yarp run --on SERVERPORT --kill TAG SIGNUM
+send SIGNUM signal to TAG command
+
+yarp run --on SERVERPORT --sigterm TAG
+terminate TAG command
+
+yarp run --on SERVERPORT --sigtermall
+terminate all commands
+
+yarp run --on SERVERPORT --ps
+report commands running on SERVERPORT
+
+yarp run --on SERVERPORT --isrunning TAG
+TAG command is running?
+
+yarp run --on SERVERPORT --exit
+stop SERVERPORT server
+";
+
+/// What stock ends with if the words are wrong, or nobody can be asked.
+const FAILED: u8 = 255;
+/// What a reply begins with if a command was not started, or nothing was done.
+const ERROR: i32 = -1;
+/// How a server calls its keeper.
+const KEEPER: &str = "keeper";
+
+/// run a command on another machine, and a server that runs commands
+///
+/// `--server PORT` runs a server; everything else asks one. `--help` shows all.
+#[derive(Debug, clap::Args)]
+#[command(disable_help_flag = true)]
+pub(crate) struct Args {
+    /// The options
+    #[arg(
+        value_name = "--server PORT | --on PORT ...",
+        allow_hyphen_values = true,
+        trailing_var_arg = true
+    )]
+    words: Vec<String>,
+}
+
+pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
+    let options = Options::parse(&args.words);
+    if options.has(KEEPER) {
+        keeper::keep().await;
+        return Ok(ExitCode::SUCCESS);
+    }
+    if let Some(name) = options.text("server") {
+        return server::serve(&name, out).await;
+    }
+    match client::Wish::of(&options) {
+        Ok(Some(wish)) => client::ask(&wish, &options, out).await,
+        Ok(None) => {
+            eprintln!("{USAGE}");
+            Ok(ExitCode::SUCCESS)
+        }
+        Err(complaint) => {
+            eprintln!("SYNTAX ERROR: {complaint}\n{USAGE}");
+            Ok(ExitCode::from(FAILED))
+        }
+    }
+}

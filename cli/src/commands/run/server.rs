@@ -1,0 +1,195 @@
+//! The server: a port, and what is asked there.
+
+use std::env;
+use std::fs::File;
+use std::io::Write;
+use std::process::ExitCode;
+use std::sync::Arc;
+
+use rustix::process::Signal;
+use tokio::sync::Notify;
+use yarp_ports::roles::{Peer, Right};
+use yarp_ports::{Answer, Network, PortOptions, Received};
+use yarp_wire::{Bottle, Value};
+
+use super::keeper::Keeper;
+use super::launch::Launch;
+use super::processes::Processes;
+use super::{ERROR, FAILED};
+use crate::error::Result;
+use crate::session;
+use crate::signals::Interrupt;
+
+/// Runs a server until it is asked to end, or a signal.
+pub(super) async fn serve(name: &str, out: &mut dyn Write) -> Result<ExitCode> {
+    let network = session::network()?;
+    let mut interrupt = Interrupt::listen();
+    let processes = Arc::new(Processes::new(Keeper::start()?));
+    let ending = Arc::new(Notify::new());
+    let desk = Desk {
+        name: name.to_owned(),
+        network: network.clone(),
+        processes: processes.clone(),
+        ending: ending.clone(),
+    };
+    // The desk asks the roles itself: a right to write is not enough.
+    let options = PortOptions::new()
+        .handler(move |received| desk.answer(received))
+        .open_to_messages()
+        .input_only();
+    let Some(port) = session::open(&network, name, options).await? else {
+        eprintln!("[ERROR] Yarprun failed to open port:  {name}");
+        processes.end().await;
+        return Ok(ExitCode::from(FAILED));
+    };
+    if network.key().is_none() && !network.roles().are_any() {
+        tracing::warn!(
+            target: "yarp.run",
+            "There is neither auth.conf nor roles.conf: whoever reaches {name} can run anything as the user of this server"
+        );
+    }
+    // Tools find servers by this.
+    if let Err(error) = network.ask(&format!("set {name} yarprun true")).await {
+        tracing::warn!(target: "yarp.run", "nobody will know {name} for a server: {}", error.story());
+    }
+    // The two blanks are stock's.
+    writeln!(out, "[INFO] Yarprun successfully started on port:  {name}")?;
+    out.flush()?;
+    tokio::select! {
+        () = interrupt.heard_times(1) => {}
+        () = ending.notified() => {}
+    }
+    port.close().await;
+    processes.end().await;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Where requests are answered.
+struct Desk {
+    name: String,
+    network: Network,
+    processes: Arc<Processes>,
+    ending: Arc<Notify>,
+}
+
+impl Desk {
+    fn answer(&self, received: &mut Received) -> Answer {
+        let peer = Peer {
+            name: &received.from,
+            address: received.address,
+        };
+        let rights = self.network.roles().rights(&self.name, peer);
+        if !rights.has(Right::Administer) {
+            let name = &self.name;
+            let text =
+                format!("ABORTED: roles.conf gives {peer} no right to administer on {name}\n");
+            return Answer::reply(Bottle::from_iter([Value::Int32(ERROR), text.into()]));
+        }
+        match received.bottle() {
+            Ok(request) => Answer::reply(self.reply(&request)),
+            Err(error) => Answer::reply(not_done(&format!("cannot read the request: {error}"))),
+        }
+    }
+
+    /// What is replied to a request; it is carried out at once. The order is stock's.
+    fn reply(&self, request: &Bottle) -> Bottle {
+        let text = |name| {
+            request
+                .find(name)
+                .map(Value::to_plain_string)
+                .unwrap_or_default()
+        };
+        let said = |name| said(request, name);
+        let processes = &self.processes;
+        let verdict = |name: &str, done: bool| {
+            Bottle::of(format!("{name} {}", if done { "OK" } else { "FAILED" }).as_str())
+        };
+        if said("which") {
+            return Bottle::of(which(&text("which")).as_str());
+        }
+        if said("exit") {
+            self.ending.notify_one();
+            return verdict("exit", true);
+        }
+        if said("stdio") {
+            let launch = Launch::of(request);
+            return self.aborted(&launch, "This server opens no terminals; leave out --stdio");
+        }
+        if said("cmd") {
+            return self.start(Launch::of(request));
+        }
+        if said("kill") {
+            let group = request.find_group("kill");
+            let number = group.and_then(|group| group.get(2)?.as_i32());
+            let signal = number.and_then(Signal::from_named_raw);
+            let done =
+                signal.is_some_and(|signal| processes.signal(Some(&text("kill")), signal) > 0);
+            return verdict("kill", done);
+        }
+        if said("sigterm") {
+            let count = processes.signal(Some(&text("sigterm")), Signal::TERM);
+            return verdict("sigterm", count > 0);
+        }
+        if said("sigtermall") {
+            processes.signal(None, Signal::TERM);
+            return verdict("sigtermall", true);
+        }
+        if said("ps") {
+            return processes.list();
+        }
+        if said("isrunning") {
+            return Bottle::of(match processes.is_running(&text("isrunning")) {
+                true => "running",
+                false => "not running",
+            });
+        }
+        if said("killstdio") {
+            // There are no terminals to be closed.
+            return verdict("killstdio", true);
+        }
+        // Stock does not answer, and never again.
+        not_done(&format!("this is not known here: {request}"))
+    }
+
+    fn start(&self, launch: Launch) -> Bottle {
+        match self.processes.start(launch.clone()) {
+            Ok(pid) => {
+                let (name, number) = (&self.name, pid.as_raw_nonzero().get());
+                let Launch { tag, command, .. } = &launch;
+                let told =
+                    format!("STARTED: server={name} alias={tag} cmd={command} pid={number}\n");
+                eprint!("{told}");
+                Bottle::from_iter([Value::Int32(number), told.into()])
+            }
+            Err(reason) => self.aborted(&launch, &reason),
+        }
+    }
+
+    fn aborted(&self, launch: &Launch, reason: &str) -> Bottle {
+        let (name, Launch { tag, command, .. }) = (&self.name, launch);
+        let told = format!("ABORTED: server={name} alias={tag} cmd={command}\n{reason}\n");
+        eprint!("{told}");
+        Bottle::from_iter([Value::Int32(ERROR), told.into()])
+    }
+}
+
+/// A reply that no client takes for a yes.
+fn not_done(text: &str) -> Bottle {
+    Bottle::from_iter([Value::Int32(ERROR), format!("ABORTED: {text}\n").into()])
+}
+
+/// Whether a request holds a word, or a list that begins with it.
+fn said(request: &Bottle, name: &str) -> bool {
+    request.find_group(name).is_some() || request.iter().any(|value| value.as_str() == Some(name))
+}
+
+/// Where a program is; its name if it is nowhere.
+fn which(name: &str) -> String {
+    let paths = env::var_os("PATH").unwrap_or_default();
+    let mut found = env::split_paths(&paths).map(|path| path.join(name));
+    let found = found.find(|path| !name.is_empty() && path.is_file() && File::open(path).is_ok());
+    match found {
+        Some(path) => path.to_string_lossy().into_owned(),
+        None => name.to_owned(),
+    }
+}
