@@ -7,7 +7,7 @@ use std::time::Duration;
 use yarp_ports::{Network, Port, PortError, PortOptions};
 use yarp_wire::{Bottle, Value};
 
-use super::{ERROR, FAILED};
+use super::{ERROR, FAILED, note};
 use crate::commands::words::Options;
 use crate::error::Result;
 use crate::session;
@@ -120,25 +120,21 @@ fn group(options: &Options, name: &str) -> Value {
 pub(super) async fn ask(wish: &Wish, options: &Options, out: &mut dyn Write) -> Result<ExitCode> {
     let network = session::network()?;
     if network.server().is_none() || !session::serves(&network, network.namespace()).await {
-        eprintln!("ERROR: no yarp network found.");
+        note("ERROR: no yarp network found.");
         return Ok(ExitCode::from(FAILED));
     }
     let mut interrupt = Interrupt::listen();
     if wish.starts && options.has("stdio") {
         writeln!(out, "*********** {} ************", options.described())?;
     }
-    let reply = tokio::select! {
-        biased;
-        () = interrupt.heard() => return Ok(ExitCode::from(FAILED)),
-        reply = reply(&network, wish) => reply?,
-    };
-    eprintln!("RESPONSE:\n=========");
+    let reply = reply(&network, wish, &mut interrupt).await?;
+    note("RESPONSE:\n=========");
     let Some(reply) = reply else {
-        eprintln!("Cannot connect to remote server, aborting...\n");
+        note("Cannot connect to remote server, aborting...\n");
         return Ok(ExitCode::from(NOT_DONE));
     };
     for value in reply.iter() {
-        eprintln!("{}", value.to_plain_string());
+        note(value.to_plain_string());
     }
     Ok(match wish.is_done(&reply) {
         // Nothing runs: stock's `ps` ends so.
@@ -148,22 +144,35 @@ pub(super) async fn ask(wish: &Wish, options: &Options, out: &mut dyn Write) -> 
     })
 }
 
-/// What the server replies; nothing if none could be asked.
-async fn reply(network: &Network, wish: &Wish) -> Result<Option<Bottle>> {
+/// What the server replies; nothing if none could be asked before a signal.
+async fn reply(
+    network: &Network,
+    wish: &Wish,
+    interrupt: &mut Interrupt,
+) -> Result<Option<Bottle>> {
     for _ in 0..TRIES {
         let Some(port) = session::open(network, "...", PortOptions::new().calling()).await? else {
             tokio::time::sleep(PAUSE).await;
             continue;
         };
-        let reply = call(&port, wish).await;
+        let reply = tokio::select! {
+            biased;
+            () = interrupt.heard() => None,
+            reply = call(&port, wish) => Some(reply),
+        };
         port.close().await;
         match reply {
-            Ok(reply) => return Ok(Some(reply)),
+            None => break,
+            Some(Ok(reply)) => return Ok(Some(reply)),
             // It may have been done: who knows. Asking again might do it twice.
-            Err(error @ PortError::Deadline { .. }) => return Err(error.into()),
-            Err(error) => tracing::debug!(target: "yarp.os.Network", "{}", error.story()),
+            Some(Err(error @ PortError::Deadline { .. })) => return Err(error.into()),
+            Some(Err(error)) => tracing::debug!(target: "yarp.os.Network", "{}", error.story()),
         }
-        tokio::time::sleep(PAUSE).await;
+        tokio::select! {
+            biased;
+            () = interrupt.heard() => break,
+            () = tokio::time::sleep(PAUSE) => {}
+        }
     }
     Ok(None)
 }

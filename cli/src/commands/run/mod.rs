@@ -28,7 +28,8 @@ mod launch;
 mod processes;
 mod server;
 
-use std::io::Write;
+use std::fmt::Display;
+use std::io::{self, Write};
 use std::process::ExitCode;
 
 use super::words::Options;
@@ -99,12 +100,17 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     match client::Wish::of(&options) {
         Ok(Some(wish)) => client::ask(&wish, &options, out).await,
         Ok(None) => {
-            eprintln!("{USAGE}");
+            note(USAGE);
             Ok(ExitCode::SUCCESS)
         }
         Err(complaint) => {
-            eprintln!("SYNTAX ERROR: {complaint}\n{USAGE}");
+            note(format_args!("SYNTAX ERROR: {complaint}\n{USAGE}"));
             Ok(ExitCode::from(FAILED))
         }
     }
+}
+
+/// A line on standard error, where stock has such lines. A server goes on when nobody is there to read it.
+fn note(line: impl Display) {
+    let _ = writeln!(io::stderr(), "{line}");
 }

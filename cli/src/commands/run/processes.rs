@@ -9,6 +9,7 @@ use yarp_wire::{Bottle, Value};
 
 use super::keeper::{self, Keeper};
 use super::launch::Launch;
+use super::note;
 
 /// The most commands that run at once.
 const MOST: usize = 256;
@@ -79,7 +80,7 @@ impl Processes {
         state.running.retain(|process| process.pid != pid);
         state.left.push(pid);
         state.prune();
-        eprintln!("CLEANUP cmd {}", pid.as_raw_nonzero());
+        note(format_args!("CLEANUP cmd {}", pid.as_raw_nonzero()));
     }
 
     /// Sends a signal to all commands with a tag, or to all; tells how many there are.
@@ -89,7 +90,11 @@ impl Processes {
         let wanted = |process: &&Process| tag.is_none_or(|tag| process.launch.tag == tag);
         let mut count = 0;
         for Process { pid, launch } in state.running.iter().filter(wanted) {
-            eprintln!("SIGNAL {} ({})", launch.tag, pid.as_raw_nonzero());
+            note(format_args!(
+                "SIGNAL {} ({})",
+                launch.tag,
+                pid.as_raw_nonzero()
+            ));
             // It may have ended, and is not buried yet.
             let _ = kill_process_group(*pid, signal);
             count += 1;

@@ -3,6 +3,7 @@
 use std::env;
 use std::fs::File;
 use std::io::Write;
+use std::net::{IpAddr, Ipv4Addr};
 use std::process::ExitCode;
 use std::sync::Arc;
 
@@ -15,10 +16,16 @@ use yarp_wire::{Bottle, Value};
 use super::keeper::Keeper;
 use super::launch::Launch;
 use super::processes::Processes;
-use super::{ERROR, FAILED};
+use super::{ERROR, FAILED, note};
 use crate::error::Result;
 use crate::session;
 use crate::signals::Interrupt;
+
+/// Somebody from nowhere: an address that is in no network, kept for documentation (RFC 5737).
+const STRANGER: Peer<'static> = Peer {
+    name: "/stranger",
+    address: IpAddr::V4(Ipv4Addr::new(192, 0, 2, 255)),
+};
 
 /// Runs a server until it is asked to end, or a signal.
 pub(super) async fn serve(name: &str, out: &mut dyn Write) -> Result<ExitCode> {
@@ -38,14 +45,14 @@ pub(super) async fn serve(name: &str, out: &mut dyn Write) -> Result<ExitCode> {
         .open_to_messages()
         .input_only();
     let Some(port) = session::open(&network, name, options).await? else {
-        eprintln!("[ERROR] Yarprun failed to open port:  {name}");
+        note(format_args!("[ERROR] Yarprun failed to open port:  {name}"));
         processes.end().await;
         return Ok(ExitCode::from(FAILED));
     };
-    if network.key().is_none() && !network.roles().are_any() {
+    if network.key().is_none() && may_administer(&network, name, STRANGER) {
         tracing::warn!(
             target: "yarp.run",
-            "There is neither auth.conf nor roles.conf: whoever reaches {name} can run anything as the user of this server"
+            "There is no auth.conf, and no roles.conf that is about {name}: whoever reaches it can run anything as the user of this server"
         );
     }
     // Tools find servers by this.
@@ -64,6 +71,10 @@ pub(super) async fn serve(name: &str, out: &mut dyn Write) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+fn may_administer(network: &Network, name: &str, peer: Peer<'_>) -> bool {
+    network.roles().rights(name, peer).has(Right::Administer)
+}
+
 /// Where requests are answered.
 struct Desk {
     name: String,
@@ -78,8 +89,7 @@ impl Desk {
             name: &received.from,
             address: received.address,
         };
-        let rights = self.network.roles().rights(&self.name, peer);
-        if !rights.has(Right::Administer) {
+        if !may_administer(&self.network, &self.name, peer) {
             let name = &self.name;
             let text =
                 format!("ABORTED: roles.conf gives {peer} no right to administer on {name}\n");
@@ -158,7 +168,7 @@ impl Desk {
                 let Launch { tag, command, .. } = &launch;
                 let told =
                     format!("STARTED: server={name} alias={tag} cmd={command} pid={number}\n");
-                eprint!("{told}");
+                note(told.trim_end());
                 Bottle::from_iter([Value::Int32(number), told.into()])
             }
             Err(reason) => self.aborted(&launch, &reason),
@@ -168,7 +178,7 @@ impl Desk {
     fn aborted(&self, launch: &Launch, reason: &str) -> Bottle {
         let (name, Launch { tag, command, .. }) = (&self.name, launch);
         let told = format!("ABORTED: server={name} alias={tag} cmd={command}\n{reason}\n");
-        eprint!("{told}");
+        note(told.trim_end());
         Bottle::from_iter([Value::Int32(ERROR), told.into()])
     }
 }
