@@ -306,7 +306,8 @@ single("merge, usage", "merge")
 single("merge, unknown", "merge /nothing")
 single("at a rate, usage", "sample", "sample --output /s", "sample --rate 5", "sample --output s --rate 5", "clock --help",
        "clock --name c", "stats", "stats /nothing", "stats /nothing --port_type x", "trafficgen", "trafficgen --help",
-       "trafficgen /t --period 1", "trafficgen /t --bandwidth 1 --size 1", "trafficgen t")
+       "trafficgen /t --period 1", "trafficgen /t --bandwidth 1 --size 1", "trafficgen t", "latency-test",
+       "latency-test --help", "latency-test --client", "latency-test --client --nframes 3", "latency-test --nothing")
 
 
 @scenario("ports that are gone")
@@ -709,6 +710,30 @@ def _(world, sending, counting):
     results.append((0, said))
     results.append(world.run(sending, "trafficgen /t --bandwidth 1 --duration 0.2"))
     return results
+
+
+@scenario("latency-test", roles=2)
+def _(world, serving, measuring):
+    server = world.start(serving, "latency-test --server --details", "I am the server")
+    results = []
+    sizes = ["100", "10"]
+    for index, way in enumerate(["--payload_size 100", "--payload_size 10 --details", "--payload_size 10 --no-reply",
+                                 "--payload_size 10 --protocol udp", "--customtest (10)", "--payload_size 10 --protocol nothing"]):
+        if "nothing" not in way:
+            server.see("I am the server", index + 1)
+        code, lines = world.run(measuring, f"latency-test --client --nframes 3 {way}")
+        # How a connection of datagrams ends has no fixed order.
+        lines = [re.sub(r"\d+\.\d+(?= ms|\[ms\])", "T", line) for line in lines if not REPORTS.match(line)]
+        results.append((code, lines))
+    for size in sizes:
+        with open(os.path.join(world.directory, f"log_{size}.txt")) as file:
+            results.append((0, [str(len(line.split())) for line in file]))
+    server.see("complete", 5)
+    server.signal().finish()
+    said = [line for line in server.out if not REPORTS.match(line) and "latencyTest/server active" not in line]
+    # Numbers that are measured, and how far it was with the next test.
+    said = [re.sub(r"\d+\.\d+(e-\d+)?|(?<= )\d+e-\d+", "T", line) for line in said if "complete" in line or "I am" not in line]
+    return results + [(0, [line for line in said if line != "Interrupting..."])]
 
 
 def asked(world, tool, *words):

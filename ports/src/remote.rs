@@ -201,8 +201,9 @@ async fn forget_connectionless(
         .ok()
         .and_then(|base| Carrier::by_name(&base))
         .is_some_and(|carrier| carrier.connectionless);
-    if connectionless {
-        // The reader says "no" where there is nothing to forget, which is as good.
+    // Asked to forget a name, the reader also ends what it writes there: it is asked only if there is something to
+    // forget.
+    if connectionless && let Ok(Some(_)) = input(network, destination, &source.name).await {
         let request = admin::remove(&source.name);
         let _ = administer(network, destination, &request).await;
     }

@@ -31,6 +31,26 @@ async fn messages_small_and_large_arrive_with_their_envelope() {
     within(reader.close()).await;
 }
 
+/// Who connects them the second time makes the reader forget what it has from the writer, not what it writes there.
+#[tokio::test]
+async fn others_connect_two_ports_both_ways() {
+    use yarp_ports::{Network, remote};
+    let left = open("/left", PortOptions::new().reading(Queue::Wait(10))).await;
+    let right = open("/right", PortOptions::new().reading(Queue::Wait(10))).await;
+    let network = Network::none().with_deadline(common::DEADLINE);
+    for (from, to) in [(&left, &right), (&right, &left)] {
+        let (from, to) = (at(from, "tcp"), at(to, "tcp"));
+        let said = within(remote::connect(&network, &from, &to, Some("udp"))).await;
+        said.unwrap();
+    }
+    for (from, to) in [(&left, &right), (&right, &left)] {
+        assert_eq!(from.write(&bottle("hello")).await, 1);
+        assert_eq!(next(to).await, "hello");
+    }
+    within(left.close()).await;
+    within(right.close()).await;
+}
+
 #[tokio::test]
 async fn strangers_disturb_nothing() {
     let reader = open("/reader", PortOptions::new().reading(Queue::Wait(100))).await;

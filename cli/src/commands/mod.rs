@@ -17,6 +17,7 @@ mod hand_node;
 #[cfg(unix)]
 mod hand_sim;
 mod help;
+mod latency_test;
 mod merge;
 mod name;
 mod namespace;
@@ -79,6 +80,8 @@ pub(crate) enum Command {
     #[command(name = "hand-sim")]
     HandSim(hand_sim::Args),
     Help(help::Args),
+    #[command(name = "latency-test")]
+    LatencyTest(latency_test::Args),
     Merge(merge::Args),
     Name(name::Args),
     Namespace(namespace::Args),
@@ -134,6 +137,7 @@ impl Command {
             #[cfg(unix)]
             Self::HandSim(args) => hand_sim::run(args, out).await,
             Self::Help(args) => help::run(args, out),
+            Self::LatencyTest(args) => latency_test::run(args, out).await,
             Self::Merge(args) => merge::run(args, out).await,
             Self::Name(args) => name::run(args, out).await,
             Self::Namespace(args) => namespace::run(args, out),

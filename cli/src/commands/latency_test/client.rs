@@ -1,0 +1,225 @@
+//! The client.
+
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::process::ExitCode;
+use std::time::Duration;
+
+use tokio::time::timeout;
+use yarp_devices::clock::wall_clock;
+use yarp_ports::{Network, Port, PortError, PortOptions, Queue};
+use yarp_wire::carrier::{Carrier, CarrierSpec};
+use yarp_wire::{Bottle, Value};
+
+use super::{CLIENT, FAILED, SERVER, Sizes};
+use crate::commands::words::Options;
+use crate::connecting::{self, Telling};
+use crate::error::Result;
+use crate::session;
+use crate::signals::Interrupt;
+use crate::text::{complain, general, statistics};
+
+/// Between two tries to reach the server.
+const PAUSE: Duration = Duration::from_millis(500);
+/// How long a frame may take.
+const PATIENCE: Duration = Duration::from_secs(60);
+/// The most frames of a test.
+const MOST: i32 = 10_000_000;
+
+/// How the frames travel.
+struct Way<'a> {
+    carrier: &'a str,
+    /// Whether what comes back is a reply.
+    replies: bool,
+}
+
+/// What is known of a frame.
+struct Frame {
+    /// Milliseconds there and back, without what the server took.
+    latency: f64,
+    /// Seconds that the server took to make the text.
+    copy: f64,
+}
+
+/// One test for each size.
+pub(super) async fn measure(
+    options: &Options,
+    sizes: &Sizes,
+    out: &mut dyn Write,
+) -> Result<ExitCode> {
+    let network = session::network()?;
+    let mut interrupt = Interrupt::listen();
+    let frames = options.value("nframes").and_then(|value| value.as_i32());
+    let Some(frames) = frames.filter(|frames| (1..=MOST).contains(frames)) else {
+        complain(out, &format!("nframes must be 1 to {MOST}"))?;
+        return Ok(ExitCode::from(FAILED));
+    };
+    let mut code = sizes.code;
+    for size in &sizes.sizes {
+        let Some(size) = size else {
+            complain(
+                out,
+                "Syntax error. Invalid value for customtest. See available options with yarp latency-test",
+            )?;
+            continue;
+        };
+        let reading = PortOptions::new().reading(Queue::Wait(1));
+        let Some(port) = session::open(&network, CLIENT, reading).await? else {
+            return Ok(ExitCode::from(FAILED));
+        };
+        let test = test(&network, &port, options, (frames, *size), out);
+        let done = tokio::select! {
+            biased;
+            () = interrupt.heard() => Ok(None),
+            done = test => done,
+        };
+        port.close().await;
+        match done? {
+            Some(Ok(measured)) => tell(&measured, *size, options, out)?,
+            Some(Err(failed)) => code = failed,
+            None => return Ok(ExitCode::FAILURE),
+        }
+    }
+    Ok(ExitCode::from(code))
+}
+
+/// One test; gives what was measured, or what to end with.
+async fn test(
+    network: &Network,
+    port: &Port,
+    options: &Options,
+    (frames, size): (i32, i32),
+    out: &mut dyn Write,
+) -> Result<Option<std::result::Result<Vec<Frame>, u8>>> {
+    let named = options.text("protocol").unwrap_or_else(|| "tcp".to_owned());
+    let spec = named.parse::<CarrierSpec>().ok();
+    let Some(carrier) = spec.as_ref().and_then(Carrier::of) else {
+        tracing::error!(target: "yarp.os.Carriers", "Could not find carrier \"{named}\"");
+        return Ok(Some(Err(1)));
+    };
+    let way = Way {
+        carrier: &named,
+        replies: !carrier.connectionless && carrier.push && !options.has("no-reply"),
+    };
+    reach(network, port.name(), SERVER, &way, out).await?;
+    if !way.replies {
+        reach(network, SERVER, port.name(), &way, out).await?;
+    }
+    let start = [
+        Value::from("start"),
+        size.into(),
+        i32::from(way.replies).into(),
+    ];
+    port.write(&Bottle::from_iter(start)).await;
+    let measured = match exchange(port, options, &way, frames, out).await? {
+        Ok(measured) => measured,
+        Err(error) => {
+            complain(
+                out,
+                &format!("The server does not answer: {}", error.story()),
+            )?;
+            return Ok(Some(Err(FAILED)));
+        }
+    };
+    port.write(&Bottle::of("stop")).await;
+    port.flush().await;
+    Ok(Some(Ok(measured)))
+}
+
+/// Connects two ports as soon as they can be.
+async fn reach(
+    network: &Network,
+    from: &str,
+    to: &str,
+    way: &Way<'_>,
+    out: &mut dyn Write,
+) -> Result<()> {
+    while !connecting::connect(network, from, to, Some(way.carrier), Telling::Failure).await {
+        writeln!(out, "Waiting for connection..")?;
+        out.flush()?;
+        tokio::time::sleep(PAUSE).await;
+    }
+    Ok(())
+}
+
+/// Sends frames, one when the one before came back.
+async fn exchange(
+    port: &Port,
+    options: &Options,
+    way: &Way<'_>,
+    frames: i32,
+    out: &mut dyn Write,
+) -> Result<std::result::Result<Vec<Frame>, PortError>> {
+    let pause = options.number("client_wait").unwrap_or(0.0);
+    let mut measured = Vec::new();
+    for number in 0..frames {
+        let sent = wall_clock();
+        let frame = Bottle::from_iter([Value::Int32(number), Value::Float64(sent)]);
+        let reply: std::result::Result<Bottle, PortError> = if way.replies {
+            port.call_within(&frame, PATIENCE).await
+        } else {
+            port.write(&frame).await;
+            match timeout(PATIENCE, port.read()).await {
+                Ok(received) => received.map(|received| received.bottle().unwrap_or_default()),
+                Err(_) => Err(PortError::Deadline {
+                    peer: SERVER.to_owned(),
+                    step: "frame",
+                    seconds: PATIENCE.as_secs_f64(),
+                }),
+            }
+        };
+        let now = wall_clock();
+        let reply = match reply {
+            Ok(reply) => reply,
+            Err(error) => return Ok(Err(error)),
+        };
+        let number_at = |index| reply.get(index).and_then(Value::as_f64).unwrap_or(0.0);
+        let (sent, copy) = (number_at(1), number_at(3));
+        measured.push(Frame {
+            latency: (now - sent - copy) * 1000.0,
+            copy,
+        });
+        if options.has("details") {
+            let size = reply.get(2).and_then(Value::as_str).map_or(0, str::len);
+            writeln!(out, "Received a payload of {size} bytes")?;
+            writeln!(
+                out,
+                "latency for frame {number} is: {:.6} ms",
+                (now - sent) * 1000.0
+            )?;
+        }
+        if pause > 0.0 {
+            tokio::time::sleep(Duration::try_from_secs_f64(pause).unwrap_or(session::FOREVER))
+                .await;
+        }
+    }
+    Ok(Ok(measured))
+}
+
+/// Tells what was measured, and keeps it in a file.
+fn tell(measured: &[Frame], size: i32, options: &Options, out: &mut dyn Write) -> Result<()> {
+    let latencies: Vec<f64> = measured.iter().map(|frame| frame.latency).collect();
+    let (mean, deviation) = statistics(&latencies);
+    let max = latencies.iter().copied().fold(0.0, f64::max);
+    let min = latencies.iter().copied().fold(f64::INFINITY, f64::min);
+    let count = measured.len();
+    writeln!(
+        out,
+        "Processed {count} frames of {size} bytes, average latency {mean:.3}[ms], max {max:.3}[ms], min {min:.3}[ms], stdev {deviation:.3}[ms]"
+    )?;
+    let prefix = options.text("logfile").unwrap_or_else(|| "log_".to_owned());
+    let name = format!("{prefix}{size}.txt");
+    match keep(&name, measured) {
+        Ok(()) => writeln!(out, "Test complete. Data saved to file: {name}")?,
+        Err(error) => complain(out, &format!("Cannot write {name}: {error}"))?,
+    }
+    Ok(())
+}
+
+fn keep(name: &str, measured: &[Frame]) -> std::io::Result<()> {
+    let mut file = BufWriter::new(File::create(name)?);
+    for Frame { latency, copy } in measured {
+        writeln!(file, "{} {}", general(*latency), general(*copy))?;
+    }
+    file.flush()
+}

@@ -1,0 +1,90 @@
+//! `yarp latency-test` measures, over every kind of connection.
+
+mod common;
+
+use common::Home;
+
+#[test]
+fn frames_go_there_and_back() {
+    let home = Home::new();
+    let _name_server = home.serve();
+    let server = home
+        .start("latency-test --server")
+        .see("Port /latencyTest/server active");
+    let prefix = home.path().join("log_");
+    let mut tests = 0;
+    for way in [
+        "--protocol tcp",
+        "--protocol tcp --no-reply",
+        "--protocol udp",
+        "--protocol text_ack",
+    ] {
+        let line = format!(
+            "latency-test --client --nframes 5 --payload_size 100 {way} --logfile {}",
+            prefix.display()
+        );
+        let ended = home.run(&line).with(0);
+        assert!(
+            ended.says("Processed 5 frames of 100 bytes, average latency "),
+            "{ended:?}"
+        );
+        let kept = home.file("log_100.txt").unwrap();
+        assert_eq!(kept.lines().count(), 5, "{kept}");
+        for number in kept.split_whitespace() {
+            assert!(number.parse::<f64>().unwrap() >= 0.0, "{kept}");
+        }
+        tests += 1;
+    }
+    let mut server = server.see(&format!("Test {} complete", tests - 1));
+    assert!(server.sees("Replying on the same connection"));
+    assert!(server.sees("Using a separate connection"));
+    server.signal("INT").finish().with(0);
+}
+
+#[test]
+fn a_server_takes_no_nonsense_and_goes_on() {
+    let home = Home::new();
+    let _name_server = home.serve();
+    let mut server = home
+        .start("latency-test --server")
+        .see("Port /latencyTest/server active");
+    for (test, nonsense) in ["hello", "start 2147483647 1", "start -1 1"]
+        .iter()
+        .enumerate()
+    {
+        let asked = format!("{nonsense}\n");
+        let told = format!("[ERROR] Test {test} error");
+        // The port of the last test may still be closing.
+        for _ in 0..100 {
+            home.run_with("rpc /latencyTest/server", &asked);
+            if server.sees_within(&told, std::time::Duration::from_millis(300)) {
+                break;
+            }
+        }
+        server = server.see(&told);
+    }
+    home.run_with("rpc /latencyTest/server", "start 10 1\nquit\n");
+    server.see("complete, quitting").finish().with(255);
+}
+
+#[test]
+fn words_that_contradict_each_other_are_refused() {
+    let home = Home::new();
+    let check = |line: &str, expected: &str| {
+        assert!(home.run(line).with(255).says(expected), "{line}");
+    };
+    check("latency-test", "This is yarp latency-test");
+    check(
+        "latency-test --nothing",
+        "[ERROR] Missing option. Use --help",
+    );
+    check(
+        "latency-test --client",
+        "[ERROR] Missing mandatory parameter nframes.",
+    );
+    check("latency-test --client --nframes 3", "[ERROR] Syntax error.");
+    check(
+        "latency-test --client --nframes 0 --payload_size 3",
+        "[ERROR] nframes must be",
+    );
+}
