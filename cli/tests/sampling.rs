@@ -30,6 +30,7 @@ fn what_comes_in_between_is_dropped() {
     let sampler = home
         .start(line)
         .see("Receiving input from /w to /s using tcp");
+    writer = writer.see("Sending output from /w to /s");
     let numbers: String = (0..COUNT)
         .map(|number| format!("number {number}\n"))
         .collect();

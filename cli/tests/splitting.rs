@@ -2,7 +2,20 @@
 
 mod common;
 
-use common::Home;
+use std::time::Duration;
+
+use common::{Home, Running};
+
+/// Sends the same message until `other` prints `expected`: a connection may not be in force yet.
+fn repeat(writer: &mut Running, other: &mut Running, expected: &str) {
+    for _ in 0..200 {
+        writer.type_text("alpha two (3 4)\n");
+        if other.sees_within(expected, Duration::from_millis(300)) {
+            return;
+        }
+    }
+    panic!("no {expected:?} in {:?}", other.printed());
+}
 
 #[test]
 fn each_element_has_a_port() {
@@ -13,21 +26,13 @@ fn each_element_has_a_port() {
         .start("split /w --carrier tcp")
         .see("Waiting for data..");
     writer = writer.see("Sending output");
-    writer.type_text("1 two (3 4)\n");
-    splitter = splitter
-        .see("Received a Bottle of 3 elements.")
-        .see("Ready");
-    for (element, expected) in ["1", "two", "(3 4)"].iter().enumerate() {
+    repeat(&mut writer, &mut splitter, "Ready");
+    splitter = splitter.see("Received a Bottle of 3 elements.");
+    for (element, expected) in ["alpha", "two", "(3 4)"].iter().enumerate() {
         let remote = format!("/w/split{element}:o");
         let mut reader = home.start(&format!("read ... {remote}"));
         assert!(reader.sees("Receiving input"));
-        // The connection may not be in force yet.
-        for _ in 0..100 {
-            writer.type_text("1 two (3 4)\n");
-            if reader.sees_within(expected, std::time::Duration::from_millis(300)) {
-                break;
-            }
-        }
+        repeat(&mut writer, &mut reader, expected);
         drop(reader.see_often(expected, 1));
     }
     writer.type_text("1 2\n");

@@ -30,13 +30,13 @@ pub use auth::AuthFailure;
 pub use dialogue::Dialogue;
 pub use error::{PortError, story};
 pub use network::{Network, Place};
-pub use port::built_in as built_in_monitor;
 pub use port::{
     AdminHandler, Answer, CallerLimits, ConnectionChange, ConnectionCounters, Envelope, Handler,
     LinkState, Monitor, MonitorError, MonitorFactory, MonitorSetup, MonitorSide, Page, Pages,
     Passing, Port, PortCounters, PortOptions, Queue, Received, Reply, Supervised, Supervision,
     Traffic, Watcher,
 };
+pub use port::{built_in as built_in_monitor, built_in_names as built_in_monitors, modifier_names};
 
 /// Compiles the example of the README.
 #[cfg(doctest)]

@@ -22,6 +22,7 @@ mod merge;
 mod name;
 mod namespace;
 mod ping;
+mod plugin;
 mod priority_qos;
 mod priority_sched;
 mod priority_tables;
@@ -86,6 +87,7 @@ pub(crate) enum Command {
     Name(name::Args),
     Namespace(namespace::Args),
     Ping(ping::Args),
+    Plugin(plugin::Args),
     #[command(name = "priority-qos", alias = "qos")]
     PriorityQos(priority_qos::Args),
     #[command(name = "priority-sched", alias = "sched")]
@@ -142,6 +144,7 @@ impl Command {
             Self::Name(args) => name::run(args, out).await,
             Self::Namespace(args) => namespace::run(args, out),
             Self::Ping(args) => ping::run(args, out).await,
+            Self::Plugin(args) => plugin::run(args, out),
             Self::PriorityQos(args) => priority_qos::run(args, out).await,
             Self::PrioritySched(args) => priority_sched::run(args, out).await,
             Self::Read(args) => read::run(args, out).await,

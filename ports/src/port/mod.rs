@@ -68,6 +68,7 @@ pub use counters::{ConnectionCounters, PortCounters, Traffic};
 pub use inbox::Queue;
 pub use monitor::{
     Monitor, MonitorError, MonitorFactory, MonitorSetup, MonitorSide, Passing, built_in,
+    built_in_names, modifier_names,
 };
 pub use options::{AdminHandler, ConnectionChange, Handler, Page, Pages, PortOptions, Watcher};
 pub use received::{Answer, Received, Reply};

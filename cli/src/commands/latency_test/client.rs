@@ -123,6 +123,9 @@ async fn test(
     };
     port.write(&Bottle::of("stop")).await;
     port.flush().await;
+    // As in stock: the server has to be there again for the next test, and the end of datagrams takes another way, on
+    // which it may overtake them.
+    tokio::time::sleep(PAUSE).await;
     Ok(Some(Ok(measured)))
 }
 

@@ -274,13 +274,18 @@ pub fn built_in(name: &str, setup: &MonitorSetup) -> Result<Arc<dyn Monitor>, Mo
 }
 
 /// The names of the monitors that are built in.
-fn built_in_names() -> impl Iterator<Item = &'static str> {
+pub fn built_in_names() -> impl Iterator<Item = &'static str> {
     MONITORS.iter().map(|(name, _)| *name)
+}
+
+/// The names of the modifiers of connections: `portmonitor` and those that readers may have.
+pub fn modifier_names() -> impl Iterator<Item = &'static str> {
+    std::iter::once(PORTMONITOR).chain(RECEIVERS.iter().map(|(name, _)| *name))
 }
 
 /// Whether a name that stands where a carrier belongs is a modifier.
 pub(super) fn is_modifier(name: &str) -> bool {
-    name == PORTMONITOR || RECEIVERS.iter().any(|(known, _)| *known == name)
+    modifier_names().any(|known| known == name)
 }
 
 /// `(NAME VALUE)`
