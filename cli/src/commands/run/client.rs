@@ -35,6 +35,11 @@ pub(super) struct Wish {
 impl Wish {
     /// What the options ask for, if anything; or what is wrong with them.
     pub(super) fn of(options: &Options) -> std::result::Result<Option<Self>, String> {
+        for name in ["sysinfo", "stresstest"] {
+            if options.has(name) {
+                return Err(format!("--{name} is not known here"));
+            }
+        }
         if options.has("cmd") {
             return Self::start(options).map(Some);
         }
@@ -229,6 +234,7 @@ mod tests {
         check(&["--sigterm", "--on", "/h"], "missing tag");
         check(&["--sigterm", "t"], "missing remote server");
         check(&["--kill", "t", "--on", "/h"], "missing signum");
+        check(&["--on", "/h", "--sysinfo"], "--sysinfo is not known here");
         assert_eq!(wish(&["--on", "/h"]), Ok(None));
     }
 

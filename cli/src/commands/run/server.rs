@@ -126,6 +126,9 @@ impl Desk {
             return self.aborted(&launch, "This server opens no terminals; leave out --stdio");
         }
         if said("cmd") {
+            if said("log") {
+                note("What the command prints goes nowhere: this server knows no --log");
+            }
             return self.start(Launch::of(request));
         }
         if said("kill") {
