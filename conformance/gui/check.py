@@ -27,7 +27,8 @@ KNOWN = {
     "[ERROR] |yarp.device.remote_controlboard| getMotorTorqueParams return value not understood, size!=N",
     # In velocity mode the window asks for 100000 degrees/s², which the arm does not promise.
     "[ERROR] |yarp.device.ControlBoard_nwc_yarp| Unable to setTrajAccelerationOneRPC",
-    # Of a second and third set of gains of each loop, and of units of gains, the arm has none; stock's board invents them.
+    # Of a second and third set of gains of each loop, and of loops for direct positions, direct velocities and a mix, the
+    # arm has none; stock's board invents them.
     "[ERROR] |yarp.device.ControlBoard_nwc_yarp| Unable to getPidRPC",
     "[ERROR] |yarp.device.ControlBoard_nwc_yarp| Unable to getPidExtraInfoRPC",
 }

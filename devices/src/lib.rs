@@ -65,11 +65,11 @@ pub use iface::{
     EncoderReading, Encoders, Fault, Feature, FeatureMode, FrameGrabberControls, FrameGrabberImage,
     FrameGrabberImageRaw, Grasp, GraspKind, Hand, Impedance, ImpedanceControl, ImpedanceLimits,
     Interaction, InteractionMode, Intrinsics, JointBrake, JointFault, JointType, Limits, Mode,
-    MotionControl, Motor, MotorEncoders, MotorTorqueParameters, Pid, PidControl, PidKind, PidValue,
-    PositionControl, PositionDirect, Priority, PwmControl, Reach, RemoteCalibrator,
-    RemoteVariables, RgbVisualParams, SerialDevice, StampedPose, Target, TaskPose, TaskVelocity,
-    TorqueControl, TweakChange, Tweaks, UnknownGrasp, VariableValue, VelocityControl,
-    VelocityDirect,
+    MotionControl, Motor, MotorEncoders, MotorTorqueParameters, Pid, PidControl, PidInfo, PidKind,
+    PidUnits, PidValue, PositionControl, PositionDirect, Priority, PwmControl, Reach,
+    RemoteCalibrator, RemoteVariables, RgbVisualParams, SerialDevice, StampedPose, Target,
+    TaskPose, TaskVelocity, TorqueControl, TweakChange, Tweaks, UnknownGrasp, VariableValue,
+    VelocityControl, VelocityDirect,
 };
 
 /// Compiles the example of the README.

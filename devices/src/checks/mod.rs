@@ -33,7 +33,7 @@ pub use self::motors::{
     a_joint_that_works_has_no_fault, amplifiers_switch_joints_off, brakes_hold,
     calibration_is_done, control_loops_keep_what_they_are_told, currents_push_joints,
     direct_positions_are_followed, direct_velocities_are_followed, duty_cycles_push_joints,
-    homing_brings_joints_home, impedance_is_kept, interactions_are_kept,
+    gains_have_units, homing_brings_joints_home, impedance_is_kept, interactions_are_kept,
     modes_and_loops_are_listed, motor_encoders_follow_the_joints, motor_torque_parameters_are_kept,
     motors_tell_what_they_are, torques_push_joints, variables_are_kept,
 };
@@ -120,6 +120,7 @@ pub const SINCE_4: &[(&str, Check)] = &[
     ),
     ("brakes_hold", brakes_hold),
     ("modes_and_loops_are_listed", modes_and_loops_are_listed),
+    ("gains_have_units", gains_have_units),
 ];
 
 /// Hands the names in [`ALL`](crate::checks::ALL) to a macro, for tests that have one function per check.
@@ -171,7 +172,8 @@ macro_rules! each_check_of_a_board_of_4 {
     ($each:ident! { $($before:tt)* }) => {
         $crate::each_check_of_a_board! {
             $each! { $($before)* }
-            direct_velocities_are_followed, brakes_hold, modes_and_loops_are_listed
+            direct_velocities_are_followed, brakes_hold, modes_and_loops_are_listed,
+            gains_have_units
         }
     };
 }

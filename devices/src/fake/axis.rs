@@ -496,8 +496,16 @@ impl Axis {
         allowed: Limits,
         per: &'static str,
     ) -> Result<(), DeviceError> {
-        let unit = unit(self.built.joint_type, per);
-        self.check_allowed(quantity, asked, allowed, unit)
+        self.check_allowed(quantity, asked, allowed, self.unit(per))
+    }
+
+    /// `per`: what follows the unit of position, `/s` for a velocity.
+    pub(super) fn unit(&self, per: &str) -> &'static str {
+        unit(self.built.joint_type, per)
+    }
+
+    pub(super) fn torque_unit(&self) -> &'static str {
+        torque_unit(self.built.joint_type)
     }
 
     pub(super) fn check_allowed(

@@ -70,7 +70,7 @@ pub use joint_fault::{Fault, JointFault};
 pub use motion_control::MotionControl;
 pub use motor::Motor;
 pub use motor_encoders::MotorEncoders;
-pub use pid_control::{Pid, PidControl, PidKind, PidValue};
+pub use pid_control::{Pid, PidControl, PidInfo, PidKind, PidUnits, PidValue};
 pub use position_control::PositionControl;
 pub use position_direct::PositionDirect;
 pub use pwm_control::PwmControl;

@@ -1,9 +1,10 @@
 //! Control loops: the words for their kinds, and the order of their gains.
 
-use yarp_devices::{Pid, PidKind};
+use yarp_devices::{Pid, PidInfo, PidKind, PidUnits};
 use yarp_wire::{Bottle, Dialect, Value, Vocab32};
 
 use super::number;
+use crate::thrift::Item;
 
 /// Kinds with their words in 3.x and in 4.0.
 const KINDS: [(PidKind, Vocab32, Vocab32); 4] = [
@@ -97,4 +98,63 @@ pub(crate) fn read_gains(list: &Bottle, generation: Dialect) -> Option<Pid> {
 pub(crate) fn read_all_gains(list: &Bottle, generation: Dialect) -> Option<Vec<Pid>> {
     let one = |value: &Value| read_gains(value.as_list()?, generation);
     list.iter().map(one).collect()
+}
+
+/// What the gains of a loop mean: 13 texts (stock: `PidExtraInfo`, which 3.x does not have).
+pub(crate) fn info(info: PidInfo) -> Item {
+    let units = info.units;
+    let texts = [
+        info.description,
+        info.input,
+        info.output,
+        units.kp,
+        units.kd,
+        units.ki,
+        units.max_integral,
+        units.scale,
+        units.max_output,
+        units.offset,
+        units.stiction_up,
+        units.stiction_down,
+        units.kff,
+    ];
+    Item::List(texts.map(Item::Text).to_vec())
+}
+
+/// What the gains of a loop mean; exactly 13 texts.
+pub(crate) fn read_info(value: &Value) -> Option<PidInfo> {
+    let texts = value.as_list()?.iter().map(|text| text.as_str());
+    let texts: Option<Vec<&str>> = texts.collect();
+    let [
+        description,
+        input,
+        output,
+        kp,
+        kd,
+        ki,
+        max_integral,
+        scale,
+        max_output,
+        offset,
+        stiction_up,
+        stiction_down,
+        kff,
+    ] = <[&str; 13]>::try_from(texts?).ok()?.map(str::to_owned);
+    Some(PidInfo {
+        description,
+        input,
+        output,
+        units: PidUnits {
+            kp,
+            kd,
+            ki,
+            max_integral,
+            scale,
+            max_output,
+            offset,
+            stiction_up,
+            stiction_down,
+            kff,
+        },
+    })
 }
