@@ -47,6 +47,7 @@ int main(int argc, char** argv) {
     check("traj speed", bool(board.setTrajSpeed(0, 20.0)));
     double x = 0; check("traj speed back", bool(board.getTrajSpeed(0, &x)) && x == 20.0);
     check("traj acceleration", bool(board.setTrajAcceleration(0, 60.0)) && bool(board.getTrajAcceleration(0, &x)) && x == 60.0);
+    check("the acceleration of yarpmotorgui", bool(board.setTrajAcceleration(0, 100000.0)) && bool(board.getTrajAcceleration(0, &x)) && x > 60.0 && x < 100000.0);
     check("position move", bool(board.positionMove(0, start + 3.0)));
     check("target", bool(board.getTargetPosition(0, &x)) && std::fabs(x - start - 3.0) < 1e-9);
     check("it arrives", eventually([&]{ double p; return bool(board.getEncoder(0, &p)) && std::fabs(p - start - 3.0) < 1e-3; }));

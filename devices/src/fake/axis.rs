@@ -63,6 +63,8 @@ pub(super) struct Axis {
     effort: f64,
     reference_speed: f64,
     reference_acceleration: f64,
+    /// Whether more was asked for before.
+    was_bounded: bool,
     motor: Motor,
 }
 
@@ -81,6 +83,7 @@ impl Axis {
             effort: 0.0,
             reference_speed: built.reference_speed,
             reference_acceleration: built.reference_acceleration,
+            was_bounded: false,
             motor: Motor::new(largest_torque(&built) / TORQUE_CONSTANT),
             built,
         }
@@ -392,12 +395,20 @@ impl Axis {
         &self,
         acceleration: f64,
     ) -> Result<(), DeviceError> {
-        let allowed = Limits::new(MIN_REFERENCE_ACCELERATION, self.built.max_acceleration);
+        let allowed = Limits::new(MIN_REFERENCE_ACCELERATION, f64::MAX);
         self.check_inside("reference acceleration", acceleration, allowed, "/s²")
     }
 
+    /// More than the axis can is as much as it can. Said once, and to the debug log alone: the owner of the model
+    /// may hold a lock here that its control loop waits for.
     pub(super) fn set_reference_acceleration(&mut self, acceleration: f64) {
-        self.reference_acceleration = acceleration;
+        let most = self.built.max_acceleration;
+        if acceleration > most && !self.was_bounded {
+            self.was_bounded = true;
+            let axis = self.index.index();
+            tracing::debug!(axis, acceleration, most, "accelerates as hard as it can");
+        }
+        self.reference_acceleration = acceleration.min(most);
     }
 
     pub(super) fn check_encoder(&self, position: f64) -> Result<(), DeviceError> {

@@ -20,8 +20,10 @@ pub trait MotionControl: AxisInfo {
     /// Sets how hard the joints speed up and slow down (`setRefAcceleration(s)`, in 4.0
     /// `setTrajAcceleration(s)`).
     ///
-    /// * `accelerations`: deg/s² or m/s², above zero; they apply from the next command on.
-    /// * Errors: [`DeviceError::OutOfRange`], [`DeviceError::NotFinite`], or what is wrong with the
+    /// * `accelerations`: deg/s² or m/s², above zero; they apply from the next command on. How hard an axis can accelerate
+    ///   is told nowhere, so more than that is not refused but means as hard as it can, as with stock's boards:
+    ///   `yarpmotorgui` asks for 100000. [`reference_accelerations`](Self::reference_accelerations) tells what is in force.
+    /// * Errors: [`DeviceError::OutOfRange`] for too little, [`DeviceError::NotFinite`], or what is wrong with the
     ///   selection; then none is set.
     fn set_reference_accelerations(
         &self,
