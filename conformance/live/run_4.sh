@@ -70,6 +70,10 @@ running+=($!)
 until_ok "$target/yarp" exists /eye
 echo "---- stock 4.0 looks through our camera"
 timeout 300 "$work/grabber" look /eye /live4/eye 2>"$work/look.log"
+"$target/yarp" camera --name /fire --mode grid --width 32 --height 24 --firewire >"$work/firewire.log" 2>&1 &
+running+=($!)
+until_ok "$target/yarp" exists /fire
+timeout 300 "$work/grabber" wire /fire /live4/fire 2>"$work/wire.log"
 "$work/grabber" serve /fakecam4 600 >"$work/fakecam.log" 2>&1 &
 running+=($!)
 until_ok "$target/yarp" exists /fakecam4

@@ -1,4 +1,4 @@
-//! Behaviours that every control board must show, in [`camera`] every camera, and in [`tool`] every controller of a tool, to be run against any implementation.
+//! Behaviours that every control board must show, in [`camera`] every camera, in [`firewire`] every one on IEEE 1394, and in [`tool`] every controller of a tool, to be run against any implementation.
 //!
 //! Each check is a function that takes a [`Device`] and panics, as an assertion does, when the device behaves
 //! otherwise. The device must have the interfaces that the check is about and those of motion, at least two joints with
@@ -20,12 +20,14 @@
 
 mod board;
 pub mod camera;
+pub mod firewire;
 mod motors;
 pub mod tool;
 
 use std::time::Duration;
 
 pub use self::camera::CAMERA;
+pub use self::firewire::FIREWIRE;
 pub use self::tool::TOOL;
 
 use self::board::{Board, CLOSE, DISTANCE};

@@ -19,6 +19,7 @@ mod control_limits;
 mod control_mode;
 mod current_control;
 mod encoders;
+mod firewire_controls;
 mod frame_grabber_controls;
 mod frame_grabber_image;
 mod grasp;
@@ -57,6 +58,7 @@ pub use control_limits::{ControlLimits, Limits};
 pub use control_mode::{ControlMode, Mode};
 pub use current_control::CurrentControl;
 pub use encoders::{EncoderReading, Encoders};
+pub use firewire_controls::{FirewireControls, Window, WindowLimits};
 pub use frame_grabber_controls::{
     Bus, CameraDescription, Feature, FeatureMode, FrameGrabberControls,
 };
