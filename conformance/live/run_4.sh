@@ -64,8 +64,10 @@ timeout 120 "$work/caller" /wam/rpc:i
 echo "---- a program of stock 4.0 hears how moves end"
 timeout 300 "$work/words" moves /wam 2>"$work/moves.log"
 until_ok "$target/yarp" exists /cartController/wam/rpc:i
-echo "---- a program of stock 4.0 moves the tool as iCub's client does"
-timeout 400 "$work/words" tool /cartController/wam 2>"$work/tool.log"
+for carrier in udp tcp; do
+    echo "---- a program of stock 4.0 moves the tool as iCub's client does, over $carrier"
+    timeout 400 "$work/words" tool /cartController/wam $carrier 2>"$work/tool.log"
+done
 "$target/yarp" hand-sim --link "$work/line" >"$work/hand-sim.log" 2>&1 &
 running+=($!)
 until_ok test -e "$work/line"

@@ -4,7 +4,7 @@
 //
 //     words_4 moves ARM        hears on ARM/async:o how moves end
 //     words_4 hand HAND        calls HAND/hand/rpc:i
-//     words_4 tool SERVER      is a client of iCub's `cartesiancontrollerserver`: cartesian.md has the conversation
+//     words_4 tool SERVER CARRIER      is a client of iCub's `cartesiancontrollerserver`, which goes over udp unless told
 #include <yarp/os/Bottle.h>
 #include <yarp/os/BufferedPort.h>
 #include <yarp/os/Network.h>
@@ -58,10 +58,10 @@ static bool near(double found, double expected, double close = 0.02)
 
 // Reads with a port of stock's what an output of ours says.
 template <class T>
-static bool reads(BufferedPort<T>& port, const std::string& name, const std::string& source)
+static bool reads(BufferedPort<T>& port, const std::string& name, const std::string& source, const std::string& carrier)
 {
     port.setStrict();
-    return port.open(name) && Network::connect(source, name, "tcp");
+    return port.open(name) && Network::connect(source, name, carrier);
 }
 
 // The next bottle that begins with this word, and has this number behind it if it is not empty.
@@ -83,7 +83,7 @@ static Bottle hears(BufferedPort<Bottle>& port, const std::string& word, const s
 static void moves(const std::string& arm)
 {
     BufferedPort<Bottle> ends;
-    check("async:o is read", reads(ends, "/words4/ends:i", arm + "/async:o"));
+    check("async:o is read", reads(ends, "/words4/ends:i", arm + "/async:o", "tcp"));
     RpcClient rpc;
     rpc.open("/words4/moves:o");
     check("the arm can be asked", Network::connect(rpc.getName(), arm + "/rpc:i"));
@@ -169,7 +169,7 @@ static bool isPose(const Value& value, yarp::sig::Vector& pose)
     return std::fabs(std::hypot(pose[3], std::hypot(pose[4], pose[5])) - 1.0) < 1e-6;
 }
 
-static void tool(const std::string& server)
+static void tool(const std::string& server, const std::string& carrier)
 {
     // As iCub's client opens: the server is asked before the other ports are connected.
     RpcClient rpc;
@@ -183,9 +183,9 @@ static void tool(const std::string& server)
     BufferedPort<yarp::sig::Vector> state;
     BufferedPort<Bottle> events;
     command.open("/words4/tool/command:o");
-    check("commands", Network::connect(command.getName(), server + "/command:i", "tcp"));
-    check("poses", reads(state, "/words4/tool/state:i", server + "/state:o"));
-    check("events", reads(events, "/words4/tool/events:i", server + "/events:o"));
+    check("commands", Network::connect(command.getName(), server + "/command:i", carrier));
+    check("poses", reads(state, "/words4/tool/state:i", server + "/state:o", carrier));
+    check("events", reads(events, "/words4/tool/events:i", server + "/events:o", carrier));
 
     yarp::sig::Vector pose(7, 0.0);
     // The newest pose on state:o; the envelope has its time.
@@ -285,7 +285,7 @@ int main(int argc, char** argv)
     } else if (what == "hand") {
         hand(argv[2]);
     } else if (what == "tool") {
-        tool(argv[2]);
+        tool(argv[2], argc > 3 ? argv[3] : "udp");
     } else {
         return 2;
     }

@@ -10,7 +10,7 @@ use yarp_devices::image::{Crop, PixelFormat};
 use yarp_devices::{
     DeviceError, Feature, FrameGrabberControls, FrameGrabberImage, FrameGrabberImageRaw,
 };
-use yarp_ports::{PortOptions, Queue};
+use yarp_ports::{Port, PortOptions, Queue};
 use yarp_wire::typed::{Image, PixelCode};
 use yarp_wire::{Bottle, Dialect};
 use yarp_wrappers::{FrameGrabberServer, OpenError, RemoteFrameGrabber, RemoteFrameGrabberOptions};
@@ -225,6 +225,13 @@ fn any_port_reads_the_images() {
     stage.runtime.block_on(server.close());
 }
 
+/// What is answered to what is typed.
+async fn answer(asking: &Port, said: &str) -> String {
+    let message = Bottle::parse(said).expect("a bottle");
+    let reply = asking.call_within::<Bottle>(&message, PATIENCE).await;
+    reply.expect("an answer").to_string()
+}
+
 /// What stock's clients of both generations say to a camera on IEEE 1394, and what they read.
 #[test]
 fn words_of_ieee_1394_are_answered_as_stock_answers() {
@@ -263,12 +270,7 @@ fn words_of_ieee_1394_are_answered_as_stock_answers() {
             ("setDefaultsDC1394RPC", "[ok]"),
             ("getOperationModeDC1394RPC", "([ok]) [fail]"),
         ] {
-            let message = Bottle::parse(said).expect("a bottle");
-            let reply: Bottle = asking
-                .call_within(&message, PATIENCE)
-                .await
-                .expect("an answer");
-            assert_eq!(reply.to_string(), expected, "{said}");
+            assert_eq!(answer(&asking, said).await, expected, "{said}");
         }
     });
     stage.runtime.block_on(asking.close());
@@ -304,12 +306,7 @@ fn nonsense_is_refused_and_the_camera_goes_on() {
                 ("getCameraDescriptionRPC", "([ok]) 0 \"simulated camera\""),
                 ("setRgbMirroringRPC [fail]", "[ok]"),
             ] {
-                let message = Bottle::parse(said).expect("a bottle");
-                let reply: Bottle = asking
-                    .call_within(&message, PATIENCE)
-                    .await
-                    .expect("an answer");
-                assert_eq!(reply.to_string(), expected, "{said} to {to}");
+                assert_eq!(answer(&asking, said).await, expected, "{said} to {to}");
             }
         });
         stage.runtime.block_on(asking.close());

@@ -336,7 +336,15 @@ impl Axis {
         self.effort = 0.0;
         match &mut self.drive {
             Some(drive) => drive.push(0.0),
-            None => self.come_to_rest(self.reference_acceleration),
+            None => self.come_to_rest(self.braking()),
+        }
+    }
+
+    /// What was as hard as the axis can brakes so, too.
+    fn braking(&self) -> f64 {
+        match self.mode {
+            Mode::PositionDirect | Mode::VelocityDirect => self.built.max_acceleration,
+            _ => self.reference_acceleration,
         }
     }
 
@@ -364,6 +372,7 @@ impl Axis {
         if mode == self.mode {
             return;
         }
+        let braking = self.braking();
         self.mode = mode;
         self.velocity = 0.0;
         self.effort = 0.0;
@@ -372,7 +381,7 @@ impl Axis {
             Mode::Torque | Mode::Current | Mode::Pwm => {
                 self.drive = Some(Drive::new(self.state(), self.friction, self.limits));
             }
-            _ => self.come_to_rest(self.reference_acceleration),
+            _ => self.come_to_rest(braking),
         }
     }
 

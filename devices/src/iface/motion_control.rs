@@ -8,7 +8,8 @@ use crate::{Axes, AxisInfo, DeviceError};
 /// setting; here both [`PositionControl`](crate::PositionControl) and
 /// [`VelocityControl`](crate::VelocityControl) extend this trait.
 pub trait MotionControl: AxisInfo {
-    /// Brings the joints to rest with their reference acceleration, in whatever mode they are (`stop`).
+    /// Brings the joints to rest, in whatever mode they are (`stop`): with their reference acceleration, in the direct
+    /// modes, which know none, as hard as they can.
     ///
     /// Returns at once; the joints slow down without a jump and then hold where they came to rest. In
     /// position mode that place becomes the target, in velocity mode the reference velocity becomes 0, and an idle

@@ -123,38 +123,67 @@ pub(crate) fn info(info: PidInfo) -> Item {
 
 /// What the gains of a loop mean; exactly 13 texts.
 pub(crate) fn read_info(value: &Value) -> Option<PidInfo> {
-    let texts = value.as_list()?.iter().map(|text| text.as_str());
-    let texts: Option<Vec<&str>> = texts.collect();
-    let [
-        description,
-        input,
-        output,
-        kp,
-        kd,
-        ki,
-        max_integral,
-        scale,
-        max_output,
-        offset,
-        stiction_up,
-        stiction_down,
-        kff,
-    ] = <[&str; 13]>::try_from(texts?).ok()?.map(str::to_owned);
+    let list = value.as_list().filter(|list| list.len() == 13)?;
+    let mut texts = list.iter().map(|text| text.as_str().map(str::to_owned));
+    let mut next = || texts.next().flatten();
     Some(PidInfo {
-        description,
-        input,
-        output,
+        description: next()?,
+        input: next()?,
+        output: next()?,
         units: PidUnits {
-            kp,
-            kd,
-            ki,
-            max_integral,
-            scale,
-            max_output,
-            offset,
-            stiction_up,
-            stiction_down,
-            kff,
+            kp: next()?,
+            kd: next()?,
+            ki: next()?,
+            max_integral: next()?,
+            scale: next()?,
+            max_output: next()?,
+            offset: next()?,
+            stiction_up: next()?,
+            stiction_down: next()?,
+            kff: next()?,
         },
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// As `PidDataExtraInfo::write` of 4.0.0 lays it out: description, input, output, then units in the order of the gains.
+    #[test]
+    fn meanings_are_thirteen_texts_in_the_order_of_stock() {
+        let of = |name: &str| name.to_owned();
+        let meaning = PidInfo {
+            description: of("d"),
+            input: of("i"),
+            output: of("o"),
+            units: PidUnits {
+                kp: of("kp"),
+                kd: of("kd"),
+                ki: of("ki"),
+                max_integral: of("mi"),
+                scale: of("sc"),
+                max_output: of("mo"),
+                offset: of("of"),
+                stiction_up: of("su"),
+                stiction_down: of("sd"),
+                kff: of("kff"),
+            },
+        };
+        let value = Value::from(info(meaning.clone()));
+        let texts = value
+            .as_list()
+            .unwrap()
+            .iter()
+            .map(|text| text.to_plain_string());
+        let texts: Vec<_> = texts.collect();
+        assert_eq!(texts.join(" "), "d i o kp kd ki mi sc mo of su sd kff");
+        assert_eq!(read_info(&value), Some(meaning));
+        for count in [0, 12, 14] {
+            let others = (0..count).map(|_| Value::from("text"));
+            assert_eq!(read_info(&Value::List(others.collect())), None);
+        }
+        let numbers = (0..13).map(Value::Int32);
+        assert_eq!(read_info(&Value::List(numbers.collect())), None);
+    }
 }
