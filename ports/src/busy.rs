@@ -2,8 +2,8 @@
 //!
 //! Waking a sleeping thread costs more than all else in a round trip of small messages. So a
 //! connection whose last bytes came within [`SOON`] looks for the next ones itself for up to
-//! [`LIMIT`] before it goes to sleep, giving way to other tasks between looks. A connection at rest,
-//! or with a slow peer, sleeps at once.
+//! [`LIMIT`] before it goes to sleep, giving way to other tasks between looks; what comes meanwhile
+//! wakes nobody else ([`Socket::quieten`]). A connection at rest, or with a slow peer, sleeps at once.
 
 use std::io;
 use std::time::{Duration, Instant};
@@ -45,6 +45,7 @@ impl BusyPoll {
     ) -> Option<io::Result<usize>> {
         let begin = Instant::now();
         if self.hot {
+            stream.quieten();
             input.reserve(self.chunk);
             let buffer = &mut input.bytes;
             let length = buffer.len();

@@ -23,6 +23,7 @@ pub mod roles;
 mod schedule;
 mod shmem;
 mod stream;
+mod tcp;
 mod transport;
 mod unix;
 

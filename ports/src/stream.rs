@@ -14,11 +14,12 @@ use crate::auth;
 use crate::error::{PortError, resolve};
 use crate::network::Network;
 use crate::shmem::ShmemStream;
+use crate::tcp::Tcp;
 
 /// What bytes of a connection travel on.
 #[derive(Debug)]
 pub(crate) enum Socket {
-    Tcp(TcpStream),
+    Tcp(Tcp),
     Unix(UnixStream),
     Shmem(Box<ShmemStream>),
 }
@@ -46,6 +47,14 @@ impl Socket {
         either!(self, stream => stream.try_read_buf(buffer))
     }
 
+    /// From now on little that comes wakes nobody, where that can be had; until somebody waits in
+    /// [`Socket::readable`].
+    pub(crate) fn quieten(&self) {
+        if let Self::Tcp(stream) = self {
+            stream.quieten();
+        }
+    }
+
     /// Reads what is there now, whether or not the system has told that there is something.
     pub(crate) fn look(&self, mut bytes: &mut [u8]) -> io::Result<usize> {
         match self {
@@ -68,7 +77,7 @@ impl Socket {
     /// The socket itself, for what tokio does not offer.
     fn raw(&self) -> SockRef<'_> {
         match self {
-            Self::Tcp(stream) => SockRef::from(stream),
+            Self::Tcp(stream) => SockRef::from(&**stream),
             Self::Unix(stream) => SockRef::from(stream),
             Self::Shmem(stream) => SockRef::from(stream.tcp()),
         }
@@ -89,9 +98,12 @@ impl Socket {
     pub(crate) fn renewed(self: &Arc<Self>) -> Arc<Self> {
         let copied = || self.as_fd().try_clone_to_owned();
         let renewed = match &**self {
-            Self::Tcp(_) => copied()
-                .and_then(|copy| TcpStream::from_std(copy.into()))
-                .map(Self::Tcp),
+            Self::Tcp(stream) => {
+                stream.listen();
+                copied()
+                    .and_then(|copy| TcpStream::from_std(copy.into()))
+                    .map(|stream| Self::Tcp(Tcp::new(stream)))
+            }
             Self::Unix(_) => copied()
                 .and_then(|copy| UnixStream::from_std(copy.into()))
                 .map(Self::Unix),
@@ -173,7 +185,7 @@ pub(crate) async fn connect_only(
         Ok(stream)
     };
     match tokio::time::timeout(deadline, connecting).await {
-        Ok(Ok(stream)) => Ok(Socket::Tcp(stream)),
+        Ok(Ok(stream)) => Ok(Socket::Tcp(Tcp::new(stream))),
         Ok(Err(source)) => Err(PortError::connect(
             peer,
             address,

@@ -7,6 +7,7 @@ use std::io;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use socket2::SockRef;
 use tokio::net::{TcpStream, UnixListener, UnixStream};
 
 /// How long the acceptor waits for the initiator.
@@ -16,6 +17,10 @@ const PAUSE: Duration = Duration::from_millis(20);
 const TRIES: usize = 50;
 /// Tries that are left once the header's connection has ended: most likely the acceptor has died.
 const LAST_TRIES: usize = 5;
+
+/// Bytes that may be on their way. The system tells a writer of room once no more than a quarter of it
+/// is taken; with less room than this the reader has read that quarter before more comes.
+const ROOM: usize = 300_000;
 
 /// Goes on as acceptor of the connection that `header` began.
 pub(crate) async fn accept(header: &TcpStream) -> io::Result<UnixStream> {
@@ -33,7 +38,7 @@ pub(crate) async fn accept(header: &TcpStream) -> io::Result<UnixStream> {
     // Nobody else shall connect; the connection itself stays.
     let _ = std::fs::remove_file(&path);
     let (stream, _) = accepted.map_err(|_| io::ErrorKind::TimedOut)??;
-    Ok(stream)
+    Ok(with_room(stream))
 }
 
 /// Goes on as initiator of the connection that `header` began; `answer` takes what the acceptor says
@@ -44,7 +49,7 @@ pub(crate) async fn connect(header: &TcpStream, answer: &mut [u8; 8]) -> io::Res
     let mut said = 0;
     loop {
         match UnixStream::connect(&path).await {
-            Ok(stream) => return Ok(stream),
+            Ok(stream) => return Ok(with_room(stream)),
             Err(error) if tries == 0 => {
                 let message = format!("no socket at {}: {error}", path.display());
                 return Err(io::Error::new(error.kind(), message));
@@ -60,6 +65,12 @@ pub(crate) async fn connect(header: &TcpStream, answer: &mut [u8; 8]) -> io::Res
             }
         }
     }
+}
+
+fn with_room(stream: UnixStream) -> UnixStream {
+    // Less room only makes large messages slower.
+    let _ = SockRef::from(&stream).set_send_buffer_size(ROOM);
+    stream
 }
 
 /// Where the socket between two TCP ports is; makes the folder.

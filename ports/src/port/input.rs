@@ -37,6 +37,7 @@ use crate::error::story;
 use crate::probe;
 use crate::roles::{self, Peer, Right, Rights};
 use crate::stream::{self, Inflow, Socket};
+use crate::tcp::Tcp;
 use crate::{shmem, unix};
 
 /// Serves a connection until it ends, is displaced, has been silent for too long, or the port closes.
@@ -51,7 +52,7 @@ pub(super) async fn serve(
 ) {
     let (caller, mut farewell) = caller.unzip();
     let mut closing = core.cancelled.clone();
-    let stream = Socket::Tcp(stream);
+    let stream = Socket::Tcp(Tcp::new(stream));
     core.network.roles().refresh_if_due(Instant::now());
     if let Some(key) = core.network.key() {
         let known = tokio::select! {

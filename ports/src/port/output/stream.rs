@@ -2,6 +2,7 @@
 
 use std::io::{self, IoSlice};
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use crate::busy::BusyPoll;
 use crate::cancel::Cancelled;
@@ -10,6 +11,8 @@ use crate::port::outbox::Outbox;
 use crate::port::output::Pause;
 use crate::stream::{Inflow, Socket};
 
+/// How long a writer looks for room awake.
+const AWAKE: Duration = Duration::from_micros(60);
 /// Buffers handed to one system call.
 const VECTORS: usize = 16;
 
@@ -48,9 +51,12 @@ pub(super) async fn run(
         if batch.is_empty() && outbox.take(batch) {
             return Pause::Move;
         }
-        match write_batch(stream, outbox, batch) {
-            Ok(()) => {}
-            Err(error) => return Pause::End(format!("writing failed: {error}")),
+        let written = match **stream {
+            Socket::Unix(_) => write_awake(stream, outbox, batch).await,
+            Socket::Tcp(_) | Socket::Shmem(_) => write_batch(stream, outbox, batch),
+        };
+        if let Err(error) = written {
+            return Pause::End(format!("writing failed: {error}"));
         }
         let mut read = None;
         if batch.is_empty() && outbox.awaits_answer() {
@@ -88,6 +94,24 @@ pub(super) async fn run(
             }
             Some(Err(_)) | None => {}
         }
+    }
+}
+
+/// Writes the batch as long as no more than [`AWAKE`] passes until the socket takes more of it.
+/// Sockets of the file system tell late of room: a writer that sleeps until then keeps its reader
+/// waiting.
+async fn write_awake(stream: &Socket, outbox: &Outbox, batch: &mut Batch) -> io::Result<()> {
+    let mut last = Instant::now();
+    loop {
+        let before = batch.len();
+        write_batch(stream, outbox, batch)?;
+        if batch.len() < before {
+            last = Instant::now();
+        }
+        if batch.is_empty() || last.elapsed() >= AWAKE {
+            return Ok(());
+        }
+        tokio::task::yield_now().await;
     }
 }
 
