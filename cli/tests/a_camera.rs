@@ -32,6 +32,23 @@ fn it_shows_and_takes_orders_until_it_is_told_to_end() {
 }
 
 #[test]
+fn it_is_one_on_ieee_1394_if_it_is_told_so() {
+    let home = Home::new();
+    let _server = home.serve();
+    for (options, modes) in [
+        ("", "\"command not recognized\""),
+        (" --firewire", "16777235"),
+    ] {
+        let camera = home
+            .start(&format!("camera --name /eye{options}"))
+            .see("Ctrl-C ends it.");
+        let said = home.run_with("rpc /eye/rpc", "[fgfw] [DR2m]\n").with(0);
+        assert!(said.says(modes), "{said:?}");
+        camera.signal("TERM").finish().with(0);
+    }
+}
+
+#[test]
 fn what_makes_no_camera_is_refused() {
     let home = Home::new();
     let refused = home.run("camera --mode circus").with(1);

@@ -25,9 +25,8 @@ from view import View, quarters
 KNOWN = {
     # The answer has nine numbers from 3.7 on: the same complaint comes with stock's servers of 3.7 to 3.12.
     "[ERROR] |yarp.device.remote_controlboard| getMotorTorqueParams return value not understood, size!=N",
-    # In velocity mode the window asks for 100000 degrees/s², which the arm does not promise.
-    "[ERROR] |yarp.device.ControlBoard_nwc_yarp| Unable to setTrajAccelerationOneRPC",
-    # Of a second and third set of gains of each loop, and of units of gains, the arm has none; stock's board invents them.
+    # Of a second and third set of gains of each loop, and of loops for direct positions, direct velocities and a mix, the
+    # arm has none; stock's board invents them.
     "[ERROR] |yarp.device.ControlBoard_nwc_yarp| Unable to getPidRPC",
     "[ERROR] |yarp.device.ControlBoard_nwc_yarp| Unable to getPidExtraInfoRPC",
 }

@@ -144,6 +144,17 @@ class Motorgui:
         except (TimeoutError, ValueError, IndexError) as error:
             self.check(what, f"not within {self.patience} s ({type(error).__name__})", True)
 
+    def at_rest(self, part, number):
+        """Where a joint stands, once it does."""
+        places = []
+
+        def stands():
+            places.append(self.network.encoders(part)[number])
+            return len(places) > 1 and places[-1] == places[-2]
+
+        until(f"joint {number} at rest", stands, self.patience)
+        return places[-1]
+
     def follows(self, part):
         """The window shows what others do."""
         network = self.network
@@ -196,7 +207,7 @@ class Motorgui:
         self.seen("a velocity moves it", lambda: network.encoders(part)[2] > before + 1)
         if later:
             joint = to(2, "Velocity Direct")
-            before = network.encoders(part)[2]
+            before = self.at_rest(part, 2)
             # Its keys do nothing in 4.0.0.
             joint.one("slider", "Velocity.*").drag(-0.2)
             self.seen("a direct velocity moves it", lambda: network.encoders(part)[2] < before - 1)

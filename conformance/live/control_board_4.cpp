@@ -47,6 +47,7 @@ int main(int argc, char** argv) {
     check("traj speed", bool(board.setTrajSpeed(0, 20.0)));
     double x = 0; check("traj speed back", bool(board.getTrajSpeed(0, &x)) && x == 20.0);
     check("traj acceleration", bool(board.setTrajAcceleration(0, 60.0)) && bool(board.getTrajAcceleration(0, &x)) && x == 60.0);
+    check("the acceleration of yarpmotorgui", bool(board.setTrajAcceleration(0, 100000.0)) && bool(board.getTrajAcceleration(0, &x)) && x > 60.0 && x < 100000.0);
     check("position move", bool(board.positionMove(0, start + 3.0)));
     check("target", bool(board.getTargetPosition(0, &x)) && std::fabs(x - start - 3.0) < 1e-9);
     check("it arrives", eventually([&]{ double p; return bool(board.getEncoder(0, &p)) && std::fabs(p - start - 3.0) < 1e-3; }));
@@ -102,7 +103,9 @@ int main(int argc, char** argv) {
     Pid pid, back; pid.kp=1; pid.kd=2; pid.ki=3; pid.max_int=4; pid.scale=5; pid.max_output=6; pid.offset=7; pid.stiction_up_val=8; pid.stiction_down_val=9; pid.kff=10;
     check("pid", bool(board.setPid(P, 0, pid)) && bool(board.getPid(P, 0, &back)) && back == pid);
     std::vector<Pid> pids(n); check("pids", bool(board.getPids(P, pids.data())) && pids[0] == pid && bool(board.setPids(P, pids.data())));
-    PidExtraInfo info; check("pid extra info", bool(board.getPidExtraInfo(P, 0, info)));
+    PidExtraInfo info; check("pid extra info", bool(board.getPidExtraInfo(P, 0, info)) && !info.description.pid_description.empty() && info.description.input_data_description == "position, deg" && info.description.output_data_description == "duty cycle, %" && info.units.units_kp == "%/deg" && info.units.units_scale.empty() && info.units.units_kff == "%");
+    std::vector<PidExtraInfo> infos; check("pid extra infos", bool(board.getPidExtraInfos(PidControlTypeEnum::VOCAB_PIDTYPE_TORQUE_1, infos)) && infos.size() == n && infos[n - 1].description.input_data_description == "torque, Nm" && infos[n - 1].units.units_kp == "%/Nm");
+    check("no third loop", !board.getPidExtraInfo(PidControlTypeEnum::VOCAB_PIDTYPE_POSITION_3, 0, info));
     check("pid reference", bool(board.setPidReference(P, 0, 1.5)) && bool(board.getPidReference(P, 0, &x)) && x == 1.5);
     check("pid references", bool(board.getPidReferences(P, v.data())) && v[0] == 1.5);
     check("pid error limit", bool(board.setPidErrorLimit(P, 0, 2.5)) && bool(board.getPidErrorLimit(P, 0, &x)) && x == 2.5);

@@ -1,7 +1,8 @@
 """Looks through a camera of ours with stock YARP's own client, and prints `ok` or `FAIL` per check.
 
     yarp camera --name /eye --mode grid --width 32 --height 24 &
-    conformance/stock/with_stock "$STOCK/bin/python" conformance/live/frame_grabber.py /eye
+    yarp camera --name /fire --mode grid --width 32 --height 24 --firewire &
+    conformance/stock/with_stock "$STOCK/bin/python" conformance/live/frame_grabber.py /eye /fire
 
 Stock is 3.5.0, whose client is `frameGrabber_nwc_yarp`. Its bindings see the knobs of the client, and nothing else of it:
 so stock's server `frameGrabber_nws_yarp` serves the client again, which then is asked for everything that it asks of
@@ -127,7 +128,35 @@ QUESTIONS = (
 )
 
 
-def relayed(name, relay, words):
+# The same of a camera on IEEE 1394. Stock's server takes the word of an order for its value, so that only orders pass it
+# that have none, or are switches.
+WIRE = (
+    ("[fgc] [get] [camd]", '[fgc] [camd] [is] 1 "simulated camera"'),
+    ("[fgfw] [DR2m]", "16777235"),
+    ("[fgfw] [DR2n]", "24"),
+    ("[fgfw] [DR2p]", "255"),
+    ("[fgfw] [DR2q]", "4"),
+    ("[fgfw] [DR2s]", "2"),
+    ("[fgfw] [DR2v]", "4"),
+    ("[fgfw] [DR2z]", "640 480 1 1 1 1"),
+    ("[fgfw] [DR2A]", "32 24 0 0"),
+    ("[fgfw] [DR2o] 1", "0"),
+    ("[fgfw] [DR2C] 1", "1"),
+    ("[fgfw] [DR2D]", "1"),
+    ("[fgfw] [DR2J]", "1"),
+    ("[fgfw] [DR2D]", "0"),
+    ("[fgfw] [DR2E] 1", "1"),
+    ("[fgfw] [DR2F]", "1"),
+    ("[fgfw] [DR2I] 1", "1"),
+    ("[fgfw] [DR2L] 1", "1"),
+    ("[fgfw] [DR2M] 1", "1"),
+    ("[fgfw] [DR2O]", "4096"),
+    ("[fgfw] [DR2N] 1000", "0"),
+    ("[fgfw] [DR2K]", "1"),
+)
+
+
+def relayed(name, relay, words, questions=QUESTIONS):
     """Stock's client looks through our camera, and stock's server serves what it sees."""
     print(f"---- frameGrabber_nwc_yarp {' '.join(words)}", flush=True)
     command = ["yarpdev", "--device", "frameGrabber_nws_yarp", "--subdevice", "frameGrabber_nwc_yarp",
@@ -142,7 +171,7 @@ def relayed(name, relay, words):
         asking = yarp.RpcClient()
         asking.open(f"{relay}/asking")
         check("it can be asked", yarp.Network.connect(f"{relay}/asking", f"{relay}/rpc"))
-        for question, expected in QUESTIONS:
+        for question, expected in questions:
             answer = yarp.Bottle()
 
             def is_answered():
@@ -165,7 +194,7 @@ def relayed(name, relay, words):
 
 
 def main():
-    name = sys.argv[1]
+    name, wire = sys.argv[1:3]
     yarp.Network.init()
     try:
         viewer = Viewer(name, "/live/view/img:i")
@@ -176,6 +205,7 @@ def main():
         viewer.port.close()
         relayed(name, "/live/streamed", [])
         relayed(name, "/live/asked", ["--no_stream"])
+        relayed(wire, "/live/wire", [], WIRE)
     finally:
         yarp.Network.fini()
     return 1 if failures else 0

@@ -4,6 +4,7 @@
 // Both wrappers are plugins; the fake camera is compiled in. run_4.sh does that. Ends with 1 if any check failed.
 //
 //     frame_grabber_4 look NAME LOCAL
+//     frame_grabber_4 wire NAME LOCAL      (a camera on IEEE 1394)
 //     frame_grabber_4 serve NAME SECONDS
 #include "FakeFrameGrabber.h"
 #include <yarp/dev/Drivers.h>
@@ -74,12 +75,51 @@ static void look(const std::string& name, const std::string& local, bool stream)
     driver.close();
 }
 
+static void wired(const std::string& name, const std::string& local) {
+    Property options; options.put("device", "frameGrabber_nwc_yarp"); options.put("remote", name); options.put("local", local);
+    PolyDriver driver; IFrameGrabberControlsDC1394* wire = nullptr; IFrameGrabberControls* knobs = nullptr; IFrameGrabberImage* images = nullptr;
+    check("opens", driver.open(options));
+    if (!driver.view(wire) || !driver.view(knobs) || !driver.view(images)) { check("interfaces", false); return; }
+    Time::delay(2.0);
+    ImageOf<PixelRgb> image;
+    auto becomes = [&](size_t w, size_t h) { return eventually([&]{ return bool(images->getImage(image)) && image.width() == w && image.height() == h; }); };
+    CameraDescriptor about; check("its bus", bool(knobs->getCameraDescription(about)) && about.busType == BusType::BUS_FIREWIRE);
+    unsigned v = 0;
+    check("video modes", bool(wire->getVideoModeMaskDC1394(v)) && v == ((1u << 0) | (1u << 1) | (1u << 4) | (1u << 24)));
+    check("video mode", bool(wire->setVideoModeDC1394(1)) && bool(wire->getVideoModeDC1394(v)) && v == 1 && becomes(320, 240));
+    check("another is refused", !wire->setVideoModeDC1394(7) && bool(wire->getVideoModeDC1394(v)) && v == 1);
+    check("rates", bool(wire->getFPSMaskDC1394(v)) && v == 255);
+    check("rate", bool(wire->setFPSDC1394(5)) && bool(wire->getFPSDC1394(v)) && v == 5 && !wire->setFPSDC1394(8));
+    check("speed of the bus", bool(wire->setISOSpeedDC1394(3)) && bool(wire->getISOSpeedDC1394(v)) && v == 3);
+    check("codings", bool(wire->getColorCodingMaskDC1394(1, v)) && v == 4 && bool(wire->getColorCodingDC1394(v)) && v == 2);
+    check("coding", bool(wire->setColorCodingDC1394(2)) && !wire->setColorCodingDC1394(0));
+    check("no window in this mode", !wire->setFormat7WindowDC1394(20, 10, 1, 2));
+    check("format 7", bool(wire->setVideoModeDC1394(24)));
+    unsigned w = 0, h = 0, a = 0, b = 0, c = 0, d = 0; int x = 0, y = 0;
+    check("largest window", bool(wire->getFormat7MaxWindowDC1394(w, h, a, b, c, d)) && w == 640 && h == 480 && a == 1 && b == 1 && c == 1 && d == 1);
+    check("window", bool(wire->setFormat7WindowDC1394(20, 10, 300, 200)) && bool(wire->getFormat7WindowDC1394(w, h, x, y)) && w == 20 && h == 10 && x == 300 && y == 200 && becomes(20, 10));
+    check("outside", !wire->setFormat7WindowDC1394(20, 10, -1, 0) && !wire->setFormat7WindowDC1394(640, 480, 1, 0));
+    bool on = false;
+    check("1394b", bool(wire->setOperationModeDC1394(true)) && bool(wire->getOperationModeDC1394(on)) && on);
+    check("transmission off", bool(wire->setTransmissionDC1394(false)) && bool(wire->getTransmissionDC1394(on)) && !on);
+    check("transmission on", bool(wire->setTransmissionDC1394(true)) && bool(wire->getTransmissionDC1394(on)) && on);
+    check("switches", bool(wire->setBroadcastDC1394(true)) && bool(wire->setPowerDC1394(false)) && bool(wire->setPowerDC1394(true)) && bool(wire->setCaptureDC1394(true)));
+    check("packets", bool(wire->setBytesPerPacketDC1394(1000)) && bool(wire->getBytesPerPacketDC1394(v)) && v == 1000 && !wire->setBytesPerPacketDC1394(0));
+    check("defaults", bool(wire->setDefaultsDC1394()) && bool(wire->getBytesPerPacketDC1394(v)) && v == 4096 && becomes(32, 24));
+    check("reset", bool(wire->setResetDC1394()));
+    driver.close();
+}
+
 int main(int argc, char** argv) {
     if (argc < 4) return 2;
     Network network;
     if (std::string(argv[1]) == "look") {
         look(argv[2], std::string(argv[3]) + "/a", true);
         look(argv[2], std::string(argv[3]) + "/b", false);
+        return failures ? 1 : 0;
+    }
+    if (std::string(argv[1]) == "wire") {
+        wired(argv[2], argv[3]);
         return failures ? 1 : 0;
     }
     Drivers::factory().add(new DriverCreatorOf<FakeFrameGrabber>("fakeFrameGrabber", "frameGrabber_nws_yarp", "FakeFrameGrabber"));

@@ -178,6 +178,8 @@ def references(arm):
     harder = [60.0 + joint for joint in arm.joints()]
     check("accelerations of all", arm.position.setRefAccelerations(yarp.DVector(harder))
           and arm.read(arm.position.getRefAccelerations) == harder)
+    check("the acceleration of yarpmotorgui", arm.velocity.setRefAcceleration(0, 100000.0)
+          and harder[0] < arm.read(arm.velocity.getRefAccelerations)[0] < 100000.0)
     check("an impossible speed is refused", not arm.position.setRefSpeed(0, -1.0))
 
 

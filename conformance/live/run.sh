@@ -187,8 +187,11 @@ for server in ours stock; do
     "$ours" camera --name /eye --mode grid --width 32 --height 24 >"$work/camera.log" 2>&1 &
     running+=($!)
     until_ok "$ours" exists /eye
+    "$ours" camera --name /fire --mode grid --width 32 --height 24 --firewire >"$work/firewire.log" 2>&1 &
+    running+=($!)
+    until_ok "$ours" exists /fire
     suite "stock's clients look through our camera, server: $server" \
-        "$with_stock" "$python" conformance/live/frame_grabber.py /eye
+        "$with_stock" "$python" conformance/live/frame_grabber.py /eye /fire
     "$with_stock" yarpdev --device frameGrabber_nws_yarp --subdevice fakeFrameGrabber \
         --name /fakecam --width 32 --height 24 --mode line >"$work/fakecam.log" 2>&1 &
     running+=($!)

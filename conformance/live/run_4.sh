@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Our control boards and cameras against live stock YARP 4.0, in both directions. Fails, and never skips, when stock is missing.
+# Our control boards, cameras, hand and controller of a tool against live stock YARP 4.0, in both directions. Fails, and never skips, when stock is missing.
 #
 #   STOCK4_SOURCE   sources of YARP 4.0.0
 #   STOCK4_BUILD    a build of them, with the plugins fakeMotionControl, controlBoard_nws_yarp, frameGrabber_nws_yarp
@@ -40,6 +40,7 @@ g++ -std=c++17 -O1 "-I$client" "${include[@]}" conformance/live/control_board_4.
     "${libraries[@]}" -o "$work/client"
 g++ -std=c++17 -O1 "${include[@]}" conformance/live/fake_board_4.cpp "${libraries[@]}" -o "$work/board"
 g++ -std=c++17 -O1 "${include[@]}" conformance/live/caller_4.cpp "${libraries[@]}" -o "$work/caller"
+g++ -std=c++17 -O1 "${include[@]}" conformance/live/words_4.cpp "${libraries[@]}" -o "$work/words"
 grabber=$STOCK4_SOURCE/src/devices/fake/fakeFrameGrabber
 g++ -std=c++17 -O1 "-I$grabber" "${include[@]}" conformance/live/frame_grabber_4.cpp "$grabber"/*.cpp \
     "${libraries[@]}" -o "$work/grabber"
@@ -51,7 +52,7 @@ export YARP_DATA_DIRS=$STOCK4_BUILD/share/yarp LD_LIBRARY_PATH=$STOCK4_BUILD/lib
 "$target/yarp" server --ip 127.0.0.1 --socket 18510 --write >"$work/server.log" 2>&1 &
 running+=($!)
 until_ok "$target/yarp" where
-"$target/yarp" up --name /wam >"$work/up.log" 2>&1 &
+"$target/yarp" up --name /wam --cartesian >"$work/up.log" 2>&1 &
 running+=($!)
 until_ok "$target/yarp" exists /wam/stateExt:o
 for carrier in fast_tcp tcp udp; do
@@ -60,6 +61,21 @@ for carrier in fast_tcp tcp udp; do
 done
 echo "---- a program of stock 4.0 types 3.x's words"
 timeout 120 "$work/caller" /wam/rpc:i
+echo "---- a program of stock 4.0 hears how moves end"
+timeout 300 "$work/words" moves /wam 2>"$work/moves.log"
+until_ok "$target/yarp" exists /cartController/wam/rpc:i
+for carrier in udp tcp; do
+    echo "---- a program of stock 4.0 moves the tool as iCub's client does, over $carrier"
+    timeout 400 "$work/words" tool /cartController/wam $carrier 2>"$work/tool.log"
+done
+"$target/yarp" hand-sim --link "$work/line" >"$work/hand-sim.log" 2>&1 &
+running+=($!)
+until_ok test -e "$work/line"
+"$target/yarp" hand-board --serial "$work/line" >"$work/hand-board.log" 2>&1 &
+running+=($!)
+until_ok "$target/yarp" exists /hand/hand/rpc:i
+echo "---- a program of stock 4.0 calls the hand as a whole"
+timeout 300 "$work/words" hand /hand 2>"$work/hand.log"
 "$work/board" /fake4 600 >"$work/board.log" 2>&1 &
 running+=($!)
 until_ok "$target/yarp" exists /fake4/stateExt:o
@@ -70,6 +86,10 @@ running+=($!)
 until_ok "$target/yarp" exists /eye
 echo "---- stock 4.0 looks through our camera"
 timeout 300 "$work/grabber" look /eye /live4/eye 2>"$work/look.log"
+"$target/yarp" camera --name /fire --mode grid --width 32 --height 24 --firewire >"$work/firewire.log" 2>&1 &
+running+=($!)
+until_ok "$target/yarp" exists /fire
+timeout 300 "$work/grabber" wire /fire /live4/fire 2>"$work/wire.log"
 "$work/grabber" serve /fakecam4 600 >"$work/fakecam.log" 2>&1 &
 running+=($!)
 until_ok "$target/yarp" exists /fakecam4

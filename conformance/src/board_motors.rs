@@ -2,8 +2,8 @@
 
 use yarp_devices::{
     AmplifierControl, AmplifierLimit, Axes, AxisIndex, AxisInfo, DeviceError, Limits, Motor,
-    MotorTorqueParameters, Pid, PidControl, PidKind, PidValue, PositionControl, PositionDirect,
-    TorqueControl,
+    MotorTorqueParameters, Pid, PidControl, PidInfo, PidKind, PidValue, PositionControl,
+    PositionDirect, TorqueControl,
 };
 
 use crate::board::RecordedBoard;
@@ -129,6 +129,10 @@ impl PidControl for RecordedBoard {
         let state = self.state();
         let chosen = axes.iter(self.axes()).map(|axis| state.pids[axis.index()]);
         Ok(chosen.collect())
+    }
+
+    fn pid_info(&self, kind: PidKind, axes: Axes<'_>) -> Outcome<Vec<PidInfo>> {
+        self.arm.pid_info(kind, axes)
     }
 
     fn set_pids(&self, _kind: PidKind, axes: Axes<'_>, pids: &[Pid]) -> Outcome<()> {

@@ -2,10 +2,10 @@
 
 use crate::{
     AmplifierControl, AudioGrabber, AudioRender, AxisInfo, CartesianControl, ControlCalibration,
-    ControlLimits, ControlMode, CurrentControl, Encoders, FrameGrabberControls, FrameGrabberImage,
-    FrameGrabberImageRaw, Grasp, Hand, ImpedanceControl, InteractionMode, JointBrake, JointFault,
-    Motor, MotorEncoders, PidControl, PositionControl, PositionDirect, PwmControl,
-    RemoteCalibrator, RemoteVariables, RgbVisualParams, SerialDevice, TorqueControl,
+    ControlLimits, ControlMode, CurrentControl, Encoders, FirewireControls, FrameGrabberControls,
+    FrameGrabberImage, FrameGrabberImageRaw, Grasp, Hand, ImpedanceControl, InteractionMode,
+    JointBrake, JointFault, Motor, MotorEncoders, PidControl, PositionControl, PositionDirect,
+    PwmControl, RemoteCalibrator, RemoteVariables, RgbVisualParams, SerialDevice, TorqueControl,
     VelocityControl, VelocityDirect,
 };
 
@@ -195,6 +195,11 @@ pub trait Device: Send + Sync {
 
     /// The knobs of a camera (`IFrameGrabberControls`).
     fn frame_grabber_controls(&self) -> Option<&dyn FrameGrabberControls> {
+        None
+    }
+
+    /// What cameras on IEEE 1394 have (`IFrameGrabberControlsDC1394`).
+    fn firewire_controls(&self) -> Option<&dyn FirewireControls> {
         None
     }
 

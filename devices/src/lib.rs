@@ -62,14 +62,14 @@ pub use iface::{
     AmplifierControl, AmplifierLimit, Audio, AudioBufferSize, AudioGrabber, AudioRender, AxisInfo,
     Bus, CalibrationParameters, CameraConfiguration, CameraDescription, CartesianControl,
     CartesianEvent, CartesianInfo, ControlCalibration, ControlLimits, ControlMode, CurrentControl,
-    EncoderReading, Encoders, Fault, Feature, FeatureMode, FrameGrabberControls, FrameGrabberImage,
-    FrameGrabberImageRaw, Grasp, GraspKind, Hand, Impedance, ImpedanceControl, ImpedanceLimits,
-    Interaction, InteractionMode, Intrinsics, JointBrake, JointFault, JointType, Limits, Mode,
-    MotionControl, Motor, MotorEncoders, MotorTorqueParameters, Pid, PidControl, PidKind, PidValue,
-    PositionControl, PositionDirect, Priority, PwmControl, Reach, RemoteCalibrator,
-    RemoteVariables, RgbVisualParams, SerialDevice, StampedPose, Target, TaskPose, TaskVelocity,
-    TorqueControl, TweakChange, Tweaks, UnknownGrasp, VariableValue, VelocityControl,
-    VelocityDirect,
+    EncoderReading, Encoders, Fault, Feature, FeatureMode, FirewireControls, FrameGrabberControls,
+    FrameGrabberImage, FrameGrabberImageRaw, Grasp, GraspKind, Hand, Impedance, ImpedanceControl,
+    ImpedanceLimits, Interaction, InteractionMode, Intrinsics, JointBrake, JointFault, JointType,
+    Limits, Mode, MotionControl, Motor, MotorEncoders, MotorTorqueParameters, Pid, PidControl,
+    PidInfo, PidKind, PidUnits, PidValue, PositionControl, PositionDirect, Priority, PwmControl,
+    Reach, RemoteCalibrator, RemoteVariables, RgbVisualParams, SerialDevice, StampedPose, Target,
+    TaskPose, TaskVelocity, TorqueControl, TweakChange, Tweaks, UnknownGrasp, VariableValue,
+    VelocityControl, VelocityDirect, Window, WindowLimits,
 };
 
 /// Compiles the example of the README.

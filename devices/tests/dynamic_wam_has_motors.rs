@@ -63,6 +63,13 @@ fn loops_tell_their_gains_references_and_errors() {
     // 500 Nm/rad, at most 15 Nm.
     assert!((gains[0].kp - 500.0_f64.to_radians()).abs() < 1e-9);
     assert_eq!(gains[0].max_output, 15.0);
+    let info = loops.pid_info(PidKind::Position, ELBOW.into()).unwrap();
+    assert_eq!(
+        (&*info[0].units.kp, &*info[0].units.max_output),
+        ("Nm/deg", "Nm")
+    );
+    assert_eq!(info[0].units.kff, "", "it has no feed-forward");
+    assert!(loops.pid_info(PidKind::Torque, ELBOW.into()).is_err());
     gains[0].kp *= 2.0;
     loops
         .set_pids(PidKind::Position, ELBOW.into(), &gains)

@@ -163,6 +163,7 @@ fn contracts_that_need_no_exact_place_are_kept() {
         checks::readings_carry_fresh_times,
         checks::a_bad_target_for_one_moves_none,
         checks::references_are_kept,
+        checks::too_hard_is_as_hard_as_it_can,
         checks::modes_are_kept,
     ] {
         check(&board, PATIENCE);

@@ -4,7 +4,9 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use yarp_devices::camera::{CameraOptions, Pattern, Scene, SimulatedCamera};
-use yarp_devices::{DeviceError, FrameGrabberImage, RgbVisualParams, checks};
+use yarp_devices::{
+    Device, DeviceError, FirewireControls, FrameGrabberImage, RgbVisualParams, checks,
+};
 
 const PATIENCE: Duration = Duration::from_secs(60);
 
@@ -49,6 +51,67 @@ fn every_check_passes() {
         println!("{name}");
         check(&camera(Scene::Pattern(Pattern::Grid)), PATIENCE);
     }
+}
+
+fn firewire(scene: Scene) -> SimulatedCamera {
+    let options = CameraOptions::new().size(48, 32).rate(200.0).firewire(true);
+    SimulatedCamera::start(options.scene(scene)).expect("it starts")
+}
+
+#[test]
+fn every_check_of_cameras_on_ieee_1394_passes() {
+    for (name, check) in checks::CAMERA.iter().chain(checks::FIREWIRE) {
+        println!("{name}");
+        check(&firewire(Scene::Pattern(Pattern::Grid)), PATIENCE);
+    }
+    let plain = camera(Scene::Pattern(Pattern::Grid));
+    assert!(plain.firewire_controls().is_none());
+}
+
+/// Switched off in any way, the camera takes no images; its number stands still for many of its periods.
+#[test]
+fn a_camera_that_is_switched_off_takes_no_images() {
+    type Switch = fn(&SimulatedCamera, bool) -> Result<(), DeviceError>;
+    let switches: [Switch; 3] = [
+        |camera, on| camera.set_transmission(on),
+        |camera, on| camera.set_power(on),
+        |camera, on| camera.set_capture(on),
+    ];
+    let camera = firewire(Scene::Pattern(Pattern::Grid));
+    let number = || camera.image().expect("the last one is kept").number;
+    for switch in switches {
+        switch(&camera, false).expect("it can be switched");
+        let deadline = Instant::now() + PATIENCE;
+        loop {
+            let before = number();
+            std::thread::sleep(Duration::from_millis(100));
+            if number() == before {
+                break;
+            }
+            assert!(Instant::now() < deadline, "images go on");
+        }
+        let last = number();
+        switch(&camera, true).expect("it can be switched");
+        while number() == last {
+            assert!(Instant::now() < deadline, "no images come");
+            std::thread::yield_now();
+        }
+    }
+}
+
+/// Pictures have a size of their own, which no video mode and no window changes.
+#[test]
+fn pictures_are_in_format_7_only() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("still.ppm");
+    std::fs::write(&path, ppm(77)).unwrap();
+    let camera = firewire(Scene::File(path));
+    assert_eq!(camera.video_modes().unwrap(), 1 << 24);
+    assert_eq!(camera.video_mode().unwrap(), 24);
+    assert!(camera.set_video_mode(1).is_err());
+    let window = camera.window().unwrap();
+    assert_eq!((window.width, window.height), (4, 2));
+    assert!(camera.set_window(window).is_err());
 }
 
 #[test]

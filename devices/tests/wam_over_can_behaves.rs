@@ -22,6 +22,7 @@ fn keeps_the_contracts_that_need_no_exact_place() {
         checks::readings_carry_fresh_times,
         checks::a_malformed_command_is_refused,
         checks::references_are_kept,
+        checks::too_hard_is_as_hard_as_it_can,
         checks::modes_are_kept,
         checks::limits_are_kept,
         checks::interactions_are_kept,

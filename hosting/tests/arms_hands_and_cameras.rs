@@ -23,7 +23,7 @@ fn eventually(what: &str, mut condition: impl FnMut() -> bool) {
 #[test]
 fn a_camera_is_served_and_seen() {
     let stage = Stage::new();
-    let text = "attached_device fakeFrameGrabber\nwrapper_device frameGrabber_nws_yarp\nname /eye\nmode grid\nwidth 48\nheight 32\nperiod 0.01\nfocalLengthX 5.5\n";
+    let text = "attached_device fakeFrameGrabber\nwrapper_device frameGrabber_nws_yarp\nname /eye\nmode grid\nwidth 48\nheight 32\nperiod 0.01\nfirewire true\nfocalLengthX 5.5\n";
     let served = stage.open("deviceBundler", text).expect("it opens");
     let text = "remote /eye\nlocal /me/eye\n";
     let seen = stage
@@ -38,6 +38,8 @@ fn a_camera_is_served_and_seen() {
     });
     let lens = camera.rgb_visual_params().expect("it tells its lens");
     assert_eq!(lens.intrinsics().unwrap().focal_length.0, 5.5);
+    let firewire = camera.firewire_controls().expect("it can be asked");
+    assert_eq!(firewire.video_mode().unwrap(), 24);
     drop(camera);
     stage.runtime.block_on(seen.close());
     stage.runtime.block_on(served.close());

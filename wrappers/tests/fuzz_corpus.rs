@@ -95,7 +95,7 @@ const CALLS: [&str; 16] = [
 ];
 
 /// Requests to cameras of both generations, replies, and some that are wrong.
-const CAMERA: [&str; 16] = [
+const CAMERA: [&str; 22] = [
     "[fgi] [get] [w]",
     "[fgi] [get] [crop] 0 (1 2 3 4)",
     "[visr] [set] [res] 640 480",
@@ -112,6 +112,12 @@ const CAMERA: [&str; 16] = [
     "getFormat7WindowDC1394RPC",
     "((320 240 30.0 6449010))",
     "setModeRPC 99999999999 2",
+    "[fgfw] [DR2m]",
+    "[fgfw] [DR2B] 160 120 8 -1",
+    "[fgfw] [DR2E] 2",
+    "setFormat7WindowDC1394RPC 160 120 8 8",
+    "setPowerDC1394RPC [fail]",
+    "640 480 1 1 1 1",
 ];
 
 /// Requests to hands, replies, and some that are wrong.

@@ -10,10 +10,10 @@ use yarp_devices::image::{Crop, PixelFormat};
 use yarp_devices::{
     DeviceError, Feature, FrameGrabberControls, FrameGrabberImage, FrameGrabberImageRaw,
 };
-use yarp_ports::{PortOptions, Queue};
+use yarp_ports::{Port, PortOptions, Queue};
 use yarp_wire::typed::{Image, PixelCode};
 use yarp_wire::{Bottle, Dialect};
-use yarp_wrappers::{OpenError, RemoteFrameGrabber, RemoteFrameGrabberOptions};
+use yarp_wrappers::{FrameGrabberServer, OpenError, RemoteFrameGrabber, RemoteFrameGrabberOptions};
 
 fn options() -> RemoteFrameGrabberOptions {
     // Longer than a machine forgets about us.
@@ -26,6 +26,22 @@ fn options() -> RemoteFrameGrabberOptions {
 fn all(options: RemoteFrameGrabberOptions, checks: &[(&str, Check)]) {
     let stage = Stage::new();
     let server = stage.serve_camera();
+    all_of(&stage, server, options, checks);
+}
+
+/// The same on a camera on IEEE 1394.
+fn all_on_firewire(options: RemoteFrameGrabberOptions, checks: &[(&str, Check)]) {
+    let stage = Stage::new();
+    let server = stage.serve_firewire_camera();
+    all_of(&stage, server, options, checks);
+}
+
+fn all_of(
+    stage: &Stage,
+    server: FrameGrabberServer,
+    options: RemoteFrameGrabberOptions,
+    checks: &[(&str, Check)],
+) {
     let camera = RemoteFrameGrabber::open(&stage.network, options).expect("it can be reached");
     for (name, check) in checks {
         println!("{name}");
@@ -47,15 +63,26 @@ fn every_check_passes_over_4() {
 }
 
 #[test]
+fn every_check_of_ieee_1394_passes_over_3() {
+    all_on_firewire(options().generation(Dialect::V3), checks::FIREWIRE);
+}
+
+#[test]
+fn every_check_of_ieee_1394_passes_over_4() {
+    all_on_firewire(options().generation(Dialect::V4), checks::FIREWIRE);
+}
+
+#[test]
 fn images_that_are_asked_for_are_images_as_well() {
     // Without a stream nothing tells which image of the camera it is: each is a new one.
     let same = |(name, _): &&(&str, Check)| *name != "images_go_on";
     let checks: Vec<_> = checks::CAMERA.iter().filter(same).copied().collect();
     for generation in [Dialect::V3, Dialect::V4] {
-        all(
-            options().no_stream().carrier("none").generation(generation),
-            &checks,
-        );
+        let options = options().no_stream().carrier("none").generation(generation);
+        all(options.clone(), &checks);
+        let same = |(name, _): &&(&str, Check)| *name != "images_go_on_when_switched_on";
+        let checks: Vec<_> = checks::FIREWIRE.iter().filter(same).copied().collect();
+        all_on_firewire(options, &checks);
     }
 }
 
@@ -198,6 +225,58 @@ fn any_port_reads_the_images() {
     stage.runtime.block_on(server.close());
 }
 
+/// What is answered to what is typed.
+async fn answer(asking: &Port, said: &str) -> String {
+    let message = Bottle::parse(said).expect("a bottle");
+    let reply = asking.call_within::<Bottle>(&message, PATIENCE).await;
+    reply.expect("an answer").to_string()
+}
+
+/// What stock's clients of both generations say to a camera on IEEE 1394, and what they read.
+#[test]
+fn words_of_ieee_1394_are_answered_as_stock_answers() {
+    let stage = Stage::new();
+    let server = stage.serve_firewire_camera();
+    let asking = stage.port("/asker", PortOptions::new().calling());
+    stage.runtime.block_on(async {
+        asking.connect("/grabber/rpc").await.expect("connected");
+        for (said, expected) in [
+            (
+                "[fgc] [get] [camd]",
+                "[fgc] [camd] [is] 1 \"simulated camera\"",
+            ),
+            ("[fgfw] [DR2m]", "16777235"),
+            ("[fgfw] [DR2o] 1", "1"),
+            ("[fgfw] [DR2n]", "1"),
+            ("[fgfw] [DR2o] 2", "0"),
+            ("[fgfw] [DR2o] -1", "0"),
+            ("[fgfw] [DR2o]", "0"),
+            ("[fgfw] [DR2B] 16 12 0 0", "0"),
+            ("[fgfw] [DR2o] 24", "1"),
+            ("[fgfw] [DR2B] 16 12 -1 0", "0"),
+            ("[fgfw] [DR2B] 16 12 8 4", "1"),
+            ("[fgfw] [DR2A]", "16 12 8 4"),
+            ("[fgfw] [DR2z]", "640 480 1 1 1 1"),
+            ("[fgfw] [DR2u] 5", "\"command not recognized\""),
+            ("[fgfw] [DR2C] 1", "1"),
+            ("[fgfw] [DR2D]", "1"),
+            ("getFormat7WindowDC1394RPC", "([ok]) 16 12 8 4"),
+            ("getOperationModeDC1394RPC", "([ok]) [ok]"),
+            ("setFPSDC1394RPC 9", "[err7]"),
+            ("setFPSDC1394RPC 5", "[ok]"),
+            ("getFPSDC1394RPC", "([ok]) 5"),
+            ("setFormat7WindowDC1394RPC 1 1 1", "[fail]"),
+            ("getColorCodingMaskDC1394RPC 24", "([ok]) 16"),
+            ("setDefaultsDC1394RPC", "[ok]"),
+            ("getOperationModeDC1394RPC", "([ok]) [fail]"),
+        ] {
+            assert_eq!(answer(&asking, said).await, expected, "{said}");
+        }
+    });
+    stage.runtime.block_on(asking.close());
+    stage.runtime.block_on(server.close());
+}
+
 /// Requests that make no sense are answered, on either port, and the camera goes on.
 #[test]
 fn nonsense_is_refused_and_the_camera_goes_on() {
@@ -227,12 +306,7 @@ fn nonsense_is_refused_and_the_camera_goes_on() {
                 ("getCameraDescriptionRPC", "([ok]) 0 \"simulated camera\""),
                 ("setRgbMirroringRPC [fail]", "[ok]"),
             ] {
-                let message = Bottle::parse(said).expect("a bottle");
-                let reply: Bottle = asking
-                    .call_within(&message, PATIENCE)
-                    .await
-                    .expect("an answer");
-                assert_eq!(reply.to_string(), expected, "{said} to {to}");
+                assert_eq!(answer(&asking, said).await, expected, "{said} to {to}");
             }
         });
         stage.runtime.block_on(asking.close());

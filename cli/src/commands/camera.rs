@@ -41,6 +41,9 @@ pub(crate) struct Args {
     /// Images a second
     #[arg(long, value_name = "HERTZ", default_value_t = 30.0)]
     freq: f64,
+    /// Is a camera on IEEE 1394, with video modes, rates and windows
+    #[arg(long)]
+    firewire: bool,
     /// Streams images in grey
     #[arg(long)]
     raw: bool,
@@ -62,7 +65,8 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let options = CameraOptions::new()
         .scene(scene)
         .size(args.width, args.height)
-        .rate(args.freq);
+        .rate(args.freq)
+        .firewire(args.firewire);
     let camera = Arc::new(SimulatedCamera::start(options)?);
     // Looked for twice as often as images are taken, so that none is missed; up to 1000 times a second.
     let period = Duration::from_secs_f64(0.5 / args.freq).max(Duration::from_millis(1));

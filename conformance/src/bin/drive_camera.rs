@@ -12,8 +12,8 @@ use std::process::ExitCode;
 use yarp_conformance::checks::{Checks, PATIENCE};
 use yarp_devices::image::Crop;
 use yarp_devices::{
-    Feature, FeatureMode, FrameGrabberControls, FrameGrabberImage, FrameGrabberImageRaw,
-    RgbVisualParams,
+    Feature, FeatureMode, FirewireControls, FrameGrabberControls, FrameGrabberImage,
+    FrameGrabberImageRaw, RgbVisualParams, Window,
 };
 use yarp_ports::Network;
 use yarp_wrappers::{RemoteFrameGrabber, RemoteFrameGrabberOptions};
@@ -140,10 +140,13 @@ fn drive(checks: &mut Checks, camera: &RemoteFrameGrabber, generation: &str, str
             let kept = kept.and_then(|()| camera.mode(Feature::Gain));
             checks.check("mode", kept, |kept| *kept == mode);
         }
+        firewire(checks, camera);
         let pushed = camera.one_push(Feature::Gain);
         let pushed = pushed.and_then(|()| camera.has_one_push(Feature::Gain));
         checks.check("pushed once", pushed, |pushed| *pushed);
     } else {
+        let refused = camera.video_mode().is_err() && camera.set_rate(1).is_err();
+        checks.check("IEEE 1394 is refused", Ok(refused), |refused| *refused);
         // Of no meaning, but an answer.
         checks.check("a knob is answered", camera.feature(Feature::Gain), |_| {
             true
@@ -154,4 +157,46 @@ fn drive(checks: &mut Checks, camera: &RemoteFrameGrabber, generation: &str, str
             |_| true,
         );
     }
+}
+
+/// The fake camera keeps numbers of no meaning, and says nothing of windows; its server gives the coding for the mask of
+/// the codings.
+fn firewire(checks: &mut Checks, camera: &RemoteFrameGrabber) {
+    checks.check("video modes", camera.video_modes(), |mask| *mask == 10);
+    checks.check("rates", camera.rates(), |mask| *mask == 12);
+    let mode = camera.set_video_mode(3).and_then(|()| camera.video_mode());
+    checks.check("video mode", mode, |mode| *mode == 3);
+    let rate = camera.set_rate(4).and_then(|()| camera.rate());
+    checks.check("rate", rate, |rate| *rate == 4);
+    let speed = camera.set_iso_speed(5).and_then(|()| camera.iso_speed());
+    checks.check("speed of the bus", speed, |speed| *speed == 5);
+    let coding = camera
+        .set_color_coding(6)
+        .and_then(|()| camera.color_coding());
+    checks.check("coding", coding, |coding| *coding == 6);
+    checks.check("codings", camera.color_codings(3), |mask| *mask == 6);
+    checks.check("largest window", camera.window_limits(), |_| true);
+    checks.check("window", camera.window(), |_| true);
+    let set = camera.set_window(Window::default());
+    checks.check("set window", set, |()| true);
+    for on in [true, false] {
+        let kept = camera.set_1394b(on).and_then(|()| camera.is_1394b());
+        checks.check("1394b", kept, |kept| *kept == on);
+        let kept = camera.set_transmission(on);
+        let kept = kept.and_then(|()| camera.is_transmitting());
+        checks.check("transmission", kept, |kept| *kept == on);
+        let orders = [
+            camera.set_broadcast(on),
+            camera.set_power(on),
+            camera.set_capture(on),
+            camera.set_defaults(),
+            camera.reset(),
+        ];
+        for order in orders {
+            checks.check("an order", order, |()| true);
+        }
+    }
+    let bytes = camera.set_bytes_per_packet(7);
+    let bytes = bytes.and_then(|()| camera.bytes_per_packet());
+    checks.check("packets", bytes, |bytes| *bytes == 7);
 }

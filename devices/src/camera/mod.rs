@@ -9,11 +9,13 @@
 //! | file | what it is about |
 //! | --- | --- |
 //! | `simulated` | [`SimulatedCamera`]: the thread and the device interfaces |
+//! | `firewire` | the same as a camera on IEEE 1394 |
 //! | `options` | [`CameraOptions`], [`Scene`] |
 //! | `source`, `pattern`, [`mjpeg`] | where pictures come from |
 //! | `settings` | what the knobs do |
 //! | `newest` | [`Newest`]: how readers get frames without holding up the camera |
 
+mod firewire;
 pub mod mjpeg;
 mod newest;
 mod options;

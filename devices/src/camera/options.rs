@@ -27,6 +27,7 @@ pub struct CameraOptions {
     pub(super) field_of_view: (f64, f64),
     pub(super) intrinsics: Intrinsics,
     pub(super) mirrored: bool,
+    pub(super) firewire: bool,
 }
 
 impl Default for CameraOptions {
@@ -43,6 +44,7 @@ impl Default for CameraOptions {
                 ..Intrinsics::default()
             },
             mirrored: false,
+            firewire: false,
         }
     }
 }
@@ -86,6 +88,12 @@ impl CameraOptions {
     /// Whether left and right are swapped.
     pub fn mirrored(mut self, mirrored: bool) -> Self {
         self.mirrored = mirrored;
+        self
+    }
+
+    /// Whether it is a camera on IEEE 1394, with the [controls](crate::FirewireControls) of one.
+    pub fn firewire(mut self, firewire: bool) -> Self {
+        self.firewire = firewire;
         self
     }
 }

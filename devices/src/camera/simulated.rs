@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
+use super::firewire::{self, OnBus};
 use super::settings::{Knob, Settings};
 use super::source::Source;
 use super::{CameraOptions, Newest};
@@ -12,7 +13,8 @@ use crate::clock::wall_clock;
 use crate::image::{Frame, LONGEST_SIDE, PixelFormat};
 use crate::{
     Bus, CameraConfiguration, CameraDescription, Device, DeviceError, Feature, FeatureMode,
-    FrameGrabberControls, FrameGrabberImage, FrameGrabberImageRaw, Intrinsics, RgbVisualParams,
+    FirewireControls, FrameGrabberControls, FrameGrabberImage, FrameGrabberImageRaw, Intrinsics,
+    RgbVisualParams,
 };
 
 /// Images a second that a camera may be asked for.
@@ -47,6 +49,7 @@ const SIZES: [(usize, usize); 3] = [(160, 120), (320, 240), (640, 480)];
 pub struct SimulatedCamera {
     shared: Arc<Shared>,
     has_own_size: bool,
+    has_firewire: bool,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -55,15 +58,19 @@ struct Shared {
     frames: Newest<Frame>,
     state: Mutex<State>,
     ending: AtomicBool,
-    rate: f64,
+    /// Size and rate at the start.
+    started: ((usize, usize), f64),
+    sensor: (usize, usize),
     intrinsics: Intrinsics,
 }
 
 /// What can be set while it runs.
 #[derive(Clone, Debug)]
-struct State {
-    width: usize,
-    height: usize,
+pub(super) struct State {
+    pub(super) width: usize,
+    pub(super) height: usize,
+    pub(super) rate: f64,
+    pub(super) bus: OnBus,
     field_of_view: (f64, f64),
     settings: Settings,
 }
@@ -90,11 +97,17 @@ impl SimulatedCamera {
             state: Mutex::new(State {
                 width: options.width,
                 height: options.height,
+                rate: options.rate,
+                bus: OnBus::default(),
                 field_of_view: options.field_of_view,
                 settings: Settings::new(options.mirrored),
             }),
             ending: AtomicBool::new(false),
-            rate: options.rate,
+            started: ((options.width, options.height), options.rate),
+            sensor: (
+                options.width.max(firewire::SENSOR.0),
+                options.height.max(firewire::SENSOR.1),
+            ),
             intrinsics: options.intrinsics,
         });
         let mut grabber = Grabber {
@@ -115,12 +128,37 @@ impl SimulatedCamera {
         Ok(Self {
             shared,
             has_own_size,
+            has_firewire: options.firewire,
             thread: Some(thread),
         })
     }
 
-    fn state(&self) -> MutexGuard<'_, State> {
+    pub(super) fn state(&self) -> MutexGuard<'_, State> {
         self.shared.state()
+    }
+
+    pub(super) fn has_own_size(&self) -> bool {
+        self.has_own_size
+    }
+
+    /// Refuses another size where the pictures have one of their own.
+    pub(super) fn check_sizable(&self) -> Result<(), DeviceError> {
+        if self.has_own_size {
+            return Err(DeviceError::NotSupported {
+                what: "another size than that of the pictures".to_owned(),
+            });
+        }
+        Ok(())
+    }
+
+    /// Width and height of the sensor, of which a window is a part.
+    pub(super) fn sensor(&self) -> (usize, usize) {
+        self.shared.sensor
+    }
+
+    /// Size and rate at the start.
+    pub(super) fn as_started(&self) -> ((usize, usize), f64) {
+        self.shared.started
     }
 
     /// Does something with the knob of a feature, if there is one.
@@ -174,7 +212,13 @@ impl Grabber {
     /// Takes an image.
     fn take(&mut self) -> Result<(), DeviceError> {
         let state = self.shared.state().clone();
-        let picture = self.source.next(state.width, state.height)?;
+        let picture = match state.bus.window() {
+            None => self.source.next(state.width, state.height)?,
+            Some(window) => {
+                let (width, height) = self.shared.sensor;
+                firewire::part(&self.source.next(width, height)?, window)?
+            }
+        };
         let frame = Frame {
             image: state.settings.applied(picture)?,
             number: self.taken,
@@ -188,15 +232,19 @@ impl Grabber {
 
     /// Takes images until told to end. Images that a pause of the machine made impossible are left out.
     fn run(&mut self) {
-        let period = Duration::from_secs_f64(1.0 / self.shared.rate);
-        let mut due = Instant::now() + period;
+        let shared = Arc::clone(&self.shared);
+        let period = || Duration::from_secs_f64(1.0 / shared.state().rate);
+        let mut due = Instant::now() + period();
         while !self.shared.ending.load(Ordering::Acquire) {
             let now = Instant::now();
             if now < due {
                 thread::park_timeout(due - now);
                 continue;
             }
-            due = (due + period).max(now);
+            due = (due + period()).max(now);
+            if !self.shared.state().bus.is_sending() {
+                continue;
+            }
             match self.take() {
                 Ok(()) => self.failing = false,
                 Err(error) if self.failing => tracing::debug!("no image: {error}"),
@@ -233,7 +281,10 @@ impl FrameGrabberImageRaw for SimulatedCamera {
 impl FrameGrabberControls for SimulatedCamera {
     fn camera_description(&self) -> Result<CameraDescription, DeviceError> {
         Ok(CameraDescription {
-            bus: Bus::Unknown,
+            bus: match self.has_firewire {
+                true => Bus::Firewire,
+                false => Bus::Unknown,
+            },
             description: "simulated camera".to_owned(),
         })
     }
@@ -319,10 +370,11 @@ impl RgbVisualParams for SimulatedCamera {
         if !self.has_own_size {
             sizes.extend(SIZES.into_iter().filter(|size| *size != now));
         }
+        let rate = self.state().rate;
         let configuration = |(width, height)| CameraConfiguration {
             width,
             height,
-            rate: self.shared.rate,
+            rate,
             format: PixelFormat::Rgb,
         };
         Ok(sizes.into_iter().map(configuration).collect())
@@ -337,14 +389,11 @@ impl RgbVisualParams for SimulatedCamera {
     }
 
     fn set_resolution(&self, width: usize, height: usize) -> Result<(), DeviceError> {
-        if self.has_own_size {
-            return Err(DeviceError::NotSupported {
-                what: "another size than that of the pictures".to_owned(),
-            });
-        }
+        self.check_sizable()?;
         check_size(width, height)?;
         let mut state = self.state();
         (state.width, state.height) = (width, height);
+        state.bus.leave_format_7();
         Ok(())
     }
 
@@ -383,6 +432,10 @@ impl Device for SimulatedCamera {
         frame_grabber_image_raw: FrameGrabberImageRaw,
         frame_grabber_controls: FrameGrabberControls,
         rgb_visual_params: RgbVisualParams,
+    }
+
+    fn firewire_controls(&self) -> Option<&dyn FirewireControls> {
+        self.has_firewire.then_some(self)
     }
 }
 

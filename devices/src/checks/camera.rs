@@ -54,7 +54,7 @@ fn view(device: &dyn Device) -> &dyn RgbVisualParams {
 }
 
 /// Waits for an image that is `good`.
-fn until(
+pub(super) fn until(
     device: &dyn Device,
     patience: Duration,
     what: &str,

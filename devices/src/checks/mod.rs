@@ -1,4 +1,4 @@
-//! Behaviours that every control board must show, in [`camera`] every camera, and in [`tool`] every controller of a tool, to be run against any implementation.
+//! Behaviours that every control board must show, in [`camera`] every camera, in [`firewire`] every one on IEEE 1394, and in [`tool`] every controller of a tool, to be run against any implementation.
 //!
 //! Each check is a function that takes a [`Device`] and panics, as an assertion does, when the device behaves
 //! otherwise. The device must have the interfaces that the check is about and those of motion, at least two joints with
@@ -20,12 +20,14 @@
 
 mod board;
 pub mod camera;
+pub mod firewire;
 mod motors;
 pub mod tool;
 
 use std::time::Duration;
 
 pub use self::camera::CAMERA;
+pub use self::firewire::FIREWIRE;
 pub use self::tool::TOOL;
 
 use self::board::{Board, CLOSE, DISTANCE};
@@ -33,7 +35,7 @@ pub use self::motors::{
     a_joint_that_works_has_no_fault, amplifiers_switch_joints_off, brakes_hold,
     calibration_is_done, control_loops_keep_what_they_are_told, currents_push_joints,
     direct_positions_are_followed, direct_velocities_are_followed, duty_cycles_push_joints,
-    homing_brings_joints_home, impedance_is_kept, interactions_are_kept,
+    gains_have_units, homing_brings_joints_home, impedance_is_kept, interactions_are_kept,
     modes_and_loops_are_listed, motor_encoders_follow_the_joints, motor_torque_parameters_are_kept,
     motors_tell_what_they_are, torques_push_joints, variables_are_kept,
 };
@@ -66,6 +68,14 @@ pub const ALL: &[(&str, Check)] = &[
         a_malformed_command_is_refused,
     ),
     ("references_are_kept", references_are_kept),
+    (
+        "too_hard_is_as_hard_as_it_can",
+        too_hard_is_as_hard_as_it_can,
+    ),
+    (
+        "the_hardest_start_ends_at_the_velocity",
+        the_hardest_start_ends_at_the_velocity,
+    ),
     ("modes_are_kept", modes_are_kept),
     (
         "position_moves_need_position_mode",
@@ -120,6 +130,7 @@ pub const SINCE_4: &[(&str, Check)] = &[
     ),
     ("brakes_hold", brakes_hold),
     ("modes_and_loops_are_listed", modes_and_loops_are_listed),
+    ("gains_have_units", gains_have_units),
 ];
 
 /// Hands the names in [`ALL`](crate::checks::ALL) to a macro, for tests that have one function per check.
@@ -140,6 +151,8 @@ macro_rules! each_check_of_a_board {
             a_bad_target_for_one_moves_none,
             a_malformed_command_is_refused,
             references_are_kept,
+            too_hard_is_as_hard_as_it_can,
+            the_hardest_start_ends_at_the_velocity,
             modes_are_kept,
             position_moves_need_position_mode,
             a_velocity_holds_until_told_otherwise,
@@ -171,7 +184,8 @@ macro_rules! each_check_of_a_board_of_4 {
     ($each:ident! { $($before:tt)* }) => {
         $crate::each_check_of_a_board! {
             $each! { $($before)* }
-            direct_velocities_are_followed, brakes_hold, modes_and_loops_are_listed
+            direct_velocities_are_followed, brakes_hold, modes_and_loops_are_listed,
+            gains_have_units
         }
     };
 }
@@ -392,19 +406,72 @@ pub fn references_are_kept(device: &dyn Device, patience: Duration) {
             "{bad}"
         );
     }
-    for bad in [0.0, -1.0, f64::NAN] {
+    for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let mut accelerations = vec![20.0; board.total];
+        accelerations[0] = bad;
         assert!(
             position
-                .set_reference_accelerations(Axes::One(0.into()), &[bad])
-                .is_err()
+                .set_reference_accelerations(Axes::All, &accelerations)
+                .is_err(),
+            "{bad}"
         );
     }
+    let kept = position.reference_accelerations(Axes::All).expect("known");
+    assert_eq!(kept, both);
     assert_eq!(
         position
             .reference_speeds(Axes::Group(&group))
             .expect("known"),
         [11.0, 12.0]
     );
+}
+
+/// An acceleration that no joint has is as hard as the joint can, which it tells.
+pub fn too_hard_is_as_hard_as_it_can(device: &dyn Device, patience: Duration) {
+    let board = Board::new(device, patience);
+    let in_force = |asked: f64| {
+        let axis = Axes::One(0.into());
+        board
+            .velocity()
+            .set_reference_accelerations(axis, &[asked])
+            .expect("it is not refused");
+        let told = board.velocity().reference_accelerations(axis);
+        told.expect("known")[0]
+    };
+    // What stock's windows ask for before a velocity.
+    let most = in_force(1e5);
+    assert!(most < 1e5, "{most} is no limit");
+    for more in [1e6, 2.0 * most] {
+        assert_eq!(in_force(more), most);
+    }
+    assert_eq!(in_force(most / 2.0), most / 2.0);
+}
+
+/// As hard as it can, a joint gets to the velocity asked for, and no faster.
+pub fn the_hardest_start_ends_at_the_velocity(device: &dyn Device, patience: Duration) {
+    let board = Board::new(device, patience);
+    let axis = AxisIndex::from(0);
+    let speed = 4.0_f64.copysign(board.inward(axis) - board.at(axis));
+    board.set_mode(Mode::Velocity);
+    board
+        .velocity()
+        .set_reference_accelerations(axis.into(), &[1e5])
+        .expect("it is not refused");
+    board
+        .velocity()
+        .velocity_move(axis.into(), &[speed])
+        .expect("it is allowed");
+    board.eventually("the velocity asked for", || {
+        let now = board.reading(axis).speed;
+        assert!(now.abs() < speed.abs() + CLOSE, "{now} is too fast");
+        (now - speed).abs() < CLOSE
+    });
+    board
+        .velocity()
+        .stop(axis.into())
+        .expect("it can always stop");
+    board.rests();
+    board.set_mode(Mode::Position);
 }
 
 /// Modes come back as set, joint by joint; one nobody can command is refused for all.

@@ -577,6 +577,35 @@ pub fn brakes_hold(device: &dyn Device, patience: Duration) {
     assert!(brakes.is_braked(board.total.into()).is_err());
 }
 
+/// Each loop that a joint lists says what its gains mean, joint by joint, and one that it does not have says nothing.
+pub fn gains_have_units(device: &dyn Device, patience: Duration) {
+    let board = Board::new(device, patience);
+    let control = device.pid_control().expect("it has control loops");
+    let kinds = control.available_pids(FIRST).expect("it answers");
+    let mut told = Vec::new();
+    for kind in kinds {
+        let all = control.pid_info(kind, Axes::All).expect("it answers");
+        assert_eq!(all.len(), board.total);
+        let one = control.pid_info(kind, FIRST.into()).expect("it answers");
+        assert_eq!(one, all[..1]);
+        let info = &one[0];
+        for text in [&info.description, &info.input, &info.output] {
+            assert!(!text.is_empty(), "{info:?}");
+        }
+        for unit in [&info.units.kp, &info.units.kd, &info.units.ki] {
+            assert!(!unit.is_empty(), "{info:?}");
+        }
+        assert_eq!(info.units.scale, "", "it is a factor");
+        assert_ne!(info.units.kp, info.units.max_output);
+        assert!(!told.contains(info), "no two loops are the same: {info:?}");
+        told.extend(one);
+    }
+    let missing = Axes::One(board.total.into());
+    assert!(control.pid_info(PidKind::Position, missing).is_err());
+    let odd = PidKind::Other(u32::from_le_bytes(*b"pos3"));
+    assert!(control.pid_info(odd, FIRST.into()).is_err());
+}
+
 /// The modes and loops that a joint lists are those it has, and offsets and feed-forwards come back as set.
 pub fn modes_and_loops_are_listed(device: &dyn Device, patience: Duration) {
     let board = Board::new(device, patience);

@@ -63,6 +63,8 @@ pub(super) struct Axis {
     effort: f64,
     reference_speed: f64,
     reference_acceleration: f64,
+    /// Whether more was asked for before.
+    was_bounded: bool,
     motor: Motor,
 }
 
@@ -81,6 +83,7 @@ impl Axis {
             effort: 0.0,
             reference_speed: built.reference_speed,
             reference_acceleration: built.reference_acceleration,
+            was_bounded: false,
             motor: Motor::new(largest_torque(&built) / TORQUE_CONSTANT),
             built,
         }
@@ -333,7 +336,15 @@ impl Axis {
         self.effort = 0.0;
         match &mut self.drive {
             Some(drive) => drive.push(0.0),
-            None => self.come_to_rest(self.reference_acceleration),
+            None => self.come_to_rest(self.braking()),
+        }
+    }
+
+    /// What was as hard as the axis can brakes so, too.
+    fn braking(&self) -> f64 {
+        match self.mode {
+            Mode::PositionDirect | Mode::VelocityDirect => self.built.max_acceleration,
+            _ => self.reference_acceleration,
         }
     }
 
@@ -361,6 +372,7 @@ impl Axis {
         if mode == self.mode {
             return;
         }
+        let braking = self.braking();
         self.mode = mode;
         self.velocity = 0.0;
         self.effort = 0.0;
@@ -369,7 +381,7 @@ impl Axis {
             Mode::Torque | Mode::Current | Mode::Pwm => {
                 self.drive = Some(Drive::new(self.state(), self.friction, self.limits));
             }
-            _ => self.come_to_rest(self.reference_acceleration),
+            _ => self.come_to_rest(braking),
         }
     }
 
@@ -392,12 +404,20 @@ impl Axis {
         &self,
         acceleration: f64,
     ) -> Result<(), DeviceError> {
-        let allowed = Limits::new(MIN_REFERENCE_ACCELERATION, self.built.max_acceleration);
+        let allowed = Limits::new(MIN_REFERENCE_ACCELERATION, f64::MAX);
         self.check_inside("reference acceleration", acceleration, allowed, "/s²")
     }
 
+    /// More than the axis can is as much as it can. Said once, and to the debug log alone: the owner of the model
+    /// may hold a lock here that its control loop waits for.
     pub(super) fn set_reference_acceleration(&mut self, acceleration: f64) {
-        self.reference_acceleration = acceleration;
+        let most = self.built.max_acceleration;
+        if acceleration > most && !self.was_bounded {
+            self.was_bounded = true;
+            let axis = self.index.index();
+            tracing::debug!(axis, acceleration, most, "accelerates as hard as it can");
+        }
+        self.reference_acceleration = acceleration.min(most);
     }
 
     pub(super) fn check_encoder(&self, position: f64) -> Result<(), DeviceError> {
@@ -496,8 +516,16 @@ impl Axis {
         allowed: Limits,
         per: &'static str,
     ) -> Result<(), DeviceError> {
-        let unit = unit(self.built.joint_type, per);
-        self.check_allowed(quantity, asked, allowed, unit)
+        self.check_allowed(quantity, asked, allowed, self.unit(per))
+    }
+
+    /// `per`: what follows the unit of position, `/s` for a velocity.
+    pub(super) fn unit(&self, per: &str) -> &'static str {
+        unit(self.built.joint_type, per)
+    }
+
+    pub(super) fn torque_unit(&self) -> &'static str {
+        torque_unit(self.built.joint_type)
     }
 
     pub(super) fn check_allowed(

@@ -331,6 +331,49 @@ mod tests {
         }
     }
 
+    /// Joints that followed a stream went on for a hundred degrees after a stop: they braked as gently as a move does.
+    #[test]
+    fn a_stop_of_a_stream_is_as_hard_as_the_stream() {
+        for mode in [Mode::PositionDirect, Mode::VelocityDirect] {
+            let leaves = |model: &mut Model| model.set_control_modes(FIRST, &[Mode::Position]);
+            let stops = |model: &mut Model| model.stop(FIRST);
+            for end in [leaves, stops] as [fn(&mut Model) -> Result<(), DeviceError>; 2] {
+                let mut model = lone_axis();
+                model.set_control_modes(FIRST, &[mode]).unwrap();
+                match mode {
+                    Mode::PositionDirect => model.set_direct_positions(FIRST, &[50.0]).unwrap(),
+                    _ => model.set_direct_velocities(FIRST, &[40.0]).unwrap(),
+                }
+                run(&mut model, 0.2);
+                let before = now(&model);
+                assert!((before.velocity - 40.0).abs() < 1e-9);
+                end(&mut model).unwrap();
+                run(&mut model, 0.2);
+                assert_eq!(now(&model).velocity, 0.0);
+                // 40 deg/s with 200 deg/s².
+                assert!((now(&model).position - before.position - 4.0).abs() < 0.01);
+            }
+        }
+    }
+
+    /// What stock's windows ask for before a velocity.
+    #[test]
+    fn a_hundred_thousand_degrees_a_second_squared_is_the_most_the_axis_can() {
+        let mut model = lone_axis();
+        model.set_reference_accelerations(FIRST, &[1e5]).unwrap();
+        assert_eq!(model.reference_accelerations(FIRST).unwrap(), [200.0]);
+        for bad in [f64::NAN, f64::INFINITY, -1e5, 0.0] {
+            let asked = model.set_reference_accelerations(FIRST, &[bad]);
+            assert!(asked.is_err(), "{bad}");
+        }
+        model.set_control_modes(FIRST, &[Mode::Velocity]).unwrap();
+        model.velocity_move(FIRST, &[30.0]).unwrap();
+        run(&mut model, 0.1);
+        assert!((now(&model).velocity - 20.0).abs() < 1e-9);
+        run(&mut model, 0.1);
+        assert!((now(&model).velocity - 30.0).abs() < 1e-9);
+    }
+
     #[test]
     fn velocity_is_reached_smoothly_and_ends_at_the_limit() {
         let mut model = lone_axis();

@@ -8,8 +8,8 @@ use super::axis::Axis;
 use super::motor::{COUNTS, GEARBOX_RATIOS, IMPEDANCES, Loop, ROOM, SUPPLY};
 use crate::{
     AmplifierLimit, Axes, AxisIndex, CalibrationParameters, DeviceError, EncoderReading, Fault,
-    Impedance, ImpedanceLimits, Interaction, Limits, Mode, MotorTorqueParameters, Pid, PidKind,
-    PidValue, VariableValue,
+    Impedance, ImpedanceLimits, Interaction, Limits, Mode, MotorTorqueParameters, Pid, PidInfo,
+    PidKind, PidUnits, PidValue, VariableValue,
 };
 
 /// Pulls down what moves: per second, one for each axis.
@@ -169,6 +169,32 @@ impl Model {
     pub fn pids(&self, kind: PidKind, axes: Axes<'_>) -> Outcome<Vec<Pid>> {
         let place = place(kind)?;
         self.of(axes, |axis| axis.motor().loops[place].pid)
+    }
+
+    pub fn pid_info(&self, kind: PidKind, axes: Axes<'_>) -> Outcome<Vec<PidInfo>> {
+        place(kind)?;
+        self.of(axes, |axis| {
+            let (quantity, unit) = match kind {
+                PidKind::Position => ("position", axis.unit("")),
+                PidKind::Velocity => ("velocity", axis.unit("/s")),
+                PidKind::Torque => ("torque", axis.torque_unit()),
+                _ => ("current", "A"),
+            };
+            PidInfo {
+                description: format!(
+                    "simulated loop of {quantity}: its gains do not move the joint"
+                ),
+                input: format!("{quantity}, {unit}"),
+                output: "duty cycle, %".to_owned(),
+                units: PidUnits {
+                    offset: "%".to_owned(),
+                    stiction_up: "%".to_owned(),
+                    stiction_down: "%".to_owned(),
+                    kff: "%".to_owned(),
+                    ..PidUnits::plain(unit, "%")
+                },
+            }
+        })
     }
 
     pub fn set_pids(&mut self, kind: PidKind, axes: Axes<'_>, pids: &[Pid]) -> Outcome<()> {

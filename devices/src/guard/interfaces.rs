@@ -135,13 +135,13 @@ impl MotionControl for Guarded {
         axes: Axes<'_>,
         accelerations: &[f64],
     ) -> Result<(), DeviceError> {
-        for (joint, asked) in pairs(axes, self.total(), accelerations) {
-            let unit = self.unit(joint, 2);
-            self.rate_limits.check_acceleration(joint, asked, unit)?;
-        }
+        axes.check_command(self.total(), "reference accelerations", accelerations.len())?;
+        let bounded: Vec<f64> = pairs(axes, self.total(), accelerations)
+            .map(|(joint, asked)| self.rate_limits.bound_acceleration(joint, asked))
+            .collect();
         self.motion(
-            |control| control.set_reference_accelerations(axes, accelerations),
-            |control| control.set_reference_accelerations(axes, accelerations),
+            |control| control.set_reference_accelerations(axes, &bounded),
+            |control| control.set_reference_accelerations(axes, &bounded),
         )
     }
 

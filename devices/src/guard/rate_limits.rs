@@ -61,19 +61,13 @@ impl RateLimits {
         check(NAME, joint, "speed", asked, allowed, unit)
     }
 
-    /// Checks a reference acceleration.
-    ///
-    /// Errors: [`DeviceError::Guarded`].
-    pub fn check_acceleration(
-        &self,
-        joint: AxisIndex,
-        asked: f64,
-        unit: &'static str,
-    ) -> Result<(), DeviceError> {
-        let allowed = self
-            .acceleration(joint)
-            .map(|most| Limits::new(f64::NEG_INFINITY, most));
-        check(NAME, joint, "acceleration", asked, allowed, unit)
+    /// A reference acceleration, brought down to the largest of the joint: more is not refused, as
+    /// [`MotionControl`](crate::MotionControl) has it. What is no finite number is left as it is, for the device to refuse.
+    pub fn bound_acceleration(&self, joint: AxisIndex, asked: f64) -> f64 {
+        match self.acceleration(joint) {
+            Some(most) if asked.is_finite() => asked.min(most),
+            _ => asked,
+        }
     }
 
     /// The largest speed of a joint, if it has one here.

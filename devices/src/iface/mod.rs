@@ -19,6 +19,7 @@ mod control_limits;
 mod control_mode;
 mod current_control;
 mod encoders;
+mod firewire_controls;
 mod frame_grabber_controls;
 mod frame_grabber_image;
 mod grasp;
@@ -57,6 +58,7 @@ pub use control_limits::{ControlLimits, Limits};
 pub use control_mode::{ControlMode, Mode};
 pub use current_control::CurrentControl;
 pub use encoders::{EncoderReading, Encoders};
+pub use firewire_controls::{FirewireControls, Window, WindowLimits};
 pub use frame_grabber_controls::{
     Bus, CameraDescription, Feature, FeatureMode, FrameGrabberControls,
 };
@@ -70,7 +72,7 @@ pub use joint_fault::{Fault, JointFault};
 pub use motion_control::MotionControl;
 pub use motor::Motor;
 pub use motor_encoders::MotorEncoders;
-pub use pid_control::{Pid, PidControl, PidKind, PidValue};
+pub use pid_control::{Pid, PidControl, PidInfo, PidKind, PidUnits, PidValue};
 pub use position_control::PositionControl;
 pub use position_direct::PositionDirect;
 pub use pwm_control::PwmControl;

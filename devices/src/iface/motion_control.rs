@@ -8,7 +8,8 @@ use crate::{Axes, AxisInfo, DeviceError};
 /// setting; here both [`PositionControl`](crate::PositionControl) and
 /// [`VelocityControl`](crate::VelocityControl) extend this trait.
 pub trait MotionControl: AxisInfo {
-    /// Brings the joints to rest with their reference acceleration, in whatever mode they are (`stop`).
+    /// Brings the joints to rest, in whatever mode they are (`stop`): with their reference acceleration, in the direct
+    /// modes, which know none, as hard as they can.
     ///
     /// Returns at once; the joints slow down without a jump and then hold where they came to rest. In
     /// position mode that place becomes the target, in velocity mode the reference velocity becomes 0, and an idle
@@ -20,8 +21,10 @@ pub trait MotionControl: AxisInfo {
     /// Sets how hard the joints speed up and slow down (`setRefAcceleration(s)`, in 4.0
     /// `setTrajAcceleration(s)`).
     ///
-    /// * `accelerations`: deg/s² or m/s², above zero; they apply from the next command on.
-    /// * Errors: [`DeviceError::OutOfRange`], [`DeviceError::NotFinite`], or what is wrong with the
+    /// * `accelerations`: deg/s² or m/s², above zero; they apply from the next command on. How hard an axis can accelerate
+    ///   is told nowhere, so more than that is not refused but means as hard as it can, as with stock's boards:
+    ///   `yarpmotorgui` asks for 100000. [`reference_accelerations`](Self::reference_accelerations) tells what is in force.
+    /// * Errors: [`DeviceError::OutOfRange`] for too little, [`DeviceError::NotFinite`], or what is wrong with the
     ///   selection; then none is set.
     fn set_reference_accelerations(
         &self,

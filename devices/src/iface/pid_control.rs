@@ -17,6 +17,11 @@ pub trait PidControl: AxisInfo {
     /// Errors: [`DeviceError::NoSuchAxis`], [`DeviceError::NotSupported`].
     fn pids(&self, kind: PidKind, axes: Axes<'_>) -> Result<Vec<Pid>, DeviceError>;
 
+    /// What the gains mean, in words for people (4.0: `getPidExtraInfo(s)`; 3.x has no question for it).
+    ///
+    /// Errors: as [`pids`](Self::pids).
+    fn pid_info(&self, kind: PidKind, axes: Axes<'_>) -> Result<Vec<PidInfo>, DeviceError>;
+
     /// Sets the gains (`setPid(s)`).
     ///
     /// Errors: [`DeviceError::NotSupported`], [`DeviceError::NotFinite`], or what is wrong with the selection; then
@@ -116,4 +121,62 @@ pub struct Pid {
     pub stiction_down: f64,
     /// Gain of the feed-forward term.
     pub kff: f64,
+}
+
+/// What a loop does, and the units of its gains, in words for people (4.0: `PidExtraInfo`).
+#[derive(Clone, Debug, Default, Eq, PartialEq)]
+pub struct PidInfo {
+    /// What the loop does.
+    pub description: String,
+    /// What it measures.
+    pub input: String,
+    /// What it gives out.
+    pub output: String,
+    /// Units of the gains. Those of what the loop does not have are empty.
+    pub units: PidUnits,
+}
+
+/// The units of the gains of a [`Pid`], one for each (4.0: `PidUnits`).
+#[derive(Clone, Debug, Default, Eq, PartialEq)]
+pub struct PidUnits {
+    /// Of the proportional gain.
+    pub kp: String,
+    /// Of the derivative gain.
+    pub kd: String,
+    /// Of the integral gain.
+    pub ki: String,
+    /// Of the largest integral.
+    pub max_integral: String,
+    /// Of the scale.
+    pub scale: String,
+    /// Of the largest output.
+    pub max_output: String,
+    /// Of what is added to the output.
+    pub offset: String,
+    /// Of the friction when moving up.
+    pub stiction_up: String,
+    /// Of the friction when moving down.
+    pub stiction_down: String,
+    /// Of the gain of the feed-forward term.
+    pub kff: String,
+}
+
+impl PidUnits {
+    /// The units of a plain loop, from those of what it measures and of what it gives out.
+    ///
+    /// What scales is a number without a unit. Friction, offset and feed-forward, which not every loop has, are empty.
+    pub fn plain(input: &str, output: &str) -> Self {
+        let input = match input.contains('/') {
+            true => format!("({input})"),
+            false => input.to_owned(),
+        };
+        Self {
+            kp: format!("{output}/{input}"),
+            kd: format!("{output} s/{input}"),
+            ki: format!("{output}/({input} s)"),
+            max_integral: output.to_owned(),
+            max_output: output.to_owned(),
+            ..Self::default()
+        }
+    }
 }

@@ -10,7 +10,7 @@ use crate::{
     AmplifierControl, AmplifierLimit, Axes, AxisIndex, CalibrationParameters, ControlCalibration,
     CurrentControl, Device, DeviceError, EncoderReading, Fault, Impedance, ImpedanceControl,
     ImpedanceLimits, Interaction, InteractionMode, JointBrake, JointFault, Limits, Mode, Motor,
-    MotorEncoders, MotorTorqueParameters, Pid, PidControl, PidKind, PidValue, PwmControl,
+    MotorEncoders, MotorTorqueParameters, Pid, PidControl, PidInfo, PidKind, PidValue, PwmControl,
     RemoteCalibrator, TorqueControl,
 };
 
@@ -153,6 +153,12 @@ impl PidControl for Remapper {
     fn pids(&self, kind: PidKind, axes: Axes<'_>) -> Outcome<Vec<Pid>> {
         self.ask(PIDS, axes, |device, axes| {
             Some(device.pid_control()?.pids(kind, axes))
+        })
+    }
+
+    fn pid_info(&self, kind: PidKind, axes: Axes<'_>) -> Outcome<Vec<PidInfo>> {
+        self.ask(PIDS, axes, |device, axes| {
+            Some(device.pid_control()?.pid_info(kind, axes))
         })
     }
 

@@ -5,8 +5,8 @@ use super::{AXES, ArmControl};
 use crate::simulation::Gains;
 use crate::{
     Axes, AxisIndex, DeviceError, EncoderReading, Encoders, Fault, JointFault, Limits, Mode,
-    MotorEncoders, MotorTorqueParameters, Pid, PidControl, PidKind, PidValue, PositionDirect,
-    TorqueControl,
+    MotorEncoders, MotorTorqueParameters, Pid, PidControl, PidInfo, PidKind, PidUnits, PidValue,
+    PositionDirect, TorqueControl,
 };
 
 fn not_supported<T>(what: &str) -> Result<T, DeviceError> {
@@ -89,6 +89,17 @@ impl<A: SteeredArm> PidControl for ArmDevice<A> {
             };
             axes.iter(AXES).map(pid).collect()
         })
+    }
+
+    fn pid_info(&self, kind: PidKind, axes: Axes<'_>) -> Result<Vec<PidInfo>, DeviceError> {
+        Self::check_loop(kind, axes)?;
+        let info = PidInfo {
+            description: "position of the joint, beside the compensation of gravity".to_owned(),
+            input: "position of the joint, deg".to_owned(),
+            output: "torque of the joint, Nm".to_owned(),
+            units: PidUnits::plain("deg", "Nm"),
+        };
+        Ok(vec![info; axes.len(AXES)])
     }
 
     /// The loops have no scale, offset, friction or feed-forward of their own: those are ignored, and the largest

@@ -8,7 +8,7 @@ use crate::{
     AmplifierControl, AmplifierLimit, Axes, AxisIndex, CalibrationParameters, ControlCalibration,
     CurrentControl, DeviceError, EncoderReading, Fault, Impedance, ImpedanceControl,
     ImpedanceLimits, Interaction, InteractionMode, JointBrake, JointFault, Limits, MotionControl,
-    Motor, MotorEncoders, MotorTorqueParameters, Pid, PidControl, PidKind, PidValue,
+    Motor, MotorEncoders, MotorTorqueParameters, Pid, PidControl, PidInfo, PidKind, PidValue,
     PositionControl, PositionDirect, PwmControl, RemoteCalibrator, RemoteVariables, TorqueControl,
     VariableValue, VelocityDirect,
 };
@@ -70,6 +70,7 @@ as_the_model_does! {
     PidControl {
         available_pids(axis: AxisIndex) -> Vec<PidKind>;
         pids(kind: PidKind, axes: Axes<'_>) -> Vec<Pid>;
+        pid_info(kind: PidKind, axes: Axes<'_>) -> Vec<PidInfo>;
         set_pids(kind: PidKind, axes: Axes<'_>, pids: &[Pid]) -> ();
         pid_values(kind: PidKind, value: PidValue, axes: Axes<'_>) -> Vec<f64>;
         set_pid_values(kind: PidKind, value: PidValue, axes: Axes<'_>, values: &[f64]) -> ();

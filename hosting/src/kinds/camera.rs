@@ -81,6 +81,7 @@ fn options(parameters: &Parameters) -> Result<CameraOptions, HostError> {
     let height = parameters.get_or("height", 240)?;
     let options = usual.scene(scene).size(width, height).rate(rate);
     let options = options.mirrored(parameters.get_or("mirror", false)?);
+    let options = options.firewire(parameters.get_or("firewire", false)?);
     let across = parameters.get_or("horizontalFov", 60.0)?;
     let down = parameters.get_or("verticalFov", 46.8)?;
     let number = |name: &str, usual: f64| parameters.get_or(name, usual);

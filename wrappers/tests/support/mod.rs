@@ -66,7 +66,16 @@ impl Stage {
 
     /// Serves a simulated camera as `/grabber`: a grid of 48 x 32 pixels, 100 times a second.
     pub(crate) fn serve_camera(&self) -> FrameGrabberServer {
-        let options = CameraOptions::new()
+        self.serve_simulated_camera(CameraOptions::new())
+    }
+
+    /// The same as a camera on IEEE 1394.
+    pub(crate) fn serve_firewire_camera(&self) -> FrameGrabberServer {
+        self.serve_simulated_camera(CameraOptions::new().firewire(true))
+    }
+
+    fn serve_simulated_camera(&self, options: CameraOptions) -> FrameGrabberServer {
+        let options = options
             .size(48, 32)
             .rate(100.0)
             .scene(Scene::Pattern(Pattern::Grid));

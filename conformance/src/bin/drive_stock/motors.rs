@@ -6,8 +6,8 @@ use yarp_conformance::checks::Checks;
 use yarp_devices::{
     AmplifierControl, AmplifierLimit, Axes, AxisIndex, ControlMode, CurrentControl, Encoders,
     Impedance, ImpedanceControl, Interaction, InteractionMode, Mode, Motor, MotorEncoders,
-    MotorTorqueParameters, Pid, PidControl, PidKind, PidValue, PositionDirect, PwmControl,
-    TorqueControl,
+    MotorTorqueParameters, Pid, PidControl, PidKind, PidUnits, PidValue, PositionDirect,
+    PwmControl, TorqueControl,
 };
 
 use crate::arrives;
@@ -112,6 +112,18 @@ fn loops(checks: &mut Checks, robot: &Robot) {
         let errors = robot.pid_values(kind, PidValue::Error, Axes::All);
         checks.check("errors of loops", errors, |_| true);
         checks.check("reset", robot.reset_pids(kind, FIRST), |()| true);
+    }
+    if is_4(robot) {
+        let info = robot.pid_info(PidKind::Position, FIRST);
+        checks.check("meaning of gains", info, |found| {
+            found[0].description == "Position PID 0"
+                && (&*found[0].input, &*found[0].output) == ("Encoder Value", "PWM")
+                && found[0].units == PidUnits::default()
+        });
+        let infos = robot.pid_info(PidKind::Torque, Axes::All);
+        checks.check("meaning of the gains of all", infos, |found| {
+            found.len() > 1 && found[1].input == "Torque"
+        });
     }
 }
 

@@ -6,14 +6,14 @@ use yarp_devices::{
     AmplifierControl, AmplifierLimit, Axes, AxisIndex, CalibrationParameters, ControlCalibration,
     CurrentControl, DeviceError, EncoderReading, Fault, Impedance, ImpedanceControl,
     ImpedanceLimits, Interaction, InteractionMode, JointBrake, JointFault, Limits, Motor,
-    MotorEncoders, MotorTorqueParameters, Pid, PidControl, PidKind, PidValue, PositionControl,
-    PwmControl, RemoteCalibrator, RemoteVariables, TorqueControl, VariableValue,
+    MotorEncoders, MotorTorqueParameters, Pid, PidControl, PidInfo, PidKind, PidValue,
+    PositionControl, PwmControl, RemoteCalibrator, RemoteVariables, TorqueControl, VariableValue,
 };
 use yarp_wire::{Dialect, Value, Vocab32};
 
 use super::super::messages::{
     Action, Get, Quantity, Question, Range, Selection, Set, Setting, float, kind_of, read_flag,
-    read_gains, read_variable,
+    read_gains, read_pid_info, read_variable,
 };
 use super::RemoteControlBoard;
 use super::asking::{codes, numbers, pair};
@@ -174,11 +174,15 @@ impl PidControl for RemoteControlBoard {
 
     fn pids(&self, kind: PidKind, axes: Axes<'_>) -> Outcome<Vec<Pid>> {
         self.about_each(Question::Pids(kind), axes, |values, selection| {
-            let first = values.first()?;
-            match selection {
-                Selection::One(_) => Some(vec![read_gains(first)?]),
-                _ => first.as_list()?.iter().map(read_gains).collect(),
-            }
+            each_of(values.first()?, selection, read_gains)
+        })
+    }
+
+    /// [`DeviceError::NotSupported`] from 3.x, which has no question for it.
+    fn pid_info(&self, kind: PidKind, axes: Axes<'_>) -> Outcome<Vec<PidInfo>> {
+        self.asking_4("asking what gains mean")?;
+        self.about_each(Question::PidInfo(kind), axes, |values, selection| {
+            each_of(values.first()?, selection, read_pid_info)
         })
     }
 
@@ -501,5 +505,17 @@ impl RemoteControlBoard {
     /// Orders something of the board as a whole.
     fn board(&self, action: Action) -> Outcome<()> {
         self.order(Set::Act(action, Selection::All))
+    }
+}
+
+/// The answers about a selection: one as it is, several in a list.
+fn each_of<T>(
+    answer: &Value,
+    selection: &Selection,
+    read: impl Fn(&Value) -> Option<T>,
+) -> Option<Vec<T>> {
+    match selection {
+        Selection::One(_) => Some(vec![read(answer)?]),
+        _ => answer.as_list()?.iter().map(read).collect(),
     }
 }

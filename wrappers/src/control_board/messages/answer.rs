@@ -3,7 +3,7 @@
 //! A server answers with [`Item`]s, laid out as 4.0 has them; 3.x puts some of them into lists, and gains in another
 //! order. A client gets [`Value`]s in that same layout, whichever generation answered.
 
-use yarp_devices::{JointType, Pid};
+use yarp_devices::{JointType, Pid, PidInfo};
 use yarp_wire::{Bottle, Dialect, Stamp, Value, Vocab32};
 
 use super::loops;
@@ -16,9 +16,6 @@ use crate::thrift::Item;
 
 const V3: Dialect = Dialect::V3;
 const V4: Dialect = Dialect::V4;
-/// The numbers of a control loop that have a unit, and three descriptions.
-pub(crate) const PID_INFO: usize = 13;
-
 /// The gains of a loop as a result.
 pub(crate) fn gains(pid: &Pid) -> Item {
     Item::List(loops::gains(pid, V4).map(Item::F64).to_vec())
@@ -68,7 +65,7 @@ impl Get {
             Question::MotorParameters => floats(9),
             Question::Pids(_) if one => vec![gains(&Pid::default())],
             Question::PidInfo(_) if one => {
-                vec![Item::List(vec![Item::Text(String::new()); PID_INFO])]
+                vec![loops::info(PidInfo::default())]
             }
             Question::Pids(_) | Question::PidInfo(_) => vec![Item::List(Vec::new())],
             Question::Variables => vec![Item::List(vec![Item::Bottle(Bottle::new())])],

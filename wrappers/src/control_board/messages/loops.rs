@@ -1,9 +1,10 @@
 //! Control loops: the words for their kinds, and the order of their gains.
 
-use yarp_devices::{Pid, PidKind};
+use yarp_devices::{Pid, PidInfo, PidKind, PidUnits};
 use yarp_wire::{Bottle, Dialect, Value, Vocab32};
 
 use super::number;
+use crate::thrift::Item;
 
 /// Kinds with their words in 3.x and in 4.0.
 const KINDS: [(PidKind, Vocab32, Vocab32); 4] = [
@@ -97,4 +98,92 @@ pub(crate) fn read_gains(list: &Bottle, generation: Dialect) -> Option<Pid> {
 pub(crate) fn read_all_gains(list: &Bottle, generation: Dialect) -> Option<Vec<Pid>> {
     let one = |value: &Value| read_gains(value.as_list()?, generation);
     list.iter().map(one).collect()
+}
+
+/// What the gains of a loop mean: 13 texts (stock: `PidExtraInfo`, which 3.x does not have).
+pub(crate) fn info(info: PidInfo) -> Item {
+    let units = info.units;
+    let texts = [
+        info.description,
+        info.input,
+        info.output,
+        units.kp,
+        units.kd,
+        units.ki,
+        units.max_integral,
+        units.scale,
+        units.max_output,
+        units.offset,
+        units.stiction_up,
+        units.stiction_down,
+        units.kff,
+    ];
+    Item::List(texts.map(Item::Text).to_vec())
+}
+
+/// What the gains of a loop mean; exactly 13 texts.
+pub(crate) fn read_info(value: &Value) -> Option<PidInfo> {
+    let list = value.as_list().filter(|list| list.len() == 13)?;
+    let mut texts = list.iter().map(|text| text.as_str().map(str::to_owned));
+    let mut next = || texts.next().flatten();
+    Some(PidInfo {
+        description: next()?,
+        input: next()?,
+        output: next()?,
+        units: PidUnits {
+            kp: next()?,
+            kd: next()?,
+            ki: next()?,
+            max_integral: next()?,
+            scale: next()?,
+            max_output: next()?,
+            offset: next()?,
+            stiction_up: next()?,
+            stiction_down: next()?,
+            kff: next()?,
+        },
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// As `PidDataExtraInfo::write` of 4.0.0 lays it out: description, input, output, then units in the order of the gains.
+    #[test]
+    fn meanings_are_thirteen_texts_in_the_order_of_stock() {
+        let of = |name: &str| name.to_owned();
+        let meaning = PidInfo {
+            description: of("d"),
+            input: of("i"),
+            output: of("o"),
+            units: PidUnits {
+                kp: of("kp"),
+                kd: of("kd"),
+                ki: of("ki"),
+                max_integral: of("mi"),
+                scale: of("sc"),
+                max_output: of("mo"),
+                offset: of("of"),
+                stiction_up: of("su"),
+                stiction_down: of("sd"),
+                kff: of("kff"),
+            },
+        };
+        let value = Value::from(info(meaning.clone()));
+        let texts = value
+            .as_list()
+            .unwrap()
+            .iter()
+            .map(|text| text.to_plain_string());
+        let texts: Vec<_> = texts.collect();
+        assert_eq!(texts.join(" "), "d i o kp kd ki mi sc mo of su sd kff");
+        assert_eq!(read_info(&value), Some(meaning));
+        for count in [0, 12, 14] {
+            let others = (0..count).map(|_| Value::from("text"));
+            assert_eq!(read_info(&Value::List(others.collect())), None);
+        }
+        let numbers = (0..13).map(Value::Int32);
+        assert_eq!(read_info(&Value::List(numbers.collect())), None);
+    }
 }

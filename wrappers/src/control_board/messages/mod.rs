@@ -33,11 +33,11 @@ mod variable;
 pub mod vocabulary;
 mod words;
 
-pub(crate) use answer::{PID_INFO, gains, read_flag, read_gains};
+pub(crate) use answer::{gains, read_flag, read_gains};
 pub(crate) use calls::FUNCTIONS;
 pub use command::{Command, Streamed};
 pub use joint_data::{Field, JointData};
-pub(crate) use loops::{kind_of, kind_word};
+pub(crate) use loops::{info as pid_info, kind_of, kind_word, read_info as read_pid_info};
 pub use motion::{MotionEnd, MotionNews, MotionState, Numbered};
 pub(crate) use number::{axis, count, float, floats, integer};
 pub use quantity::{Quantity, Setting};

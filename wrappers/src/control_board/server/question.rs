@@ -1,10 +1,10 @@
 //! What questions mean for the device.
 
-use yarp_devices::{AxisIndex, EncoderReading, JointType, Limits, PidKind};
+use yarp_devices::{AxisIndex, EncoderReading, Limits};
 use yarp_wire::{Bottle, Dialect};
 
 use super::super::messages::{
-    Get, PID_INFO, Quantity, Question, Range, Selection, gains, joint_type_to_value, kind_word,
+    Get, Quantity, Question, Range, Selection, gains, joint_type_to_value, kind_word, pid_info,
     variable_to_values,
 };
 use super::board::{Board, Refusal};
@@ -55,7 +55,6 @@ impl Board {
                 let parameters = self.torque()?.motor_torque_parameters(axis)?;
                 parameters.to_array().map(Item::F64).to_vec()
             }
-            Question::PidInfo(kind) => vec![self.pid_info(kind, axis)?],
             Question::AvailablePids => {
                 let kinds = self.pids()?.available_pids(axis)?.into_iter();
                 let words = kinds.map(|kind| kind_word(kind, Dialect::V4).code());
@@ -116,20 +115,16 @@ impl Board {
                 ranges(selection, &self.current()?.current_ranges(axes)?)
             }
             Question::Pids(kind) => {
-                let mut lists: Vec<Item> =
-                    self.pids()?.pids(kind, axes)?.iter().map(gains).collect();
-                match selection {
-                    Selection::One(_) => lists,
-                    _ => vec![Item::List(std::mem::take(&mut lists))],
-                }
+                let each = self.pids()?.pids(kind, axes)?;
+                lists(selection, each.iter().map(gains).collect())
             }
             Question::PidEnabled(kind) => {
                 let enabled = self.pids()?.pids_enabled(kind, axes)?;
                 vec![Item::Bool(enabled.into_iter().all(|one| one))]
             }
             Question::PidInfo(kind) => {
-                let each = axes.iter(self.axes()).map(|axis| self.pid_info(kind, axis));
-                vec![Item::List(each.collect::<Result<_, _>>()?)]
+                let each = self.pids()?.pid_info(kind, axes)?;
+                lists(selection, each.into_iter().map(pid_info).collect())
             }
             Question::CalibratorPresent => {
                 vec![Item::Bool(self.calibrator()?.calibrator_present()?)]
@@ -146,26 +141,6 @@ impl Board {
                 ));
             }
         })
-    }
-
-    /// What the numbers of a loop mean: three descriptions, and the units of the gains. The interfaces do not say.
-    fn pid_info(&self, kind: PidKind, axis: AxisIndex) -> Result<Item, Refusal> {
-        self.pids()?.pids(kind, axis.into())?;
-        let unit = match self.info()?.joint_type(axis)? {
-            JointType::Revolute => "deg",
-            JointType::Prismatic => "m",
-            _ => "unknown",
-        };
-        let (input, output) = match kind {
-            PidKind::Position => (unit.to_owned(), "percent"),
-            PidKind::Velocity => (format!("{unit}/s"), "percent"),
-            PidKind::Torque => ("Nm".to_owned(), "percent"),
-            PidKind::Current => ("A".to_owned(), "percent"),
-            PidKind::Other(_) => ("unknown".to_owned(), "unknown"),
-        };
-        let mut texts = vec![String::new(), input, output.to_owned()];
-        texts.resize(PID_INFO, "unknown".to_owned());
-        Ok(Item::List(texts.into_iter().map(Item::Text).collect()))
     }
 
     fn quantity(&self, quantity: Quantity, selection: &Selection) -> Result<Vec<f64>, Refusal> {
@@ -236,6 +211,14 @@ fn as_selected(selection: &Selection, values: Vec<f64>) -> Item {
     match (selection, &values[..]) {
         (Selection::One(_), [one]) => Item::F64(*one),
         _ => Item::F64s(values),
+    }
+}
+
+/// One struct as it is, several as a list.
+fn lists(selection: &Selection, all: Vec<Item>) -> Vec<Item> {
+    match selection {
+        Selection::One(_) => all,
+        _ => vec![Item::List(all)],
     }
 }
 

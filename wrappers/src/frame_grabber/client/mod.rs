@@ -7,6 +7,7 @@
 //! | `latest` | the newest image that has come |
 //! | `interfaces` | the device interfaces, said in messages |
 
+mod firewire;
 mod interfaces;
 mod latest;
 mod link;
@@ -109,5 +110,6 @@ impl Device for RemoteFrameGrabber {
         frame_grabber_image_raw: FrameGrabberImageRaw,
         frame_grabber_controls: FrameGrabberControls,
         rgb_visual_params: RgbVisualParams,
+        firewire_controls: FirewireControls,
     }
 }

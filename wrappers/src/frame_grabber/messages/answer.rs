@@ -17,6 +17,7 @@ pub enum Answer {
     Done,
     Flag(bool),
     Integer(i32),
+    Integers(Vec<i32>),
     Mode(i32),
     Number(f64),
     Numbers(f64, f64),
@@ -123,6 +124,7 @@ impl Answer {
             Self::Done => Vec::new(),
             Self::Flag(value) => vec![Item::Bool(*value)],
             Self::Integer(value) => vec![Item::I32(*value)],
+            Self::Integers(values) => values.iter().copied().map(Item::I32).collect(),
             Self::Mode(mode) => vec![Item::I32(*mode)],
             Self::Number(value) => vec![Item::F64(*value)],
             Self::Numbers(one, other) => vec![Item::F64(*one), Item::F64(*other)],
@@ -153,7 +155,8 @@ impl Answer {
         let first = values.first();
         let numbers = || Some((float(first?)?, float(values.get(1)?)?));
         Some(match request {
-            R::Help | R::ProtocolVersion | R::Firewire(_) => return None,
+            R::Help | R::ProtocolVersion => return None,
+            R::Firewire(what, _) => what.answer(values)?,
             R::Width(_) | R::Height(_) | R::RgbWidth | R::RgbHeight => {
                 Self::Integer(integer(first?)?)
             }

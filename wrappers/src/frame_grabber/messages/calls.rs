@@ -12,6 +12,7 @@ use yarp_wire::typed;
 use yarp_wire::{Bottle, Dialect, Value};
 
 use super::answer::Answer;
+use super::firewire::{self, Firewire};
 use super::request::{Ability, Channel, Malformed, Request, flag, integer};
 use super::{image, words};
 use crate::control_board::messages::float;
@@ -51,35 +52,6 @@ const FUNCTIONS: [&str; 29] = [
     "setOnePush",
 ];
 
-/// Functions of cameras on IEEE 1394: a name, and the kinds of results (`i` an integer, `b` a truth value).
-const FIREWIRE: [(&str, &str); 25] = [
-    ("getVideoModeMaskDC1394", "i"),
-    ("getVideoModeDC1394", "i"),
-    ("setVideoModeDC1394", ""),
-    ("getFPSMaskDC1394", "i"),
-    ("getFPSDC1394", "i"),
-    ("setFPSDC1394", ""),
-    ("getISOSpeedDC1394", "i"),
-    ("setISOSpeedDC1394", ""),
-    ("getColorCodingMaskDC1394", "i"),
-    ("getColorCodingDC1394", "i"),
-    ("setColorCodingDC1394", ""),
-    ("getFormat7MaxWindowDC1394", "iiiiii"),
-    ("getFormat7WindowDC1394", "iiii"),
-    ("setFormat7WindowDC1394", ""),
-    ("setOperationModeDC1394", ""),
-    ("getOperationModeDC1394", "b"),
-    ("setTransmissionDC1394", ""),
-    ("getTransmissionDC1394", "b"),
-    ("setBroadcastDC1394", ""),
-    ("setDefaultsDC1394", ""),
-    ("setResetDC1394", ""),
-    ("setPowerDC1394", ""),
-    ("setCaptureDC1394", ""),
-    ("getBytesPerPacketDC1394", "i"),
-    ("setBytesPerPacketDC1394", ""),
-];
-
 const HELP: &str = "help";
 const SUFFIX: &str = "RPC";
 
@@ -90,7 +62,7 @@ pub(super) fn is_name(text: &str) -> bool {
 
 /// The names of all functions, as stock lists them.
 pub fn help() -> Message {
-    let all = FUNCTIONS.into_iter().chain(FIREWIRE.map(|(name, _)| name));
+    let all = FUNCTIONS.into_iter().chain(firewire::functions());
     let names = all.map(|name| format!("{name}{SUFFIX}"));
     let title = "*** Available commands:".to_owned();
     let items = std::iter::once(title).chain(names).chain([HELP.to_owned()]);
@@ -109,13 +81,14 @@ pub(super) fn parse(message: &Bottle) -> Result<Request, Malformed> {
         GET_VERSION => return Ok(R::ProtocolVersion),
         _ => full.strip_suffix(SUFFIX).unwrap_or(full),
     };
-    if let Some(place) = FIREWIRE.iter().position(|(known, _)| *known == name) {
-        return Ok(R::Firewire(Some(place)));
+    let values = message.as_slice().get(1..).unwrap_or_default();
+    if let Some(what) = Firewire::of_function(name) {
+        let request = what.request(values);
+        return request.ok_or_else(|| Malformed::Values(full.to_owned()));
     }
     if !FUNCTIONS.contains(&name) {
         return Err(Malformed::UnknownFunction(full.to_owned()));
     }
-    let values = &message.as_slice()[1..];
     let int = |place: usize| values.get(place).and_then(integer);
     let number = |place: usize| values.get(place).and_then(float);
     let switch = |place: usize| values.get(place).and_then(flag);
@@ -178,7 +151,7 @@ pub(super) fn to_call(request: &Request) -> Option<Message> {
     let (name, arguments) = match request {
         R::Help => return Some(Message::call(HELP, [])),
         R::ProtocolVersion => return Some(Message::call(GET_VERSION, [])),
-        R::Firewire(_) => return None,
+        R::Firewire(what, values) => (what.function(), what.items(values)),
         R::Height(Channel::Colour) => ("getHeight", vec![]),
         R::Width(Channel::Colour) => ("getWidth", vec![]),
         R::Image(Channel::Colour) => ("getImage", vec![]),
@@ -247,18 +220,7 @@ pub(super) fn refusal(request: &Request, code: ReturnCode) -> Message {
         R::Mirroring | R::Has(..) | R::Active(_) => vec![Item::Bool(false)],
         R::Description => vec![Item::I32(0), Item::Text(String::new())],
         R::Value(_) => vec![Item::F64(0.0)],
-        R::Firewire(Some(place)) => {
-            let results = FIREWIRE[*place].1.chars();
-            results
-                .map(|kind| {
-                    if kind == 'b' {
-                        Item::Bool(false)
-                    } else {
-                        Item::I32(0)
-                    }
-                })
-                .collect()
-        }
+        R::Firewire(what, _) => what.nothing(),
         _ => Vec::new(),
     };
     Message(match nothing.is_empty() {

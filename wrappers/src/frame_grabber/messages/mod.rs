@@ -5,6 +5,7 @@
 //! | `request` | [`Request`]: what is wanted, whichever way it is said |
 //! | `words` | requests and replies of 3.x |
 //! | `calls` | requests and replies of 4.0 |
+//! | `firewire` | what is said to cameras on IEEE 1394 |
 //! | `answer` | [`Answer`]: results, in both layouts |
 //! | [`image`] | images of devices as messages, and back |
 //!
@@ -12,6 +13,7 @@
 
 mod answer;
 mod calls;
+mod firewire;
 pub mod image;
 mod request;
 #[cfg(test)]
@@ -26,6 +28,7 @@ use crate::thrift::{Message, ReturnCode};
 
 pub use answer::Answer;
 pub use calls::help;
+pub use firewire::Firewire;
 pub use request::{Ability, Channel, Malformed, Request};
 pub use words::Reply;
 

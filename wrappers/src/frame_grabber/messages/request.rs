@@ -3,7 +3,7 @@
 use yarp_devices::image::Crop;
 use yarp_wire::{Bottle, Value, Vocab32};
 
-use super::{calls, words};
+use super::{Firewire, calls, words};
 
 /// Which images are meant.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
@@ -60,8 +60,8 @@ pub enum Request {
     SetActive(i32, bool),
     SetMode(i32, i32),
     OnePush(i32),
-    /// What only cameras on IEEE 1394 have; by its place among the functions of 4.0, or `None` as 3.x says it.
-    Firewire(Option<usize>),
+    /// What only cameras on IEEE 1394 have, with the values that go with it.
+    Firewire(Firewire, Vec<i32>),
 }
 
 /// Why a message is no request.

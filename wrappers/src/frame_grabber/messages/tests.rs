@@ -108,6 +108,36 @@ fn said() -> Vec<(Request, &'static str, &'static str)> {
         ),
         (R::SetMode(3, 2), "[fgc] [set] [mode] 3 2", "setModeRPC 3 2"),
         (R::OnePush(3), "[fgc] [set] [onep] 3", "setOnePushRPC 3"),
+        (
+            R::Firewire(Firewire::VideoModes, vec![]),
+            "[fgfw] [DR2m]",
+            "getVideoModeMaskDC1394RPC",
+        ),
+        (
+            R::Firewire(Firewire::ColorCodings, vec![24]),
+            "[fgfw] [DR2u] 24",
+            "getColorCodingMaskDC1394RPC 24",
+        ),
+        (
+            R::Firewire(Firewire::Window, vec![]),
+            "[fgfw] [DR2A]",
+            "getFormat7WindowDC1394RPC",
+        ),
+        (
+            R::Firewire(Firewire::SetWindow, vec![160, 120, 8, -1]),
+            "[fgfw] [DR2B] 160 120 8 -1",
+            "setFormat7WindowDC1394RPC 160 120 8 -1",
+        ),
+        (
+            R::Firewire(Firewire::SetTransmission, vec![1]),
+            "[fgfw] [DR2E] 1",
+            "setTransmissionDC1394RPC [ok]",
+        ),
+        (
+            R::Firewire(Firewire::Reset, vec![]),
+            "[fgfw] [DR2K]",
+            "setResetDC1394RPC",
+        ),
     ]
 }
 
@@ -143,7 +173,10 @@ fn typed_words_are_understood() {
     assert_eq!(parse("fgc set feat 0 0.9"), Ok(Request::SetValue(0, 0.9)));
     assert_eq!(parse("help"), Ok(Request::Help));
     assert_eq!(parse("[help]"), Err(Malformed::Interface));
-    assert_eq!(parse("[fgfw] [DR2m]"), Ok(Request::Firewire(None)));
+    assert_eq!(
+        parse("fgfw DR2o 4"),
+        Ok(Request::Firewire(Firewire::SetVideoMode, vec![4]))
+    );
 }
 
 #[test]
@@ -176,6 +209,13 @@ fn what_is_malformed_is_refused_in_its_own_way() {
         ("[fgc] [has] [w] 0", "[fail]"),
         ("[fgc] [set] [feat] 0", "[fgc] [set] 0"),
         ("[fgc] [set] [feat] 99999999999 0.5", "[fgc] [set] 0"),
+        ("[fgfw]", "\"command not recognized\""),
+        ("[fgfw] [nope]", "\"command not recognized\""),
+        ("[fgfw] [DR2m] 1", "\"command not recognized\""),
+        ("[fgfw] [DR2o]", "0"),
+        ("[fgfw] [DR2o] high", "0"),
+        ("[fgfw] [DR2B] 1 2 3", "0"),
+        ("[fgfw] [DR2E] 0.5", "0"),
     ] {
         let message = Bottle::parse(text).unwrap();
         let why = Request::parse(&message).expect_err(text).to_string();
@@ -188,6 +228,10 @@ fn what_is_malformed_is_refused_in_its_own_way() {
         "setFeature1RPC 0 high",
         "setFeature1RPC 0 0.5 0.5",
         "setActiveRPC 0 \"yes\"",
+        "getVideoModeDC1394RPC 1",
+        "setVideoModeDC1394RPC",
+        "setTransmissionDC1394RPC \"yes\"",
+        "setFormat7WindowDC1394RPC 1 2 3",
         "getImageCropRPC 0 ((1 2))",
         "getImageCropRPC 0 (1 2 3 4)",
         "getImageCropRPC 0 ((1 2) (3 4 5))",
@@ -240,6 +284,23 @@ fn answers() -> Vec<(Request, Answer)> {
         (R::Mode(3), Answer::Mode(1)),
         (R::SetValue(8, 0.5), Answer::Done),
         (R::SetResolution(1, 2), Answer::Done),
+        (
+            R::Firewire(Firewire::VideoModes, vec![]),
+            Answer::Integer(i32::MIN),
+        ),
+        (
+            R::Firewire(Firewire::IsTransmitting, vec![]),
+            Answer::Flag(false),
+        ),
+        (
+            R::Firewire(Firewire::Window, vec![]),
+            Answer::Integers(vec![160, 120, 8, 0]),
+        ),
+        (
+            R::Firewire(Firewire::WindowLimits, vec![]),
+            Answer::Integers(vec![640, 480, 2, 2, 1, 1]),
+        ),
+        (R::Firewire(Firewire::SetRate, vec![3]), Answer::Done),
     ]
 }
 
@@ -293,6 +354,41 @@ fn replies_of_3_look_like_those_of_stock() {
     );
 }
 
+/// As `FrameGrabberControlsDC1394_Responder.cpp` of 3.5 answers: bare numbers.
+#[test]
+fn every_word_of_ieee_1394_has_its_call_and_bare_replies() {
+    for what in Firewire::all() {
+        let name = format!("{}RPC", what.function());
+        let zeros = |count: usize| (0..count).map(|_| Value::Int32(0)).collect::<Vec<_>>();
+        let counts = (0..5).filter(|count| what.request(&zeros(*count)).is_some());
+        let counts: Vec<usize> = counts.collect();
+        assert_eq!(counts.len(), 1, "{name}");
+        let request = what.request(&zeros(counts[0])).expect("it has that many");
+        let words = request.to_bottle().expect("3.x says it");
+        assert_eq!(Request::parse(&words), Ok(request.clone()), "{name}");
+        let call = printed(&request.to_call().expect("4.0 says it"));
+        assert_eq!(call.get(0).and_then(Value::as_str), Some(&*name));
+        assert_eq!(Request::parse(&call), Ok(request.clone()), "{name}");
+
+        let refused = refusal(&words, "a reason");
+        assert_eq!(request.read_reply(&refused), Some(Reply::Refused), "{name}");
+        for nothing in ["[nak]", "[fail]"] {
+            let nothing = Bottle::parse(nothing).unwrap();
+            assert_eq!(request.read_reply(&nothing), Some(Reply::Refused));
+        }
+        assert_eq!(request.read_reply(&Bottle::new()), None, "{name}");
+        if what.is_order() {
+            let done = request.reply(&Answer::Done).expect("it fits");
+            assert_eq!(done.to_string(), "1", "{name}");
+            assert_eq!(request.read_reply(&Bottle::of(0)), Some(Reply::Refused));
+            assert_eq!(refused.to_string(), "0");
+        } else {
+            let longer: Bottle = zeros(7).into_iter().collect();
+            assert_eq!(request.read_reply(&longer), None, "{name}");
+        }
+    }
+}
+
 /// Whether it changes something.
 fn is_order(request: &Request) -> bool {
     matches!(
@@ -305,7 +401,7 @@ fn is_order(request: &Request) -> bool {
             | Request::SetActive(..)
             | Request::SetMode(..)
             | Request::OnePush(_)
-    )
+    ) || matches!(request, Request::Firewire(what, _) if what.is_order())
 }
 
 #[test]
@@ -343,9 +439,9 @@ fn a_server_of_3_5_answers_orders_it_carried_out_with_nak() {
 proptest! {
     #[test]
     fn whatever_is_said_is_answered(
-        head in prop::sample::select(vec!["fgi", "fgir", "visr", "fgc", "fgfw", "getImageCropRPC", "setFeature1RPC", "setActiveRPC"]),
+        head in prop::sample::select(vec!["fgi", "fgir", "visr", "fgc", "fgfw", "getImageCropRPC", "setFeature1RPC", "setActiveRPC", "setVideoModeDC1394RPC"]),
         act in prop::sample::select(vec!["get", "set", "has", "0", ""]),
-        what in prop::sample::select(vec!["crop", "feat", "fea2", "res", "fov", "mirr", "actv", "mode", "conf"]),
+        what in prop::sample::select(vec!["crop", "feat", "fea2", "res", "fov", "mirr", "actv", "mode", "conf", "DR2m", "DR2B"]),
         tail in "[-0-9. ()\\[\\]a-z]{0,20}",
     ) {
         if let Ok(message) = Bottle::parse(&format!("{head} {act} {what} {tail}"))

@@ -13,6 +13,7 @@ use yarp_devices::image::Crop;
 use yarp_wire::{Bottle, Dialect, Value, Vocab32};
 
 use super::answer::Answer;
+use super::firewire;
 use super::request::{Ability, Channel, Malformed, Request, flag, integer};
 use crate::control_board::messages::float;
 
@@ -20,7 +21,6 @@ const COLOUR: Vocab32 = Vocab32::new("fgi");
 const RAW: Vocab32 = Vocab32::new("fgir");
 const PARAMETERS: Vocab32 = Vocab32::new("visr");
 const CONTROLS: Vocab32 = Vocab32::new("fgc");
-const FIREWIRE: Vocab32 = Vocab32::new("fgfw");
 const GET: Vocab32 = Vocab32::new("get");
 const SET: Vocab32 = Vocab32::new("set");
 const HAS: Vocab32 = Vocab32::new("has");
@@ -49,7 +49,7 @@ fn spelling(request: &Request) -> Option<[Vocab32; 3]> {
     };
     let of = |interface, act, word| [interface, act, Vocab32::new(word)];
     Some(match request {
-        R::Help | R::ProtocolVersion | R::Firewire(_) => return None,
+        R::Help | R::ProtocolVersion | R::Firewire(..) => return None,
         R::Width(channel) => image(channel, "w"),
         R::Height(channel) => image(channel, "h"),
         R::Image(channel) => image(channel, "imgr"),
@@ -84,6 +84,9 @@ fn spelling(request: &Request) -> Option<[Vocab32; 3]> {
 /// A request in words.
 pub(super) fn to_bottle(request: &Request) -> Option<Bottle> {
     use Request as R;
+    if let R::Firewire(what, values) = request {
+        return Some(firewire::to_bottle(*what, values));
+    }
     let mut bottle: Bottle = spelling(request)?.map(Value::from).into_iter().collect();
     let values: Vec<Value> = match request {
         R::Crop(_, crop) => {
@@ -117,8 +120,8 @@ pub(super) fn parse(message: &Bottle) -> Result<Request, Malformed> {
     let unknown =
         |place: usize| Malformed::UnknownWord(word(place).unwrap_or(Vocab32::from_code(0)));
     let interface = word(0).ok_or(Malformed::Interface)?;
-    if interface == FIREWIRE {
-        return Ok(R::Firewire(None));
+    if interface == firewire::INTERFACE {
+        return firewire::parse(message);
     }
     if ![COLOUR, RAW, PARAMETERS, CONTROLS].contains(&interface) {
         return Err(Malformed::Interface);
@@ -212,6 +215,9 @@ pub(super) fn crop(kind: i32, places: Vec<(i32, i32)>) -> Option<Crop> {
 
 /// The reply to a request that was done.
 pub(super) fn reply(request: &Request, answer: &Answer) -> Option<Bottle> {
+    if let Request::Firewire(what, _) = request {
+        return Some(firewire::reply(*what, answer.items(Dialect::V3)?));
+    }
     let [interface, act, what] = spelling(request)?;
     let head = match act {
         SET => vec![interface, SET],
@@ -239,14 +245,16 @@ pub(super) fn refusal(message: &Bottle, why: &str) -> Bottle {
         }
         Some(COLOUR | RAW) => Bottle::of(Vocab32::FAIL).with(why),
         Some(PARAMETERS | CONTROLS) => Bottle::of(Vocab32::FAIL),
-        // What is read of it is the number of its first item: a text is 0.
-        Some(FIREWIRE) => Bottle::of("command not recognized"),
+        Some(firewire::INTERFACE) => firewire::refusal(message),
         _ => Bottle::of(NAK),
     }
 }
 
 /// Reads the reply to a request; `None` for what is no answer to it.
 pub(super) fn read(request: &Request, reply: &Bottle) -> Option<Reply> {
+    if let Request::Firewire(what, _) = request {
+        return firewire::read(*what, reply);
+    }
     let [interface, act, what] = spelling(request)?;
     let word = |place: usize| reply.get(place).and_then(Value::as_vocab);
     if word(0) == Some(Vocab32::FAIL) {

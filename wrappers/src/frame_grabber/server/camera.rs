@@ -3,12 +3,13 @@
 use std::sync::Arc;
 
 use yarp_devices::{
-    Device, DeviceError, Feature, FeatureMode, FrameGrabberControls, FrameGrabberImage,
-    FrameGrabberImageRaw, RgbVisualParams,
+    Device, DeviceError, Feature, FeatureMode, FirewireControls, FrameGrabberControls,
+    FrameGrabberImage, FrameGrabberImageRaw, RgbVisualParams,
 };
 use yarp_ports::Answer as PortAnswer;
 use yarp_wire::{Bottle, Dialect};
 
+use super::firewire;
 use crate::frame_grabber::messages::{
     self, Ability, Answer, As, Channel, Malformed, Request, refusal,
 };
@@ -184,7 +185,7 @@ impl Camera {
                 self.controls()?.one_push(feature(*code)?)?;
                 Answer::Done
             }
-            R::Firewire(_) => return Err(Refusal::NoInterface("IFrameGrabberControlsDC1394")),
+            R::Firewire(what, values) => firewire::perform(self.firewire()?, *what, values)?,
             R::Help | R::ProtocolVersion => return Err(Malformed::Interface.into()),
         })
     }
@@ -238,6 +239,11 @@ impl Camera {
     fn controls(&self) -> Result<&dyn FrameGrabberControls, Refusal> {
         let controls = self.device.frame_grabber_controls();
         controls.ok_or(Refusal::NoInterface("IFrameGrabberControls"))
+    }
+
+    fn firewire(&self) -> Result<&dyn FirewireControls, Refusal> {
+        let controls = self.device.firewire_controls();
+        controls.ok_or(Refusal::NoInterface("IFrameGrabberControlsDC1394"))
     }
 
     fn parameters(&self) -> Result<&dyn RgbVisualParams, Refusal> {

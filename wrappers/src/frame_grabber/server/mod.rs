@@ -6,6 +6,7 @@
 //! | `publisher` | the newest image, every period |
 
 mod camera;
+mod firewire;
 mod publisher;
 
 use std::sync::Arc;
