@@ -4,8 +4,13 @@
 //! connection whose last bytes came within [`SOON`] looks for the next ones itself for up to
 //! [`LIMIT`] before it goes to sleep, giving way to other tasks between looks; what comes meanwhile
 //! wakes nobody else ([`Socket::quieten`]). A connection at rest, or with a slow peer, sleeps at once.
+//!
+//! Messages that come by themselves, one behind the other, are left a moment to become several
+//! ([`GATHERING`]): each look disturbs their writer. Only one connection of the process does so at a time.
 
 use std::io;
+use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 
 use crate::stream::{Inflow, Socket};
@@ -14,24 +19,42 @@ use crate::stream::{Inflow, Socket};
 const LIMIT: Duration = Duration::from_micros(60);
 /// A wait this short makes the next one be spent awake.
 const SOON: Duration = Duration::from_micros(120);
+/// How long messages that were not asked for are left alone.
+const GATHERING: Duration = Duration::from_micros(20);
 /// Bytes read in one look, at first and at most.
 const CHUNK: usize = 4 * 1024;
 const LARGEST_CHUNK: usize = 64 * 1024;
 
+/// Connections of this process that wait awake.
+static AWAKE: AtomicUsize = AtomicUsize::new(0);
+
 /// Whether a connection waits awake.
 #[derive(Debug)]
 pub(crate) struct BusyPoll {
-    hot: bool,
+    hot: Option<Awake>,
     /// Bytes to read in the next look; grows while looks are filled.
     chunk: usize,
     asleep_since: Option<Instant>,
+}
+
+/// One of those that wait awake.
+#[derive(Debug)]
+struct Awake;
+
+/// Why the peer will send something.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub(crate) enum Expecting {
+    /// It is its turn: it was answered, or is to answer.
+    Turn,
+    /// It sends when it likes.
+    Anything,
 }
 
 impl BusyPoll {
     /// A connection that has seen nothing yet.
     pub(crate) fn new() -> Self {
         Self {
-            hot: false,
+            hot: None,
             chunk: CHUNK,
             asleep_since: None,
         }
@@ -42,10 +65,17 @@ impl BusyPoll {
         &mut self,
         stream: &Socket,
         input: &mut Inflow,
+        expecting: Expecting,
     ) -> Option<io::Result<usize>> {
         let begin = Instant::now();
-        if self.hot {
+        if self.hot.is_some() {
             stream.quieten();
+            if expecting == Expecting::Anything && AWAKE.load(Relaxed) == 1 {
+                tokio::task::yield_now().await;
+                while begin.elapsed() < GATHERING {
+                    std::hint::spin_loop();
+                }
+            }
             input.reserve(self.chunk);
             let buffer = &mut input.bytes;
             let length = buffer.len();
@@ -67,7 +97,7 @@ impl BusyPoll {
                 }
             }
             buffer.truncate(length);
-            self.hot = false;
+            self.hot = None;
         }
         self.asleep_since = Some(begin);
         None
@@ -76,7 +106,20 @@ impl BusyPoll {
     /// Takes note that bytes came.
     pub(crate) fn received(&mut self) {
         if let Some(since) = self.asleep_since.take() {
-            self.hot = since.elapsed() < SOON;
+            self.hot = (since.elapsed() < SOON).then(Awake::new);
         }
+    }
+}
+
+impl Awake {
+    fn new() -> Self {
+        AWAKE.fetch_add(1, Relaxed);
+        Self
+    }
+}
+
+impl Drop for Awake {
+    fn drop(&mut self) {
+        AWAKE.fetch_sub(1, Relaxed);
     }
 }

@@ -39,6 +39,14 @@ impl Socket {
         either!(self, stream => stream.readable().await)
     }
 
+    /// As [`Socket::readable`]; of a message of which so many bytes are missing little need not be told.
+    async fn readable_by(&self, missing: usize) -> io::Result<()> {
+        match self {
+            Self::Tcp(stream) => stream.readable_by(missing).await,
+            Self::Unix(_) | Self::Shmem(_) => self.readable().await,
+        }
+    }
+
     pub(crate) async fn writable(&self) -> io::Result<()> {
         either!(self, stream => stream.writable().await)
     }
@@ -99,7 +107,8 @@ impl Socket {
         let copied = || self.as_fd().try_clone_to_owned();
         let renewed = match &**self {
             Self::Tcp(stream) => {
-                stream.listen();
+                // The copy begins anew.
+                stream.tell_of(1);
                 copied()
                     .and_then(|copy| TcpStream::from_std(copy.into()))
                     .map(|stream| Self::Tcp(Tcp::new(stream)))
@@ -227,7 +236,7 @@ impl Inflow {
     /// `missing` is what the message in progress still needs.
     pub(crate) async fn read(&mut self, stream: &Socket, missing: usize) -> io::Result<usize> {
         loop {
-            stream.readable().await?;
+            stream.readable_by(missing).await?;
             match self.try_read(stream, missing) {
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
                 other => return other,

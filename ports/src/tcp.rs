@@ -1,56 +1,64 @@
-//! TCP streams that can be kept quiet.
+//! TCP streams that tell of what came once it is enough.
 //!
 //! A stream that somebody waits for awake ([`BusyPoll`](crate::busy::BusyPoll)) wakes the thread that waits for
-//! all sockets of the runtime as well, with each packet; and whoever writes pays for it. While it is
-//! quiet the system tells of what came only once it is much (`SO_RCVLOWAT`, see socket(7); since
-//! Linux 2.6.28 for whoever polls). Whoever goes to sleep on the stream ends the quiet first.
+//! all sockets of the runtime as well, with each packet; and whoever writes pays for it. So does a large
+//! message, of which no part is of use without the rest. Therefore the system is asked to tell of what came
+//! only once it is so much (`SO_RCVLOWAT`, see socket(7)), or all that the peer may send for now, or the end.
+//! Whoever goes to sleep on the stream says first how much that is.
 
 #![allow(unsafe_code, reason = "this option of sockets has no safe interface")]
 
 use std::io;
 use std::ops::Deref;
 use std::os::fd::AsRawFd;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::AtomicI32;
 use std::sync::atomic::Ordering::Relaxed;
 
 use tokio::net::TcpStream;
 
-/// Bytes that are told of in spite of the quiet: far less than the system would hold back the peer
+/// Bytes that are told of while somebody is awake: far less than the system would hold back the peer
 /// for.
-const MUCH: i32 = 16 * 1024;
+const MUCH: usize = 16 * 1024;
+/// Bytes of a large message that are told of before the rest is there: enough that the copying of
+/// one end need not wait for that of the other.
+const MOST: usize = 200_000;
 
-/// A TCP stream, perhaps a quiet one.
+/// A TCP stream, and how much has to come until it tells.
 #[derive(Debug)]
 pub(crate) struct Tcp {
     stream: TcpStream,
-    quiet: AtomicBool,
+    enough: AtomicI32,
 }
 
 impl Tcp {
     pub(crate) fn new(stream: TcpStream) -> Self {
         Self {
             stream,
-            quiet: AtomicBool::new(false),
+            enough: AtomicI32::new(1),
         }
     }
 
-    /// Waits until there is something to read; ends the quiet.
+    /// Waits until something is there to read.
     pub(crate) async fn readable(&self) -> io::Result<()> {
-        self.listen();
+        self.readable_by(1).await
+    }
+
+    /// Waits until this many bytes are there to read, or as many as are worth beginning with.
+    pub(crate) async fn readable_by(&self, bytes: usize) -> io::Result<()> {
+        self.tell_of(bytes.clamp(1, MOST));
         self.stream.readable().await
     }
 
-    /// From now on little that comes wakes nobody.
+    /// From now on little that comes wakes nobody, until somebody waits for it.
     pub(crate) fn quieten(&self) {
-        if cfg!(target_os = "linux") && !self.quiet.swap(true, Relaxed) {
-            self.set_low_water(MUCH);
-        }
+        self.tell_of(MUCH);
     }
 
-    /// From now on all that comes wakes who waits; what has come meanwhile does so now.
-    pub(crate) fn listen(&self) {
-        if self.quiet.swap(false, Relaxed) {
-            self.set_low_water(1);
+    /// From now on so much wakes who waits; if it has come already, now.
+    pub(crate) fn tell_of(&self, bytes: usize) {
+        let bytes = i32::try_from(bytes).unwrap_or(i32::MAX);
+        if cfg!(target_os = "linux") && self.enough.swap(bytes, Relaxed) != bytes {
+            self.set_low_water(bytes);
         }
     }
 
@@ -112,6 +120,40 @@ mod tests {
         drop(peer);
         let told = timeout(Duration::from_secs(60), quiet.stream.readable()).await;
         told.expect("the end is told").unwrap();
+    }
+
+    #[tokio::test]
+    async fn who_waits_for_much_is_woken_by_much_or_by_the_end() {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = listener.local_addr().unwrap();
+        let (accepted, connected) = tokio::join!(listener.accept(), TcpStream::connect(address));
+        let (stream, mut peer) = (Tcp::new(accepted.unwrap().0), connected.unwrap());
+        let patience = Duration::from_secs(60);
+        // More than the system has room for, and less than was claimed.
+        for bytes in [1, 1000, MOST, 20 * MOST] {
+            stream.try_read(&mut [0; 16]).unwrap_err();
+            let sent = vec![7; bytes];
+            let mut left = bytes;
+            let reading = async {
+                while left > 0 {
+                    stream.readable_by(left).await.unwrap();
+                    match stream.try_read(&mut vec![0; left]) {
+                        Ok(read) => left -= read,
+                        Err(error) => assert_eq!(error.kind(), io::ErrorKind::WouldBlock),
+                    }
+                }
+            };
+            let both = timeout(patience, async {
+                tokio::join!(peer.write_all(&sent), reading)
+            });
+            both.await.expect("all that was sent is told of").0.unwrap();
+        }
+        stream.try_read(&mut [0; 16]).unwrap_err();
+        peer.write_all(b"less").await.unwrap();
+        drop(peer);
+        let told = timeout(patience, stream.readable_by(MOST)).await;
+        told.expect("the end is told").unwrap();
+        assert_eq!(stream.try_read(&mut [0; 16]).unwrap(), 4);
     }
 
     impl Tcp {

@@ -30,7 +30,7 @@ use super::qos::SocketHandle;
 use super::received::{Answer, Received, Reply, Responder};
 use super::silent;
 use crate::auth;
-use crate::busy::BusyPoll;
+use crate::busy::{BusyPoll, Expecting};
 use crate::cancel::Cancelled;
 use crate::datagram;
 use crate::error::story;
@@ -307,13 +307,20 @@ impl Connection {
                     }
                 }
             }
+            let expecting = match self.output.is_empty() {
+                true => Expecting::Anything,
+                false => Expecting::Turn,
+            };
             if let Err(error) = stream::write_all(&self.stream, &mut self.output).await {
                 return error.into();
             }
             self.greeting = 0;
             let missing = self.acceptor.missing(&self.input.bytes);
             if missing == 0
-                && let Some(read) = self.busy.read(&self.stream, &mut self.input).await
+                && let Some(read) = self
+                    .busy
+                    .read(&self.stream, &mut self.input, expecting)
+                    .await
             {
                 match read {
                     Ok(0) => return End::Closed,

@@ -4,7 +4,7 @@ use std::io::{self, IoSlice};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use crate::busy::BusyPoll;
+use crate::busy::{BusyPoll, Expecting};
 use crate::cancel::Cancelled;
 use crate::port::batch::Batch;
 use crate::port::outbox::Outbox;
@@ -60,7 +60,7 @@ pub(super) async fn run(
         }
         let mut read = None;
         if batch.is_empty() && outbox.awaits_answer() {
-            read = busy.read(stream, input).await;
+            read = busy.read(stream, input, Expecting::Turn).await;
         }
         if read.is_none() {
             tokio::select! {
