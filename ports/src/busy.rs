@@ -70,16 +70,16 @@ impl BusyPoll {
         let begin = Instant::now();
         if self.hot.is_some() {
             stream.quieten();
+            input.reserve(self.chunk);
+            let buffer = &mut input.bytes;
+            let length = buffer.len();
+            buffer.resize(length + self.chunk, 0);
             if expecting == Expecting::Anything && AWAKE.load(Relaxed) == 1 {
                 tokio::task::yield_now().await;
                 while begin.elapsed() < GATHERING {
                     std::hint::spin_loop();
                 }
             }
-            input.reserve(self.chunk);
-            let buffer = &mut input.bytes;
-            let length = buffer.len();
-            buffer.resize(length + self.chunk, 0);
             while begin.elapsed() < LIMIT {
                 match stream.look(&mut buffer[length..]) {
                     Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
