@@ -15,8 +15,8 @@ use std::time::{Duration, Instant};
 
 use crate::stream::{Inflow, Socket};
 
-/// Longest time awake per wait.
-const LIMIT: Duration = Duration::from_micros(60);
+/// Longest time awake per wait, also of a writer for room.
+pub(crate) const LIMIT: Duration = Duration::from_micros(60);
 /// A wait this short makes the next one be spent awake.
 const SOON: Duration = Duration::from_micros(120);
 /// How long messages that were not asked for are left alone.

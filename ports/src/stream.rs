@@ -36,14 +36,15 @@ macro_rules! either {
 
 impl Socket {
     pub(crate) async fn readable(&self) -> io::Result<()> {
-        either!(self, stream => stream.readable().await)
+        self.readable_by(1).await
     }
 
     /// As [`Socket::readable`]; of a message of which so many bytes are missing little need not be told.
     async fn readable_by(&self, missing: usize) -> io::Result<()> {
         match self {
             Self::Tcp(stream) => stream.readable_by(missing).await,
-            Self::Unix(_) | Self::Shmem(_) => self.readable().await,
+            Self::Unix(stream) => stream.readable().await,
+            Self::Shmem(stream) => stream.readable().await,
         }
     }
 

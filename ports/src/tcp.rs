@@ -38,11 +38,6 @@ impl Tcp {
         }
     }
 
-    /// Waits until something is there to read.
-    pub(crate) async fn readable(&self) -> io::Result<()> {
-        self.readable_by(1).await
-    }
-
     /// Waits until this many bytes are there to read, or as many as are worth beginning with.
     pub(crate) async fn readable_by(&self, bytes: usize) -> io::Result<()> {
         self.tell_of(bytes.clamp(1, MOST));
@@ -95,12 +90,17 @@ mod tests {
 
     use super::*;
 
-    #[tokio::test]
-    async fn what_came_in_the_quiet_wakes_who_goes_to_sleep() {
+    /// Both ends of a connection.
+    async fn pair() -> (Tcp, TcpStream) {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap();
         let (accepted, connected) = tokio::join!(listener.accept(), TcpStream::connect(address));
-        let (quiet, mut peer) = (Tcp::new(accepted.unwrap().0), connected.unwrap());
+        (Tcp::new(accepted.unwrap().0), connected.unwrap())
+    }
+
+    #[tokio::test]
+    async fn what_came_in_the_quiet_wakes_who_goes_to_sleep() {
+        let (quiet, mut peer) = pair().await;
         // A new stream is taken to be readable until it is found not to be.
         quiet.try_read(&mut [0; 16]).unwrap_err();
         quiet.quieten();
@@ -111,7 +111,7 @@ mod tests {
         }
         let told = timeout(Duration::from_millis(200), quiet.stream.readable()).await;
         assert!(told.is_err(), "five bytes are little");
-        let told = timeout(Duration::from_secs(60), quiet.readable()).await;
+        let told = timeout(Duration::from_secs(60), quiet.readable_by(1)).await;
         told.expect("bytes are there").unwrap();
         assert_eq!(quiet.try_read(&mut [0; 16]).unwrap(), 5);
         // Nor is the end kept quiet.
@@ -124,10 +124,7 @@ mod tests {
 
     #[tokio::test]
     async fn who_waits_for_much_is_woken_by_much_or_by_the_end() {
-        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
-        let address = listener.local_addr().unwrap();
-        let (accepted, connected) = tokio::join!(listener.accept(), TcpStream::connect(address));
-        let (stream, mut peer) = (Tcp::new(accepted.unwrap().0), connected.unwrap());
+        let (stream, mut peer) = pair().await;
         let patience = Duration::from_secs(60);
         // More than the system has room for, and less than was claimed.
         for bytes in [1, 1000, MOST, 20 * MOST] {

@@ -11,7 +11,7 @@ use yarp_ports::{Network, Port, PortError, PortOptions, Queue};
 use yarp_wire::carrier::{Carrier, CarrierSpec};
 use yarp_wire::{Bottle, Value};
 
-use super::{CLIENT, FAILED, SERVER, Sizes};
+use super::{CLIENT, FAILED, SERVER, Sizes, rest};
 use crate::commands::words::Options;
 use crate::connecting::{self, Telling};
 use crate::error::Result;
@@ -191,10 +191,7 @@ async fn exchange(
                 (now - sent) * 1000.0
             )?;
         }
-        if pause > 0.0 {
-            tokio::time::sleep(Duration::try_from_secs_f64(pause).unwrap_or(session::FOREVER))
-                .await;
-        }
+        rest(pause).await;
     }
     Ok(Ok(measured))
 }

@@ -9,11 +9,13 @@ mod server;
 
 use std::io::Write;
 use std::process::ExitCode;
+use std::time::Duration;
 
 use yarp_wire::Value;
 
 use super::words::Options;
 use crate::error::Result;
+use crate::session;
 use crate::text::complain;
 
 const USAGE: &str = "\
@@ -73,6 +75,13 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     };
     complain(out, complaint)?;
     Ok(ExitCode::from(FAILED))
+}
+
+/// A pause between two frames, of so many seconds; what is no time is none, or is for ever.
+async fn rest(seconds: f64) {
+    if seconds > 0.0 {
+        tokio::time::sleep(Duration::try_from_secs_f64(seconds).unwrap_or(session::FOREVER)).await;
+    }
 }
 
 /// The texts that a client asks for.

@@ -2,13 +2,13 @@
 
 use std::io::Write;
 use std::process::ExitCode;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use tokio::sync::{mpsc, oneshot};
 use yarp_ports::{Answer, Network, Port, PortOptions, Received};
 use yarp_wire::{Bottle, Value};
 
-use super::{FAILED, LARGEST, SERVER};
+use super::{FAILED, LARGEST, SERVER, rest};
 use crate::commands::words::Options;
 use crate::error::Result;
 use crate::session;
@@ -181,10 +181,7 @@ async fn test(
             )?;
             writeln!(out, "Sending the frame number: {count}")?;
         }
-        if pause > 0.0 {
-            tokio::time::sleep(Duration::try_from_secs_f64(pause).unwrap_or(session::FOREVER))
-                .await;
-        }
+        rest(pause).await;
         count += 1;
     }
     Ok(End::Error)

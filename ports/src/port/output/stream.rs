@@ -2,17 +2,15 @@
 
 use std::io::{self, IoSlice};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use crate::busy::{BusyPoll, Expecting};
+use crate::busy::{self, BusyPoll, Expecting};
 use crate::cancel::Cancelled;
 use crate::port::batch::Batch;
 use crate::port::outbox::Outbox;
 use crate::port::output::Pause;
 use crate::stream::{Inflow, Socket};
 
-/// How long a writer looks for room awake.
-const AWAKE: Duration = Duration::from_micros(60);
 /// Buffers handed to one system call.
 const VECTORS: usize = 16;
 
@@ -97,7 +95,7 @@ pub(super) async fn run(
     }
 }
 
-/// Writes the batch as long as no more than [`AWAKE`] passes until the socket takes more of it.
+/// Writes the batch as long as no more than [`busy::LIMIT`] passes until the socket takes more of it.
 /// Sockets of the file system tell late of room: a writer that sleeps until then keeps its reader
 /// waiting.
 async fn write_awake(stream: &Socket, outbox: &Outbox, batch: &mut Batch) -> io::Result<()> {
@@ -108,7 +106,7 @@ async fn write_awake(stream: &Socket, outbox: &Outbox, batch: &mut Batch) -> io:
         if batch.len() < before {
             last = Instant::now();
         }
-        if batch.is_empty() || last.elapsed() >= AWAKE {
+        if batch.is_empty() || last.elapsed() >= busy::LIMIT {
             return Ok(());
         }
         tokio::task::yield_now().await;
