@@ -124,6 +124,13 @@ impl<'a> Board<'a> {
         });
     }
 
+    /// Stops a velocity, and goes back to positions.
+    pub(super) fn velocity_ends(&self, axes: Axes<'_>) {
+        self.velocity().stop(axes).expect("it can always stop");
+        self.rests();
+        self.set_mode(Mode::Position);
+    }
+
     pub(super) fn rests(&self) {
         self.eventually("rest", || {
             self.readings().iter().all(|now| now.speed == 0.0)

@@ -466,12 +466,7 @@ pub fn the_hardest_start_ends_at_the_velocity(device: &dyn Device, patience: Dur
         assert!(now.abs() < speed.abs() + CLOSE, "{now} is too fast");
         (now - speed).abs() < CLOSE
     });
-    board
-        .velocity()
-        .stop(axis.into())
-        .expect("it can always stop");
-    board.rests();
-    board.set_mode(Mode::Position);
+    board.velocity_ends(axis.into());
 }
 
 /// Modes come back as set, joint by joint; one nobody can command is refused for all.
@@ -553,12 +548,7 @@ pub fn a_velocity_holds_until_told_otherwise(device: &dyn Device, patience: Dura
     board.eventually("progress", || {
         (board.at(axis) - start) * speed.signum() > 1.0
     });
-    board
-        .velocity()
-        .stop(axis.into())
-        .expect("it can always stop");
-    board.rests();
-    board.set_mode(Mode::Position);
+    board.velocity_ends(axis.into());
 }
 
 /// A velocity never takes a joint beyond its limit, and it can leave the limit again.
@@ -589,12 +579,7 @@ pub fn a_velocity_ends_at_the_position_limit(device: &dyn Device, patience: Dura
         .velocity_move(axis.into(), &[-5.0])
         .expect("it is allowed");
     board.eventually("the way back", || board.at(axis) < limits.max - 1.0);
-    board
-        .velocity()
-        .stop(Axes::All)
-        .expect("it can always stop");
-    board.rests();
-    board.set_mode(Mode::Position);
+    board.velocity_ends(Axes::All);
 }
 
 /// Limits come back as set, and bind.
