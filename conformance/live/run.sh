@@ -33,17 +33,24 @@ stop() {
 }
 trap 'stop; rm -rf "$work"' EXIT
 
+export PYTHONUNBUFFERED=1
 failed=0
-# Runs a command with a title; goes on after a failure, and remembers it.
+# Runs a command with a title; goes on after a failure, and remembers it and what it said.
 suite() {
-    local title=$1
+    local title=$1 code=0
     shift
     echo "---- $title"
-    if timeout 600 "$@"; then
+    timeout 600 "$@" 2>&1 | tee "$work/said" || code=$?
+    if [ $code = 0 ]; then
         echo "---- $title: passed"
     else
-        echo "---- $title: FAILED"
+        echo "---- $title: FAILED, exit code $code"
         failed=$((failed + 1))
+        {
+            echo "---- $title: FAILED, exit code $code"
+            # A check that failed and what it found; of a suite without checks, its last words.
+            grep -A 3 '^FAIL' "$work/said" || tail -n 6 "$work/said"
+        } >>"$work/failures"
     fi
 }
 # Waits until a command succeeds, half a minute at the most.
@@ -203,6 +210,7 @@ for server in ours stock; do
 done
 
 if [ $failed != 0 ]; then
+    tail -n 40 "$work/failures"
     echo "live: $failed suites failed"
     exit 1
 fi

@@ -125,8 +125,9 @@ class Browser:
             return None
 
     def console(self):
-        """What the console has said since it was last asked."""
-        return self.ask("POST", "/se/log", {"type": "browser"})
+        """What the console has said since it was last asked, but for what concerns the browser's own pages."""
+        entries = self.ask("POST", "/se/log", {"type": "browser"})
+        return [entry for entry in entries if not entry["message"].startswith("chrome://")]
 
     def screenshot(self, path):
         """Saves what is seen as PNG."""

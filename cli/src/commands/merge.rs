@@ -21,6 +21,10 @@ This is yarp merge. Please provide a list of ports to read from, e.g:
 Alternative syntax:
   yarp merge --input /p1 /p2 --output /p3 --worker /prefix --carrier udp";
 
+/// Merged messages that a reader may be behind before it misses one. Stock leaves one out whenever the one before it was not
+/// acknowledged yet, and who sends nothing more is then missing.
+const BACKLOG: usize = 16;
+
 /// What stock ends with if it cannot begin.
 const FAILED: u8 = 255;
 
@@ -130,7 +134,7 @@ async fn pass_on(newest: &Newest, writer: &Port, interrupt: &mut Interrupt) {
         stamp = stamp.next(wall_clock());
         let bottles = newest.bottles().clone();
         let all: Bottle = bottles.iter().flat_map(|one| one.iter().cloned()).collect();
-        writer.write_if_idle(&all, Some(stamp.into()));
+        writer.write_unless_behind(&all, Some(stamp.into()), BACKLOG);
     }
 }
 
