@@ -14,7 +14,7 @@ fn moves_a_joint_and_waits_for_it() {
     let (names, board) = wait(async {
         let names = Server::start(ServerOptions::default().at("127.0.0.1", 0)).await;
         let names = names.expect("a name server starts");
-        let arm = Arc::new(SimulatedWam::start().expect("threads"));
+        let arm = Arc::new(SimulatedWam::new());
         let options = ControlBoardOptions::new();
         let board = ControlBoardServer::open(&names.network(), arm, "/wam", options).await;
         (names, board.expect("it is served"))

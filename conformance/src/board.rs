@@ -39,7 +39,7 @@ impl RecordedBoard {
         let axes = positions.len();
         Self {
             largest_torque: 0.0,
-            arm: SimulatedWam::start().expect("the machine has threads"),
+            arm: SimulatedWam::new(),
             state: Mutex::new(State {
                 pids: vec![Pid::default(); axes],
                 modes: vec![Mode::Position; axes],

@@ -14,7 +14,7 @@ fn said(words: &[&str]) -> Vec<String> {
     let options = ServerOptions::default().at("127.0.0.1", 0);
     let names = runtime.block_on(Server::start(options)).expect("it starts");
     let network = names.network();
-    let arm = Arc::new(SimulatedWam::start().expect("the machine has threads"));
+    let arm = Arc::new(SimulatedWam::new());
     let opening = ControlBoardServer::open(&network, arm, "/wam", ControlBoardOptions::new());
     let board = runtime.block_on(opening).expect("it is served");
     let home = tempfile::tempdir().expect("there is room");

@@ -24,7 +24,7 @@
 //! use yarp_devices::{Axes, AxisIndex, Device};
 //!
 //! # fn main() -> Result<(), yarp_devices::DeviceError> {
-//! let arm = SimulatedWam::start()?;
+//! let arm = SimulatedWam::new();
 //! let elbow = Axes::One(AxisIndex::from(3));
 //! let board = arm.position_control().expect("the arm moves point to point");
 //! board.position_move(elbow, &[170.0])?;

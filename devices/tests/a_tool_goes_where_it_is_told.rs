@@ -15,7 +15,7 @@ const PATIENCE: Duration = Duration::from_secs(60);
 const PLACE: Target = Target::Position([0.4, 0.1, 0.4]);
 
 fn controller() -> (Arc<SimulatedWam>, CartesianController<7>) {
-    let arm = Arc::new(SimulatedWam::start().expect("the machine has threads"));
+    let arm = Arc::new(SimulatedWam::new());
     let chain = WamModel::<7>::new().chain;
     let options = CartesianOptions::new().part_type("wam7");
     let tool = CartesianController::start(arm.clone(), chain, options).expect("it is an arm");
@@ -154,7 +154,7 @@ fn joints_that_are_not_used_stay() {
 #[test]
 fn an_arm_with_four_joints_brings_its_tool_to_places() {
     let parameters = yarp_devices::wam::parameters();
-    let arm = SimulatedWam::start_with(parameters.into_iter().take(4)).expect("threads");
+    let arm = SimulatedWam::with_axes(parameters.into_iter().take(4));
     let chain = WamModel::<4>::new().chain;
     let tool = CartesianController::start(Arc::new(arm), chain, CartesianOptions::new());
     let tool = tool.expect("it is an arm");
@@ -183,6 +183,6 @@ fn what_is_no_arm_of_that_kind_is_refused() {
         start(Arc::new(Nothing)),
         Err(DeviceError::NotSupported { .. })
     ));
-    let seven = Arc::new(SimulatedWam::start().expect("the machine has threads"));
+    let seven = Arc::new(SimulatedWam::new());
     assert!(matches!(start(seven), Err(DeviceError::WrongCount { .. })));
 }

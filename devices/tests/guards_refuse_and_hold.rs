@@ -12,7 +12,7 @@ const PATIENCE: Duration = Duration::from_secs(60);
 const BASE: Axes<'static> = Axes::One(yarp_devices::AxisIndex::new(0));
 
 fn guarded(options: GuardedOptions) -> Guarded {
-    let arm = SimulatedWam::start().expect("the arm starts");
+    let arm = SimulatedWam::new();
     Guarded::around(Arc::new(arm), options).expect("the guards start")
 }
 
@@ -187,7 +187,7 @@ fn a_velocity_ends_inside_the_guards_limit() {
 
 #[test]
 fn a_joint_beyond_its_limit_may_only_come_back() {
-    let arm: Arc<dyn Device> = Arc::new(SimulatedWam::start().expect("the arm starts"));
+    let arm: Arc<dyn Device> = Arc::new(SimulatedWam::new());
     let position = arm.position_control().unwrap();
     position.position_move(BASE, &[25.0]).unwrap();
     eventually("arrival", || position.motion_done(BASE).unwrap());

@@ -5,7 +5,7 @@ use yarp_devices::{Axes, AxisIndex, Device, DeviceError, Limits, Mode};
 
 /// Runs `command` on a fresh arm, and checks the message and that every joint rests.
 fn refused(expected: &str, command: impl Fn(&dyn Device) -> Result<(), DeviceError>) {
-    let arm = SimulatedWam::start().expect("the arm starts");
+    let arm = SimulatedWam::new();
     let message = match command(&arm) {
         Err(error) => error.to_string(),
         Ok(()) => panic!("accepted, expected: {expected}"),

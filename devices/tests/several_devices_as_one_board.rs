@@ -25,7 +25,7 @@ fn arm(name: &str, joints: usize) -> Named {
         reference_acceleration: 200.0,
         home: 0.0,
     });
-    let arm = SimulatedWam::start_with(axes).expect("the arm starts");
+    let arm = SimulatedWam::with_axes(axes);
     (name.to_owned(), Arc::new(arm))
 }
 

@@ -13,7 +13,7 @@ macro_rules! check_each {
         $(
             #[test]
             fn $name() {
-                let arm = SimulatedWam::start().expect("the arm starts");
+                let arm = SimulatedWam::new();
                 checks::$name(&arm, PATIENCE);
             }
         )*
@@ -33,7 +33,7 @@ yarp_devices::each_check_of_a_board_of_4! { check_each! {} }
 /// The checks put up with what the one before left behind.
 #[test]
 fn all_checks_in_a_row_on_one_arm() {
-    let arm = SimulatedWam::start().expect("the arm starts");
+    let arm = SimulatedWam::new();
     for (_, check) in checks::ALL.iter().chain(checks::SINCE_4) {
         check(&arm, PATIENCE);
     }

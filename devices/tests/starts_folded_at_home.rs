@@ -5,7 +5,7 @@ use yarp_devices::{Axes, Device, JointType, Limits, Mode};
 
 #[test]
 fn the_pose_the_mode_and_the_references_are_the_published_ones() {
-    let arm = SimulatedWam::start().expect("the arm starts");
+    let arm = SimulatedWam::new();
     let arm: &dyn Device = &arm;
 
     let readings = arm
@@ -53,7 +53,7 @@ fn the_pose_the_mode_and_the_references_are_the_published_ones() {
 
 #[test]
 fn the_limits_are_those_of_the_manual() {
-    let arm = SimulatedWam::start().expect("the arm starts");
+    let arm = SimulatedWam::new();
     let limits = arm.control_limits().expect("it has limits");
     let radians = [
         (-2.6, 2.6),

@@ -48,7 +48,7 @@ fn a_camera_is_served_and_seen() {
 #[test]
 fn an_arm_behind_its_pc_is_a_device() {
     let stage = Stage::new();
-    let arm = std::sync::Arc::new(SimulatedWam::start().expect("it starts"));
+    let arm = std::sync::Arc::new(SimulatedWam::new());
     let node = WamNode::start(arm, NodeOptions::new(Meeting::anywhere())).expect("it listens");
     let places = node.places();
     let (ports, host) = ((places.arm.port(), places.packets.port()), places.arm.ip());

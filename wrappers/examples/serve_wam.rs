@@ -23,7 +23,7 @@ async fn main() -> Result<(), Box<dyn Error>> {
         options = options.period(Duration::from_millis(period.parse()?));
     }
     let network = Network::at(host, port.parse()?);
-    let arm = Arc::new(SimulatedWam::start()?);
+    let arm = Arc::new(SimulatedWam::new());
     let board = ControlBoardServer::open(&network, arm, name, options).await?;
     println!("{} is served", board.name());
     tokio::signal::ctrl_c().await?;

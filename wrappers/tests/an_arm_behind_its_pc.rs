@@ -19,7 +19,7 @@ fn our_client_drives_it_over_the_network() {
     })
     .expect("there are ports");
     let node = WamNode::start(
-        Arc::new(SimulatedWam::start().expect("the machine has threads")),
+        Arc::new(SimulatedWam::new()),
         NodeOptions {
             patience: PATIENCE,
             silence: PATIENCE,

@@ -22,7 +22,7 @@ fn remote(stage: &Stage) -> Result<RemoteControlBoard, OpenError> {
 }
 
 fn serve(stage: &Stage, options: ControlBoardOptions) -> Result<ControlBoardServer, OpenError> {
-    let arm = Arc::new(SimulatedWam::start().expect("threads"));
+    let arm = Arc::new(SimulatedWam::new());
     let opening = ControlBoardServer::open(&stage.network, arm, "/wam", options);
     stage.runtime.block_on(opening)
 }

@@ -97,7 +97,7 @@ impl Device for Slow {
 
 fn slow() -> (Slow, Arc<Taken>) {
     let taken = Arc::new(Taken::default());
-    let arm = SimulatedWam::start().expect("the machine has threads");
+    let arm = SimulatedWam::new();
     let slow = Slow {
         arm,
         taken: taken.clone(),

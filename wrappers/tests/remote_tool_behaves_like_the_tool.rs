@@ -19,7 +19,7 @@ use yarp_wrappers::{
 const NAME: &str = "/cartController/wam";
 
 fn tool() -> Arc<CartesianController<7>> {
-    let arm = Arc::new(SimulatedWam::start().expect("the machine has threads"));
+    let arm = Arc::new(SimulatedWam::new());
     let chain = WamModel::<7>::new().chain;
     let options = CartesianOptions::new().part_type("wam7");
     Arc::new(CartesianController::start(arm, chain, options).expect("it is an arm"))

@@ -82,7 +82,7 @@ impl Device for Shy {
 #[test]
 fn what_is_not_measured_is_zeros_that_are_marked() {
     let stage = Stage::new();
-    let server = stage.serve("/wam", Shy(SimulatedWam::start().expect("threads")));
+    let server = stage.serve("/wam", Shy(SimulatedWam::new()));
     let extended = reader(&stage, "/a", "/wam/stateExt:o");
     let data: JointData = next(&stage, &extended).read().expect("joint data");
     assert!(data.positions.of(7).is_some());
@@ -95,7 +95,7 @@ fn what_is_not_measured_is_zeros_that_are_marked() {
 #[test]
 fn a_kilohertz_is_a_kilohertz() {
     let stage = Stage::new();
-    let arm = Arc::new(SimulatedWam::start().expect("threads"));
+    let arm = Arc::new(SimulatedWam::new());
     let options = ControlBoardOptions::new().period(Duration::from_millis(1));
     let opening = ControlBoardServer::open(&stage.network, arm, "/wam", options);
     let server = stage.runtime.block_on(opening).expect("served");

@@ -91,7 +91,7 @@ fn run(words: &Words) -> Result<bool, Failure> {
     let arm: Arc<dyn Device> = if words.dynamic {
         Arc::new(DynamicWam::start()?)
     } else {
-        Arc::new(SimulatedWam::start()?)
+        Arc::new(SimulatedWam::new())
     };
     let driver = EmbeddedWam::start(DriverOptions {
         period,

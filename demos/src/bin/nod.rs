@@ -21,7 +21,7 @@ const NOD: f64 = -10.0;
 fn main() -> Result<(), Box<dyn Error>> {
     let arm: Arc<dyn Device> = match std::env::args().nth(1) {
         Some(name) => Robot::connect(&name)?.device(),
-        None => Arc::new(SimulatedWam::start()?),
+        None => Arc::new(SimulatedWam::new()),
     };
     nod(arm.as_ref())
 }

@@ -73,7 +73,7 @@ impl CartesianOptions {
 /// use yarp_devices::{CartesianControl, Target};
 ///
 /// # fn main() -> Result<(), yarp_devices::DeviceError> {
-/// let arm = Arc::new(SimulatedWam::start()?);
+/// let arm = Arc::new(SimulatedWam::new());
 /// let chain = WamModel::<7>::new().chain;
 /// let controller = CartesianController::start(arm, chain, CartesianOptions::new())?;
 /// controller.go_to(Target::Position([0.4, 0.1, 0.4]), Some(0.5))?;

@@ -13,7 +13,7 @@
 //! use yarp_devices::{checks, wam::SimulatedWam};
 //!
 //! # fn main() -> Result<(), yarp_devices::DeviceError> {
-//! checks::axes_have_names(&SimulatedWam::start()?, Duration::from_secs(30));
+//! checks::axes_have_names(&SimulatedWam::new(), Duration::from_secs(30));
 //! # Ok(())
 //! # }
 //! ```

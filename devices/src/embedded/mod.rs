@@ -16,7 +16,7 @@
 //! # fn main() -> Result<(), yarp_devices::DeviceError> {
 //! let driver = EmbeddedWam::start(DriverOptions::new(Meeting::anywhere()))?;
 //! let node = WamNode::start(
-//!     Arc::new(SimulatedWam::start()?),
+//!     Arc::new(SimulatedWam::new()),
 //!     NodeOptions::new(Meeting::Connect(driver.places())),
 //! )?;
 //! while !driver.link().is_up() {

@@ -41,7 +41,7 @@ pub struct GuardedOptions {
 ///     joint_limits: JointLimits(vec![Limits::new(-90.0, 90.0)]),
 ///     ..GuardedOptions::default()
 /// };
-/// let arm = Guarded::around(Arc::new(SimulatedWam::start()?), options)?;
+/// let arm = Guarded::around(Arc::new(SimulatedWam::new()), options)?;
 /// let refused = arm.position_control().unwrap().position_move(Axes::One(0.into()), &[100.0]);
 /// assert_eq!(
 ///     refused.unwrap_err().to_string(),

@@ -54,8 +54,8 @@ pub type Named = (String, Arc<dyn Device>);
 ///
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// let arms: Vec<(String, Arc<dyn Device>)> = vec![
-///     ("left".into(), Arc::new(SimulatedWam::start()?)),
-///     ("right".into(), Arc::new(SimulatedWam::start()?)),
+///     ("left".into(), Arc::new(SimulatedWam::new())),
+///     ("right".into(), Arc::new(SimulatedWam::new())),
 /// ];
 /// // The elbows of both.
 /// let elbows = Remapper::of_joints(arms, &[(0, 3.into()), (1, 3.into())])?;

@@ -1,11 +1,9 @@
-//! A WAM arm without the arm: the model, run in real time.
+//! A WAM arm without the arm: the model, which is given the time that has passed whenever somebody asks.
 
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::thread::{self, JoinHandle};
-use std::time::{Duration, Instant};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
 
-use tracing::{debug, info};
+use tracing::info;
 
 use super::parameters;
 use crate::clock::wall_clock;
@@ -15,19 +13,13 @@ use crate::{
     Encoders, JointType, Limits, Mode, MotionControl, PositionControl, VelocityControl,
 };
 
-/// The control period of the arm: 500 Hz, as libbarrett runs it.
-const PERIOD: Duration = Duration::from_millis(2);
-/// The most time one step may make up for. After a longer pause of the machine the arm goes on from where it
-/// was, instead of being found far away.
-const LONGEST_STEP: Duration = Duration::from_millis(100);
-
 /// A simulated seven-joint WAM arm that moves in real time.
 ///
 /// * It starts at rest in the folded home pose, in position mode, with the limits, speeds and accelerations of
 ///   [`parameters`]. Encoders are exact, and a move ends exactly at its target.
-/// * A thread of its own steps the [`Model`] at 500 Hz; all axes carry the wall-clock time of the newest step.
-///   Dropping the arm ends and joins the thread.
-/// * Calls wait for nothing longer than one step of the model, some microseconds.
+/// * Whoever calls it first lets the [`Model`] have the time that has passed, which is exact however long that is: so an
+///   arm that nobody asks takes no processor. All axes carry the wall-clock time of the call.
+/// * Calls wait for nothing longer than another call, some microseconds.
 /// * It has all modes but mixed, and refuses others by name. Nothing times out: a velocity or a torque stays in
 ///   force until the next command. Pushed by torque, current or duty cycle an axis is a mass with friction: there is
 ///   no gravity and no coupling.
@@ -38,7 +30,7 @@ const LONGEST_STEP: Duration = Duration::from_millis(100);
 /// use yarp_devices::{Axes, AxisInfo, Encoders};
 ///
 /// # fn main() -> Result<(), yarp_devices::DeviceError> {
-/// let arm = SimulatedWam::start()?;
+/// let arm = SimulatedWam::new();
 /// assert_eq!(arm.axis_name(3.into())?, "elbow");
 /// let elbow = arm.encoder_readings(Axes::One(3.into()))?[0];
 /// assert_eq!(elbow.position, 3.13_f64.to_degrees());
@@ -47,103 +39,53 @@ const LONGEST_STEP: Duration = Duration::from_millis(100);
 /// ```
 #[derive(Debug)]
 pub struct SimulatedWam {
-    shared: Arc<Shared>,
-    control: Option<JoinHandle<()>>,
-}
-
-#[derive(Debug)]
-struct Shared {
     arm: Mutex<Arm>,
-    ending: AtomicBool,
 }
 
 #[derive(Debug)]
 pub(super) struct Arm {
     pub(super) model: Model,
-    /// Of the newest step, in seconds since the start of 1970.
+    /// Until when the model has had its time.
+    stepped: Instant,
+    /// The same moment, in seconds since the start of 1970.
     pub(super) time: f64,
 }
 
 impl SimulatedWam {
-    /// Starts an arm.
-    ///
-    /// Errors: [`DeviceError::Start`] when the machine has no thread left.
-    pub fn start() -> Result<Self, DeviceError> {
-        Self::start_with(parameters())
+    /// An arm at rest.
+    pub fn new() -> Self {
+        Self::with_axes(parameters())
     }
 
-    /// Starts another machine of simulated axes, which moves as the arm does.
-    ///
-    /// Errors: as [`start`](Self::start).
-    pub fn start_with(axes: impl IntoIterator<Item = AxisParameters>) -> Result<Self, DeviceError> {
+    /// Another machine of simulated axes, which moves as the arm does.
+    pub fn with_axes(axes: impl IntoIterator<Item = AxisParameters>) -> Self {
         let model = Model::new(axes);
-        let axes = model.axes();
-        let shared = Arc::new(Shared {
+        info!(axes = model.axes(), "simulated arm started");
+        Self {
             arm: Mutex::new(Arm {
                 model,
+                stepped: Instant::now(),
                 time: wall_clock(),
             }),
-            ending: AtomicBool::new(false),
-        });
-        let theirs = Arc::clone(&shared);
-        let control = thread::Builder::new()
-            .name("simulated-wam".into())
-            .spawn(move || theirs.control())
-            .map_err(|source| DeviceError::Start {
-                what: "the control thread of the simulated arm",
-                source,
-            })?;
-        info!(axes, "simulated arm started");
-        Ok(Self {
-            shared,
-            control: Some(control),
-        })
+        }
     }
 
+    /// The arm as it is now.
     pub(super) fn arm(&self) -> MutexGuard<'_, Arm> {
-        self.shared.lock()
-    }
-}
-
-impl Drop for SimulatedWam {
-    fn drop(&mut self) {
-        self.shared.ending.store(true, Ordering::Release);
-        if let Some(control) = self.control.take() {
-            control.thread().unpark();
-            if control.join().is_err() {
-                tracing::error!("the control thread of the simulated arm had panicked");
-            }
-        }
-        debug!("simulated arm ended");
-    }
-}
-
-impl Shared {
-    /// The control loop: step by the time that has passed, then sleep until the next deadline.
-    fn control(&self) {
-        let mut stepped = Instant::now();
-        let mut deadline = stepped;
-        while !self.ending.load(Ordering::Acquire) {
-            let now = Instant::now();
-            if now < deadline {
-                // May wake early, then the loop comes back here.
-                thread::park_timeout(deadline - now);
-                continue;
-            }
-            {
-                let mut arm = self.lock();
-                arm.model.step((now - stepped).min(LONGEST_STEP));
-                arm.time = wall_clock();
-            }
-            stepped = now;
-            // After a late step the missed ones are left out, not run in a burst.
-            deadline = (deadline + PERIOD).max(now);
-        }
-    }
-
-    fn lock(&self) -> MutexGuard<'_, Arm> {
         // The model is whole between any two calls, so a panic elsewhere does not spoil it.
-        self.arm.lock().unwrap_or_else(PoisonError::into_inner)
+        let mut arm = self.arm.lock().unwrap_or_else(PoisonError::into_inner);
+        let now = Instant::now();
+        let passed = now - arm.stepped;
+        arm.model.step(passed);
+        arm.stepped = now;
+        arm.time = wall_clock();
+        arm
+    }
+}
+
+impl Default for SimulatedWam {
+    fn default() -> Self {
+        Self::new()
     }
 }
 

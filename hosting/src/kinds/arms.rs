@@ -1,6 +1,7 @@
 //! Arms: simulated ones, one behind its embedded PC, and one on its CAN bus.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, ToSocketAddrs};
+use std::sync::Arc;
 
 use yarp_devices::embedded::{ARM_PORT, DriverOptions, EmbeddedWam, Meeting, PACKET_PORT, Places};
 use yarp_devices::wam::can::{CanOptions, CanWam};
@@ -11,9 +12,8 @@ use super::local::{self, Local};
 use super::{Opening, Outcome};
 use crate::HostError;
 
-pub(super) async fn ideal(opening: Opening<'_>) -> Outcome {
-    let arm = local::start(opening.parameters, SimulatedWam::start).await?;
-    Ok(Box::new(Local::machine(arm)))
+pub(super) async fn ideal(_opening: Opening<'_>) -> Outcome {
+    Ok(Box::new(Local::machine(Arc::new(SimulatedWam::new()))))
 }
 
 pub(super) async fn dynamic(opening: Opening<'_>) -> Outcome {

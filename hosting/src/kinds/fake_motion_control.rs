@@ -2,12 +2,14 @@
 //!
 //! Source: `fakeMotionControl.cpp` of YARP 3.5. Where stock's joints are at their targets at once, these move there.
 
+use std::sync::Arc;
+
 use yarp_devices::fake::AxisParameters;
 use yarp_devices::wam::SimulatedWam;
 use yarp_devices::{JointType, Limits};
 use yarp_wire::settings::{Expected, Parameters};
 
-use super::local::{self, Local};
+use super::local::Local;
 use super::{Opening, Outcome};
 use crate::HostError;
 
@@ -32,8 +34,8 @@ const WITHOUT_EFFECT: [&str; 5] = [
 pub(super) async fn open(opening: Opening<'_>) -> Outcome {
     let parameters = opening.parameters;
     let axes = axes(parameters)?;
-    let joints = local::start(parameters, || SimulatedWam::start_with(axes)).await?;
-    Ok(Box::new(Local::machine(joints)))
+    let joints = SimulatedWam::with_axes(axes);
+    Ok(Box::new(Local::machine(Arc::new(joints))))
 }
 
 fn axes(parameters: &Parameters) -> Result<Vec<AxisParameters>, HostError> {

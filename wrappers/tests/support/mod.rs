@@ -53,10 +53,7 @@ impl Stage {
 
     /// Serves a simulated arm as `/wam`.
     pub(crate) fn serve_arm(&self) -> ControlBoardServer {
-        self.serve(
-            "/wam",
-            SimulatedWam::start().expect("the machine has threads"),
-        )
+        self.serve("/wam", SimulatedWam::new())
     }
 
     pub(crate) fn remote(&self, local: &str) -> RemoteControlBoard {

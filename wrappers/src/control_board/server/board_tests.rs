@@ -7,7 +7,7 @@ use super::super::super::messages::Command;
 use super::*;
 
 fn board() -> Board {
-    let arm: Arc<dyn Device> = Arc::new(SimulatedWam::start().expect("threads"));
+    let arm: Arc<dyn Device> = Arc::new(SimulatedWam::new());
     Board::new(arm, "/test").expect("it has axes").0
 }
 
@@ -175,7 +175,7 @@ fn what_the_device_does_not_have_is_refused_with_its_results() {
             self.0.encoders()
         }
     }
-    let arm = Shy(SimulatedWam::start().expect("threads"));
+    let arm = Shy(SimulatedWam::new());
     let board = Board::new(Arc::new(arm), "/test").expect("it has axes").0;
     let check = |call: &str, reply: &str| {
         let call = Bottle::parse(call).expect("the test's own text");

@@ -105,7 +105,7 @@ impl ControlBoardOptions {
 /// use yarp_wrappers::{ControlBoardOptions, ControlBoardServer};
 ///
 /// let network = Network::from_process()?;
-/// let arm = Arc::new(SimulatedWam::start()?);
+/// let arm = Arc::new(SimulatedWam::new());
 /// let board = ControlBoardServer::open(&network, arm, "/wam", ControlBoardOptions::new()).await?;
 /// tokio::signal::ctrl_c().await?;
 /// board.close().await;
