@@ -49,7 +49,7 @@ suite() {
         {
             echo "---- $title: FAILED, exit code $code"
             # A check that failed and what it found; of a suite without checks, its last words.
-            grep -A 3 '^FAIL' "$work/said" || tail -n 6 "$work/said"
+            grep -A 3 '^FAIL' "$work/said" | grep -v '^ok' || tail -n 6 "$work/said"
         } >>"$work/failures"
     fi
 }
