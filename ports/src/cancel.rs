@@ -4,7 +4,7 @@ use tokio::sync::watch;
 use tokio::task::JoinSet;
 
 /// Waits for the end of all tasks. One that panicked, or that went with the runtime, has ended.
-pub(crate) async fn join(mut tasks: JoinSet<()>) {
+pub(crate) async fn join<T: 'static>(mut tasks: JoinSet<T>) {
     while tasks.join_next().await.is_some() {}
 }
 

@@ -42,14 +42,14 @@ use crate::{shmem, unix};
 
 /// Serves a connection until it ends, is displaced, has been silent for too long, or the port closes.
 ///
-/// Connections are numbered in the order in which they were accepted.
+/// Connections are numbered in the order in which they were accepted. Tells whether what came was understood.
 pub(super) async fn serve(
     core: Arc<Core>,
     stream: TcpStream,
     address: IpAddr,
     number: u64,
     caller: Option<(Caller, Farewell)>,
-) {
+) -> Understood {
     let (caller, mut farewell) = caller.unzip();
     let mut closing = core.cancelled.clone();
     let stream = Socket::Tcp(Tcp::new(stream));
@@ -57,12 +57,12 @@ pub(super) async fn serve(
     if let Some(key) = core.network.key() {
         let known = tokio::select! {
             known = auth::accept(&stream, key) => known,
-            () = closing.cancelled() => return,
+            () = closing.cancelled() => return Understood(true),
         };
         if let Err(error) = known {
             let text = story(&error);
             tracing::warn!(port = %core.name, %address, "Authentication of {address} failed: {text}");
-            return;
+            return Understood(false);
         }
     }
     let (steering, steered) = Steering::new();
@@ -89,11 +89,17 @@ pub(super) async fn serve(
         rights: (0, Rights::ALL),
         caller,
     };
-    match connection.attend(&mut farewell).await {
+    let end = connection.attend(&mut farewell).await;
+    let understood = Understood(!matches!(end, End::Broken(_)));
+    match end {
         End::Moved(thread) => Box::pin(connection.move_to(&thread, farewell)).await,
         end => connection.end(end),
     }
+    understood
 }
+
+/// Whether what came on a connection was none of it garbage.
+pub(super) struct Understood(pub(super) bool);
 
 /// How long the answer to a header waits for that to the first message, if both have come.
 const GREETING: Duration = Duration::from_millis(1);

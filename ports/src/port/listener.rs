@@ -11,7 +11,8 @@ use yarp_wire::name_service::Registering;
 
 use super::callers::Callers;
 use super::core::Core;
-use super::input;
+use super::door::Door;
+use super::input::{self, Understood};
 use super::options::PortOptions;
 use crate::cancel::join;
 use crate::error::PortError;
@@ -102,10 +103,14 @@ pub(super) async fn listen(core: Arc<Core>, listener: TcpListener) {
     let callers = core.options.callers.map(Callers::new);
     let silence = tokio::time::sleep(Duration::ZERO);
     tokio::pin!(silence);
+    let mut door = Door::new(Instant::now());
+    let mut is_open = true;
+    let closed = tokio::time::sleep(Duration::ZERO);
+    tokio::pin!(closed);
     let prepared = stream::prepare_all(&listener);
     loop {
         tokio::select! {
-            accepted = listener.accept() => match accepted {
+            accepted = listener.accept(), if is_open => match accepted {
                 Ok((stream, peer)) => {
                     if !prepared {
                         // Without it small messages are late, but they come.
@@ -121,6 +126,10 @@ pub(super) async fn listen(core: Arc<Core>, listener: TcpListener) {
                     };
                     let number = core.next_number();
                     connections.spawn(input::serve(core.clone(), stream, peer.ip(), number, caller));
+                    if callers.is_none() && let Some(pause) = door.pause(Instant::now()) {
+                        is_open = false;
+                        closed.as_mut().reset((Instant::now() + pause).into());
+                    }
                 }
                 Err(error) => {
                     tracing::warn!(port = %core.name, "cannot accept: {error}");
@@ -136,7 +145,12 @@ pub(super) async fn listen(core: Arc<Core>, listener: TcpListener) {
                 let next = next.unwrap_or_else(Instant::now);
                 silence.as_mut().reset(next.into());
             }
-            Some(_) = connections.join_next(), if !connections.is_empty() => {}
+            () = &mut closed, if !is_open => is_open = true,
+            Some(ended) = connections.join_next(), if !connections.is_empty() => {
+                if let Ok(Understood(false)) = ended {
+                    door.broke(Instant::now());
+                }
+            }
             () = cancelled.cancelled() => break,
         }
     }

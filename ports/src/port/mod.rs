@@ -24,6 +24,7 @@ mod callers;
 mod core;
 mod counters;
 mod describe;
+mod door;
 mod encoded;
 mod group;
 mod inbox;
