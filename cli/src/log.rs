@@ -16,6 +16,8 @@ use tracing_subscriber::registry::LookupSpan;
 /// Begins to print what the libraries report.
 pub(crate) fn start() {
     let subscriber = tracing_subscriber::fmt()
+        // Where nobody reads the log any more (`yarp read /x | head`), there is nothing to complain of.
+        .log_internal_errors(false)
         .with_max_level(level(|name| {
             std::env::var(name).is_ok_and(|value| is_on(&value))
         }))

@@ -72,6 +72,33 @@ fn with_a_controller_of_the_tool() {
     assert!(ended.says("/cartController/wam/events:o"), "{ended:?}");
 }
 
+/// The log of the arm named an order that was refused, and hid that it was, and why.
+#[test]
+fn who_is_refused_finds_the_reason_in_the_log() {
+    let home = Home::new();
+    let up = home.start("up --cartesian").see("Ctrl-C ends it.");
+    let lines = "[set] [icmd] [cmod] 0 [posd]\n[set] [pos] 0 10.0\n";
+    let asked = home.run_with("rpc /wam/rpc:i", lines).with(0);
+    assert!(asked.says("[fail]"), "{asked:?}");
+    let lines = "[go] [xyz] 9999.0 (0.4 0.1 0.4)\n";
+    let asked = home
+        .run_with("rpc /cartController/wam/rpc:i", lines)
+        .with(0);
+    assert!(asked.says("[nack]"), "{asked:?}");
+    let ended = up.signal("TERM").finish().with(0);
+    let line = ended
+        .out
+        .iter()
+        .find(|line| line.contains("[set] [pos] 0 10.0"));
+    let reason = "refused: joint 0 is in ";
+    assert!(line.is_some_and(|line| line.contains(reason)), "{ended:?}");
+    let line = ended.err.iter().find(|line| line.contains("[go] [xyz]"));
+    assert!(
+        line.is_some_and(|line| line.contains("refused: ")),
+        "{ended:?}"
+    );
+}
+
 #[test]
 fn on_a_name_server_that_is_there() {
     let home = Home::new();

@@ -2,6 +2,8 @@
 
 mod common;
 
+use std::process::Command;
+
 use common::Home;
 
 #[test]
@@ -46,6 +48,22 @@ fn read_prints_what_is_meant() {
         .filter(|line| !line.starts_with("[INFO]"))
         .collect();
     assert_eq!(printed, ["hello 5", "", "a b", "[ok] (1 2.5)", "as (typed"]);
+}
+
+/// Each line of the log that nobody read any more, as with `| head`, was complained about.
+#[cfg(unix)]
+#[test]
+fn nobody_has_to_read_to_the_end() {
+    let home = Home::new();
+    let _server = home.serve();
+    let mut command = Command::new("sh");
+    let yarp = env!("CARGO_BIN_EXE_yarp");
+    command.args(["-c", "\"$0\" read /r | true", yarp]);
+    let reader = home.spawn(command, "read /r | true");
+    home.run("wait /r").with(0);
+    home.run_with("write /w /r", "hello\n").with(0);
+    let ended = reader.finish().with(0);
+    assert!(ended.err.is_empty(), "{ended:?}");
 }
 
 #[test]

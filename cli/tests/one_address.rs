@@ -34,6 +34,11 @@ fn it_listens_there_and_nowhere_else_and_clients_are_told() {
             .says("ips = 127.0.0.2")
     );
     let ended = server.signal("INT").finish().with(0);
+    // Once it said that it was at the address that others are usually told.
+    assert!(
+        ended.says(&format!("Port /root active at tcp://127.0.0.2:{number}/")),
+        "{ended:?}"
+    );
     let warned = |line: &String| line.contains("No auth.conf");
     assert!(
         !ended.err.iter().any(warned),

@@ -355,6 +355,7 @@ impl Server {
         };
         let mut port_options = PortOptions::new()
             .unregistered()
+            .host(&options.host)
             .number(options.port)
             .pages(move |request| pages.page(request))
             .callers(options.callers)

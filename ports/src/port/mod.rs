@@ -135,7 +135,9 @@ impl Port {
             registered = Some(given.clone());
             (given.name, given.host, given.port)
         } else {
-            (name, network.own_host(), options.number.unwrap_or(0))
+            let host = options.host.take();
+            let host = host.unwrap_or_else(|| network.own_host());
+            (name, host, options.number.unwrap_or(0))
         };
         let listener = match listener::bind(&name, number, &options) {
             Err(taken) if taken.is_taken() && options.number.is_none() => {

@@ -64,6 +64,7 @@ pub struct PortOptions {
     pub(crate) input: Input,
     pub(crate) number: Option<u16>,
     pub(crate) address: Option<Ipv4Addr>,
+    pub(crate) host: Option<String>,
     pub(crate) outputs: Outputs,
     pub(crate) registered: bool,
     pub(crate) dialect: Dialect,
@@ -96,6 +97,7 @@ impl Default for PortOptions {
             input: Input::Discard,
             number: None,
             address: None,
+            host: None,
             outputs: Outputs::Any,
             registered: true,
             dialect: Dialect::default(),
@@ -164,6 +166,13 @@ impl PortOptions {
     /// Listens at this address of the machine alone, instead of at all.
     pub fn address(mut self, address: Ipv4Addr) -> Self {
         self.address = Some(address);
+        self
+    }
+
+    /// The host that others are told, of a port that is [`unregistered`](Self::unregistered); usually the best address of
+    /// the machine. For those that are registered the name server decides.
+    pub fn host(mut self, host: &str) -> Self {
+        self.host = Some(host.to_owned());
         self
     }
 

@@ -266,6 +266,6 @@ impl Served {
 
 /// Says no, and why.
 fn refuse(message: &Bottle, from: &str, refused: Refused) -> Bottle {
-    tracing::debug!(from, %message, "refused: {}", refused.words);
+    tracing::debug!("{message} from {from} refused: {}", refused.words);
     Reply::Refused(refused).to_bottle()
 }

@@ -37,12 +37,12 @@ impl Desk {
         let request = match Request::parse(message) {
             Ok(request) => request,
             Err(error) => {
-                tracing::debug!(server = %self.name, from, %message, "{error}");
+                tracing::debug!("{}: {message} from {from}: {error}", self.name);
                 return refused();
             }
         };
         self.carry_out(&request).unwrap_or_else(|error| {
-            tracing::warn!(server = %self.name, from, %message, "refused: {error}");
+            tracing::warn!("{}: {message} from {from} refused: {error}", self.name);
             refused()
         })
     }
@@ -57,12 +57,12 @@ impl Desk {
                 .controller()
                 .and_then(|arm| arm.set_task_velocity(velocity)),
             _ => {
-                tracing::debug!(server = %self.name, from, %message, "not an order");
+                tracing::debug!("{}: {message} from {from} is not an order", self.name);
                 return;
             }
         };
         if let Err(error) = done {
-            tracing::warn!(server = %self.name, from, %message, "refused: {error}");
+            tracing::warn!("{}: {message} from {from} refused: {error}", self.name);
         }
     }
 

@@ -198,9 +198,9 @@ impl Board {
     fn report(&self, request: Option<&Request>, message: &Bottle, from: &str, error: &dyn Display) {
         // What a person ordered in vain is worth a line; polling clients ask for what there is not.
         if let Some(Request::Set(_)) = request {
-            tracing::info!(board = %self.name, from, %message, "refused: {error}");
+            tracing::info!("{}: {message} from {from} refused: {error}", self.name);
         } else {
-            tracing::debug!(board = %self.name, from, %message, "refused: {error}");
+            tracing::debug!("{}: {message} from {from} refused: {error}", self.name);
         }
     }
 

@@ -106,7 +106,7 @@ impl Camera {
     }
 
     fn report(&self, message: &Bottle, from: &str, error: &Refusal) {
-        tracing::debug!(camera = %self.name, from, %message, "refused: {error}");
+        tracing::debug!("{}: {message} from {from} refused: {error}", self.name);
     }
 
     /// Asks or orders the device.
