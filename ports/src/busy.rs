@@ -2,15 +2,17 @@
 //!
 //! Waking a sleeping thread costs more than all else in a round trip of small messages. So a
 //! connection whose last bytes came within [`SOON`] looks for the next ones itself for up to
-//! [`LIMIT`] before it goes to sleep, giving way to other tasks between looks; what comes meanwhile
+//! [`LIMIT`] before it goes to sleep, giving way to others between looks ([`give_way`]); what comes meanwhile
 //! wakes nobody else ([`Socket::quieten`]). A connection at rest, or with a slow peer, sleeps at once.
 //!
 //! Messages that come by themselves, one behind the other, are left a moment to become several
 //! ([`GATHERING`]): each look disturbs their writer. Only one connection of the process does so at a time.
 
 use std::io;
-use std::sync::atomic::AtomicUsize;
+use std::sync::LazyLock;
 use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::{AtomicU64, AtomicUsize};
+use std::thread;
 use std::time::{Duration, Instant};
 
 use crate::stream::{Inflow, Socket};
@@ -21,6 +23,10 @@ pub(crate) const LIMIT: Duration = Duration::from_micros(60);
 const SOON: Duration = Duration::from_micros(120);
 /// How long messages that were not asked for are left alone.
 const GATHERING: Duration = Duration::from_micros(20);
+/// Who gave way for longer has met a program that calculates.
+const LONG: Duration = Duration::from_millis(1);
+/// For how long nobody gives way to programs then.
+const CROWDED: Duration = Duration::from_millis(20);
 /// Bytes read in one look, at first and at most.
 const CHUNK: usize = 4 * 1024;
 const LARGEST_CHUNK: usize = 64 * 1024;
@@ -83,7 +89,7 @@ impl BusyPoll {
             while begin.elapsed() < LIMIT {
                 match stream.look(&mut buffer[length..]) {
                     Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
-                        tokio::task::yield_now().await;
+                        give_way().await;
                     }
                     read => {
                         let count = *read.as_ref().unwrap_or(&0);
@@ -109,6 +115,26 @@ impl BusyPoll {
             self.hot = (since.elapsed() < SOON).then(Awake::new);
         }
     }
+}
+
+/// Lets others have this processor for a moment: programs, and then other tasks.
+///
+/// The system likes to wake the peer on the processor of who woke it, where it would wait for as long as somebody is awake
+/// there. Beside programs that calculate all the time, giving way takes milliseconds: then only tasks are given way to.
+pub(crate) async fn give_way() {
+    static BEGIN: LazyLock<Instant> = LazyLock::new(Instant::now);
+    /// Microseconds since `BEGIN`.
+    static CROWDED_UNTIL: AtomicU64 = AtomicU64::new(0);
+    let since_begin = |time: Instant| u64::try_from((time - *BEGIN).as_micros()).unwrap_or(0);
+    let before = Instant::now();
+    if since_begin(before) >= CROWDED_UNTIL.load(Relaxed) {
+        thread::yield_now();
+        let after = Instant::now();
+        if after - before > LONG {
+            CROWDED_UNTIL.store(since_begin(after + CROWDED), Relaxed);
+        }
+    }
+    tokio::task::yield_now().await;
 }
 
 impl Awake {

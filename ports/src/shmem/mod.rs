@@ -34,6 +34,8 @@ use tokio::net::TcpStream;
 pub(crate) use handshake::{Offer, connect};
 use sleeper::Sleeper;
 
+use crate::busy;
+
 /// How long the other end may hold a lock.
 const PATIENCE: Duration = Duration::from_secs(if cfg!(test) { 1 } else { 5 });
 /// Pause before a lock, or room that nobody will tell of, is looked for again.
@@ -176,14 +178,14 @@ impl ShmemStream {
         Ok(())
     }
 
-    /// Looks for a while, giving way to other tasks between looks; then sleeps for a moment.
+    /// Looks for a while, giving way to others between looks; then sleeps for a moment.
     async fn pause(&self, ready: impl Fn() -> bool) {
         let begin = Instant::now();
         while begin.elapsed() < SOON {
             if ready() {
                 return;
             }
-            tokio::task::yield_now().await;
+            busy::give_way().await;
         }
         tokio::time::sleep(PAUSE).await;
     }
@@ -208,7 +210,7 @@ impl ShmemStream {
         }
     }
 
-    /// Looks for a while, if the last wait was short; giving way to other tasks between looks.
+    /// Looks for a while, if the last wait was short; giving way to others between looks.
     async fn awake(
         &self,
         soon: &AtomicBool,
@@ -219,7 +221,7 @@ impl ShmemStream {
         }
         let begin = Instant::now();
         while soon.load(Relaxed) && begin.elapsed() < AWAKE {
-            tokio::task::yield_now().await;
+            busy::give_way().await;
             if ready()? {
                 return Ok(true);
             }

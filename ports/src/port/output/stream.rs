@@ -109,7 +109,7 @@ async fn write_awake(stream: &Socket, outbox: &Outbox, batch: &mut Batch) -> io:
         if batch.is_empty() || last.elapsed() >= busy::LIMIT {
             return Ok(());
         }
-        tokio::task::yield_now().await;
+        busy::give_way().await;
     }
 }
 
