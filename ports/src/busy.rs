@@ -5,10 +5,11 @@
 //! [`LIMIT`] before it goes to sleep, giving way to others between looks ([`give_way`]); what comes meanwhile
 //! wakes nobody else ([`Socket::quieten`]). A connection at rest, or with a slow peer, sleeps at once.
 //!
-//! Messages that come by themselves, one behind the other, are left a moment to become several
+//! Small messages that come by themselves, one behind the other, are left a moment to become several
 //! ([`GATHERING`]): each look disturbs their writer. Only one connection of the process does so at a time.
 
 use std::io;
+use std::mem;
 use std::sync::LazyLock;
 use std::sync::atomic::Ordering::Relaxed;
 use std::sync::atomic::{AtomicU64, AtomicUsize};
@@ -41,6 +42,8 @@ pub(crate) struct BusyPoll {
     /// Bytes to read in the next look; grows while looks are filled.
     chunk: usize,
     asleep_since: Option<Instant>,
+    /// Whether the last message was a large one: the next is worth beginning with at once.
+    large: bool,
 }
 
 /// One of those that wait awake.
@@ -63,6 +66,7 @@ impl BusyPoll {
             hot: None,
             chunk: CHUNK,
             asleep_since: None,
+            large: false,
         }
     }
 
@@ -80,7 +84,8 @@ impl BusyPoll {
             let buffer = &mut input.bytes;
             let length = buffer.len();
             buffer.resize(length + self.chunk, 0);
-            if expecting == Expecting::Anything && AWAKE.load(Relaxed) == 1 {
+            let alone = AWAKE.load(Relaxed) == 1;
+            if expecting == Expecting::Anything && !mem::take(&mut self.large) && alone {
                 tokio::task::yield_now().await;
                 while begin.elapsed() < GATHERING {
                     std::hint::spin_loop();
@@ -107,6 +112,11 @@ impl BusyPoll {
         }
         self.asleep_since = Some(begin);
         None
+    }
+
+    /// Takes note that so much of a message is missing.
+    pub(crate) fn misses(&mut self, bytes: usize) {
+        self.large |= bytes > LARGEST_CHUNK;
     }
 
     /// Takes note that bytes came.

@@ -322,6 +322,7 @@ impl Connection {
             }
             self.greeting = 0;
             let missing = self.acceptor.missing(&self.input.bytes);
+            self.busy.misses(missing);
             if missing == 0
                 && let Some(read) = self
                     .busy
