@@ -42,7 +42,7 @@ use crate::{shmem, unix};
 
 /// Serves a connection until it ends, is displaced, has been silent for too long, or the port closes.
 ///
-/// Connections are numbered in the order in which they were accepted. Tells whether what came was understood.
+/// Connections are numbered in the order in which they were accepted. Tells how it ended.
 pub(super) async fn serve(
     core: Arc<Core>,
     stream: TcpStream,
@@ -90,7 +90,7 @@ pub(super) async fn serve(
         caller,
     };
     let end = connection.attend(&mut farewell).await;
-    let understood = Understood(!matches!(end, End::Broken(_)));
+    let understood = Understood(!matches!(end, End::Broken(_) | End::Failed(_)));
     match end {
         End::Moved(thread) => Box::pin(connection.move_to(&thread, farewell)).await,
         end => connection.end(end),
@@ -98,7 +98,7 @@ pub(super) async fn serve(
     understood
 }
 
-/// Whether what came on a connection was none of it garbage.
+/// Whether a connection was of use to its end: it was not garbage that came, and it did not break.
 pub(super) struct Understood(pub(super) bool);
 
 /// How long the answer to a header waits for that to the first message, if both have come.

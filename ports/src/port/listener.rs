@@ -5,13 +5,14 @@ use std::net::Ipv4Addr;
 use std::sync::{Arc, Once};
 use std::time::{Duration, Instant};
 
+use socket2::SockRef;
 use tokio::net::TcpListener;
 use tokio::task::JoinSet;
 use yarp_wire::name_service::Registering;
 
 use super::callers::Callers;
 use super::core::Core;
-use super::door::Door;
+use super::door::{self, Door};
 use super::input::{self, Understood};
 use super::options::PortOptions;
 use crate::cancel::join;
@@ -22,6 +23,12 @@ use crate::stream;
 /// Other numbers that are asked for when the one that was given is taken by somebody whom the name
 /// server does not know.
 const OTHER_NUMBERS: usize = 32;
+
+/// Newcomers that the system keeps while they wait: of a port that lives from them, of others (stock keeps one), and of those
+/// in a flood of garbage. Who finds no place tries again, after a second at first.
+const MANY_WAITING: i32 = 1024;
+const WAITING: i32 = 128;
+const FEW_WAITING: i32 = 16;
 
 /// Listens at all addresses of this machine, or at the one that was asked for.
 pub(super) fn bind(
@@ -34,7 +41,11 @@ pub(super) fn bind(
         let socket = tokio::net::TcpSocket::new_v4()?;
         socket.set_reuseaddr(true)?;
         socket.bind((address, number).into())?;
-        socket.listen(1024)
+        let waiting = match options.callers {
+            Some(_) => MANY_WAITING,
+            None => WAITING,
+        };
+        socket.listen(waiting as u32)
     };
     listen().map_err(|source| PortError::Listen {
         name: name.to_owned(),
@@ -104,7 +115,7 @@ pub(super) async fn listen(core: Arc<Core>, listener: TcpListener) {
     let silence = tokio::time::sleep(Duration::ZERO);
     tokio::pin!(silence);
     let mut door = Door::new(Instant::now());
-    let mut is_open = true;
+    let (mut is_open, mut is_narrow) = (true, false);
     let closed = tokio::time::sleep(Duration::ZERO);
     tokio::pin!(closed);
     let prepared = stream::prepare_all(&listener);
@@ -126,9 +137,17 @@ pub(super) async fn listen(core: Arc<Core>, listener: TcpListener) {
                     };
                     let number = core.next_number();
                     connections.spawn(input::serve(core.clone(), stream, peer.ip(), number, caller));
-                    if callers.is_none() && let Some(pause) = door.pause(Instant::now()) {
+                    let now = Instant::now();
+                    let narrow = callers.is_none() && door.is_narrow(now);
+                    if narrow != is_narrow {
+                        is_narrow = narrow;
+                        let waiting = if narrow { FEW_WAITING } else { WAITING };
+                        // As many as before may wait, if the system does not want so.
+                        let _ = SockRef::from(&listener).listen(waiting);
+                    }
+                    if narrow {
                         is_open = false;
-                        closed.as_mut().reset((Instant::now() + pause).into());
+                        closed.as_mut().reset((now + door::PAUSE).into());
                     }
                 }
                 Err(error) => {
