@@ -2,7 +2,7 @@
 //!
 //! Waking a sleeping thread costs more than all else in a round trip of small messages. So a
 //! connection whose last bytes came within [`SOON`] looks for the next ones itself for up to
-//! [`LIMIT`] before it goes to sleep, giving way to others between looks ([`give_way`]); what comes meanwhile
+//! [`LIMIT`] before it goes to sleep, giving way to others between looks ([`GivingWay`]); what comes meanwhile
 //! wakes nobody else ([`Socket::quieten`]). A connection at rest, or with a slow peer, sleeps at once.
 //!
 //! Small messages that come by themselves, one behind the other, are left a moment to become several
@@ -28,6 +28,8 @@ const GATHERING: Duration = Duration::from_micros(20);
 const LONG: Duration = Duration::from_millis(1);
 /// For how long nobody gives way to programs then.
 const CROWDED: Duration = Duration::from_millis(20);
+/// How long other tasks wait for one that is awake.
+const TASKS: Duration = Duration::from_micros(10);
 /// Bytes read in one look, at first and at most.
 const CHUNK: usize = 4 * 1024;
 const LARGEST_CHUNK: usize = 64 * 1024;
@@ -79,22 +81,26 @@ impl BusyPoll {
     ) -> Option<io::Result<usize>> {
         let begin = Instant::now();
         if self.hot.is_some() {
-            stream.quieten();
+            let large = mem::take(&mut self.large);
+            if !large {
+                stream.quieten();
+            }
             input.reserve(self.chunk);
             let buffer = &mut input.bytes;
             let length = buffer.len();
             buffer.resize(length + self.chunk, 0);
             let alone = AWAKE.load(Relaxed) == 1;
-            if expecting == Expecting::Anything && !mem::take(&mut self.large) && alone {
+            if expecting == Expecting::Anything && !large && alone {
                 tokio::task::yield_now().await;
                 while begin.elapsed() < GATHERING {
                     std::hint::spin_loop();
                 }
             }
+            let mut giving_way = GivingWay::after_waking();
             while begin.elapsed() < LIMIT {
                 match stream.look(&mut buffer[length..]) {
                     Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
-                        give_way().await;
+                        giving_way.once().await;
                     }
                     read => {
                         let count = *read.as_ref().unwrap_or(&0);
@@ -127,24 +133,51 @@ impl BusyPoll {
     }
 }
 
-/// Lets others have this processor for a moment: programs, and then other tasks.
+/// Lets others have this processor between two looks: programs each time, other tasks at first and then every
+/// [`TASKS`].
 ///
 /// The system likes to wake the peer on the processor of who woke it, where it would wait for as long as somebody is awake
-/// there. Beside programs that calculate all the time, giving way takes milliseconds: then only tasks are given way to.
-pub(crate) async fn give_way() {
-    static BEGIN: LazyLock<Instant> = LazyLock::new(Instant::now);
-    /// Microseconds since `BEGIN`.
-    static CROWDED_UNTIL: AtomicU64 = AtomicU64::new(0);
-    let since_begin = |time: Instant| u64::try_from((time - *BEGIN).as_micros()).unwrap_or(0);
-    let before = Instant::now();
-    if since_begin(before) >= CROWDED_UNTIL.load(Relaxed) {
-        thread::yield_now();
-        let after = Instant::now();
-        if after - before > LONG {
-            CROWDED_UNTIL.store(since_begin(after + CROWDED), Relaxed);
+/// there. Beside programs that calculate all the time, giving way to programs takes milliseconds: then nobody gives way to
+/// them for a while. A task that gives way is taken over by another thread of the runtime, which wakes the next: too dear for
+/// every look.
+#[derive(Debug)]
+pub(crate) struct GivingWay {
+    /// When tasks last had their turn; `None` if they never had.
+    tasks: Option<Instant>,
+}
+
+impl GivingWay {
+    /// For who may have woken other tasks: they are let go first.
+    pub(crate) fn after_waking() -> Self {
+        Self { tasks: None }
+    }
+
+    /// For who is in the midst of something.
+    pub(crate) fn midway() -> Self {
+        Self {
+            tasks: Some(Instant::now()),
         }
     }
-    tokio::task::yield_now().await;
+
+    /// Gives way for a moment.
+    pub(crate) async fn once(&mut self) {
+        static BEGIN: LazyLock<Instant> = LazyLock::new(Instant::now);
+        /// Microseconds since `BEGIN`.
+        static CROWDED_UNTIL: AtomicU64 = AtomicU64::new(0);
+        let since_begin = |time: Instant| u64::try_from((time - *BEGIN).as_micros()).unwrap_or(0);
+        let before = Instant::now();
+        if since_begin(before) >= CROWDED_UNTIL.load(Relaxed) {
+            thread::yield_now();
+            let after = Instant::now();
+            if after - before > LONG {
+                CROWDED_UNTIL.store(since_begin(after + CROWDED), Relaxed);
+            }
+        }
+        if self.tasks.is_none_or(|last| before - last >= TASKS) {
+            tokio::task::yield_now().await;
+            self.tasks = Some(Instant::now());
+        }
+    }
 }
 
 impl Awake {

@@ -8,19 +8,20 @@ use std::time::Duration;
 
 use bytes::{BufMut, BytesMut};
 use socket2::{SockRef, TcpKeepalive};
-use tokio::net::{TcpListener, TcpStream, UnixStream};
+use tokio::net::{TcpListener, TcpStream};
 
 use crate::auth;
 use crate::error::{PortError, resolve};
 use crate::network::Network;
 use crate::shmem::ShmemStream;
 use crate::tcp::Tcp;
+use crate::unix::Unix;
 
 /// What bytes of a connection travel on.
 #[derive(Debug)]
 pub(crate) enum Socket {
     Tcp(Tcp),
-    Unix(UnixStream),
+    Unix(Unix),
     Shmem(Box<ShmemStream>),
 }
 
@@ -59,8 +60,10 @@ impl Socket {
     /// From now on little that comes wakes nobody, where that can be had; until somebody waits in
     /// [`Socket::readable`].
     pub(crate) fn quieten(&self) {
-        if let Self::Tcp(stream) = self {
-            stream.quieten();
+        match self {
+            Self::Tcp(stream) => stream.quieten(),
+            Self::Unix(stream) => stream.quieten(),
+            Self::Shmem(_) => {}
         }
     }
 
@@ -114,9 +117,7 @@ impl Socket {
                     .and_then(|copy| TcpStream::from_std(copy.into()))
                     .map(|stream| Self::Tcp(Tcp::new(stream)))
             }
-            Self::Unix(_) => copied()
-                .and_then(|copy| UnixStream::from_std(copy.into()))
-                .map(Self::Unix),
+            Self::Unix(_) => copied().map(|copy| Self::Unix(copy.into())),
             Self::Shmem(_) => return self.clone(),
         };
         renewed.map_or_else(|_| self.clone(), Arc::new)

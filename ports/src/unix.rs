@@ -1,12 +1,19 @@
 //! Sockets of the file system for connections within one machine.
 //!
+//! Such a stream tells whoever waits for it of every few bytes, and its writer pays for that; so the runtime waits for it
+//! only while a task sleeps on it, and not while one looks for bytes itself ([`BusyPoll`](crate::busy::BusyPoll)).
+//!
 //! Both ends know the TCP ports of the header's connection and derive the path from them:
 //! `DIR/<acceptor's TCP port>_<initiator's TCP port>.sock`. The acceptor makes the socket.
 
-use std::io;
+use std::io::{self, IoSlice, Write};
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::os::unix::net;
 use std::path::PathBuf;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use bytes::BufMut;
 use socket2::SockRef;
 use tokio::net::{TcpStream, UnixListener, UnixStream};
 
@@ -22,8 +29,83 @@ const LAST_TRIES: usize = 5;
 /// is taken; with less room than this the reader has read that quarter before more comes.
 const ROOM: usize = 300_000;
 
+/// A stream that the runtime waits for only while a task sleeps on it.
+#[derive(Debug)]
+pub(crate) struct Unix {
+    stream: net::UnixStream,
+    /// A copy that the runtime waits for.
+    watched: Mutex<Option<Arc<UnixStream>>>,
+}
+
+impl Unix {
+    fn new(stream: UnixStream) -> io::Result<Self> {
+        // Less room only makes large messages slower.
+        let _ = SockRef::from(&stream).set_send_buffer_size(ROOM);
+        stream.into_std().map(Self::of)
+    }
+
+    fn of(stream: net::UnixStream) -> Self {
+        Self {
+            stream,
+            watched: Mutex::new(None),
+        }
+    }
+
+    fn held(&self) -> MutexGuard<'_, Option<Arc<UnixStream>>> {
+        self.watched.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn watched(&self) -> io::Result<Arc<UnixStream>> {
+        let mut watched = self.held();
+        if let Some(stream) = &*watched {
+            return Ok(stream.clone());
+        }
+        let stream = Arc::new(UnixStream::from_std(self.stream.try_clone()?)?);
+        Ok(watched.insert(stream).clone())
+    }
+
+    /// From now on nothing that comes wakes anybody, until somebody waits for it.
+    pub(crate) fn quieten(&self) {
+        *self.held() = None;
+    }
+
+    pub(crate) async fn readable(&self) -> io::Result<()> {
+        self.watched()?.readable().await
+    }
+
+    pub(crate) async fn writable(&self) -> io::Result<()> {
+        self.watched()?.writable().await
+    }
+
+    /// Reads what there is, as far as the runtime knows, into the room that `buffer` has.
+    pub(crate) fn try_read_buf(&self, buffer: &mut impl BufMut) -> io::Result<usize> {
+        self.watched()?.try_read_buf(buffer)
+    }
+
+    /// Writes what fits.
+    pub(crate) fn try_write_vectored(&self, chunks: &[IoSlice<'_>]) -> io::Result<usize> {
+        let watched = self.held().clone();
+        match watched {
+            Some(stream) => stream.try_write_vectored(chunks),
+            None => (&self.stream).write_vectored(chunks),
+        }
+    }
+}
+
+impl From<OwnedFd> for Unix {
+    fn from(stream: OwnedFd) -> Self {
+        Self::of(stream.into())
+    }
+}
+
+impl AsFd for Unix {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.stream.as_fd()
+    }
+}
+
 /// Goes on as acceptor of the connection that `header` began.
-pub(crate) async fn accept(header: &TcpStream) -> io::Result<UnixStream> {
+pub(crate) async fn accept(header: &TcpStream) -> io::Result<Unix> {
     let own = header.local_addr()?;
     let peer = header.peer_addr()?;
     if own.ip() != peer.ip() {
@@ -38,18 +120,18 @@ pub(crate) async fn accept(header: &TcpStream) -> io::Result<UnixStream> {
     // Nobody else shall connect; the connection itself stays.
     let _ = std::fs::remove_file(&path);
     let (stream, _) = accepted.map_err(|_| io::ErrorKind::TimedOut)??;
-    Ok(with_room(stream))
+    Unix::new(stream)
 }
 
 /// Goes on as initiator of the connection that `header` began; `answer` takes what the acceptor says
 /// on that connection instead.
-pub(crate) async fn connect(header: &TcpStream, answer: &mut [u8; 8]) -> io::Result<UnixStream> {
+pub(crate) async fn connect(header: &TcpStream, answer: &mut [u8; 8]) -> io::Result<Unix> {
     let path = path(header.peer_addr()?.port(), header.local_addr()?.port())?;
     let mut tries = TRIES;
     let mut said = 0;
     loop {
         match UnixStream::connect(&path).await {
-            Ok(stream) => return Ok(with_room(stream)),
+            Ok(stream) => return Unix::new(stream),
             Err(error) if tries == 0 => {
                 let message = format!("no socket at {}: {error}", path.display());
                 return Err(io::Error::new(error.kind(), message));
@@ -67,12 +149,6 @@ pub(crate) async fn connect(header: &TcpStream, answer: &mut [u8; 8]) -> io::Res
     }
 }
 
-fn with_room(stream: UnixStream) -> UnixStream {
-    // Less room only makes large messages slower.
-    let _ = SockRef::from(&stream).set_send_buffer_size(ROOM);
-    stream
-}
-
 /// Where the socket between two TCP ports is; makes the folder.
 fn path(acceptor: u16, initiator: u16) -> io::Result<PathBuf> {
     let variable = |name| std::env::var_os(name).filter(|value| !value.is_empty());
@@ -87,4 +163,63 @@ fn path(acceptor: u16, initiator: u16) -> io::Result<PathBuf> {
     };
     std::fs::create_dir_all(&folder)?;
     Ok(folder.join(format!("{acceptor}_{initiator}.sock")))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write;
+
+    use tokio::time::timeout;
+
+    use super::*;
+
+    #[tokio::test]
+    async fn what_came_in_the_quiet_wakes_who_goes_to_sleep() {
+        let (own, mut peer) = net::UnixStream::pair().unwrap();
+        own.set_nonblocking(true).unwrap();
+        let quiet = Unix::of(own);
+        for text in ["first", "second"] {
+            quiet.quieten();
+            assert!(quiet.held().is_none(), "nothing wakes the runtime");
+            peer.write_all(text.as_bytes()).unwrap();
+            let mut bytes = Vec::new();
+            let told = timeout(Duration::from_secs(60), quiet.readable()).await;
+            told.expect("bytes are there").unwrap();
+            assert_eq!(quiet.try_read_buf(&mut bytes).unwrap(), text.len());
+            assert_eq!(bytes, text.as_bytes());
+            let again = quiet.try_read_buf(&mut bytes).unwrap_err();
+            assert_eq!(again.kind(), io::ErrorKind::WouldBlock);
+        }
+        // Nor is the end kept quiet.
+        quiet.quieten();
+        drop(peer);
+        let told = timeout(Duration::from_secs(60), quiet.readable()).await;
+        told.expect("the end is told").unwrap();
+        assert_eq!(quiet.try_read_buf(&mut Vec::new()).unwrap(), 0);
+    }
+
+    #[tokio::test]
+    async fn room_wakes_a_writer_that_wrote_in_the_quiet() {
+        let (own, mut peer) = net::UnixStream::pair().unwrap();
+        own.set_nonblocking(true).unwrap();
+        let quiet = Unix::of(own);
+        let much = vec![7; 1 << 16];
+        let mut written = 0;
+        while let Ok(count) = quiet.try_write_vectored(&[IoSlice::new(&much)]) {
+            written += count;
+        }
+        let reading = std::thread::spawn(move || {
+            let mut bytes = vec![0; written];
+            std::io::Read::read_exact(&mut peer, &mut bytes).map(|()| peer)
+        });
+        let mut more = 0;
+        while more == 0 {
+            let told = timeout(Duration::from_secs(60), quiet.writable()).await;
+            told.expect("there is room").unwrap();
+            more = quiet
+                .try_write_vectored(&[IoSlice::new(&much)])
+                .unwrap_or(0);
+        }
+        reading.join().unwrap().unwrap();
+    }
 }

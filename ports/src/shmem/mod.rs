@@ -34,7 +34,7 @@ use tokio::net::TcpStream;
 pub(crate) use handshake::{Offer, connect};
 use sleeper::Sleeper;
 
-use crate::busy;
+use crate::busy::GivingWay;
 
 /// How long the other end may hold a lock.
 const PATIENCE: Duration = Duration::from_secs(if cfg!(test) { 1 } else { 5 });
@@ -181,11 +181,12 @@ impl ShmemStream {
     /// Looks for a while, giving way to others between looks; then sleeps for a moment.
     async fn pause(&self, ready: impl Fn() -> bool) {
         let begin = Instant::now();
+        let mut giving_way = GivingWay::midway();
         while begin.elapsed() < SOON {
             if ready() {
                 return;
             }
-            busy::give_way().await;
+            giving_way.once().await;
         }
         tokio::time::sleep(PAUSE).await;
     }
@@ -220,8 +221,9 @@ impl ShmemStream {
             return Ok(true);
         }
         let begin = Instant::now();
+        let mut giving_way = GivingWay::midway();
         while soon.load(Relaxed) && begin.elapsed() < AWAKE {
-            busy::give_way().await;
+            giving_way.once().await;
             if ready()? {
                 return Ok(true);
             }

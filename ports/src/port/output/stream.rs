@@ -4,7 +4,7 @@ use std::io::{self, IoSlice};
 use std::sync::Arc;
 use std::time::Instant;
 
-use crate::busy::{self, BusyPoll, Expecting};
+use crate::busy::{self, BusyPoll, Expecting, GivingWay};
 use crate::cancel::Cancelled;
 use crate::port::batch::Batch;
 use crate::port::outbox::Outbox;
@@ -86,6 +86,8 @@ pub(super) async fn run(
                 if let Err(error) = outbox.receive(&mut input.bytes) {
                     return Pause::End(format!("protocol: {error}"));
                 }
+                // Who waited for it may have more to send.
+                tokio::task::yield_now().await;
             }
             Some(Err(error)) if error.kind() != io::ErrorKind::WouldBlock => {
                 return Pause::End(format!("reading failed: {error}"));
@@ -100,16 +102,18 @@ pub(super) async fn run(
 /// waiting.
 async fn write_awake(stream: &Socket, outbox: &Outbox, batch: &mut Batch) -> io::Result<()> {
     let mut last = Instant::now();
+    let mut giving_way = GivingWay::after_waking();
     loop {
         let before = batch.len();
         write_batch(stream, outbox, batch)?;
         if batch.len() < before {
             last = Instant::now();
+            giving_way = GivingWay::after_waking();
         }
         if batch.is_empty() || last.elapsed() >= busy::LIMIT {
             return Ok(());
         }
-        busy::give_way().await;
+        giving_way.once().await;
     }
 }
 
