@@ -179,6 +179,8 @@ class Motorgui:
         before = speed()
         self.slide(joint, "Velocity", "Next")
         self.seen("the slider sets the speed", lambda: speed() < before - 1)
+        # For the next window: no joint can be slower than its slowest.
+        network.ask(part, f"set vel {number} {before}")
 
     def idles_and_runs(self, part):
         network, joint = self.network, self.joint(1)
