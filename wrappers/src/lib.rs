@@ -22,7 +22,8 @@ mod periodic;
 pub mod thrift;
 
 pub use cartesian::{
-    CartesianServer, CartesianServerOptions, RemoteCartesianControl, RemoteCartesianOptions,
+    CartesianServer, CartesianServerOptions, CartesianVersion, RemoteCartesianControl,
+    RemoteCartesianOptions,
 };
 pub use control_board::{
     ControlBoardOptions, ControlBoardServer, OpenError, RemoteControlBoard,

@@ -12,7 +12,7 @@ use yarp_devices::{CartesianControl, CartesianEvent, Device, DeviceError, Target
 use yarp_ports::PortOptions;
 use yarp_wire::{Bottle, Value};
 use yarp_wrappers::{
-    CartesianServer, CartesianServerOptions, OpenError, RemoteCartesianControl,
+    CartesianServer, CartesianServerOptions, CartesianVersion, OpenError, RemoteCartesianControl,
     RemoteCartesianOptions,
 };
 
@@ -225,6 +225,36 @@ fn what_a_client_had_kept_is_forgotten_with_it() {
     assert!(tool.restore_context(id).is_err());
     assert!(tool.checkpoints().expect("it is here").is_empty());
     stage.runtime.block_on(server.close());
+}
+
+#[test]
+fn both_versions_are_served_and_reached() {
+    let stage = Stage::new();
+    for (version, said) in [
+        (
+            CartesianVersion::V1_1,
+            "(server_version 1.10000000000000008882)",
+        ),
+        (CartesianVersion::V2_0, "(server_version \"2.0\")"),
+    ] {
+        let options = CartesianServerOptions::new().version(version);
+        let opening = CartesianServer::open(&stage.network, tool(), NAME, options);
+        let server = stage.runtime.block_on(opening).expect("it can be served");
+        let asker = stage.port("/asker", PortOptions::new().calling());
+        let asking = async {
+            asker.connect(&format!("{NAME}/rpc:i")).await?;
+            let request = Bottle::parse("[get] [info]").expect("a message");
+            asker.call::<Bottle>(&request).await
+        };
+        let info = stage.runtime.block_on(asking).expect("an answer");
+        assert!(info.to_string().contains(said), "{info}");
+        let remote = remote(&stage);
+        let told = remote.cartesian_control().expect("a tool").cartesian_info();
+        assert_eq!(told.expect("an answer").server_version, version.text());
+        stage.runtime.block_on(asker.close());
+        drop(remote);
+        stage.runtime.block_on(server.close());
+    }
 }
 
 #[test]

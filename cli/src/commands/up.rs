@@ -13,7 +13,8 @@ use yarp_ports::config::{self, Configuration, NameServer};
 use yarp_ports::{Network, PortError, addresses};
 use yarp_wire::PortName;
 use yarp_wrappers::{
-    CartesianServer, CartesianServerOptions, ControlBoardOptions, ControlBoardServer,
+    CartesianServer, CartesianServerOptions, CartesianVersion, ControlBoardOptions,
+    ControlBoardServer,
 };
 
 use crate::arm::{Arm, MeetingArgs};
@@ -59,9 +60,11 @@ pub(crate) struct Args {
     /// or can:INTERFACE (on a CAN bus of this machine that is up, as in can:can0)
     #[arg(long, default_value_t = Arm::Simulated)]
     arm: Arm,
-    /// Serve a controller of the arm's tool too, as iCub has one, as /cartController and PREFIX; works with every arm
-    #[arg(long)]
-    cartesian: bool,
+    /// Serve a controller of the arm's tool too, as iCub has one, as /cartController and PREFIX; works with every arm.
+    /// Clients of icub-main 1.x want 1.1, later ones 2.0
+    #[arg(long, value_name = "VERSION", num_args = 0..=1, require_equals = true, default_missing_value = "2.0",
+          value_parser = cartesian_version)]
+    cartesian: Option<CartesianVersion>,
     #[command(flatten)]
     meeting: MeetingArgs,
 }
@@ -82,6 +85,10 @@ impl Args {
             Some(Simulation::Dynamic) => Arm::Dynamic,
         }
     }
+}
+
+fn cartesian_version(text: &str) -> std::result::Result<CartesianVersion, &'static str> {
+    CartesianVersion::from_text(text).ok_or("expected 2.0 or 1.1")
 }
 
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
@@ -106,7 +113,15 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             return Ok(ExitCode::SUCCESS);
         }
     };
-    let told = tell(&base, &args.name, arm, meeting, args.cartesian, out).await;
+    let told = tell(
+        &base,
+        &args.name,
+        arm,
+        meeting,
+        args.cartesian.is_some(),
+        out,
+    )
+    .await;
     if told.is_ok() {
         interrupt.heard().await;
     }
@@ -183,15 +198,15 @@ async fn open(
     name: &str,
     arm: Arm,
     meeting: Meeting,
-    cartesian: bool,
+    cartesian: Option<CartesianVersion>,
 ) -> Result<Served> {
     let arm = arm.start(meeting)?;
     let options = ControlBoardOptions::new();
     let board = ControlBoardServer::open(network, arm.clone(), name, options).await?;
-    if !cartesian {
+    let Some(version) = cartesian else {
         return Ok(Served { board, tool: None });
-    }
-    match open_tool(network, name, arm).await {
+    };
+    match open_tool(network, name, arm, version).await {
         Ok(tool) => Ok(Served {
             board,
             tool: Some(tool),
@@ -203,10 +218,15 @@ async fn open(
     }
 }
 
-async fn open_tool(network: &Network, name: &str, arm: Arc<dyn Device>) -> Result<CartesianServer> {
+async fn open_tool(
+    network: &Network,
+    name: &str,
+    arm: Arc<dyn Device>,
+    version: CartesianVersion,
+) -> Result<CartesianServer> {
     let options = CartesianOptions::new().part_type("wam7");
     let tool = CartesianController::start(arm, WamModel::<7>::new().chain, options)?;
-    let options = CartesianServerOptions::new();
+    let options = CartesianServerOptions::new().version(version);
     let name = format!("{TOOL}{name}");
     Ok(CartesianServer::open(network, Arc::new(tool), &name, options).await?)
 }

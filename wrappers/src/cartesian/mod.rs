@@ -5,6 +5,7 @@
 //! | `messages` | what is said |
 //! | `server` | a controller on ports |
 //! | `client` | a controller in another program |
+//! | `version` | what the two say which protocol this is |
 //!
 //! **Invariant:** a malformed message is answered `[nack]`, or dropped where nobody waits for an answer, and never moves
 //! anything.
@@ -12,6 +13,8 @@
 mod client;
 pub mod messages;
 mod server;
+mod version;
 
 pub use client::{RemoteCartesianControl, RemoteCartesianOptions};
 pub use server::{CartesianServer, CartesianServerOptions};
+pub use version::CartesianVersion;

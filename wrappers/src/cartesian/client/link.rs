@@ -18,13 +18,11 @@ use yarp_wire::Bottle;
 use super::latest::Latest;
 use super::options::RemoteCartesianOptions;
 use crate::OpenError;
+use crate::cartesian::CartesianVersion;
 use crate::cartesian::messages::reply::{self, Values};
 use crate::cartesian::messages::{Question, Request};
 use crate::linking::{CLOSING, RPC_CARRIER, WATCHING, fetch, keep, said, there};
 use crate::opening::{close_all, open};
-
-/// The version of the protocol that is spoken here.
-const VERSION: &str = "2.0";
 
 /// Ports connected to a server.
 #[derive(Debug)]
@@ -137,7 +135,7 @@ impl Link {
     /// A server that says another version is none of ours; one that says none is, as stock has it.
     fn check_version(&self, info: &CartesianInfo) -> Result<(), OpenError> {
         match info.server_version.as_str() {
-            VERSION => Ok(()),
+            known if CartesianVersion::from_text(known).is_some() => Ok(()),
             "" => {
                 tracing::warn!(remote = %self.remote, "the server does not say its version");
                 Ok(())
@@ -147,7 +145,7 @@ impl Link {
                 source: DeviceError::Unsuitable {
                     what: "version",
                     asked: other.to_owned(),
-                    expected: VERSION.to_owned(),
+                    expected: "2.0, or 1.1 of older ones".to_owned(),
                 },
             }),
         }

@@ -12,6 +12,7 @@ use super::request::{
     tweak_list, velocity_list,
 };
 use super::words::*;
+use crate::cartesian::CartesianVersion;
 use crate::control_board::messages::{count, float, floats};
 
 /// `[ack]`.
@@ -94,12 +95,13 @@ pub(crate) fn pose(pose: &TaskPose) -> Bottle {
     list(&pose.to_array())
 }
 
-pub(crate) fn info(info: &CartesianInfo) -> Bottle {
+/// `version` is what the client shall hear, whatever the device says.
+pub(crate) fn info(info: &CartesianInfo, version: CartesianVersion) -> Bottle {
     let pair = |key: &str, value: &str| Bottle::of(key).with(value);
     let events: Bottle = KINDS.iter().map(|&kind| Value::from(kind)).collect();
     acknowledged().with(
         Bottle::new()
-            .with(pair("server_version", &info.server_version))
+            .with(Bottle::of("server_version").with(version.value()))
             .with(pair(&format!("{}_version", info.part), &info.part_version))
             .with(pair(&format!("{}_type", info.part), &info.part_type))
             .with(Bottle::of("events").with(events)),
@@ -192,7 +194,11 @@ impl Values {
             else {
                 continue;
             };
-            let value = value.to_plain_string();
+            // A version may be a number.
+            let value = match value.as_f64() {
+                Some(number) => number.to_string(),
+                None => value.to_plain_string(),
+            };
             if key == "server_version" {
                 info.server_version = value;
             } else if let Some(part) = key.strip_suffix("_version") {

@@ -6,6 +6,7 @@ use yarp_devices::{CartesianEvent, Limits, Target, TaskPose};
 use yarp_wire::{Bottle, Dialect, Limits as WireLimits};
 
 use super::*;
+use crate::cartesian::CartesianVersion;
 
 /// Requests as stock's client writes them, and as they print.
 const REQUESTS: [&str; 44] = [
@@ -148,8 +149,12 @@ fn answers_are_those_of_stock() {
         part_type: "wam7".to_owned(),
     };
     check(
-        reply::info(&info),
+        reply::info(&info, CartesianVersion::V2_0),
         "[ack] ((server_version \"2.0\") (arm_version \"1.0\") (arm_type wam7) (events (motion-onset motion-done motion-ongoing closing \"*\")))",
+    );
+    check(
+        reply::info(&info, CartesianVersion::V1_1),
+        "[ack] ((server_version 1.10000000000000008882) (arm_version \"1.0\") (arm_type wam7) (events (motion-onset motion-done motion-ongoing closing \"*\")))",
     );
     let stock = parsed(
         "[ack] ((server_version \"2.0\") (arm_version \"2.0\") (arm_type right_v2.0) (events (motion-onset)))",

@@ -6,21 +6,24 @@ use std::sync::atomic::{AtomicI32, Ordering};
 use yarp_devices::{CartesianControl, Device, DeviceError};
 use yarp_wire::Bottle;
 
+use crate::cartesian::CartesianVersion;
 use crate::cartesian::messages::{Question, Request, Setting, acknowledged, refused, reply};
 
 /// The controller, and who asks it.
 pub(super) struct Desk {
     device: Arc<dyn Device>,
     name: String,
+    version: CartesianVersion,
     /// The number of the state published last, for the stamp of a pose that is asked for.
     pub(super) count: AtomicI32,
 }
 
 impl Desk {
-    pub(super) fn new(device: Arc<dyn Device>, name: &str) -> Self {
+    pub(super) fn new(device: Arc<dyn Device>, name: &str, version: CartesianVersion) -> Self {
         Self {
             device,
             name: name.to_owned(),
+            version,
             count: AtomicI32::new(0),
         }
     }
@@ -111,7 +114,7 @@ impl Desk {
                 reply::stamped(&arm.link_pose(axis)?, self.count.load(Ordering::Relaxed))
             }
             Question::Tip => reply::pose(&arm.tip()?),
-            Question::Info => reply::info(&arm.cartesian_info()?),
+            Question::Info => reply::info(&arm.cartesian_info()?, self.version),
             Question::Tweaks => reply::tweaks(&arm.tweaks()?),
         })
     }

@@ -20,6 +20,7 @@ use yarp_ports::{Answer, Network, Port, PortOptions, Received};
 use yarp_wire::Stamp;
 
 use self::desk::Desk;
+use super::CartesianVersion;
 use super::messages::to_event;
 use crate::OpenError;
 use crate::linking::CLOSING;
@@ -36,16 +37,20 @@ const ENDING: Duration = Duration::from_secs(1);
 #[non_exhaustive]
 pub struct CartesianServerOptions {
     period: Duration,
+    version: CartesianVersion,
 }
 
 impl Default for CartesianServerOptions {
     fn default() -> Self {
-        Self { period: PERIOD }
+        Self {
+            period: PERIOD,
+            version: CartesianVersion::default(),
+        }
     }
 }
 
 impl CartesianServerOptions {
-    /// The pose every 10 ms.
+    /// The pose every 10 ms, for clients of icub-main from 2.0 on.
     pub fn new() -> Self {
         Self::default()
     }
@@ -53,6 +58,12 @@ impl CartesianServerOptions {
     /// How often the pose is sent, 1 ms to 60 s.
     pub fn period(mut self, period: Duration) -> Self {
         self.period = period;
+        self
+    }
+
+    /// Whose clients it is for.
+    pub fn version(mut self, version: CartesianVersion) -> Self {
+        self.version = version;
         self
     }
 }
@@ -98,12 +109,12 @@ impl CartesianServer {
         name: &str,
         options: CartesianServerOptions,
     ) -> Result<Self, OpenError> {
-        let CartesianServerOptions { period } = options;
+        let CartesianServerOptions { period, version } = options;
         check_period(period)?;
         if device.cartesian_control().is_none() {
             return Err(OpenError::NoInterface("tool to be moved in space"));
         }
-        let desk = Arc::new(Desk::new(device, name));
+        let desk = Arc::new(Desk::new(device, name, version));
         let question = "what happens on its way";
         let events = desk.controller().and_then(|arm| arm.events());
         let events = events.map_err(|source| OpenError::Question { question, source })?;
