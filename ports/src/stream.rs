@@ -117,7 +117,7 @@ impl Socket {
                     .and_then(|copy| TcpStream::from_std(copy.into()))
                     .map(|stream| Self::Tcp(Tcp::new(stream)))
             }
-            Self::Unix(_) => copied().map(|copy| Self::Unix(copy.into())),
+            Self::Unix(_) => copied().and_then(Unix::try_from).map(Self::Unix),
             Self::Shmem(_) => return self.clone(),
         };
         renewed.map_or_else(|_| self.clone(), Arc::new)

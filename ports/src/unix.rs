@@ -7,6 +7,7 @@
 //! `DIR/<acceptor's TCP port>_<initiator's TCP port>.sock`. The acceptor makes the socket.
 
 use std::io::{self, IoSlice, Write};
+use std::mem;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::os::unix::net;
 use std::path::PathBuf;
@@ -33,40 +34,58 @@ const ROOM: usize = 300_000;
 #[derive(Debug)]
 pub(crate) struct Unix {
     stream: net::UnixStream,
-    /// A copy that the runtime waits for.
-    watched: Mutex<Option<Arc<UnixStream>>>,
+    copy: Mutex<Copied>,
+}
+
+/// A copy of the stream, made once: where descriptors are scarce a connection that is there goes on.
+#[derive(Debug)]
+enum Copied {
+    /// The runtime waits for it.
+    Watched(Arc<UnixStream>),
+    Unwatched(net::UnixStream),
+    /// The system would not have it changed from one to the other.
+    Lost,
 }
 
 impl Unix {
-    fn new(stream: UnixStream) -> io::Result<Self> {
+    /// The stream needs to be non-blocking.
+    fn new(stream: net::UnixStream) -> io::Result<Self> {
+        let copy = Mutex::new(Copied::Unwatched(stream.try_clone()?));
+        Ok(Self { stream, copy })
+    }
+
+    fn with_room(stream: UnixStream) -> io::Result<Self> {
         // Less room only makes large messages slower.
         let _ = SockRef::from(&stream).set_send_buffer_size(ROOM);
-        stream.into_std().map(Self::of)
+        Self::new(stream.into_std()?)
     }
 
-    fn of(stream: net::UnixStream) -> Self {
-        Self {
-            stream,
-            watched: Mutex::new(None),
-        }
-    }
-
-    fn held(&self) -> MutexGuard<'_, Option<Arc<UnixStream>>> {
-        self.watched.lock().unwrap_or_else(PoisonError::into_inner)
+    fn copy(&self) -> MutexGuard<'_, Copied> {
+        self.copy.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn watched(&self) -> io::Result<Arc<UnixStream>> {
-        let mut watched = self.held();
-        if let Some(stream) = &*watched {
-            return Ok(stream.clone());
-        }
-        let stream = Arc::new(UnixStream::from_std(self.stream.try_clone()?)?);
-        Ok(watched.insert(stream).clone())
+        let mut copy = self.copy();
+        let stream = match mem::replace(&mut *copy, Copied::Lost) {
+            Copied::Watched(stream) => stream,
+            Copied::Unwatched(stream) => Arc::new(UnixStream::from_std(stream)?),
+            Copied::Lost => return Err(io::ErrorKind::NotConnected.into()),
+        };
+        *copy = Copied::Watched(stream.clone());
+        Ok(stream)
     }
 
     /// From now on nothing that comes wakes anybody, until somebody waits for it.
     pub(crate) fn quieten(&self) {
-        *self.held() = None;
+        let mut copy = self.copy();
+        *copy = match mem::replace(&mut *copy, Copied::Lost) {
+            Copied::Watched(stream) => match Arc::try_unwrap(stream) {
+                Ok(stream) => stream.into_std().map_or(Copied::Lost, Copied::Unwatched),
+                // Somebody waits.
+                Err(stream) => Copied::Watched(stream),
+            },
+            other => other,
+        };
     }
 
     pub(crate) async fn readable(&self) -> io::Result<()> {
@@ -84,17 +103,18 @@ impl Unix {
 
     /// Writes what fits.
     pub(crate) fn try_write_vectored(&self, chunks: &[IoSlice<'_>]) -> io::Result<usize> {
-        let watched = self.held().clone();
-        match watched {
-            Some(stream) => stream.try_write_vectored(chunks),
-            None => (&self.stream).write_vectored(chunks),
+        match &*self.copy() {
+            Copied::Watched(stream) => stream.try_write_vectored(chunks),
+            Copied::Unwatched(_) | Copied::Lost => (&self.stream).write_vectored(chunks),
         }
     }
 }
 
-impl From<OwnedFd> for Unix {
-    fn from(stream: OwnedFd) -> Self {
-        Self::of(stream.into())
+impl TryFrom<OwnedFd> for Unix {
+    type Error = io::Error;
+
+    fn try_from(stream: OwnedFd) -> io::Result<Self> {
+        Self::new(stream.into())
     }
 }
 
@@ -120,7 +140,7 @@ pub(crate) async fn accept(header: &TcpStream) -> io::Result<Unix> {
     // Nobody else shall connect; the connection itself stays.
     let _ = std::fs::remove_file(&path);
     let (stream, _) = accepted.map_err(|_| io::ErrorKind::TimedOut)??;
-    Unix::new(stream)
+    Unix::with_room(stream)
 }
 
 /// Goes on as initiator of the connection that `header` began; `answer` takes what the acceptor says
@@ -131,7 +151,7 @@ pub(crate) async fn connect(header: &TcpStream, answer: &mut [u8; 8]) -> io::Res
     let mut said = 0;
     loop {
         match UnixStream::connect(&path).await {
-            Ok(stream) => return Unix::new(stream),
+            Ok(stream) => return Unix::with_room(stream),
             Err(error) if tries == 0 => {
                 let message = format!("no socket at {}: {error}", path.display());
                 return Err(io::Error::new(error.kind(), message));
@@ -177,10 +197,13 @@ mod tests {
     async fn what_came_in_the_quiet_wakes_who_goes_to_sleep() {
         let (own, mut peer) = net::UnixStream::pair().unwrap();
         own.set_nonblocking(true).unwrap();
-        let quiet = Unix::of(own);
+        let quiet = Unix::new(own).unwrap();
         for text in ["first", "second"] {
             quiet.quieten();
-            assert!(quiet.held().is_none(), "nothing wakes the runtime");
+            assert!(
+                matches!(*quiet.copy(), Copied::Unwatched(_)),
+                "nothing wakes the runtime"
+            );
             peer.write_all(text.as_bytes()).unwrap();
             let mut bytes = Vec::new();
             let told = timeout(Duration::from_secs(60), quiet.readable()).await;
@@ -202,7 +225,7 @@ mod tests {
     async fn room_wakes_a_writer_that_wrote_in_the_quiet() {
         let (own, mut peer) = net::UnixStream::pair().unwrap();
         own.set_nonblocking(true).unwrap();
-        let quiet = Unix::of(own);
+        let quiet = Unix::new(own).unwrap();
         let much = vec![7; 1 << 16];
         let mut written = 0;
         while let Ok(count) = quiet.try_write_vectored(&[IoSlice::new(&much)]) {
