@@ -13,25 +13,9 @@ if ! peer=$("$with_stock" yarp version); then
 fi
 echo "live: the peer is stock $peer, in $STOCK"
 
-work=$(mktemp -d)
+. conformance/live/running.sh
 # What name servers of ours keep is no business of the user's.
 export YARP_DATA_HOME=$work/data
-running=()
-stop() {
-    for process in "${running[@]}"; do
-        kill "$process" 2>/dev/null || true
-    done
-    for process in "${running[@]}"; do
-        for _ in $(seq 50); do
-            kill -0 "$process" 2>/dev/null || break
-            sleep 0.1
-        done
-        kill -KILL "$process" 2>/dev/null || true
-        wait "$process" 2>/dev/null || true
-    done
-    running=()
-}
-trap 'stop; rm -rf "$work"' EXIT
 
 export PYTHONUNBUFFERED=1
 failed=0
@@ -52,15 +36,6 @@ suite() {
             grep -A 3 '^FAIL' "$work/said" | grep -v '^ok' || tail -n 6 "$work/said"
         } >>"$work/failures"
     fi
-}
-# Waits until a command succeeds, half a minute at the most.
-until_ok() {
-    for _ in $(seq 150); do
-        if "$@" >/dev/null 2>&1; then return 0; fi
-        sleep 0.2
-    done
-    echo "live: gave up waiting for: $*" >&2
-    return 1
 }
 python=$STOCK/bin/python
 

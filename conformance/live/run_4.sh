@@ -8,22 +8,7 @@ set -euo pipefail
 cd "$(dirname "$0")/../.."
 : "${STOCK4_SOURCE:?set it to the sources of YARP 4.0.0}" "${STOCK4_BUILD:?set it to a build of them}"
 
-work=$(mktemp -d)
-running=()
-stop() {
-    for process in "${running[@]}"; do kill "$process" 2>/dev/null || true; done
-    for process in "${running[@]}"; do wait "$process" 2>/dev/null || true; done
-    rm -rf "$work"
-}
-trap stop EXIT
-until_ok() {
-    for _ in $(seq 150); do
-        if "$@" >/dev/null 2>&1; then return 0; fi
-        sleep 0.2
-    done
-    echo "live: gave up waiting for: $*" >&2
-    return 1
-}
+. conformance/live/running.sh
 
 include=("-I$STOCK4_BUILD/src/devices/messages/ControlBoardMsgs")
 for library in conf os sig dev math companion; do

@@ -9,23 +9,7 @@ set -euo pipefail
 cd "$(dirname "$0")/../.."
 : "${STOCK:?set STOCK to the folder of stock YARP}" "${ICUB_SOURCES:?set it to folders with sources of icub-main}"
 . conformance/stock/environment.sh
-
-work=$(mktemp -d)
-running=()
-stop() {
-    for process in "${running[@]}"; do kill "$process" 2>/dev/null || true; done
-    for process in "${running[@]}"; do wait "$process" 2>/dev/null || true; done
-    rm -rf "$work"
-}
-trap stop EXIT
-until_ok() {
-    for _ in $(seq 150); do
-        if "$@" >/dev/null 2>&1; then return 0; fi
-        sleep 0.2
-    done
-    echo "live: gave up waiting for: $*" >&2
-    return 1
-}
+. conformance/live/running.sh
 
 cargo build --quiet --release -p yarp-cli
 yarp=${CARGO_TARGET_DIR:-target}/release/yarp
