@@ -40,6 +40,8 @@ static AWAKE: AtomicUsize = AtomicUsize::new(0);
 /// Whether a connection waits awake.
 #[derive(Debug)]
 pub(crate) struct BusyPoll {
+    /// Whether what comes wakes tasks.
+    wakes: bool,
     hot: Option<Awake>,
     /// Bytes to read in the next look; grows while looks are filled.
     chunk: usize,
@@ -62,9 +64,10 @@ pub(crate) enum Expecting {
 }
 
 impl BusyPoll {
-    /// A connection that has seen nothing yet.
-    pub(crate) fn new() -> Self {
+    /// A connection that has seen nothing yet. Where what comes on it `wakes` tasks, they are let go first.
+    pub(crate) fn new(wakes: bool) -> Self {
         Self {
+            wakes,
             hot: None,
             chunk: CHUNK,
             asleep_since: None,
@@ -96,7 +99,10 @@ impl BusyPoll {
                     std::hint::spin_loop();
                 }
             }
-            let mut giving_way = GivingWay::after_waking();
+            let mut giving_way = match self.wakes {
+                true => GivingWay::after_waking(),
+                false => GivingWay::midway(),
+            };
             while begin.elapsed() < LIMIT {
                 match stream.look(&mut buffer[length..]) {
                     Err(error) if error.kind() == io::ErrorKind::WouldBlock => {

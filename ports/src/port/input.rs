@@ -82,7 +82,7 @@ pub(super) async fn serve(
         sender: Sender::plain(""),
         from: "".into(),
         address,
-        busy: BusyPoll::new(),
+        busy: BusyPoll::new(core.inbox.is_some()),
         meter: Arc::default(),
         monitors: None,
         closing: core.cancelled.clone(),

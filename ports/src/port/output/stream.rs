@@ -28,7 +28,8 @@ impl Sending {
             stream,
             input,
             batch: Batch::default(),
-            busy: BusyPoll::new(),
+            // Who is woken by an answer is let go where it is read.
+            busy: BusyPoll::new(false),
         }
     }
 }
