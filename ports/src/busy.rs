@@ -28,8 +28,10 @@ const GATHERING: Duration = Duration::from_micros(20);
 const LONG: Duration = Duration::from_millis(1);
 /// For how long nobody gives way to programs then.
 const CROWDED: Duration = Duration::from_millis(20);
-/// How long other tasks wait for one that is awake.
+/// How long other tasks wait for one that is awake, while no more than [`FEW`] are.
 const TASKS: Duration = Duration::from_micros(10);
+/// Connections, one in each direction.
+const FEW: usize = 2;
 /// Bytes read in one look, at first and at most.
 const CHUNK: usize = 4 * 1024;
 const LARGEST_CHUNK: usize = 64 * 1024;
@@ -140,7 +142,7 @@ impl BusyPoll {
 }
 
 /// Lets others have this processor between two looks: programs each time, other tasks at first and then every
-/// [`TASKS`].
+/// [`TASKS`], or each time where many wait awake.
 ///
 /// The system likes to wake the peer on the processor of who woke it, where it would wait for as long as somebody is awake
 /// there. Beside programs that calculate all the time, giving way to programs takes milliseconds: then nobody gives way to
@@ -179,7 +181,8 @@ impl GivingWay {
                 CROWDED_UNTIL.store(since_begin(after + CROWDED), Relaxed);
             }
         }
-        if self.tasks.is_none_or(|last| before - last >= TASKS) {
+        let many = AWAKE.load(Relaxed) > FEW;
+        if many || self.tasks.is_none_or(|last| before - last >= TASKS) {
             tokio::task::yield_now().await;
             self.tasks = Some(Instant::now());
         }
