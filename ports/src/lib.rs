@@ -38,6 +38,7 @@ pub use port::{
     Traffic, Watcher,
 };
 pub use port::{built_in as built_in_monitor, built_in_names as built_in_monitors, modifier_names};
+pub use schedule::keep_to_deadlines;
 
 /// Compiles the example of the README.
 #[cfg(doctest)]

@@ -2,8 +2,13 @@
 
 mod common;
 
-use common::{bottle, connect, next, open, until, within};
-use yarp_ports::{Port, PortOptions, Queue};
+use std::sync::mpsc;
+use std::thread;
+
+use common::{DEADLINE, bottle, connect, next, open, until, within};
+use tokio::runtime::Builder;
+use tokio::sync::oneshot;
+use yarp_ports::{Answer, Port, PortOptions, Queue};
 use yarp_wire::Bottle;
 
 async fn pair(queue: Queue, carrier: &str) -> (Port, Port) {
@@ -118,6 +123,41 @@ async fn a_reader_that_is_a_little_behind_misses_nothing() {
     within(writer.flush()).await;
     assert_eq!(writer.write_unless_behind(&bottle("5"), None, 2), 1);
     assert_eq!(next(&reader).await, "5");
+}
+
+#[tokio::test]
+async fn what_comes_at_a_rate_is_sent_by_who_writes_it() {
+    let (told, taken) = mpsc::channel();
+    let (close, closed) = oneshot::channel::<()>();
+    let elsewhere = thread::spawn(move || {
+        let runtime = Builder::new_current_thread().enable_all().build().unwrap();
+        runtime.block_on(async {
+            let messages = told.clone();
+            let note = PortOptions::new().handler(move |message| {
+                let text = message.bottle().unwrap().to_string();
+                messages.send(text).unwrap();
+                Answer::Nothing
+            });
+            let reader = open("/reader", note).await;
+            told.send(reader.number().to_string()).unwrap();
+            within(closed).await.unwrap();
+        });
+    });
+    let number = taken.recv_timeout(DEADLINE).unwrap();
+    for carrier in ["tcp", "fast_tcp", "text", "unix_stream", "shmem"] {
+        let writer = open("/writer", PortOptions::new()).await;
+        let reader = format!("{carrier}://127.0.0.1:{number}/reader");
+        within(writer.connect(&reader)).await.unwrap();
+        assert_eq!(within(writer.write(&bottle("first"))).await, 1);
+        within(writer.flush()).await;
+        assert_eq!(taken.recv_timeout(DEADLINE).unwrap(), "first");
+        assert_eq!(writer.write_if_idle(&bottle(carrier), None), 1);
+        // No task of the writer can run: this is the thread of them all.
+        let text = taken.recv_timeout(DEADLINE);
+        assert_eq!(text.as_deref(), Ok(carrier));
+    }
+    close.send(()).unwrap();
+    elsewhere.join().unwrap();
 }
 
 #[tokio::test]

@@ -1,13 +1,17 @@
 //! Bytes on their way to a socket.
 
 use std::collections::VecDeque;
-use std::io::IoSlice;
+use std::io::{self, IoSlice};
 
 use bytes::{Buf, Bytes, BytesMut};
 use yarp_wire::message::{Piece, Pieces};
 
+use crate::stream::Socket;
+
 /// Room that is kept for the next bytes once all have been sent.
 const KEPT: usize = 64 * 1024;
+/// Buffers handed to one system call.
+const VECTORS: usize = 16;
 
 /// Bytes to be sent: what is small one behind the other in one buffer, what is large from where
 /// it is. Emptied batches keep their buffer.
@@ -54,8 +58,29 @@ impl Batch {
         self.len() == 0
     }
 
+    /// Writes as much as the socket takes now; `sent` is told of each part.
+    pub(crate) fn write_to(
+        &mut self,
+        socket: &Socket,
+        mut sent: impl FnMut(usize),
+    ) -> io::Result<()> {
+        while !self.is_empty() {
+            let mut vectors = [IoSlice::new(&[]); VECTORS];
+            let used = self.fill(&mut vectors);
+            let written = match socket.try_write_vectored(&vectors[..used]) {
+                Ok(0) => return Err(io::ErrorKind::WriteZero.into()),
+                Ok(written) => written,
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(()),
+                Err(error) => return Err(error),
+            };
+            sent(written);
+            self.advance(written);
+        }
+        Ok(())
+    }
+
     /// Fills `slices` with what comes first; tells how many it took.
-    pub(crate) fn fill<'a>(&'a self, slices: &mut [IoSlice<'a>]) -> usize {
+    fn fill<'a>(&'a self, slices: &mut [IoSlice<'a>]) -> usize {
         let mut used = 0;
         let mut put = |bytes: &'a [u8]| {
             if !bytes.is_empty()
@@ -78,7 +103,7 @@ impl Batch {
     }
 
     /// Takes note that this many bytes have been sent.
-    pub(crate) fn advance(&mut self, mut count: usize) {
+    fn advance(&mut self, mut count: usize) {
         while count > 0 {
             let end = self.shared.front().map_or(self.buffer.len(), |(at, _)| *at);
             let written = count.min(end - self.sent);

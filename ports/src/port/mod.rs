@@ -354,7 +354,8 @@ impl Port {
     /// Sends to every reader that has not more than `backlog` earlier messages still to take, and waits for none.
     ///
     /// For messages that come at a rate: a moment in which the machine does something else costs nobody a message, and a
-    /// reader that does not keep up still gets what is new. Tells how many will get it.
+    /// reader that does not keep up still gets what is new. The thread that calls hands the message to the sockets
+    /// itself where they take it at once. Tells how many will get it.
     pub fn write_unless_behind(
         &self,
         message: &impl WireObject,
@@ -374,7 +375,7 @@ impl Port {
                 let Some(form) = encoded.form(&message, output) else {
                     return;
                 };
-                taken += usize::from(output.outbox.push(&command, form).is_ok());
+                taken += usize::from(output.outbox.push_now(&command, form).is_ok());
             }
         });
         taken

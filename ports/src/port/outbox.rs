@@ -15,6 +15,7 @@ use super::batch::Batch;
 use super::counters::{Newest, Traffic};
 use super::encoded::Form;
 use super::own_thread::OwnThread;
+use crate::stream::Socket;
 
 /// What becomes of a request.
 pub(crate) type Outcome = Result<Option<Payload>, Arc<str>>;
@@ -61,6 +62,8 @@ struct State {
     closed: Option<Arc<str>>,
     traffic: Traffic,
     newest: Newest,
+    /// What a writer may send on himself while nothing else is to be sent.
+    socket: Option<Arc<Socket>>,
     /// The thread that the connection was given.
     thread: Option<Arc<OwnThread>>,
     /// Whether who sends has yet to look at `thread`.
@@ -84,6 +87,15 @@ pub(crate) struct Parcel {
     pub(crate) payload: Payload,
     pub(crate) envelope: Option<Bytes>,
     pub(crate) wants_reply: bool,
+}
+
+/// Who hands a message to the socket.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+enum Sender {
+    /// The connection's task.
+    Task,
+    /// Who writes the message, if the task has nothing to send.
+    Writer,
 }
 
 /// What has been and is to be sent.
@@ -156,6 +168,7 @@ impl Outbox {
                 closed: None,
                 traffic: Traffic::default(),
                 newest: Newest::default(),
+                socket: None,
                 thread: None,
                 moves: false,
             }),
@@ -172,7 +185,13 @@ impl Outbox {
 
     /// Puts a message in; the answer serves to wait until the reader is done with it.
     pub(crate) fn push(&self, command: &Command, form: &Form) -> Result<Ticket, Arc<str>> {
-        self.put(self.state(), command, form, None)
+        self.put(self.state(), command, form, None, Sender::Task)
+    }
+
+    /// As [`Outbox::push`] for messages that do not come one upon the other: if nothing else is to be sent, this one is
+    /// by who calls, as far as the socket takes it, and nobody needs to be woken for it.
+    pub(crate) fn push_now(&self, command: &Command, form: &Form) -> Result<Ticket, Arc<str>> {
+        self.put(self.state(), command, form, None, Sender::Writer)
     }
 
     /// As [`Outbox::push`] if earlier messages leave room, else `None`.
@@ -183,7 +202,7 @@ impl Outbox {
     ) -> Option<Result<Ticket, Arc<str>>> {
         let state = self.state();
         let has_room = state.queued < HIGH_WATER || state.closed.is_some();
-        has_room.then(|| self.put(state, command, form, None))
+        has_room.then(|| self.put(state, command, form, None, Sender::Task))
     }
 
     /// Puts a request in; gives what to wait for the reply with.
@@ -193,7 +212,7 @@ impl Outbox {
         payload: &Form,
     ) -> Result<oneshot::Receiver<Outcome>, Arc<str>> {
         let (outcome, waiting) = oneshot::channel();
-        self.put(self.state(), command, payload, Some(outcome))?;
+        self.put(self.state(), command, payload, Some(outcome), Sender::Task)?;
         Ok(waiting)
     }
 
@@ -203,6 +222,7 @@ impl Outbox {
         command: &Command,
         form: &Form,
         outcome: Option<oneshot::Sender<Outcome>>,
+        sender: Sender,
     ) -> Result<Ticket, Arc<str>> {
         if let Some(reason) = &state.closed {
             return Err(reason.clone());
@@ -225,14 +245,24 @@ impl Outbox {
             drop(state);
             self.staged.notify_one();
         } else {
-            let is_expected = state.line.is_expected();
+            // Who sends has been told, and will take this along; or has nothing to do for now.
+            let (is_expected, is_idle) = (state.line.is_expected(), state.queued == 0);
             state.put(command, form, answered, outcome);
+            let is_sent = sender == Sender::Writer && is_idle && state.send();
             drop(state);
-            if !is_expected {
+            if !is_expected && !is_sent {
                 self.filled.notify_one();
             }
         }
         Ok(ticket)
+    }
+
+    /// From now on [`Outbox::push_now`] sends on this, or on nothing.
+    pub(super) fn lend(&self, socket: Option<Arc<Socket>>) {
+        let mut state = self.state();
+        if state.closed.is_none() {
+            state.socket = socket;
+        }
     }
 
     /// From now on messages wait for [`Outbox::next_staged`] first.
@@ -491,6 +521,7 @@ impl Outbox {
             }
         }
         state.line.clear();
+        state.socket = None;
         drop(state);
         self.over.store(true, Ordering::Release);
         self.changed.notify_waiters();
@@ -534,6 +565,19 @@ impl State {
                 stopped: false,
             });
         }
+    }
+
+    /// Sends what the socket takes now; tells whether that was all. Nobody else may be sending. What fails here
+    /// fails again for the task, which knows what to do then.
+    fn send(&mut self) -> bool {
+        let (Some(socket), Line::Stream(_, batch)) = (&self.socket, &mut self.line) else {
+            return false;
+        };
+        let before = batch.len();
+        let outcome = batch.write_to(socket, |_| {});
+        let (after, written) = (batch.len(), before - batch.len());
+        self.less(written);
+        outcome.is_ok() && after == 0
     }
 
     /// So many bytes are not to be sent any more.

@@ -264,10 +264,13 @@ async fn send(way: Way, outbox: &Arc<Outbox>, mut cancelled: Cancelled) -> Strin
     let shared = outbox.clone();
     let moved = match way {
         Way::Stream(stream, input) => {
+            outbox.lend(Some(stream.clone()));
             let mut sending = stream::Sending::new(stream, input);
             if let Pause::End(reason) = stream::run(&mut sending, outbox, &mut cancelled).await {
                 return reason;
             }
+            // From now on all is sent with the policy of the thread.
+            outbox.lend(None);
             let mut sending = Box::new(sending);
             let begin = move || {
                 sending.stream = sending.stream.renewed();

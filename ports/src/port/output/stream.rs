@@ -1,6 +1,6 @@
 //! Sending over the connection itself.
 
-use std::io::{self, IoSlice};
+use std::io;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -10,9 +10,6 @@ use crate::port::batch::Batch;
 use crate::port::outbox::Outbox;
 use crate::port::output::Pause;
 use crate::stream::{Inflow, Socket};
-
-/// Buffers handed to one system call.
-const VECTORS: usize = 16;
 
 /// What a connection has besides its outbox.
 pub(super) struct Sending {
@@ -120,17 +117,5 @@ async fn write_awake(stream: &Socket, outbox: &Outbox, batch: &mut Batch) -> io:
 
 /// Writes as much of the batch as the socket takes now.
 fn write_batch(stream: &Socket, outbox: &Outbox, batch: &mut Batch) -> io::Result<()> {
-    while !batch.is_empty() {
-        let mut vectors = [IoSlice::new(&[]); VECTORS];
-        let used = batch.fill(&mut vectors);
-        let written = match stream.try_write_vectored(&vectors[..used]) {
-            Ok(0) => return Err(io::ErrorKind::WriteZero.into()),
-            Ok(written) => written,
-            Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(()),
-            Err(error) => return Err(error),
-        };
-        outbox.sent(written);
-        batch.advance(written);
-    }
-    Ok(())
+    batch.write_to(stream, |written| outbox.sent(written))
 }
