@@ -55,7 +55,7 @@ fn orders_are_taken_in_both_generations() {
 
 #[test]
 fn a_crowd_is_served_in_any_company() {
-    for company in ["good", "bad", "flood"] {
+    for company in ["good", "bad", "flood", "busy"] {
         assert_eq!(said(&["crowd", "/wam", company, "20"]).len(), 18);
     }
 }

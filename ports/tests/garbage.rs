@@ -2,8 +2,11 @@
 
 mod common;
 
+use std::io::{self, Write};
+use std::sync::{Arc, Mutex};
+
 use common::{Raw, bottle, connect, next, open, tcp_header, within};
-use yarp_ports::{PortOptions, Queue};
+use yarp_ports::{Port, PortOptions, Queue};
 use yarp_wire::Bottle;
 use yarp_wire::connection::REFUSAL;
 
@@ -139,4 +142,68 @@ async fn content_that_cannot_be_read_is_an_error_of_that_message_alone() {
     }
     raw.send(common::tcp_message(b'D', &bottle("good"))).await;
     assert_eq!(next(&reader).await, "good");
+}
+
+/// Where the log goes.
+#[derive(Clone, Default)]
+struct Log(Arc<Mutex<Vec<u8>>>);
+
+impl Log {
+    /// What this thread logs from now on goes here, until the second is let go.
+    fn begin() -> (Self, tracing::subscriber::DefaultGuard) {
+        let log = Self::default();
+        let written = log.clone();
+        let subscriber = tracing_subscriber::fmt().with_writer(move || written.clone());
+        let guard = tracing::subscriber::set_default(subscriber.finish());
+        (log, guard)
+    }
+
+    fn has(&self, text: &str) -> bool {
+        String::from_utf8_lossy(&self.0.lock().unwrap()).contains(text)
+    }
+}
+
+impl Write for Log {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.lock().unwrap().write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Has connections to `reader` begin and end, with these bytes, until it takes them for a flood.
+async fn flood(reader: &Port, bytes: &[u8], log: &Log) {
+    let flooding = async {
+        while !log.has("newcomers are let in one by one") {
+            Raw::to(reader).await.send(bytes).await;
+        }
+    };
+    within(flooding).await;
+}
+
+#[tokio::test]
+async fn a_flood_is_let_in_one_by_one_and_others_still_come() {
+    let garbage = [&tcp_header("/bad")[..], b"GARBAGE!"].concat();
+    // One of the same name takes the place of the one before, so that not all are found to be garbage.
+    for bytes in [&garbage[..], &tcp_header("/bad")] {
+        let (log, _logging) = Log::begin();
+        let reader = open("/reader", PortOptions::new().reading(Queue::Wait(1))).await;
+        flood(&reader, bytes, &log).await;
+        let writer = open("/writer", PortOptions::new()).await;
+        connect(&writer, &reader, "tcp").await;
+        assert_eq!(within(writer.write(&bottle("still here"))).await, 1);
+        assert_eq!(next(&reader).await, "still here");
+    }
+}
+
+#[tokio::test]
+async fn many_who_have_something_to_say_are_no_flood() {
+    let (log, _logging) = Log::begin();
+    let reader = open("/reader", PortOptions::new()).await;
+    for _ in 0..500 {
+        assert!(!common::ask(&reader, &bottle("[ver]")).await.is_empty());
+    }
+    assert!(!log.has("one by one"));
 }

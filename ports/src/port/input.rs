@@ -50,6 +50,7 @@ pub(super) async fn serve(
     number: u64,
     caller: Option<(Caller, Farewell)>,
 ) -> Understood {
+    let begun = Instant::now();
     let (caller, mut farewell) = caller.unzip();
     let mut closing = core.cancelled.clone();
     let stream = Socket::Tcp(Tcp::new(stream));
@@ -88,9 +89,15 @@ pub(super) async fn serve(
         closing: core.cancelled.clone(),
         rights: (0, Rights::ALL),
         caller,
+        is_understood: false,
     };
     let end = connection.attend(&mut farewell).await;
-    let understood = Understood(!matches!(end, End::Broken(_) | End::Failed(_)));
+    let understood = Understood(match end {
+        End::Broken(_) | End::Failed(_) => false,
+        // The next one of the same name may have taken its place before it was found to be garbage.
+        End::Closed => connection.is_understood || begun.elapsed() >= IN_PASSING,
+        _ => true,
+    });
     match end {
         End::Moved(thread) => Box::pin(connection.move_to(&thread, farewell)).await,
         end => connection.end(end),
@@ -98,8 +105,12 @@ pub(super) async fn serve(
     understood
 }
 
-/// Whether a connection was of use to its end: it was not garbage that came, and it did not break.
+/// Whether a connection was of use: it was not garbage that came, it did not break, and it did not go again at once
+/// without a word.
 pub(super) struct Understood(pub(super) bool);
+
+/// Whoever stays for so long means something by it.
+const IN_PASSING: Duration = Duration::from_secs(1);
 
 /// How long the answer to a header waits for that to the first message, if both have come.
 const GREETING: Duration = Duration::from_millis(1);
@@ -160,6 +171,8 @@ pub(super) struct Connection {
     rights: (u64, Rights),
     /// Its place among the callers, if the port keeps a list of them.
     caller: Option<Caller>,
+    /// Something that came made sense.
+    is_understood: bool,
 }
 
 /// What is to happen after a message.
@@ -288,7 +301,10 @@ impl Connection {
                         }
                         next
                     }
-                    Ok(Some(Event::Browser(request))) => Box::pin(self.browse(request)).await,
+                    Ok(Some(Event::Browser(request))) => {
+                        self.is_understood = true;
+                        Box::pin(self.browse(request)).await
+                    }
                     Ok(None) => break,
                     Err(error) => {
                         self.refuse(&error).await;
@@ -521,7 +537,9 @@ impl Connection {
             Input::Handler(_) => true,
         };
         let goes_on = !matches!(next, Next::Stop(_) | Next::Datagrams(_));
-        replies && goes_on && carrier.framing.is_binary() && is_port(&self.sender.name)
+        // Who has said more already does not wait.
+        let waits = self.input.bytes.is_empty();
+        replies && goes_on && waits && carrier.framing.is_binary() && is_port(&self.sender.name)
     }
 
     /// Asks a port that comes which generation it is of, while it waits for the answer to its header.
@@ -605,6 +623,7 @@ impl Connection {
 
     /// Does with a message what needs no waiting: for most that is all.
     fn message_at_once(&mut self, message: Message) -> Step {
+        self.is_understood = true;
         self.spoke();
         let Message { command, payload } = message;
         let Command::Data { reply, envelope } = command else {

@@ -141,6 +141,13 @@ pub(super) async fn listen(core: Arc<Core>, listener: TcpListener) {
                     let narrow = callers.is_none() && door.is_narrow(now);
                     if narrow != is_narrow {
                         is_narrow = narrow;
+                        if narrow {
+                            tracing::warn!(
+                                port = %core.name, address = %peer.ip(),
+                                "garbage comes in a flood, lastly from {}: newcomers are let in one by one for a while",
+                                peer.ip(),
+                            );
+                        }
                         let waiting = if narrow { FEW_WAITING } else { WAITING };
                         // As many as before may wait, if the system does not want so.
                         let _ = SockRef::from(&listener).listen(waiting);

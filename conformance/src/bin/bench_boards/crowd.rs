@@ -35,13 +35,15 @@ enum Company {
     Bad,
     /// The same, but garbage comes as fast as the machine can.
     Flood,
+    /// One begins a message and never ends it; one sends nothing, and keeps a processor busy as a flood does.
+    Busy,
 }
 
 /// Measures in processes of its own, and prints what came of it.
 pub(crate) fn compare(place: &Place, rounds: usize) -> Result<(), Failure> {
-    let mut runs = [Vec::new(), Vec::new(), Vec::new()];
+    let mut runs = [const { Vec::new() }; 4];
     for _ in 0..rounds {
-        for (company, runs) in ["good", "bad", "flood"].iter().zip(&mut runs) {
+        for (company, runs) in ["good", "bad", "flood", "busy"].iter().zip(&mut runs) {
             let server = Server::start(place, Side::Ours, PERIOD)?;
             let mut command = place.client()?;
             command.args(["crowd", &server.name, company, &ORDERS.to_string()]);
@@ -53,7 +55,7 @@ pub(crate) fn compare(place: &Place, rounds: usize) -> Result<(), Failure> {
             runs.push(of_each);
         }
     }
-    let [good, bad, flood] = runs.map(|runs| -> Vec<f64> {
+    let [good, bad, flood, busy] = runs.map(|runs| -> Vec<f64> {
         let of_client = |client| median(runs.iter().map(|run: &Vec<f64>| run[client]));
         (0..CLIENTS).map(of_client).collect()
     });
@@ -71,6 +73,7 @@ pub(crate) fn compare(place: &Place, rounds: usize) -> Result<(), Failure> {
     for (label, times) in [
         ("one is stuck, one sends garbage", &bad),
         ("the same, as fast as it can", &flood),
+        ("one is stuck, one only keeps a processor", &busy),
     ] {
         line(label, times);
         let ratios = times.iter().zip(&good).map(|(bad, good)| bad / good);
@@ -89,8 +92,11 @@ pub(crate) fn run(name: &str, company: &str, orders: &str) -> Result<(), Failure
         "good" => Company::Good,
         "bad" => Company::Bad,
         "flood" => Company::Flood,
+        "busy" => Company::Busy,
         other => {
-            return Err(format!("{other:?} is no company, expected good, bad or flood").into());
+            return Err(
+                format!("{other:?} is no company, expected good, bad, flood or busy").into(),
+            );
         }
     };
     let orders: usize = orders.parse()?;
@@ -112,13 +118,16 @@ pub(crate) fn run(name: &str, company: &str, orders: &str) -> Result<(), Failure
             let two = (CLIENTS..CLIENTS + 2).map(open);
             others.extend(two.collect::<Result<Vec<_>, _>>()?);
         }
-        Company::Bad | Company::Flood => {
+        Company::Bad | Company::Flood | Company::Busy => {
             let place = runtime.block_on(network.query(&format!("{name}/rpc:i")))?;
             let board = (place.host, place.port);
             let stuck = stuck(&board)?;
             let over = over.clone();
-            let garbage = thread::spawn(move || send_garbage(&board, company, &over));
-            bad = Some((stuck, garbage));
+            let other = thread::spawn(move || match company {
+                Company::Busy => compute(&over),
+                _ => send_garbage(&board, company, &over),
+            });
+            bad = Some((stuck, other));
         }
     }
     let giving = |client: Orders| {
@@ -136,8 +145,8 @@ pub(crate) fn run(name: &str, company: &str, orders: &str) -> Result<(), Failure
         runtime.block_on(other)???;
     }
     over.store(true, Ordering::Release);
-    if let Some((_stuck, garbage)) = bad {
-        garbage.join().map_err(|_| "who sends garbage panicked")??;
+    if let Some((_stuck, other)) = bad {
+        other.join().map_err(|_| "the bad one panicked")??;
     }
     Ok(())
 }
@@ -160,6 +169,15 @@ fn stuck(board: &(String, u16)) -> std::io::Result<TcpStream> {
     let mut stream = raw(board, "/stuck")?;
     stream.write_all(b"YA\x0a\0\0\0RP\x02\x01")?;
     Ok(stream)
+}
+
+/// Does nothing that is of use to anybody.
+fn compute(over: &AtomicBool) -> std::io::Result<()> {
+    let end = Instant::now() + PATIENCE;
+    while !over.load(Ordering::Acquire) && Instant::now() < end {
+        std::hint::spin_loop();
+    }
+    Ok(())
 }
 
 fn send_garbage(board: &(String, u16), company: Company, over: &AtomicBool) -> std::io::Result<()> {

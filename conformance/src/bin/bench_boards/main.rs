@@ -5,7 +5,7 @@
 //! bench_boards only PART       one of feed, orders, crowd
 //! bench_boards read NAME MICROSECONDS CARRIER SECONDS       what comes of a board's states, as a process of its own
 //! bench_boards order NAME GENERATION N                      times of N orders to a board; 3.x or 4.0
-//! bench_boards crowd NAME good|bad|flood N                   p99 of 18 clients of a board in such company, N orders each
+//! bench_boards crowd NAME good|bad|flood|busy N              p99 of 18 clients of a board in such company, N orders each
 //! bench_boards device-call N                               times until N orders are at a device within this process
 //! bench_boards busy | copy                                  keeps a processor, or the memory, at work until it is killed
 //! ```
