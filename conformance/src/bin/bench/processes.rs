@@ -3,9 +3,14 @@
 use std::io::{BufRead, BufReader, Write};
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::thread;
 use std::time::Duration;
 
 use crate::Failure;
+
+/// Longer than any measurement takes.
+const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Whose peer.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,7 +58,16 @@ impl Bench {
             .spawn()
             .map_err(|error| format!("cannot start {}: {error}", program.display()))?;
         let output = BufReader::new(child.stdout.take().expect("piped"));
-        Ok(Running { child, output })
+        let (said, lines) = channel();
+        thread::spawn(move || {
+            for line in output.lines().map_while(Result::ok) {
+                if said.send(line).is_err() {
+                    return;
+                }
+            }
+        });
+        let what = format!("{side:?} {}", arguments.join(" "));
+        Ok(Running { child, lines, what })
     }
 
     /// Starts the listening end of a bare TCP connection; gives its port, too.
@@ -75,16 +89,21 @@ impl Bench {
 /// One that runs; ends with this value.
 pub(crate) struct Running {
     child: Child,
-    output: BufReader<std::process::ChildStdout>,
+    lines: Receiver<String>,
+    /// Whose it is, and what it was told.
+    what: String,
 }
 
 impl Running {
     pub(crate) fn line_starting(&mut self, start: &str) -> Result<String, Failure> {
         loop {
-            let mut line = String::new();
-            if self.output.read_line(&mut line)? == 0 {
-                return Err("a peer ended early".into());
-            }
+            let line = self.lines.recv_timeout(PATIENCE).map_err(|error| {
+                let what = &self.what;
+                match error {
+                    RecvTimeoutError::Timeout => format!("{what}: said nothing for {PATIENCE:?}"),
+                    RecvTimeoutError::Disconnected => format!("{what}: ended early"),
+                }
+            })?;
             if line.starts_with(start) {
                 return Ok(line);
             }

@@ -100,13 +100,13 @@ pub(super) async fn run(
 /// waiting.
 async fn write_awake(stream: &Socket, outbox: &Outbox, batch: &mut Batch) -> io::Result<()> {
     let mut last = Instant::now();
-    let mut giving_way = GivingWay::after_waking();
+    let mut giving_way = GivingWay::midway();
     loop {
         let before = batch.len();
         write_batch(stream, outbox, batch)?;
         if batch.len() < before {
             last = Instant::now();
-            giving_way = GivingWay::after_waking();
+            giving_way = GivingWay::midway();
         }
         if batch.is_empty() || last.elapsed() >= busy::LIMIT {
             return Ok(());
