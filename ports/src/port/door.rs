@@ -35,7 +35,7 @@ impl Door {
         }
     }
 
-    /// A connection broke, or was broken off for the garbage that came.
+    /// A connection broke, was broken off for the garbage that came, or went again at once without a word.
     pub(super) fn broke(&mut self, now: Instant) {
         let usual = USUAL * (now - self.at).as_secs_f64();
         self.broken = (self.broken - usual).max(0.0) + 1.0;
