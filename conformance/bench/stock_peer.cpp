@@ -15,6 +15,7 @@
 #include <yarp/os/PortReader.h>
 #include <yarp/os/RpcClient.h>
 #include <yarp/os/RpcServer.h>
+#include <yarp/os/Value.h>
 #include <yarp/os/Vocab.h>
 
 #include <atomic>
@@ -41,7 +42,10 @@ public:
     std::vector<char> bytes;
     bool read(ConnectionReader& reader) override
     {
-        reader.convertTextMode();
+        if (reader.isTextMode()) {
+            Bottle bottle;
+            return bottle.read(reader) && bottle.get(0).isBlob();
+        }
         int code = reader.expectInt32();
         int count = reader.expectInt32();
         int length = reader.expectInt32();
@@ -53,6 +57,11 @@ public:
     }
     bool write(ConnectionWriter& writer) const override
     {
+        if (writer.isTextMode()) {
+            Bottle bottle;
+            bottle.add(Value::makeBlob(const_cast<char*>(bytes.data()), bytes.size()));
+            return bottle.write(writer);
+        }
         writer.appendInt32(256 + 12);
         writer.appendInt32(1);
         writer.appendInt32(bytes.size());

@@ -12,32 +12,36 @@ const PACE: u32 = 150_000;
 /// A reader that has counted nothing more for so long has counted all.
 const QUIET: Duration = Duration::from_millis(300);
 
-/// Writer, reader, bytes per message, messages, and the pace (0 for as fast as can be).
-const ROWS: [(Side, Side, usize, u32, u32); 7] = [
-    (Side::Stock, Side::Stock, 16, 200_000, 0),
-    (Side::Ours, Side::Ours, 16, 200_000, 0),
-    (Side::Stock, Side::Ours, 16, 200_000, 0),
-    (Side::Ours, Side::Stock, 16, 200_000, 0),
-    (Side::Ours, Side::Ours, 16, 300_000, PACE),
-    (Side::Stock, Side::Stock, 1_000_000, 500, 0),
-    (Side::Ours, Side::Ours, 1_000_000, 500, 0),
+/// Carrier, writer, reader, bytes per message, messages, and the pace (0 for as fast as can be).
+const ROWS: [(&str, Side, Side, usize, u32, u32); 11] = [
+    ("udp", Side::Stock, Side::Stock, 16, 200_000, 0),
+    ("udp", Side::Ours, Side::Ours, 16, 200_000, 0),
+    ("udp", Side::Stock, Side::Ours, 16, 200_000, 0),
+    ("udp", Side::Ours, Side::Stock, 16, 200_000, 0),
+    ("udp", Side::Ours, Side::Ours, 16, 300_000, PACE),
+    ("udp", Side::Stock, Side::Stock, 1_000_000, 500, 0),
+    ("udp", Side::Ours, Side::Ours, 1_000_000, 500, 0),
+    ("mcast", Side::Stock, Side::Stock, 16, 100_000, 0),
+    ("mcast", Side::Ours, Side::Ours, 16, 100_000, 0),
+    ("mcast", Side::Stock, Side::Ours, 16, 100_000, 0),
+    ("mcast", Side::Ours, Side::Stock, 16, 100_000, 0),
 ];
 
 impl Bench {
     pub(crate) fn datagrams(&self) -> Result<(), Failure> {
-        println!("udp, one way                        sent  received");
-        for (writer, reader, bytes, n, pace) in ROWS {
+        println!("{:<44}{:>9}  {:>9}", "one way", "sent", "received");
+        for row @ (carrier, writer, reader, bytes, _, pace) in ROWS {
             let mut rates = Vec::new();
             let mut shares = Vec::new();
             for _ in 0..RUNS {
-                let (rate, share) = self.sent_and_received(writer, reader, bytes, n, pace)?;
+                let (rate, share) = self.sent_and_received(row)?;
                 rates.push(rate);
                 shares.push(share);
             }
             let (rate, share) = (median(rates.into_iter()), median(shares.into_iter()));
             let paced = if pace > 0 { ", paced" } else { "" };
-            let label = format!("{writer:?} to {reader:?}, {bytes} bytes{paced}");
-            println!("{label:<36}{rate:>9.0}/s {:>7.2} %", 100.0 * share);
+            let label = format!("{carrier}, {writer:?} to {reader:?}, {bytes} bytes{paced}");
+            println!("{label:<44}{rate:>9.0}/s {:>7.2} %", 100.0 * share);
         }
         Ok(())
     }
@@ -45,15 +49,11 @@ impl Bench {
     /// Messages sent per second, and the share of them that was read.
     fn sent_and_received(
         &self,
-        writer: Side,
-        reader: Side,
-        bytes: usize,
-        n: u32,
-        pace: u32,
+        (carrier, writer, reader, bytes, n, pace): (&str, Side, Side, usize, u32, u32),
     ) -> Result<(f64, f64), Failure> {
         let (mut reader, name) = self.server(reader, "count")?;
         let (bytes, count, pace_text) = (bytes.to_string(), n.to_string(), pace.to_string());
-        let mut words = vec!["send", &name, "udp", &count, &bytes];
+        let mut words = vec!["send", &name, carrier, &count, &bytes];
         if pace > 0 {
             words.push(&pace_text);
         }

@@ -17,11 +17,14 @@ const PAIRS: [(Side, Side); 4] = [
 const HEADINGS: &str = "stock>stock    ours>ours   stock>ours   ours>stock   ratios to stock>stock";
 
 /// Carrier, bytes per message, and messages: a writer of stock's, one of ours.
-const ROWS: [(&str, usize, u32, u32); 8] = [
+const ROWS: [(&str, usize, u32, u32); 11] = [
     ("tcp", 16, 20_000, 50_000),
     ("fast_tcp", 16, 50_000, 1_000_000),
     ("unix_stream", 16, 50_000, 1_000_000),
     ("shmem", 16, 20_000, 200_000),
+    ("unix_stream+ack", 16, 20_000, 50_000),
+    ("text", 16, 20_000, 200_000),
+    ("text_ack", 16, 20_000, 50_000),
     ("tcp", 1_000_000, 1_000, 1_000),
     ("fast_tcp", 1_000_000, 1_000, 1_000),
     ("unix_stream", 1_000_000, 1_000, 1_000),
