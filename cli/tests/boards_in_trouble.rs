@@ -16,7 +16,8 @@ use yarp_devices::{Axes, ControlMode, Encoders, Mode, PositionControl};
 use yarp_ports::{Network, story};
 use yarp_wire::carrier::{Carrier, Sender};
 use yarp_wire::connection::Initiator;
-use yarp_wire::{Dialect, Limits};
+use yarp_wire::message::Command;
+use yarp_wire::{Bottle, Dialect, Limits};
 use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions};
 
 /// Longer than anything here takes on a busy machine.
@@ -44,6 +45,16 @@ fn cast(home: &Home, local: &str) -> Result<RemoteControlBoard, String> {
     RemoteControlBoard::open(&network(home), options).map_err(|error| story(&error))
 }
 
+/// A name server, an arm that stands at 0, and a client that sees it.
+fn stage() -> (Home, Running, Running, RemoteControlBoard) {
+    let home = Home::new();
+    let server = home.serve();
+    let up = up(&home);
+    let arm = cast(&home, "/client").expect("it is there");
+    eventually("a first state", || is_at(&arm, 0.0));
+    (home, server, up, arm)
+}
+
 fn is_at(arm: &RemoteControlBoard, degrees: f64) -> bool {
     arm.encoder_readings(joint())
         .is_ok_and(|readings| (readings[0].position - degrees).abs() < CLOSE)
@@ -66,11 +77,7 @@ fn moves(arm: &RemoteControlBoard, degrees: f64) {
 
 #[test]
 fn while_the_name_server_is_away_the_arm_holds_and_goes_on_for_its_clients() {
-    let home = Home::new();
-    let server = home.serve();
-    let up = up(&home);
-    let arm = cast(&home, "/client").expect("it is there");
-    eventually("a first state", || is_at(&arm, 0.0));
+    let (home, server, up, arm) = stage();
     moves(&arm, 10.0);
     server.kill();
     let end = Instant::now() + AWAY;
@@ -102,11 +109,7 @@ fn while_the_name_server_is_away_the_arm_holds_and_goes_on_for_its_clients() {
 
 #[test]
 fn a_board_that_is_killed_and_started_again_is_found_by_who_had_cast_it() {
-    let home = Home::new();
-    let _server = home.serve();
-    let dies = up(&home);
-    let arm = cast(&home, "/client").expect("it is there");
-    eventually("a first state", || is_at(&arm, 0.0));
+    let (home, _server, dies, arm) = stage();
     moves(&arm, 10.0);
     dies.kill();
     eventually("distrust", || arm.encoder_readings(joint()).is_err());
@@ -124,11 +127,7 @@ fn a_board_that_is_killed_and_started_again_is_found_by_who_had_cast_it() {
 
 #[test]
 fn a_client_that_is_killed_in_mid_command_leaves_the_arm_to_the_others() {
-    let home = Home::new();
-    let _server = home.serve();
-    let _up = up(&home);
-    let arm = cast(&home, "/client").expect("it is there");
-    eventually("a first state", || is_at(&arm, 0.0));
+    let (home, _server, _up, arm) = stage();
     // Killed while the arm carries out what it was told.
     arm.set_reference_speeds(joint(), &[20.0])
         .expect("it is one");
@@ -147,13 +146,16 @@ fn a_client_that_is_killed_in_mid_command_leaves_the_arm_to_the_others() {
     let mut bytes = BytesMut::new();
     let carrier = Carrier::by_name("tcp").unwrap();
     let sender = Sender::plain("/dies");
-    let _ = Initiator::new(carrier, &sender, Dialect::V3, Limits::DEFAULT, &mut bytes);
-    stream.write_all(&bytes).unwrap();
-    // The index promises a message of 40 bytes; half of it comes.
-    stream
-        .write_all(b"YA\x0a\0\0\0RP\x01\x01\xff\xff\xff\xff\xff\xff\xff\xff\x28\0\0\0")
-        .unwrap();
-    stream.write_all(&[0; 20]).unwrap();
+    let mut initiator = Initiator::new(carrier, &sender, Dialect::V3, Limits::DEFAULT, &mut bytes);
+    let order = Bottle::parse("[set] [pos] 0 -20.0").unwrap();
+    let order = order.encode(Dialect::V3);
+    let command = Command::Data {
+        reply: true,
+        envelope: None,
+    };
+    initiator.send(&command, order.len(), &mut bytes);
+    bytes.extend_from_slice(&order);
+    stream.write_all(&bytes[..bytes.len() - 1]).unwrap();
     drop(stream);
     for _ in 0..20 {
         assert!(is_at(&arm, 20.0), "it does not hold");

@@ -573,11 +573,10 @@ impl State {
         let (Some(socket), Line::Stream(_, batch)) = (&self.socket, &mut self.line) else {
             return false;
         };
-        let before = batch.len();
-        let outcome = batch.write_to(socket, |_| {});
-        let (after, written) = (batch.len(), before - batch.len());
-        self.less(written);
-        outcome.is_ok() && after == 0
+        let mut sent = 0;
+        let _ = batch.write_to(socket, |bytes| sent += bytes);
+        self.less(sent);
+        self.queued == 0
     }
 
     /// So many bytes are not to be sent any more.

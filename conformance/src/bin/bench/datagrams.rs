@@ -13,7 +13,9 @@ const PACE: u32 = 150_000;
 const QUIET: Duration = Duration::from_millis(300);
 
 /// Carrier, writer, reader, bytes per message, messages, and the pace (0 for as fast as can be).
-const ROWS: [(&str, Side, Side, usize, u32, u32); 11] = [
+type Row = (&'static str, Side, Side, usize, u32, u32);
+
+const ROWS: [Row; 11] = [
     ("udp", Side::Stock, Side::Stock, 16, 200_000, 0),
     ("udp", Side::Ours, Side::Ours, 16, 200_000, 0),
     ("udp", Side::Stock, Side::Ours, 16, 200_000, 0),
@@ -49,7 +51,7 @@ impl Bench {
     /// Messages sent per second, and the share of them that was read.
     fn sent_and_received(
         &self,
-        (carrier, writer, reader, bytes, n, pace): (&str, Side, Side, usize, u32, u32),
+        (carrier, writer, reader, bytes, n, pace): Row,
     ) -> Result<(f64, f64), Failure> {
         let (mut reader, name) = self.server(reader, "count")?;
         let (bytes, count, pace_text) = (bytes.to_string(), n.to_string(), pace.to_string());

@@ -15,6 +15,7 @@ use yarp_wire::connection::Initiator;
 use yarp_wire::{Dialect, Limits};
 
 use crate::Failure;
+use crate::load::busy_while;
 use crate::orders::{Generation, Orders};
 use crate::place::{PATIENCE, Place, said};
 use crate::server::{Server, Side};
@@ -123,9 +124,14 @@ pub(crate) fn run(name: &str, company: &str, orders: &str) -> Result<(), Failure
             let board = (place.host, place.port);
             let stuck = stuck(&board)?;
             let over = over.clone();
+            let end = Instant::now() + PATIENCE;
+            let goes_on = move || !over.load(Ordering::Acquire) && Instant::now() < end;
             let other = thread::spawn(move || match company {
-                Company::Busy => compute(&over),
-                _ => send_garbage(&board, company, &over),
+                Company::Busy => {
+                    busy_while(goes_on);
+                    Ok(())
+                }
+                _ => send_garbage(&board, company, goes_on),
             });
             bad = Some((stuck, other));
         }
@@ -171,19 +177,13 @@ fn stuck(board: &(String, u16)) -> std::io::Result<TcpStream> {
     Ok(stream)
 }
 
-/// Does nothing that is of use to anybody.
-fn compute(over: &AtomicBool) -> std::io::Result<()> {
-    let end = Instant::now() + PATIENCE;
-    while !over.load(Ordering::Acquire) && Instant::now() < end {
-        std::hint::spin_loop();
-    }
-    Ok(())
-}
-
-fn send_garbage(board: &(String, u16), company: Company, over: &AtomicBool) -> std::io::Result<()> {
+fn send_garbage(
+    board: &(String, u16),
+    company: Company,
+    goes_on: impl Fn() -> bool,
+) -> std::io::Result<()> {
     let mut state = 1_u64;
-    let end = Instant::now() + PATIENCE;
-    while !over.load(Ordering::Acquire) && Instant::now() < end {
+    while goes_on() {
         let garbage: Vec<u8> = (0..512)
             .map(|_| {
                 state = state

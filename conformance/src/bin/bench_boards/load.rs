@@ -63,8 +63,14 @@ impl Drop for Burden {
 
 /// Computes for ever.
 pub(crate) fn busy() -> Result<(), Failure> {
+    busy_while(|| true);
+    Ok(())
+}
+
+/// Computes as long as it shall.
+pub(crate) fn busy_while(goes_on: impl Fn() -> bool) {
     let mut number = 1_u64;
-    loop {
+    while goes_on() {
         number = black_box(
             number
                 .wrapping_mul(6_364_136_223_846_793_005)
