@@ -21,7 +21,7 @@ server=
 trap 'if [ -n "$server" ]; then kill "$server" 2>/dev/null || true; fi; rm -rf "$work"' EXIT
 
 g++ -O2 -std=c++17 -include cstdint conformance/bench/stock_peer.cpp \
-    -I"$stock_package/include" -L"$stock_package/lib" -lYARP_os -lYARP_init -o "$work/stock_peer"
+    -I"$stock_package/include" -L"$stock_package/lib" -lYARP_os -lYARP_sig -lYARP_init -o "$work/stock_peer"
 export STOCK_PEER=$work/stock_peer
 
 if [ "${1:-} ${2:-}" = "only boards" ]; then

@@ -5,9 +5,14 @@
 //   stock_peer call NAME N           N round trips of 16 bytes of payload; prints each in ns
 //   stock_peer order NAME N          N orders [set] [pos] 0 V to the board NAME; prints the time of each in ns
 //   stock_peer send NAME CARRIER N BYTES   sends N messages of BYTES payload; prints the total ns
+//   stock_peer look NAME             as count, but of images
+//   stock_peer show NAME CARRIER N   sends N images of 640 x 480; prints the total ns
+//   stock_peer publish NAME          each line says how many messages of 16 bytes it writes; prints the total ns
+//   stock_peer local N BYTES         N messages between two ports of its own; prints the total ns
 //
-// Build: g++ -O2 -std=c++17 stock_peer.cpp -lYARP_os (with the stock installation's paths).
+// Build: g++ -O2 -std=c++17 stock_peer.cpp -lYARP_os -lYARP_sig (with the stock installation's paths).
 #include <yarp/os/Bottle.h>
+#include <yarp/os/BufferedPort.h>
 #include <yarp/os/ConnectionReader.h>
 #include <yarp/os/ConnectionWriter.h>
 #include <yarp/os/Network.h>
@@ -17,6 +22,7 @@
 #include <yarp/os/RpcServer.h>
 #include <yarp/os/Value.h>
 #include <yarp/os/Vocab.h>
+#include <yarp/sig/Image.h>
 
 #include <atomic>
 #include <chrono>
@@ -85,20 +91,71 @@ class Echo : public PortReader
     }
 };
 
+template <class Message>
 class Counter : public PortReader
 {
 public:
     std::atomic<long long> count{0};
-    Blob blob;
+    Message message;
     bool read(ConnectionReader& reader) override
     {
-        if (!blob.read(reader)) {
+        if (!message.read(reader)) {
             return false;
         }
         count++;
         return true;
     }
 };
+
+// Each line asks for the count reached; answered as soon as it is.
+template <class Message>
+static bool count_messages(const std::string& name)
+{
+    Port port;
+    Counter<Message> counter;
+    port.setReader(counter);
+    if (!port.open(name)) {
+        return false;
+    }
+    puts("ready");
+    fflush(stdout);
+    long long goal = 0;
+    while (scanf("%lld", &goal) == 1) {
+        while (counter.count < goal) {
+            std::this_thread::sleep_for(std::chrono::microseconds(50));
+        }
+        printf("%lld\n", (long long)counter.count);
+        fflush(stdout);
+    }
+    return true;
+}
+
+// Slopes with a little noise, as a camera sees; the same as in `src/bin/bench/peer.rs`.
+static void paint(yarp::sig::ImageOf<yarp::sig::PixelRgb>& image)
+{
+    image.resize(640, 480);
+    uint32_t noise = 1;
+    for (uint32_t y = 0; y < 480; y++) {
+        for (uint32_t x = 0; x < 640; x++) {
+            noise = noise * 1664525 + 1013904223;
+            uint32_t grain = noise >> 29;
+            auto& pixel = image.pixel(x, y);
+            pixel.r = x / 3 + grain;
+            pixel.g = y / 2 + grain;
+            pixel.b = (x * x + y * y) / 2560 + grain;
+        }
+    }
+}
+
+static void write_all(Port& port, const PortWriter& message, int n)
+{
+    auto begin = Steady::now();
+    for (int i = 0; i < n; i++) {
+        port.write(message);
+    }
+    printf("%lld\n", ns(begin, Steady::now()));
+    fflush(stdout);
+}
 
 static void wait_for_end()
 {
@@ -125,23 +182,9 @@ int main(int argc, char** argv)
         fflush(stdout);
         wait_for_end();
     } else if (what == "count") {
-        Port port;
-        Counter counter;
-        port.setReader(counter);
-        if (!port.open(name)) {
-            return 1;
-        }
-        puts("ready");
-        fflush(stdout);
-        // Each line asks for the count reached; answered as soon as it is.
-        long long goal = 0;
-        while (scanf("%lld", &goal) == 1) {
-            while (counter.count < goal) {
-                std::this_thread::sleep_for(std::chrono::microseconds(50));
-            }
-            printf("%lld\n", (long long)counter.count);
-            fflush(stdout);
-        }
+        return count_messages<Blob>(name) ? 0 : 1;
+    } else if (what == "look") {
+        return count_messages<yarp::sig::ImageOf<yarp::sig::PixelRgb>>(name) ? 0 : 1;
     } else if (what == "call" && argc == 4) {
         RpcClient port;
         port.open("...");
@@ -196,17 +239,63 @@ int main(int argc, char** argv)
         if (!Network::connect(port.getName(), name, argv[3], true)) {
             return 1;
         }
-        int n = atoi(argv[4]);
         Blob blob;
         blob.bytes.resize(atoi(argv[5]));
-        auto begin = Steady::now();
-        for (int i = 0; i < n; i++) {
-            port.write(blob);
+        write_all(port, blob, atoi(argv[4]));
+        wait_for_end();
+        port.close();
+    } else if (what == "show" && argc == 5) {
+        Port port;
+        port.open("...");
+        if (!Network::connect(port.getName(), name, argv[3], true)) {
+            return 1;
         }
+        yarp::sig::ImageOf<yarp::sig::PixelRgb> image;
+        paint(image);
+        write_all(port, image, atoi(argv[4]));
+        wait_for_end();
+        port.close();
+    } else if (what == "publish") {
+        Port port;
+        if (!port.open(name)) {
+            return 1;
+        }
+        puts("ready");
+        fflush(stdout);
+        Blob blob;
+        blob.bytes.resize(16, 7);
+        int n = 0;
+        while (scanf("%d", &n) == 1) {
+            write_all(port, blob, n);
+        }
+        port.close();
+    } else if (what == "local" && argc == 4) {
+        BufferedPort<Blob> reader;
+        Port writer;
+        reader.setStrict();
+        reader.open("...");
+        writer.open("...");
+        if (!Network::connect(writer.getName(), reader.getName(), "local", true)) {
+            return 1;
+        }
+        int n = atoi(argv[2]);
+        Blob blob;
+        blob.bytes.resize(atoi(argv[3]));
+        auto begin = Steady::now();
+        std::thread reading([&] {
+            for (int i = 0; i < n; i++) {
+                reader.read();
+            }
+        });
+        for (int i = 0; i < n; i++) {
+            writer.write(blob);
+        }
+        reading.join();
         printf("%lld\n", ns(begin, Steady::now()));
         fflush(stdout);
         wait_for_end();
-        port.close();
+        writer.close();
+        reader.close();
     }
     return 0;
 }

@@ -6,7 +6,15 @@ set -euo pipefail
 
 stock=${1:?usage: install.sh FOLDER}
 version=3.5.0
-if [ -e "$stock/complete" ]; then
+# What it is built with; a folder built with something else is built anew.
+options='set(BUILD_SHARED_LIBS ON)
+set(ENABLE_yarpmod_fakeMotionControl ON CACHE BOOL "")
+set(ENABLE_yarpcar_shmem ON CACHE BOOL "")
+set(ENABLE_yarpcar_unix_stream ON CACHE BOOL "")
+set(ENABLE_yarpcar_mjpeg ON CACHE BOOL "")
+set(ENABLE_yarpcar_websocket ON CACHE BOOL "")
+set(ENABLE_yarpcar_portmonitor ON CACHE BOOL "")'
+if [ -e "$stock/complete" ] && [ "$(cat "$stock/options.cmake")" = "$options" ]; then
     echo "stock YARP $version is in $stock"
     exit 0
 fi
@@ -20,20 +28,13 @@ $as_root apt-get install -y -q build-essential cmake ninja-build swig libace-dev
 rm -rf "$stock"
 mkdir -p "$(dirname "$stock")"
 python3 -m venv "$stock"
-cat >"$stock/options.cmake" <<'OPTIONS'
-set(BUILD_SHARED_LIBS ON)
-set(ENABLE_yarpmod_fakeMotionControl ON CACHE BOOL "")
-set(ENABLE_yarpcar_shmem ON CACHE BOOL "")
-set(ENABLE_yarpcar_unix_stream ON CACHE BOOL "")
-set(ENABLE_yarpcar_mjpeg ON CACHE BOOL "")
-set(ENABLE_yarpcar_portmonitor ON CACHE BOOL "")
-OPTIONS
+printf '%s\n' "$options" >"$stock/options.cmake"
 # Its headers rely on others to include these; the compilers of today do not.
 flags=""
 for header in iterator utility cstdint limits memory string array functional algorithm; do
     flags="$flags -include $header"
 done
 CMAKE_POLICY_VERSION_MINIMUM=3.5 CMAKE_TOOLCHAIN_FILE="$stock/options.cmake" CXXFLAGS="$flags" \
-    "$stock/bin/pip" install --quiet "yarp-middleware==$version"
+    "$stock/bin/pip" install --quiet --no-cache-dir "yarp-middleware==$version"
 touch "$stock/complete"
 echo "stock YARP $version is in $stock"

@@ -1,7 +1,7 @@
 //! Messages that are images, as the pictures that browsers see.
 
 use bytes::{Bytes, BytesMut};
-use jpeg_encoder::{ColorType, Encoder};
+use libjpeg_turbo_rs::{PixelFormat, Subsampling};
 use yarp_wire::message::{Payload, ReadObject};
 use yarp_wire::mjpeg;
 use yarp_wire::typed::{Image, ImageError, PixelCode};
@@ -49,20 +49,20 @@ pub(super) fn part(payload: &Payload, envelope: Option<&Bytes>) -> Option<Bytes>
 
 /// The image as JPEG; `None` if pictures cannot show it.
 pub(super) fn compress(image: &Image) -> Option<Bytes> {
-    let color = match image.code() {
-        PixelCode::MONO => ColorType::Luma,
-        PixelCode::RGB => ColorType::Rgb,
-        PixelCode::BGR => ColorType::Bgr,
-        PixelCode::RGBA => ColorType::Rgba,
-        PixelCode::BGRA => ColorType::Bgra,
+    let format = match image.code() {
+        PixelCode::MONO => PixelFormat::Grayscale,
+        PixelCode::RGB => PixelFormat::Rgb,
+        PixelCode::BGR => PixelFormat::Bgr,
+        PixelCode::RGBA => PixelFormat::Rgba,
+        PixelCode::BGRA => PixelFormat::Bgra,
         _ => return None,
     };
-    let width = u16::try_from(image.width()).ok()?;
-    let height = u16::try_from(image.height()).ok()?;
-    let mut jpeg = Vec::new();
-    let encoder = Encoder::new(&mut jpeg, QUALITY);
-    encoder.encode(&image.packed(), width, height, color).ok()?;
-    Some(jpeg.into())
+    let (width, height) = (image.width(), image.height());
+    // One colour for four pixels, as most writers of JPEG.
+    let colours = Subsampling::S420;
+    let pixels = image.packed();
+    let jpeg = libjpeg_turbo_rs::compress(&pixels, width, height, format, QUALITY, colours);
+    Some(jpeg.ok()?.into())
 }
 
 /// The picture as an image of `rgb` pixels. What it claims is checked before it takes memory.

@@ -1,16 +1,20 @@
-//! Ours beside stock in one run: round trips, one-way messages, datagrams.
+//! Ours beside stock in one run: round trips, one-way messages, datagrams, ports as browsers meet them.
 //!
 //! ```text
 //! bench                 runs everything, prints tables with ratios
-//! bench only PART       one of round-trips, one-way, datagrams, or a carrier's one-way messages
-//! bench serve|count|call|send|ping|pong|pour|sink ...   one peer of ours, as `bench/stock_peer.cpp` is one of stock's
+//! bench only PART       one of round-trips, one-way, datagrams, pages, or one carrier
+//! bench serve|count|call|send|look|show|publish|local ...   one peer of ours, as `bench/stock_peer.cpp` is one of stock's
+//! bench ping|pong|pour|sink ...                one end of a bare TCP connection
+//! bench question|listen|frames|frame-call ...  what a browser does at a port
 //! ```
 //!
 //! Every peer is a process of its own, of ours or of stock's, so that both do the same work. The
 //! stock side needs stock YARP: `STOCK` names its folder (see `conformance/README.md`).
 
+mod browser;
 mod datagrams;
 mod one_way;
+mod pages;
 mod peer;
 mod processes;
 mod round_trips;
@@ -33,14 +37,18 @@ fn main() -> ExitCode {
     let result = match words[..] {
         [] => compare(""),
         ["only", part] => compare(part),
-        _ => peer::work(&words).unwrap_or_else(|| {
-            Err(
-                "usage: bench [only PART | serve NAME | count NAME | call NAME N | \
-                 send NAME CARRIER N BYTES [PER_SECOND] | pong | ping PORT | sink | \
-                 pour PORT N BYTES]"
-                    .into(),
-            )
-        }),
+        _ => peer::work(&words)
+            .or_else(|| browser::work(&words))
+            .unwrap_or_else(|| {
+                Err(
+                    "usage: bench [only PART | serve NAME | count NAME | call NAME N | \
+                     send NAME CARRIER N BYTES [PER_SECOND] | look NAME | show NAME CARRIER N | \
+                     publish NAME | local N BYTES | pong | ping PORT | sink | \
+                     pour PORT N BYTES | question NAME N | listen NAME | frames NAME N | \
+                     frame-call NAME N]"
+                        .into(),
+                )
+            }),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
@@ -65,13 +73,20 @@ fn compare(part: &str) -> Result<(), Failure> {
         println!();
         bench.round_trips()?;
     }
-    if !matches!(part, "round-trips" | "datagrams") {
+    if !matches!(
+        part,
+        "round-trips" | "datagrams" | "pages" | "http" | "websocket"
+    ) {
         println!();
         bench.one_way(if part == "one-way" { "" } else { part })?;
     }
     if all || part == "datagrams" {
         println!();
         bench.datagrams()?;
+    }
+    if all || matches!(part, "pages" | "http" | "websocket") {
+        println!();
+        bench.pages(if part == "pages" { "" } else { part })?;
     }
     Ok(())
 }

@@ -16,8 +16,9 @@ const PAIRS: [(Side, Side); 4] = [
 ];
 const HEADINGS: &str = "stock>stock    ours>ours   stock>ours   ours>stock   ratios to stock>stock";
 
-/// Carrier, bytes per message, and messages: a writer of stock's, one of ours.
-const ROWS: [(&str, usize, u32, u32); 11] = [
+/// Carrier, bytes per message, and messages: a writer of stock's, one of ours. What `mjpeg` carries
+/// is an image of 640 x 480.
+const ROWS: [(&str, usize, u32, u32); 14] = [
     ("tcp", 16, 20_000, 50_000),
     ("fast_tcp", 16, 50_000, 1_000_000),
     ("unix_stream", 16, 50_000, 1_000_000),
@@ -25,10 +26,13 @@ const ROWS: [(&str, usize, u32, u32); 11] = [
     ("unix_stream+ack", 16, 20_000, 50_000),
     ("text", 16, 20_000, 200_000),
     ("text_ack", 16, 20_000, 50_000),
+    ("local", 16, 50_000, 1_000_000),
     ("tcp", 1_000_000, 1_000, 1_000),
     ("fast_tcp", 1_000_000, 1_000, 1_000),
     ("unix_stream", 1_000_000, 1_000, 1_000),
     ("shmem", 1_000_000, 2_000, 4_000),
+    ("local", 1_000_000, 50_000, 1_000_000),
+    ("mjpeg", 640 * 480 * 3, 200, 200),
 ];
 
 /// The carrier whose large messages are compared with a bare TCP connection.
@@ -47,6 +51,10 @@ impl Bench {
                     bare.push(self.bare_rate(from_ours, bytes)?);
                 }
                 for ((writer, reader), rates) in PAIRS.into_iter().zip(&mut rates) {
+                    // A process is of one side.
+                    if carrier == "local" && writer != reader {
+                        continue;
+                    }
                     // A stock reader is no faster, whoever writes.
                     let n = match (writer, reader) {
                         (Side::Ours, Side::Ours) => from_ours,
@@ -55,17 +63,25 @@ impl Bench {
                     rates.push(self.rate(writer, reader, carrier, n, bytes)?);
                 }
             }
-            let rates = rates.map(|rates| median(rates.into_iter()));
-            let shown = rates.map(|rate| match bytes {
-                16 => format!("{rate:>11.0}/s"),
-                _ => format!("{:>8.2} GB/s", rate * bytes as f64 / 1e9),
-            });
+            let rates: Vec<f64> = rates
+                .into_iter()
+                .filter(|rates| !rates.is_empty())
+                .map(|rates| median(rates.into_iter()))
+                .collect();
+            let counted = bytes == 16 || matches!(carrier, "local" | "mjpeg");
+            let shown: Vec<String> = rates
+                .iter()
+                .map(|rate| match counted {
+                    true => format!("{rate:>11.0}/s"),
+                    false => format!("{:>8.2} GB/s", rate * bytes as f64 / 1e9),
+                })
+                .collect();
             let ratios: Vec<String> = rates[1..]
                 .iter()
                 .map(|rate| format!("{:6.2}", rate / rates[0]))
                 .collect();
             let label = format!("{carrier}, {bytes} bytes");
-            println!("{label:<22}{} {}", shown.join(""), ratios.join(" "));
+            println!("{label:<22}{:<52} {}", shown.join(""), ratios.join(" "));
             if !bare.is_empty() {
                 let bare = median(bare.into_iter());
                 println!(
@@ -95,9 +111,18 @@ impl Bench {
         n: u32,
         bytes: usize,
     ) -> Result<f64, Failure> {
-        let (mut reader, name) = self.server(reader, "count")?;
-        let words = [&name, carrier, &n.to_string(), &bytes.to_string()];
-        let mut writer = self.start(writer, &[&["send"], &words[..]].concat())?;
+        let (n_text, bytes) = (n.to_string(), bytes.to_string());
+        if carrier == "local" {
+            let mut both = self.start(writer, &["local", &n_text, &bytes])?;
+            return Ok(f64::from(n) * 1e9 / both.numbers(1)?[0]);
+        }
+        let (read, words) = match carrier {
+            "mjpeg" => ("look", vec!["show", carrier, &n_text]),
+            _ => ("count", vec!["send", carrier, &n_text, &bytes]),
+        };
+        let (mut reader, name) = self.server(reader, read)?;
+        let words: Vec<&str> = [&words[..1], &[&name], &words[1..]].concat();
+        let mut writer = self.start(writer, &words)?;
         let sent = writer.numbers(1)?[0];
         let begin = Instant::now();
         reader.count(n)?;

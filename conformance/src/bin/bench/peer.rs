@@ -6,8 +6,10 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use bytes::{BufMut, Bytes, BytesMut};
-use yarp_ports::{Answer, Network, Port, PortOptions};
+use tokio::io::AsyncBufReadExt;
+use yarp_ports::{Answer, Network, Port, PortOptions, Received, remote};
 use yarp_wire::message::{Pieces, WireObject};
+use yarp_wire::typed::{Image, PixelCode};
 use yarp_wire::{Bottle, Dialect};
 
 use crate::{CALLS, Failure};
@@ -20,7 +22,11 @@ pub(crate) fn work(words: &[&str]) -> Option<Result<(), Failure>> {
         ["sink"] => sink(),
         ["pour", port, n, bytes] => pour(port, n, bytes),
         ["serve", name] => peer(serve(name)),
-        ["count", name] => peer(count(name)),
+        ["count", name] => peer(count(name, |message| message.bottle().is_ok())),
+        ["look", name] => peer(count(name, |message| message.read::<Image>().is_ok())),
+        ["show", name, carrier, n] => peer(show(name, carrier, n)),
+        ["publish", name] => peer(publish(name)),
+        ["local", n, bytes] => peer(local(n, bytes)),
         ["call", name, n] => peer(call(name, n)),
         ["send", name, carrier, n, bytes] => peer(send(name, carrier, n, bytes, "0")),
         ["send", name, carrier, n, bytes, pace] => peer(send(name, carrier, n, bytes, pace)),
@@ -48,30 +54,48 @@ async fn serve(name: &str) -> Result<(), Failure> {
     Ok(())
 }
 
-async fn count(name: &str) -> Result<(), Failure> {
-    let count = Arc::new(AtomicU64::new(0));
-    let counter = count.clone();
-    let options = PortOptions::new().handler(move |message| {
-        // Reading it is part of the work: the blob inside shares the message's bytes.
-        if message.bottle().is_ok() {
-            counter.fetch_add(1, Ordering::Relaxed);
-        }
-        Answer::Nothing
-    });
+/// Counts the messages that are `read`: reading is part of the work.
+async fn count(
+    name: &str,
+    read: impl Fn(&Received) -> bool + Send + Sync + 'static,
+) -> Result<(), Failure> {
+    let (options, count) = counting(read);
     let port = Port::open(&Network::from_process()?, name, options).await?;
     println!("ready");
     tokio::task::spawn_blocking(move || {
         for goal in std::io::stdin().lines().map_while(Result::ok) {
             let goal: u64 = goal.trim().parse().unwrap_or(0);
-            while count.load(Ordering::Relaxed) < goal {
-                std::thread::sleep(Duration::from_micros(50));
-            }
-            println!("{}", count.load(Ordering::Relaxed));
+            println!("{}", wait_for_count(&count, goal));
         }
     })
     .await?;
     port.close().await;
     Ok(())
+}
+
+/// How to open a port that counts, and the count.
+fn counting(
+    read: impl Fn(&Received) -> bool + Send + Sync + 'static,
+) -> (PortOptions, Arc<AtomicU64>) {
+    let count = Arc::new(AtomicU64::new(0));
+    let counter = count.clone();
+    let options = PortOptions::new().handler(move |message| {
+        if read(&message) {
+            counter.fetch_add(1, Ordering::Relaxed);
+        }
+        Answer::Nothing
+    });
+    (options, count)
+}
+
+pub(crate) fn wait_for_count(count: &AtomicU64, goal: u64) -> u64 {
+    loop {
+        let now = count.load(Ordering::Relaxed);
+        if now >= goal {
+            return now;
+        }
+        std::thread::sleep(Duration::from_micros(50));
+    }
 }
 
 async fn call(name: &str, n: &str) -> Result<(), Failure> {
@@ -128,24 +152,93 @@ impl WireObject for Blob {
 async fn send(name: &str, carrier: &str, n: &str, bytes: &str, pace: &str) -> Result<(), Failure> {
     let port = Port::open(&Network::from_process()?, "...", PortOptions::new()).await?;
     port.connect_over(name, carrier).await?;
-    let n: u32 = n.parse()?;
-    let pace: f64 = pace.parse()?;
     let blob = Blob(vec![7; bytes.parse()?].into());
-    let (port, time) = tokio::spawn(async move {
+    let (port, time) = write_all(port, blob, n.parse()?, pace.parse()?).await?;
+    println!("{}", time.as_nanos());
+    tokio::task::spawn_blocking(|| std::io::stdin().lines().for_each(drop)).await?;
+    port.close().await;
+    Ok(())
+}
+
+/// Writes a message so many times; how long that took.
+async fn write_all(
+    port: Port,
+    message: impl WireObject + Send + Sync + 'static,
+    n: u32,
+    pace: f64,
+) -> Result<(Port, Duration), Failure> {
+    let writing = tokio::spawn(async move {
         let begin = Instant::now();
         for number in 0..n {
-            port.write(&blob).await;
+            port.write(&message).await;
             while pace > 0.0 && begin.elapsed().as_secs_f64() * pace < f64::from(number) {
                 tokio::task::yield_now().await;
             }
         }
         let time = begin.elapsed();
         (port, time)
-    })
-    .await?;
+    });
+    Ok(writing.await?)
+}
+
+/// Images to a reader, which may have to ask for them itself.
+async fn show(name: &str, carrier: &str, n: &str) -> Result<(), Failure> {
+    let network = Network::from_process()?;
+    let port = Port::open(&network, "...", PortOptions::new()).await?;
+    remote::connect(&network, port.name(), name, Some(carrier)).await?;
+    let (port, time) = write_all(port, painted(), n.parse()?, 0.0).await?;
     println!("{}", time.as_nanos());
     tokio::task::spawn_blocking(|| std::io::stdin().lines().for_each(drop)).await?;
     port.close().await;
+    Ok(())
+}
+
+/// Slopes with a little noise, as a camera sees; the same as in `bench/stock_peer.cpp`.
+fn painted() -> Image {
+    let (width, height) = (640, 480);
+    let mut pixels = Vec::with_capacity(3 * width * height);
+    let mut noise: u32 = 1;
+    for y in 0..height {
+        for x in 0..width {
+            noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let grain = (noise >> 29) as usize;
+            pixels
+                .extend([x / 3, y / 2, (x * x + y * y) / 2560].map(|level| (level + grain) as u8));
+        }
+    }
+    Image::from_packed(PixelCode::RGB, width, height, pixels).expect("as many pixels as it says")
+}
+
+/// Writes to whoever listens as many messages as each line says.
+async fn publish(name: &str) -> Result<(), Failure> {
+    let mut port = Port::open(&Network::from_process()?, name, PortOptions::new()).await?;
+    println!("ready");
+    let mut lines = tokio::io::BufReader::new(tokio::io::stdin()).lines();
+    while let Some(line) = lines.next_line().await? {
+        let blob = Blob(vec![7; 16].into());
+        let time;
+        (port, time) = write_all(port, blob, line.trim().parse()?, 0.0).await?;
+        println!("{}", time.as_nanos());
+    }
+    port.close().await;
+    Ok(())
+}
+
+/// Messages between two ports of this process.
+async fn local(n: &str, bytes: &str) -> Result<(), Failure> {
+    let network = Network::from_process()?;
+    let (options, count) = counting(|message| message.bottle().is_ok());
+    let reader = Port::open(&network, "...", options).await?;
+    let writer = Port::open(&network, "...", PortOptions::new()).await?;
+    writer.connect_over(reader.name(), "local").await?;
+    let n: u32 = n.parse()?;
+    let blob = Blob(vec![7; bytes.parse()?].into());
+    let begin = Instant::now();
+    let (writer, _) = write_all(writer, blob, n, 0.0).await?;
+    wait_for_count(&count, n.into());
+    println!("{}", begin.elapsed().as_nanos());
+    writer.close().await;
+    reader.close().await;
     Ok(())
 }
 
@@ -201,7 +294,7 @@ fn pour(port: &str, n: &str, bytes: &str) -> Result<(), Failure> {
     print_times(&[begin.elapsed()])
 }
 
-fn print_times(times: &[Duration]) -> Result<(), Failure> {
+pub(crate) fn print_times(times: &[Duration]) -> Result<(), Failure> {
     let mut text = String::new();
     for time in times {
         text.push_str(&format!("{}\n", time.as_nanos()));
