@@ -8,7 +8,7 @@
 //   stock_peer look NAME             as count, but of images
 //   stock_peer show NAME CARRIER N   sends N images of 640 x 480; prints the total ns
 //   stock_peer publish NAME          each line says how many messages of 16 bytes it writes; prints the total ns
-//   stock_peer local N BYTES         N messages between two ports of its own; prints the total ns
+//   stock_peer local blobs|images N  N messages between two ports of its own; prints the total ns
 //
 // Build: g++ -O2 -std=c++17 stock_peer.cpp -lYARP_os -lYARP_sig (with the stock installation's paths).
 #include <yarp/os/Bottle.h>
@@ -163,6 +163,36 @@ static void wait_for_end()
     }
 }
 
+// Messages between two ports of this process.
+template <class Message>
+static bool write_within(const Message& message, int n)
+{
+    BufferedPort<Message> reader;
+    Port writer;
+    reader.setStrict();
+    reader.open("...");
+    writer.open("...");
+    if (!Network::connect(writer.getName(), reader.getName(), "local", true)) {
+        return false;
+    }
+    auto begin = Steady::now();
+    std::thread reading([&] {
+        for (int i = 0; i < n; i++) {
+            reader.read();
+        }
+    });
+    for (int i = 0; i < n; i++) {
+        writer.write(message);
+    }
+    reading.join();
+    printf("%lld\n", ns(begin, Steady::now()));
+    fflush(stdout);
+    wait_for_end();
+    writer.close();
+    reader.close();
+    return true;
+}
+
 int main(int argc, char** argv)
 {
     if (argc < 3) {
@@ -270,32 +300,15 @@ int main(int argc, char** argv)
         }
         port.close();
     } else if (what == "local" && argc == 4) {
-        BufferedPort<Blob> reader;
-        Port writer;
-        reader.setStrict();
-        reader.open("...");
-        writer.open("...");
-        if (!Network::connect(writer.getName(), reader.getName(), "local", true)) {
-            return 1;
+        int n = atoi(argv[3]);
+        if (name == "images") {
+            yarp::sig::ImageOf<yarp::sig::PixelRgb> image;
+            paint(image);
+            return write_within(image, n) ? 0 : 1;
         }
-        int n = atoi(argv[2]);
         Blob blob;
-        blob.bytes.resize(atoi(argv[3]));
-        auto begin = Steady::now();
-        std::thread reading([&] {
-            for (int i = 0; i < n; i++) {
-                reader.read();
-            }
-        });
-        for (int i = 0; i < n; i++) {
-            writer.write(blob);
-        }
-        reading.join();
-        printf("%lld\n", ns(begin, Steady::now()));
-        fflush(stdout);
-        wait_for_end();
-        writer.close();
-        reader.close();
+        blob.bytes.resize(16, 7);
+        return write_within(blob, n) ? 0 : 1;
     }
     return 0;
 }

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use yarp_nameserver::{Server, ServerOptions};
-use yarp_ports::{Network, Port, PortOptions, Queue};
+use yarp_ports::{Network, Port, PortError, PortOptions, Queue};
 use yarp_wire::Bottle;
 
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -62,5 +62,37 @@ async fn readers_share_one_transmission_and_the_group_goes_with_the_last() {
     for port in [first, second, writer] {
         port.close().await;
     }
+    server.close().await;
+}
+
+/// Nothing is answered on the connection itself: the writer asks the reader over another.
+#[tokio::test]
+async fn a_reader_that_lacks_a_modifier_is_not_transmitted_to() {
+    let server = Server::start(ServerOptions::default().at("127.0.0.1", 0))
+        .await
+        .unwrap();
+    let network = server.network();
+    let reading = PortOptions::new().reading(Queue::Wait(100));
+    let reader = Port::open(&network, "/reader", reading).await.unwrap();
+    let writer = Port::open(&network, "/writer", PortOptions::new())
+        .await
+        .unwrap();
+    let lacking = writer.connect_over("/reader", "mcast+recv.nonesuch").await;
+    let error = lacking.unwrap_err();
+    assert!(matches!(error, PortError::Declined { .. }), "{error:?}");
+    assert!(writer.outputs().is_empty());
+    assert!(
+        !names(&network)
+            .await
+            .iter()
+            .any(|name| name.starts_with("/tmp/"))
+    );
+    let statistics = "mcast+recv.portmonitor+type.dll+file.statistics";
+    writer.connect_over("/reader", statistics).await.unwrap();
+    assert_eq!(writer.write(&Bottle::of(1)).await, 1);
+    let read = tokio::time::timeout(PATIENCE, reader.read()).await;
+    assert_eq!(read.unwrap().unwrap().bottle().unwrap(), Bottle::of(1));
+    reader.close().await;
+    writer.close().await;
     server.close().await;
 }

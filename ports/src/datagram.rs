@@ -2,7 +2,7 @@
 
 use std::cell::RefCell;
 use std::io;
-use std::net::{Ipv4Addr, SocketAddrV4};
+use std::net::{IpAddr, Ipv4Addr, SocketAddrV4};
 use std::os::fd::AsFd;
 use std::sync::Arc;
 
@@ -67,6 +67,15 @@ pub(crate) async fn sender(host: &str, number: u16) -> io::Result<UdpSocket> {
     let socket = bound(SocketAddrV4::new(Ipv4Addr::UNSPECIFIED, 0), |_| Ok(()))?;
     socket.connect((host, number)).await?;
     Ok(socket)
+}
+
+/// The address of the interface that leads to a place.
+pub(crate) async fn way_to(host: &str, number: u16) -> io::Result<Ipv4Addr> {
+    let socket = sender(host, number).await?;
+    match socket.local_addr()?.ip() {
+        IpAddr::V4(address) => Ok(address),
+        IpAddr::V6(_) => Err(io::ErrorKind::Unsupported.into()),
+    }
 }
 
 /// A socket that sends to a group from the interface with address `local`.

@@ -269,12 +269,8 @@ pub async fn exists(network: &Network, name: &str) -> Result<bool, PortError> {
         Err(PortError::Unknown { .. }) => return Ok(false),
         Err(error) => return Err(error),
     };
-    let answer = match administer(network, &place, &admin::version()).await {
-        Ok(answer) => answer,
-        Err(_) => return Ok(false),
-    };
-    let first = answer.get(0).map(Value::to_plain_string);
-    Ok(matches!(first.as_deref(), Some("ver" | "dict")))
+    let answer = administer(network, &place, &admin::version()).await;
+    Ok(answer.is_ok_and(|answer| admin::is_version(&answer)))
 }
 
 /// Whether the TCP port where a port should be takes connections.

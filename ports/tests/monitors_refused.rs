@@ -78,7 +78,10 @@ async fn a_reader_answers_no_header_that_asks_for_what_it_lacks() {
         "recv.priority+tc.soon",
     ];
     for modifiers in receives.into_iter().chain(others.map(str::to_owned)) {
-        for carrier in ["tcp", "fast_tcp", "text_ack", "udp"] {
+        let answering = ["tcp", "fast_tcp", "text_ack", "udp", "shmem"];
+        // Over these a writer hears nothing before it writes, unless it asks.
+        let silent = ["text", "unix_stream", "unix_stream+ack"];
+        for carrier in answering.into_iter().chain(silent) {
             let carrier = format!("{carrier}+{modifiers}");
             let error = within(writer.connect(&at(&reader, &carrier)))
                 .await
@@ -103,6 +106,30 @@ async fn a_reader_answers_no_header_that_asks_for_what_it_lacks() {
         told.contains("no modifier \"nonesuch\"") && told.contains("priority"),
         "{told}"
     );
+}
+
+/// The question whether the reader has it is no message.
+#[tokio::test]
+async fn a_reader_that_has_it_gets_messages_over_every_carrier() {
+    let (writer, reader) = ends().await;
+    let carriers = [
+        "tcp",
+        "fast_tcp",
+        "text",
+        "text_ack",
+        "udp",
+        "shmem",
+        "unix_stream",
+        "unix_stream+ack",
+        "local",
+    ];
+    for carrier in carriers {
+        let carrier = format!("{carrier}+recv.portmonitor+type.dll+file.statistics");
+        let connecting = within(writer.connect(&at(&reader, &carrier))).await;
+        assert!(connecting.is_ok(), "{carrier}: {connecting:?}");
+        within(writer.write(&bottle("after"))).await;
+        assert_eq!(next(&reader).await, "after", "{carrier}");
+    }
 }
 
 /// Stock answers the header, and ends the connection when it finds that it lacks the monitor.

@@ -137,6 +137,12 @@ pub fn version() -> Bottle {
     Bottle::of(Vocab32::new("ver"))
 }
 
+/// Whether this is how a port answers [`version`].
+pub fn is_version(answer: &Bottle) -> bool {
+    let first = answer.get(0).map(Value::to_plain_string);
+    matches!(first.as_deref(), Some("ver" | "dict"))
+}
+
 fn word(word: &str) -> Value {
     Vocab32::new(word).into()
 }

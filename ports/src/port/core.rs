@@ -19,6 +19,7 @@ use super::output::{Output, Target};
 use super::own_thread::Steering;
 use super::qos::SocketHandle;
 use crate::cancel::{Cancel, Cancelled, join};
+use crate::datagram;
 use crate::error::{PortError, resolve};
 use crate::network::{Network, Place};
 use crate::probe;
@@ -41,7 +42,7 @@ pub(crate) struct Core {
     close: Cancel,
     /// Shared with whoever is sending, so that nobody sends under the lock.
     outputs: Mutex<Arc<Vec<Arc<Output>>>>,
-    group: Mutex<Option<Group>>,
+    groups: Mutex<Vec<Group>>,
     inputs: Mutex<Vec<InputEntry>>,
     properties: Mutex<Vec<(String, Bottle)>>,
     next_input: AtomicU64,
@@ -109,7 +110,7 @@ impl Core {
             closing,
             close,
             outputs: Mutex::default(),
-            group: Mutex::default(),
+            groups: Mutex::default(),
             inputs: Mutex::default(),
             properties: Mutex::default(),
             next_input: AtomicU64::new(1),
@@ -184,12 +185,15 @@ impl Core {
 
     /// Calls `visit` for each outgoing connection that transmits, under no lock.
     pub(crate) fn for_each_sender(&self, mut visit: impl FnMut(&Arc<Output>)) {
-        let mut elected = false;
-        for output in self.outputs().iter() {
-            if output.logs || output.group.is_some() && std::mem::replace(&mut elected, true) {
-                continue;
+        let outputs = self.outputs();
+        for (at, output) in outputs.iter().enumerate() {
+            let elected = match &output.group {
+                Some(group) => !outputs[..at].iter().any(|earlier| earlier.is_of(group)),
+                None => !output.logs,
+            };
+            if elected {
+                visit(output);
             }
-            visit(output);
         }
     }
 
@@ -271,7 +275,7 @@ impl Core {
             None => Some(Dialect::default()),
         };
         let group = match carrier.transport {
-            Transport::Group => Some(self.group().await?),
+            Transport::Group => Some(self.group(&found).await?),
             _ => None,
         };
         let target = Target {
@@ -291,7 +295,7 @@ impl Core {
                 Ok(found.name)
             }
             Err(error) => {
-                self.release_group().await;
+                self.release_groups().await;
                 Err(error)
             }
         }
@@ -345,34 +349,41 @@ impl Core {
             self.report_output(output, false);
         }
         if gone.iter().any(|output| output.group.is_some()) {
-            self.release_group().await;
+            self.release_groups().await;
         }
         !gone.is_empty()
     }
 
-    /// The multicast group of this port, asked for when it is first needed.
-    async fn group(&self) -> Result<Group, PortError> {
-        if let Some(group) = self.group_slot().clone() {
+    /// The multicast group of this port in the network of a reader, asked for when it is first
+    /// needed.
+    async fn group(&self, reader: &Place) -> Result<Group, PortError> {
+        let way = datagram::way_to(&reader.host, reader.port).await;
+        let local = way.map_err(|error| {
+            let step = "interface that leads to the reader";
+            PortError::connect(&reader.name, &reader.host, step, error)
+        })?;
+        let known = |groups: &Vec<Group>| groups.iter().find(|group| group.local == local).cloned();
+        if let Some(group) = known(&self.groups()) {
             return Ok(group);
         }
-        let group = Group::allocate(&self.network, &self.name).await?;
-        Ok(self.group_slot().insert(group).clone())
+        let group = Group::allocate(&self.network, &self.name, local).await?;
+        self.groups().push(group.clone());
+        Ok(group)
     }
 
-    /// Gives the group back once no connection uses it.
-    pub(crate) async fn release_group(&self) {
-        if self.outputs().iter().any(|output| output.group.is_some()) {
-            return;
-        }
-        let group = self.group_slot().take();
-        if let Some(group) = group {
+    /// Gives groups back that no connection uses any more.
+    pub(crate) async fn release_groups(&self) {
+        let outputs = self.outputs();
+        let used = |group: &Group| outputs.iter().any(|output| output.is_of(group));
+        let unused: Vec<Group> = self.groups().extract_if(.., |group| !used(group)).collect();
+        for group in unused {
             // The name server also frees it with its owner.
             let _ = self.network.unregister(&group.name).await;
         }
     }
 
-    fn group_slot(&self) -> MutexGuard<'_, Option<Group>> {
-        self.group.lock().unwrap_or_else(PoisonError::into_inner)
+    fn groups(&self) -> MutexGuard<'_, Vec<Group>> {
+        self.groups.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Ends the incoming connections from `name`; tells whether there was one.

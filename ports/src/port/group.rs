@@ -1,4 +1,4 @@
-//! The multicast group of a port: one transmission for all its `mcast` readers.
+//! The multicast groups of a port: one transmission for all its `mcast` readers in a network.
 
 use std::net::{Ipv4Addr, SocketAddrV4};
 
@@ -14,11 +14,18 @@ pub(crate) struct Group {
     pub(crate) name: String,
     /// Where its datagrams go.
     pub(crate) address: SocketAddrV4,
+    /// The address of the interface that they go out of.
+    pub(crate) local: Ipv4Addr,
 }
 
 impl Group {
-    /// Asks the name server for a group of its own for the port `owner`.
-    pub(crate) async fn allocate(network: &Network, owner: &str) -> Result<Self, PortError> {
+    /// Asks the name server for a group for the port `owner`, out of the interface with address
+    /// `local`.
+    pub(crate) async fn allocate(
+        network: &Network,
+        owner: &str,
+        local: Ipv4Addr,
+    ) -> Result<Self, PortError> {
         let asking = Registering {
             carrier: Some("mcast".to_owned()),
             ..Registering::named("...")
@@ -36,6 +43,7 @@ impl Group {
         Ok(Self {
             name: given.name,
             address: SocketAddrV4::new(ip, given.port),
+            local,
         })
     }
 }

@@ -526,7 +526,7 @@ impl Port {
                 .collect();
             join(goodbyes).await;
             core.dismiss_sources().await;
-            core.release_group().await;
+            core.release_groups().await;
             cancel.cancel();
             // The listener ends its connections, all of which heed the signal.
             let _ = listener.await;

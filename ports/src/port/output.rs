@@ -4,7 +4,6 @@ mod datagrams;
 mod stream;
 
 use std::io;
-use std::net::IpAddr;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
@@ -12,10 +11,11 @@ use std::time::Duration;
 use bytes::BytesMut;
 use tokio::net::UdpSocket;
 use tokio::task::JoinHandle;
+use yarp_wire::admin::{self, Direction};
 use yarp_wire::carrier::{Carrier, CarrierSpec, Sender, Transport};
-use yarp_wire::connection::{Initiator, Progress, put_group};
+use yarp_wire::connection::{Initiator, Progress, put_group, put_reply};
 use yarp_wire::message::{Command, Pieces};
-use yarp_wire::{Dialect, Limits, admin};
+use yarp_wire::{Dialect, Limits};
 
 use super::encoded::Form;
 use super::group::Group;
@@ -27,8 +27,12 @@ use crate::datagram;
 use crate::dialogue::Dialogue;
 use crate::error::PortError;
 use crate::network::{Network, Place};
+use crate::remote;
 use crate::stream::{Inflow, Socket, connect, within, write_all};
 use crate::transport::{go_on, next_port, refusal, refuses};
+
+/// How long a reader has to end a connection that it does not take, before it is asked.
+const BEFORE_ASKING: Duration = Duration::from_millis(20);
 
 /// A connection that the port writes to.
 #[derive(Debug)]
@@ -98,20 +102,32 @@ impl Output {
     ) -> Result<Self, PortError> {
         let name = &target.to.name;
         let opening = async {
-            let (stream, initiator, input) = open(target).await?;
-            let way = match (target.group, local_ip(&stream)) {
-                (Some(group), Some(IpAddr::V4(local))) => {
-                    let socket = datagram::group_sender(group.address, local).await;
+            let (stream, mut initiator, mut input) = open(target).await?;
+            let way = match target.group {
+                Some(group) => {
+                    if asks_reader(target) {
+                        confirm_elsewhere(target, &stream, &mut input).await?;
+                    }
+                    let socket = datagram::group_sender(group.address, group.local).await;
                     Way::Datagrams(Arc::new(socket.map_err(|error| target.lost(error))?))
                 }
-                _ if target.carrier.transport == Transport::Datagrams => {
+                None if target.carrier.transport == Transport::Datagrams => {
                     let number = next_port(&initiator).map_err(|error| target.lost(error))?;
                     let socket = datagram::sender(&target.to.host, number).await;
                     Way::Datagrams(Arc::new(socket.map_err(|error| target.lost(error))?))
                 }
-                _ => {
+                None => {
                     let moved = go_on(stream, input, &initiator).await;
-                    let (stream, input) = moved.map_err(|error| target.lost(error))?;
+                    let (stream, mut input) = moved.map_err(|error| {
+                        let missing = error.kind() == io::ErrorKind::NotFound;
+                        match missing && asks_reader(target) {
+                            true => target.declined(),
+                            false => target.lost(error),
+                        }
+                    })?;
+                    if asks_reader(target) {
+                        confirm(target, &stream, &mut initiator, &mut input).await?;
+                    }
                     Way::Stream(Arc::new(stream), input)
                 }
             };
@@ -213,6 +229,11 @@ impl Output {
         // A reader that does not answer in time is left.
         let _ = tokio::time::timeout(deadline, goodbye).await;
         self.end();
+    }
+
+    /// Whether it is one of those that share this group.
+    pub(super) fn is_of(&self, group: &Group) -> bool {
+        self.group.as_ref() == Some(group)
     }
 
     /// What it sends on.
@@ -343,10 +364,6 @@ async fn open(target: &Target<'_>) -> Result<(Socket, Initiator, Inflow), PortEr
             });
         }
     }
-    if asks_reader(target) && carrier.framing.is_binary() && carrier.transport == Transport::Stream
-    {
-        confirm(target, &stream, &mut initiator, &mut input).await?;
-    }
     Ok((stream, initiator, input))
 }
 
@@ -364,8 +381,10 @@ async fn confirm(
     initiator: &mut Initiator,
     input: &mut Inflow,
 ) -> Result<(), PortError> {
+    let mut request = BytesMut::new();
+    let version = admin::version();
+    put_reply(&mut request, target.carrier, &version, target.dialect);
     let mut output = BytesMut::new();
-    let request = admin::version().encode(target.dialect);
     initiator.send(&Command::Admin, request.len(), &mut output);
     output.extend_from_slice(&request);
     let sending = write_all(stream, &mut output);
@@ -376,15 +395,40 @@ async fn confirm(
             peer: target.to.name.clone(),
             source,
         })?;
-        if progress.is_none() && !matches!(input.read(stream, 0).await, Ok(1..)) {
-            return Err(target.declined());
+        match progress {
+            // Who reads lines may have written them to a person who is refused.
+            Some(Progress::Reply(reply)) => match reply.to_bottle() {
+                Ok(answer) if admin::is_version(&answer) => {}
+                _ => return Err(target.declined()),
+            },
+            Some(_) => {}
+            None if matches!(input.read(stream, 0).await, Ok(1..)) => {}
+            None => return Err(target.declined()),
         }
     }
     Ok(())
 }
 
-fn local_ip(stream: &Socket) -> Option<IpAddr> {
-    Some(stream.tcp()?.local_addr().ok()?.ip())
+/// Asks the reader over a connection of its own whether it has this one, over which nothing can
+/// be answered. One that ends it has made up its mind.
+async fn confirm_elsewhere(
+    target: &Target<'_>,
+    stream: &Socket,
+    input: &mut Inflow,
+) -> Result<(), PortError> {
+    let own = admin::list(Direction::In, Some(target.from));
+    loop {
+        let reading = tokio::time::timeout(BEFORE_ASKING, input.read(stream, 0)).await;
+        let ended = matches!(reading, Ok(Ok(0) | Err(_)));
+        let answer = remote::administer(target.network, target.to, &own).await?;
+        if answer.find("from").is_some() {
+            return Ok(());
+        }
+        if ended {
+            return Err(target.declined());
+        }
+        input.bytes.clear();
+    }
 }
 
 impl Farewell {

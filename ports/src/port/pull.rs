@@ -4,9 +4,9 @@ use std::io;
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::Arc;
 
-use bytes::{Bytes, BytesMut};
+use bytes::BytesMut;
 use yarp_wire::carrier::{Carrier, CarrierSpec};
-use yarp_wire::message::{Form, Payload, WireObject};
+use yarp_wire::message::{Payload, Pieces, WireObject};
 use yarp_wire::mjpeg::{self, MjpegError, Part, PartReader};
 use yarp_wire::{Dialect, Limits};
 
@@ -159,13 +159,13 @@ impl Pull {
         // Expanding takes milliseconds: others on this thread shall not wait for it.
         let expanding = tokio::task::spawn_blocking(move || {
             picture::expand(&part.body).map(|image| {
-                let mut bytes = BytesMut::new();
-                image.write_binary(&mut bytes, Dialect::V3);
-                bytes.freeze()
+                let mut pieces = Pieces::new();
+                image.write_pieces(&mut pieces, Dialect::V3);
+                Payload::of_pieces(&pieces, Dialect::V3)
             })
         });
-        let bytes: Bytes = match expanding.await {
-            Ok(Ok(bytes)) => bytes,
+        let payload = match expanding.await {
+            Ok(Ok(payload)) => payload,
             Ok(Err(error)) => {
                 let from = &self.from;
                 tracing::debug!(port = %self.core.name, from, "a picture is dropped: {error}");
@@ -173,9 +173,9 @@ impl Pull {
             }
             Err(_) => return,
         };
-        self.meter.count(bytes.len(), envelope.as_deref());
+        self.meter.count(payload.len(), envelope.as_deref());
         let received = Received {
-            payload: Payload::new(bytes, Form::Binary(Dialect::V3)),
+            payload,
             envelope,
             from: self.from.as_str().into(),
             address: self.address,

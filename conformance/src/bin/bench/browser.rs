@@ -54,7 +54,7 @@ fn question(name: &str, n: &str) -> Result<(), Failure> {
         answer.clear();
         stream.read_to_string(&mut answer)?;
         times.push(begin.elapsed());
-        if !answer.trim_end().ends_with("[1, 2]") {
+        if !answer.contains("\n[1, 2, ") {
             return Err(format!("{name}: an answer that was not asked for: {answer}").into());
         }
     }

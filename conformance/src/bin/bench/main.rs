@@ -43,7 +43,7 @@ fn main() -> ExitCode {
                 Err(
                     "usage: bench [only PART | serve NAME | count NAME | call NAME N | \
                      send NAME CARRIER N BYTES [PER_SECOND] | look NAME | show NAME CARRIER N | \
-                     publish NAME | local N BYTES | pong | ping PORT | sink | \
+                     publish NAME | local blobs|images N | pong | ping PORT | sink | \
                      pour PORT N BYTES | question NAME N | listen NAME | frames NAME N | \
                      frame-call NAME N]"
                         .into(),

@@ -26,7 +26,13 @@ pub(crate) fn work(words: &[&str]) -> Option<Result<(), Failure>> {
         ["look", name] => peer(count(name, |message| message.read::<Image>().is_ok())),
         ["show", name, carrier, n] => peer(show(name, carrier, n)),
         ["publish", name] => peer(publish(name)),
-        ["local", n, bytes] => peer(local(n, bytes)),
+        ["local", "blobs", n] => {
+            let blob = Blob(vec![7; 16].into());
+            peer(local(n, blob, |message| message.bottle().is_ok()))
+        }
+        ["local", "images", n] => peer(local(n, painted(), |message| {
+            message.read::<Image>().is_ok()
+        })),
         ["call", name, n] => peer(call(name, n)),
         ["send", name, carrier, n, bytes] => peer(send(name, carrier, n, bytes, "0")),
         ["send", name, carrier, n, bytes, pace] => peer(send(name, carrier, n, bytes, pace)),
@@ -225,16 +231,19 @@ async fn publish(name: &str) -> Result<(), Failure> {
 }
 
 /// Messages between two ports of this process.
-async fn local(n: &str, bytes: &str) -> Result<(), Failure> {
+async fn local(
+    n: &str,
+    message: impl WireObject + Send + Sync + 'static,
+    read: impl Fn(&Received) -> bool + Send + Sync + 'static,
+) -> Result<(), Failure> {
     let network = Network::from_process()?;
-    let (options, count) = counting(|message| message.bottle().is_ok());
+    let (options, count) = counting(read);
     let reader = Port::open(&network, "...", options).await?;
     let writer = Port::open(&network, "...", PortOptions::new()).await?;
     writer.connect_over(reader.name(), "local").await?;
     let n: u32 = n.parse()?;
-    let blob = Blob(vec![7; bytes.parse()?].into());
     let begin = Instant::now();
-    let (writer, _) = write_all(writer, blob, n, 0.0).await?;
+    let (writer, _) = write_all(writer, message, n, 0.0).await?;
     wait_for_count(&count, n.into());
     println!("{}", begin.elapsed().as_nanos());
     writer.close().await;
