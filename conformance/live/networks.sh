@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # A name server with legs in two networks that do not know of each other: each client is told an
-# address that it can reach. Needs root (network namespaces), and leaves nothing behind.
+# address that it can reach, and a port there transmits to groups in both. Needs root (network namespaces), and leaves nothing behind.
 #
 #   networks.sh OUR_YARP [WITH_STOCK]     WITH_STOCK runs stock's tools
 set -euo pipefail
@@ -52,6 +52,8 @@ cable() {
     ip -n "$3" addr add "$4/24" dev eth0
     ip -n "$server" link set "$1" up
     ip -n "$3" link set eth0 up
+    # Stock joins groups where the system's routes lead, which a default route else tells.
+    ip -n "$3" route add 224.0.0.0/4 dev eth0
 }
 cable toleft 10.71.1.1 "$left" 10.71.1.2
 cable toright 10.71.2.1 "$right" 10.71.2.2
@@ -63,12 +65,12 @@ run() {
     timeout 20 ip netns exec "$space" env YARP_CONFIG_HOME="$work/$space" \
         YARP_DATA_HOME="$work/$space" "$@"
 }
-# The same in the background, until the end.
+# The same in the background, until the end; reads $input, if that is set.
 start() {
     local space=$1
     shift
     ip netns exec "$space" env YARP_CONFIG_HOME="$work/$space" YARP_DATA_HOME="$work/$space" \
-        "$@" >>"$work/log" 2>&1 &
+        "$@" <"${input:-/dev/null}" >>"$work/log" 2>&1 &
     running+=($!)
 }
 for place in "$server 127.0.0.1" "$left 10.71.1.1" "$right 10.71.2.1"; do
@@ -114,6 +116,35 @@ for tool in "${tools[@]}"; do
             failed=$((failed + 1))
         fi
     done
+done
+
+# One message of a port with legs in both networks reaches the readers of a group in each.
+for tool in "${tools[@]}"; do
+    yarp=("$ours")
+    if [ "$tool" = stock ]; then yarp=("$with_stock" yarp); fi
+    mkfifo "$work/say-$tool"
+    exec 3<>"$work/say-$tool"
+    input=$work/say-$tool start "$server" "$ours" write "/many/$tool"
+    until_ok run "$server" "$ours" exists "/many/$tool"
+    for space in "$left" "$right"; do
+        for reader in 1 2; do
+            name=/many/$tool/${space%-*}/$reader
+            start "$space" "${yarp[@]}" read "$name"
+            until_ok run "$space" "$ours" exists "$name"
+            says "ours connects to $tool by mcast, $name" "Success: Added connection" \
+                run "$server" "$ours" connect "/many/$tool" "$name" mcast
+        done
+    done
+    echo "said-to-many-$tool" >&3
+    heard() { [ "$(grep -cF "said-to-many-$tool" "$work/log")" -ge 4 ]; }
+    if until_ok heard; then
+        # Nobody hears it twice.
+        sleep 1
+        says "$tool hears ours in both networks, each reader once" "4" grep -cF "said-to-many-$tool" "$work/log"
+    else
+        failed=$((failed + 1))
+    fi
+    exec 3>&-
 done
 
 if [ $failed != 0 ]; then
