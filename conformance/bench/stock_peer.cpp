@@ -147,8 +147,12 @@ static void paint(yarp::sig::ImageOf<yarp::sig::PixelRgb>& image)
     }
 }
 
+// Who asked for a connection may know of it before the port that writes.
 static void write_all(Port& port, const PortWriter& message, int n)
 {
+    while (port.getOutputCount() == 0) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
     auto begin = Steady::now();
     for (int i = 0; i < n; i++) {
         port.write(message);

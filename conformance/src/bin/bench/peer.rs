@@ -174,6 +174,10 @@ async fn write_all(
     pace: f64,
 ) -> Result<(Port, Duration), Failure> {
     let writing = tokio::spawn(async move {
+        // Who asked for a connection may know of it before the port that writes.
+        while port.outputs().is_empty() {
+            tokio::time::sleep(Duration::from_millis(1)).await;
+        }
         let begin = Instant::now();
         for number in 0..n {
             port.write(&message).await;
