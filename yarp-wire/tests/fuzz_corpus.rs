@@ -1,6 +1,9 @@
 //! Every file of the fuzz corpora goes through its target once.
 
-use std::path::Path;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use yarp_wire::carrier::{ALL, Carrier, Transport};
 
 #[allow(unreachable_pub)]
 #[path = "../fuzz/src/lib.rs"]
@@ -9,9 +12,8 @@ mod seeds;
 
 #[test]
 fn every_corpus_file_passes() {
-    let corpora = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus");
     for (name, target) in fuzz::TARGETS {
-        let folder = corpora.join(name);
+        let folder = corpus(name);
         let files = std::fs::read_dir(&folder)
             .unwrap_or_else(|error| panic!("no corpus at {}: {error}", folder.display()));
         let mut count = 0;
@@ -28,9 +30,8 @@ fn every_corpus_file_passes() {
 /// The targets also hold for bytes that are nearly right: every corpus file with one byte changed.
 #[test]
 fn every_corpus_file_passes_with_a_byte_changed() {
-    let corpora = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus");
     for (name, target) in fuzz::TARGETS {
-        for file in std::fs::read_dir(corpora.join(name)).unwrap() {
+        for file in std::fs::read_dir(corpus(name)).unwrap() {
             let original = std::fs::read(file.unwrap().path()).unwrap();
             // Long files would take long: their heads matter most.
             for at in 0..original.len().min(64) {
@@ -44,6 +45,66 @@ fn every_corpus_file_passes_with_a_byte_changed() {
     }
 }
 
+/// What carrier a seed is about was its place among all carriers: since another stood before the
+/// last two, their seeds were about others, and one had none.
+#[test]
+fn every_carrier_has_a_seed_of_its_own() {
+    for carrier in ALL {
+        let is_it = |other: &Carrier| other.magic == carrier.magic;
+        let selects = |seed: &Vec<u8>| {
+            let magic = seed.get(1..).and_then(<[u8]>::first_chunk);
+            magic.and_then(Carrier::detect).is_some_and(is_it)
+        };
+        let seeds = seeds_on_disk("acceptor");
+        assert!(seeds.values().any(selects), "acceptor: {carrier:?}");
+        if carrier.transport == Transport::Local {
+            continue;
+        }
+        for name in ["initiator", "framing", "reversed"] {
+            let names = |seed: &Vec<u8>| fuzz::carrier_at(seed[0]).is_some_and(is_it);
+            let seeds = seeds_on_disk(name);
+            assert!(seeds.values().any(names), "{name}: {carrier:?}");
+        }
+    }
+}
+
+/// Whoever changes what makes the seeds, or a table that they count in, writes them anew.
+#[test]
+fn seeds_are_what_is_written() {
+    for (name, seeds) in seeds::all() {
+        let written: BTreeMap<String, Vec<u8>> = named(seeds).collect();
+        let there = seeds_on_disk(name);
+        let names: BTreeSet<_> = there.keys().chain(written.keys()).collect();
+        for file in names {
+            let same = there.get(file) == written.get(file);
+            assert!(same, "{name}/{file} is another now");
+        }
+    }
+}
+
+fn corpus(name: &str) -> PathBuf {
+    let corpora = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus");
+    corpora.join(name)
+}
+
+/// Names and bytes of the files of a corpus that are not finds of the fuzzer.
+fn seeds_on_disk(name: &str) -> BTreeMap<String, Vec<u8>> {
+    let mut seeds = BTreeMap::new();
+    for file in std::fs::read_dir(corpus(name)).unwrap() {
+        let file = file.unwrap();
+        let name = file.file_name().into_string().unwrap();
+        if name.starts_with("seed_") {
+            seeds.insert(name, std::fs::read(file.path()).unwrap());
+        }
+    }
+    seeds
+}
+
+fn named(seeds: Vec<Vec<u8>>) -> impl Iterator<Item = (String, Vec<u8>)> {
+    let seeds = seeds.into_iter().enumerate();
+    seeds.map(|(number, bytes)| (format!("seed_{number:02}"), bytes))
+}
+
 /// Writes the files of the corpora that are not finds of the fuzzer.
 ///
 /// `cargo test -p yarp-wire --test fuzz_corpus -- --ignored`
@@ -51,12 +112,13 @@ fn every_corpus_file_passes_with_a_byte_changed() {
 #[ignore = "writes into the source tree"]
 fn write_seeds() {
     for (name, seeds) in seeds::all() {
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
-            .join("fuzz/corpus")
-            .join(name);
+        let folder = corpus(name);
         std::fs::create_dir_all(&folder).unwrap();
-        for (number, bytes) in seeds.into_iter().enumerate() {
-            std::fs::write(folder.join(format!("seed_{number:02}")), bytes).unwrap();
+        for old in seeds_on_disk(name).into_keys() {
+            std::fs::remove_file(folder.join(old)).unwrap();
+        }
+        for (file, bytes) in named(seeds) {
+            std::fs::write(folder.join(file), bytes).unwrap();
         }
     }
 }

@@ -3,10 +3,12 @@
 use bytes::BytesMut;
 use yarp_wire::auth::{Handshake, Key};
 use yarp_wire::carrier::{ALL, Carrier, Framing, Transport};
-use yarp_wire::connection::{put_acknowledgement, put_message, put_reply};
+use yarp_wire::connection::{header_reply, put_acknowledgement, put_message, put_reply};
 use yarp_wire::message::Command;
 use yarp_wire::mjpeg::{RESPONSE, put_part};
 use yarp_wire::{Bottle, Dialect, Value};
+
+use crate::fuzz::{CARRIERS, carrier_at, header};
 
 /// For each target the bytes of its seeds.
 pub(crate) fn all() -> Vec<(&'static str, Vec<Vec<u8>>)> {
@@ -147,13 +149,17 @@ fn acceptor() -> Vec<Vec<u8>> {
     ] {
         seeds.push(text.to_vec());
     }
+    for carrier in ALL {
+        seeds.push([b"\x05", &header(carrier)[..], &behind_header(carrier)].concat());
+    }
     seeds
 }
 
-/// Recorded answers; in front carrier, generation, messages sent and step.
+/// Recorded answers, then made ones for each carrier; in front carrier, generation, messages sent
+/// and step.
 fn initiator() -> Vec<Vec<u8>> {
     let with = |head: [u8; 4], name: &str| [head.to_vec(), vector(name, "answered")].concat();
-    vec![
+    let mut seeds = vec![
         with([1, 0, 0b10_10_10_10, 5], "v3_tcp"),
         with([1, 0, 0b01_01_01_01, 5], "v3_rpc"),
         with([1, 1, 0b01_01_01_01, 5], "v4_rpc"),
@@ -162,7 +168,20 @@ fn initiator() -> Vec<Vec<u8>> {
         with([4, 0, 0b10_10_10_10, 5], "v3_text_ack"),
         b"\x04\0\x7d\x03Welcome x\r\n(a\r\nb)\r\n<ACK>\r\n<ACK>\r\nline\r\n<ACK>\r\n".to_vec(),
         b"\x01\0\x05\x03YA\x12\x27\0\0RPYA\0\0\0\0RPYA\0\0\0\0RP".to_vec(),
-    ]
+    ];
+    for (place, carrier) in on_the_wire() {
+        let mut bytes = BytesMut::from(&[place, 0, SENT, 5][..]);
+        match carrier.framing {
+            Framing::Indexed if carrier.transport != Transport::Group => {
+                header_reply(10002, &mut bytes);
+            }
+            Framing::Lines => bytes.extend_from_slice(b"Welcome /fuzz\r\n"),
+            _ => {}
+        }
+        bytes.extend_from_slice(&answers_on(carrier));
+        seeds.push(bytes.to_vec());
+    }
+    seeds
 }
 
 fn message_reader() -> Vec<Vec<u8>> {
@@ -300,54 +319,46 @@ fn segments() -> Vec<Vec<u8>> {
     heads.into_iter().enumerate().map(seed).collect()
 }
 
-fn on_the_wire() -> impl Iterator<Item = &'static Carrier> {
-    let all = ALL.into_iter();
-    all.filter(|carrier| carrier.transport != Transport::Local)
+/// The carriers of the targets, each with its place.
+fn on_the_wire() -> impl Iterator<Item = (u8, &'static Carrier)> {
+    (0..CARRIERS.len() as u8).filter_map(|place| Some((place, carrier_at(place)?)))
 }
 
-/// For each carrier of the table what writers send behind their header; in front its place and
+/// For each carrier of the targets what writers send behind their header; in front its place and
 /// the step.
 fn behind_headers() -> Vec<Vec<u8>> {
-    let content = Bottle::parse("1 0.5 (a \"b\")").unwrap();
-    let seed = |(place, carrier): (u8, &'static Carrier)| {
-        let mut bytes = BytesMut::from(&[place, 7][..]);
-        match (carrier.framing, carrier.transport) {
-            (Framing::Http, _) => {
-                bytes.extend_from_slice(b"TP/1.1\r\nHost: h\r\n\r\n");
-            }
-            (Framing::NameService, _) => {
-                bytes.extend_from_slice(b"query /x\nNAME_SERVER list\n");
-            }
-            (Framing::Pictures, _) => bytes.extend_from_slice(b"whatever\r\n"),
-            (_, Transport::WebSocket) => bytes.extend_from_slice(&frames()[0]),
-            _ => {
-                for command in [Command::data(true), Command::Admin, Command::data(false)] {
-                    put_message(&mut bytes, carrier, &command, Some(&content), Dialect::V3);
-                }
-                put_message(&mut bytes, carrier, &Command::Quit, None, Dialect::V3);
-            }
-        }
-        bytes.to_vec()
-    };
-    (0..).zip(on_the_wire()).map(seed).collect()
+    on_the_wire()
+        .map(|(place, carrier)| [&[place, 7][..], &behind_header(carrier)].concat())
+        .collect()
 }
 
-/// For each carrier of the table what a reader answers to two requests and two messages; in front
-/// its place, what was sent and the step.
-fn from_readers() -> Vec<Vec<u8>> {
+/// What a writer sends behind its header.
+fn behind_header(carrier: &'static Carrier) -> BytesMut {
     let content = Bottle::parse("1 0.5 (a \"b\")").unwrap();
-    let seed = |(place, carrier): (u8, &'static Carrier)| {
-        let mut answers = BytesMut::new();
-        for replies in [true, false, true, false] {
-            if replies {
-                put_reply(&mut answers, carrier, &content, Dialect::V3);
-                if carrier.framing == Framing::Lines {
-                    answers.extend_from_slice(b"\r\n");
-                }
-            }
-            put_acknowledgement(&mut answers, carrier);
+    let mut bytes = BytesMut::new();
+    match (carrier.framing, carrier.transport) {
+        (Framing::Http, _) => bytes.extend_from_slice(b"TP/1.1\r\nHost: h\r\n\r\n"),
+        (Framing::NameService, _) => {
+            bytes.extend_from_slice(b"query /x\nNAME_SERVER list\n");
         }
-        let mut bytes = vec![place, 0b10_01_10_01, 5];
+        (Framing::Pictures, _) => bytes.extend_from_slice(b"whatever\r\n"),
+        (_, Transport::WebSocket) => bytes.extend_from_slice(&frames()[0]),
+        _ => {
+            for command in [Command::data(true), Command::Admin, Command::data(false)] {
+                put_message(&mut bytes, carrier, &command, Some(&content), Dialect::V3);
+            }
+            put_message(&mut bytes, carrier, &Command::Quit, None, Dialect::V3);
+        }
+    }
+    bytes
+}
+
+/// For each carrier of the targets what a reader answers to two requests and two messages; in
+/// front its place, what was sent and the step.
+fn from_readers() -> Vec<Vec<u8>> {
+    let seed = |(place, carrier): (u8, &'static Carrier)| {
+        let answers = answers_on(carrier);
+        let mut bytes = vec![place, SENT, 5];
         if carrier.transport == Transport::WebSocket {
             // One frame, under a mask that changes nothing.
             bytes.extend_from_slice(&[0x82, 0x80 | answers.len() as u8, 0, 0, 0, 0]);
@@ -355,7 +366,26 @@ fn from_readers() -> Vec<Vec<u8>> {
         bytes.extend_from_slice(&answers);
         bytes
     };
-    (0..).zip(on_the_wire()).map(seed).collect()
+    on_the_wire().map(seed).collect()
+}
+
+/// Requests and messages in turn, as the targets read it.
+const SENT: u8 = 0b10_01_10_01;
+
+/// What a reader answers to [`SENT`].
+fn answers_on(carrier: &'static Carrier) -> BytesMut {
+    let content = Bottle::parse("1 0.5 (a \"b\")").unwrap();
+    let mut answers = BytesMut::new();
+    for replies in [true, false, true, false] {
+        if replies {
+            put_reply(&mut answers, carrier, &content, Dialect::V3);
+            if carrier.framing == Framing::Lines {
+                answers.extend_from_slice(b"\r\n");
+            }
+        }
+        put_acknowledgement(&mut answers, carrier);
+    }
+    answers
 }
 
 /// The side and the size of its steps in front; the key and the nonces are those of the target.
