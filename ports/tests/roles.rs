@@ -233,3 +233,29 @@ async fn ports_that_no_role_names_stay_open() {
     assert_eq!(answer.to_string(), "answer");
     assert_eq!(ask(&port, "other", "[prop] [set] key 1").await, "[ok]");
 }
+
+/// What a browser sends a line at a time is allowed a line at a time.
+#[tokio::test]
+async fn a_browser_may_do_only_what_its_name_may() {
+    let world = World::with("[a]\nports /r\nfrom /good\nrights read write connect\n");
+    let options = PortOptions::new()
+        .handler(|message| message.bottle().map_or(Answer::Nothing, Answer::reply));
+    let port = world.open("/r", options).await;
+    for target in [
+        "data=hello",
+        "?cmd=d%0Ahello",
+        "?cmd=/x",
+        "?cmd=a%0A[add]+/x",
+        "?cmd=hello",
+        "?req=hello",
+        "?req=add+/x&admin=1",
+        "r",
+    ] {
+        let mut raw = Raw::to(&port).await;
+        raw.send(format!("GET /{target} HTTP/1.1\r\n\r\n")).await;
+        let page = String::from_utf8(raw.ended().await).unwrap();
+        assert!(page.contains("not allowed"), "{target}: {page}");
+    }
+    assert!(port.outputs().is_empty());
+    within(port.close()).await;
+}

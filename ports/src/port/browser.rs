@@ -1,9 +1,12 @@
 //! Browsers at a port.
 
 use bytes::{Bytes, BytesMut};
-use yarp_wire::http::{Action, Request, json, page};
-use yarp_wire::message::{Form, Payload};
-use yarp_wire::{Bottle, Value};
+use yarp_wire::carrier::Framing;
+use yarp_wire::connection::{Message, MessageReader};
+use yarp_wire::http::json::{self, Outer};
+use yarp_wire::http::{Action, Request, Who, page};
+use yarp_wire::message::{Command, Form, Payload};
+use yarp_wire::{Bottle, Dialect, Limits, Value};
 
 use super::input::{Connection, End, Next};
 use super::options::Page;
@@ -16,10 +19,7 @@ impl Connection {
     pub(super) async fn browse(&mut self, request: Request) -> Next {
         if let Some(page) = self.own_page(&request) {
             if !self.may(Right::Read) {
-                let refusal = self.refusal(Right::Read);
-                let page = self.page(&request, "", &refusal);
-                self.output.extend_from_slice(page.as_bytes());
-                return Next::Stop(End::Closed);
+                return self.refuse_page(&request, Right::Read);
             }
             let response = self.wait_for(page).await;
             self.output.extend_from_slice(response.to_text().as_bytes());
@@ -27,37 +27,38 @@ impl Connection {
         }
         let action = Action::of(&request);
         let needed = match &action {
-            Action::Send(_) | Action::Json { admin: false, .. } => Some(Right::Write),
-            Action::Web(_) | Action::Read => Some(Right::Read),
-            // What a description and the administration need, they check.
+            Action::Ask { who, .. } => match who {
+                Who::Owner => Some(Right::Write),
+                Who::Pages => Some(Right::Read),
+                Who::Port => None,
+            },
+            Action::Read => Some(Right::Read),
+            // What lines need, they check one by one.
             _ => None,
         };
         if let Some(right) = needed.filter(|right| !self.may(*right)) {
-            let refusal = self.refusal(right);
-            let page = self.page(&request, "", &refusal);
-            self.output.extend_from_slice(page.as_bytes());
-            return Next::Stop(End::Closed);
+            return self.refuse_page(&request, right);
         }
         let response = match action {
-            Action::Describe => self.page(&request, "", &self.core.describe()),
-            Action::Send(text) => {
-                let reply = self.ask_owner(text.as_bytes()).await;
-                self.page(&request, &text, &reply)
+            Action::Type { lines, data } => {
+                let answers = self.type_lines(&lines).await;
+                self.page(&request, &data, &answers)
             }
-            Action::Json {
-                request: message,
-                admin: true,
-            } => {
-                let answer = self.administer(&message).await;
-                page::json_response(&json::of(&answer))
-            }
-            Action::Json { request, .. } => {
-                let reply = self.ask_owner(request.to_string().as_bytes()).await;
-                page::json_response(&json::of(&Bottle::parse(&reply).unwrap_or_default()))
-            }
-            Action::Web(message) => {
-                let reply = self.ask_owner(message.to_string().as_bytes()).await;
-                page_in(&reply)
+            Action::Ask { message, who, json } => {
+                let reply = match who {
+                    Who::Port => self.administer(&message).await.to_string(),
+                    _ => self.ask_owner(message.to_text()).await,
+                };
+                match Reply::of(&reply, json) {
+                    Reply::Whole(response) => response,
+                    Reply::Stream(_) if !self.may(Right::Read) => {
+                        return self.refuse_page(&request, Right::Read);
+                    }
+                    Reply::Stream(head) => {
+                        self.output.extend_from_slice(head.as_bytes());
+                        return Next::Stop(End::Reversed);
+                    }
+                }
             }
             Action::Read => {
                 let head = page::stream_head(&self.core.name);
@@ -67,6 +68,41 @@ impl Connection {
         };
         self.output.extend_from_slice(response.as_bytes());
         Next::Stop(End::Closed)
+    }
+
+    fn refuse_page(&mut self, request: &Request, right: Right) -> Next {
+        let page = self.page(request, "", &self.refusal(right));
+        self.output.extend_from_slice(page.as_bytes());
+        Next::Stop(End::Closed)
+    }
+
+    /// What a person at a terminal is told who types these lines.
+    async fn type_lines(&mut self, lines: &str) -> String {
+        let mut reader = MessageReader::new(Framing::Lines, Dialect::V3, Limits::DEFAULT);
+        let mut input = BytesMut::from(lines);
+        input.extend_from_slice(b"\n");
+        let mut answers = String::new();
+        while let Ok(Some(Message { command, payload })) = reader.read(&mut input) {
+            match command {
+                Command::Data { .. } if !self.may(Right::Write) => {
+                    answers += &self.refusal(Right::Write);
+                }
+                Command::Data { .. } => answers += &self.ask_owner(payload.bytes()).await,
+                Command::Admin => {
+                    let request = payload.to_bottle().unwrap_or_default();
+                    answers += &self.administer(&request).await.to_string();
+                }
+                command => match self.obey(command).await {
+                    Ok(told) => answers += &told,
+                    // What is read goes on a page of its own.
+                    Err(_) => break,
+                },
+            }
+            if !answers.ends_with('\n') {
+                answers.push('\n');
+            }
+        }
+        answers
     }
 
     /// What the owner has at that address, if it has pages of its own.
@@ -93,9 +129,11 @@ impl Connection {
     }
 
     /// What the owner says to a message, as text.
-    async fn ask_owner(&mut self, message: &[u8]) -> String {
+    async fn ask_owner(&mut self, message: impl Into<Bytes>) -> String {
+        let message = message.into();
+        self.meter.count(message.len(), None);
         let received = Received {
-            payload: Payload::new(Bytes::copy_from_slice(message), Form::Text),
+            payload: Payload::new(message, Form::Text),
             envelope: None,
             from: self.from.clone(),
             address: self.address,
@@ -103,7 +141,6 @@ impl Connection {
             responder: None,
             connection: self.number,
         };
-        self.meter.count(message.len(), None);
         let (reply, _) = self.deliver(received).await;
         let mut text = BytesMut::new();
         if let Some(reply) = reply {
@@ -113,15 +150,32 @@ impl Connection {
     }
 }
 
-/// A page in the words of stock: key `web` is its body, `mime` its type.
-fn page_in(reply: &str) -> String {
-    let bottle = Bottle::parse(reply).unwrap_or_default();
-    let text = |key: &str| bottle.find(key).map(Value::to_plain_string);
-    match text("web") {
-        Some(body) => {
-            let mime = text("mime").unwrap_or_else(|| "text/html".to_owned());
-            page::own_response(&body, &mime)
+/// A reply on its way to a browser.
+enum Reply {
+    Whole(String),
+    /// The head of a page that goes on with what the port writes.
+    Stream(String),
+}
+
+impl Reply {
+    /// JSON if that is asked for; else a page in the words of stock: key `web` is its body, `mime`
+    /// its type, and with a key `stream` it goes on. What has none of them comes as it is.
+    fn of(reply: &str, json: Option<Outer>) -> Self {
+        let bottle = Bottle::parse(reply).unwrap_or_default();
+        let text = |key: &str| bottle.find(key).map(Value::to_plain_string);
+        let mime = text("mime");
+        if let Some(outer) = json {
+            let json = json::of(&bottle, outer);
+            return Self::Whole(page::json_response(&json, mime.as_deref()));
         }
-        None => reply.to_owned(),
+        let mime = mime.as_deref().unwrap_or("text/html");
+        let body = text("web").unwrap_or_default();
+        if bottle.find("stream").is_some() {
+            return Self::Stream(page::own_stream_head(&body, mime));
+        }
+        Self::Whole(match body.is_empty() {
+            true => format!("{reply}\r\n"),
+            false => page::own_response(&body, mime),
+        })
     }
 }

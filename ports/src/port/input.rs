@@ -788,6 +788,17 @@ impl Connection {
     }
 
     async fn command(&mut self, command: Command) -> Next {
+        match self.obey(command).await {
+            Ok(lines) => {
+                self.acceptor.answer_lines(&lines, &mut self.output);
+                Next::Go
+            }
+            Err(end) => Next::Stop(end),
+        }
+    }
+
+    /// What a person is told who gives this command, or how the connection ends with it.
+    pub(super) async fn obey(&mut self, command: Command) -> Result<String, End> {
         let core = self.core.clone();
         let needed = match command {
             Command::AddOutput(_) | Command::RemoveOutput(_) | Command::RemoveInput(_) => {
@@ -797,15 +808,11 @@ impl Connection {
             _ => None,
         };
         if let Some(right) = needed.filter(|right| !self.may(*right)) {
-            let lines = self.refusal(right) + "\r\n";
-            self.acceptor.answer_lines(&lines, &mut self.output);
-            return Next::Go;
+            return Ok(self.refusal(right) + "\r\n");
         }
-        let lines = match command {
-            Command::Quit => return Next::Stop(End::Closed),
-            Command::Reverse => {
-                return Next::Stop(End::Reversed);
-            }
+        Ok(match command {
+            Command::Quit => return Err(End::Closed),
+            Command::Reverse => return Err(End::Reversed),
             Command::AddOutput(destination) => either(
                 self.wait_for(Box::pin(core.add_output_in_words(&destination)))
                     .await,
@@ -818,9 +825,7 @@ impl Connection {
             Command::Describe => self.core.describe(),
             Command::Help => HELP.to_owned(),
             _ => NOT_UNDERSTOOD.to_owned(),
-        };
-        self.acceptor.answer_lines(&lines, &mut self.output);
-        Next::Go
+        })
     }
 
     /// Goes on as a connection that the port writes to.

@@ -402,8 +402,8 @@ pub fn http(data: &[u8]) {
         return;
     };
     let shown = match Action::of(&request) {
-        Action::Json { request, .. } | Action::Web(request) => json::of(&request),
-        Action::Send(text) => text,
+        Action::Ask { message, json, .. } => json::of(&message, json.unwrap_or_default()),
+        Action::Type { lines, data } => lines + &data,
         _ => String::new(),
     };
     let page = Page {

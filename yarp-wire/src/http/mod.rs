@@ -9,6 +9,6 @@ pub mod page;
 mod request;
 mod response;
 
-pub use action::Action;
+pub use action::{Action, Who};
 pub use request::{Request, RequestReader};
 pub use response::Response;

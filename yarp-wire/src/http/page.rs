@@ -2,6 +2,8 @@
 
 use std::fmt::Write;
 
+use crate::bottle::{Bottle, Value};
+
 /// What the page of a port is made of.
 #[derive(Clone, Copy, Debug)]
 pub struct Page<'a> {
@@ -113,19 +115,33 @@ fn escape(text: &str) -> String {
         .replace('"', "&quot;")
 }
 
-/// The response that carries JSON to a program.
-pub fn json_response(json: &str) -> String {
-    format!(
-        "HTTP/1.1 200 OK\nContent-Type: application/json\nAccess-Control-Allow-Origin: *\n\n{json}\n"
-    )
+/// The response that carries JSON to a program; an owner may call it by another type.
+pub fn json_response(json: &str, mime: Option<&str>) -> String {
+    own_response(&format!("{json}\n"), mime.unwrap_or("application/json"))
 }
 
 /// The response that carries an owner's own page.
 pub fn own_response(body: &str, mime: &str) -> String {
-    // A type with a line end would be headers of its own.
-    let mime: String = mime.chars().filter(|c| !c.is_control()).collect();
+    let mime = one_line(mime);
     format!("HTTP/1.1 200 OK\nContent-Type: {mime}\nAccess-Control-Allow-Origin: *\n\n{body}")
 }
+
+/// A type with a line end would be headers of its own.
+fn one_line(mime: &str) -> String {
+    mime.chars().filter(|c| !c.is_control()).collect()
+}
+
+/// The head of an owner's own page that goes on: each message follows as a [`chunk`].
+pub fn own_stream_head(body: &str, mime: &str) -> String {
+    format!(
+        "HTTP/1.1 200 OK\r\nContent-Type: {}\r\nTransfer-Encoding: chunked\r\n\r\n{}",
+        one_line(mime),
+        raw_chunk(&format!("{}{body}", " ".repeat(FAIR)))
+    )
+}
+
+/// Browsers show nothing before they have a fair amount.
+const FAIR: usize = 2048;
 
 /// The head of a page that goes on: each message follows as a [`chunk`].
 pub fn stream_head(port: &str) -> String {
@@ -134,18 +150,28 @@ pub fn stream_head(port: &str) -> String {
          <style>{STYLE}</style></head><body><h1>reading <code>{0}</code></h1>\n",
         escape(port)
     );
-    // Browsers show nothing before they have a fair amount.
-    let head = format!("{head}{}\n", " ".repeat(2048));
+    let head = format!("{head}{}\n", " ".repeat(FAIR));
     let mut out = String::from(
         "HTTP/1.1 200 OK\r\nContent-Type: text/html; charset=utf-8\r\n\
-         Transfer-Encoding: chunked\r\n\r\n",
+         Transfer-Encoding: chunked\r\n",
     );
+    // What messages bring along under `web` is shown; it does not run.
+    let _ = write!(out, "Content-Security-Policy: {POLICY}\r\n\r\n");
     out.push_str(&raw_chunk(&head));
     out
 }
 
-/// A message on a page that goes on.
+/// A message on a page that goes on: what stands under the key `web` as it is, anything else as text.
 pub fn chunk(text: &str) -> String {
+    let page = Bottle::parse(text).ok();
+    let page = page.as_ref().and_then(|message| message.find("web"));
+    // An empty chunk would be the end.
+    if let Some(page) = page
+        .map(Value::to_plain_string)
+        .filter(|page| !page.is_empty())
+    {
+        return raw_chunk(&page);
+    }
     raw_chunk(&format!("<pre>{}</pre>\n", escape(text.trim_end())))
 }
 

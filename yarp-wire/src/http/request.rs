@@ -128,6 +128,7 @@ fn fields(query: &str) -> Vec<(String, String)> {
     query
         .split('&')
         .filter_map(|field| field.split_once('='))
+        .filter(|(_, value)| !value.is_empty())
         .map(|(key, value)| (decode(key), decode(value)))
         .collect()
 }

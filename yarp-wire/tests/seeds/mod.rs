@@ -81,12 +81,16 @@ const REQUESTS: [&str; 7] = [
     "NAME_SERVER subscribe /a /b",
 ];
 /// Requests of browsers; the byte in front is the step in which they are fed.
-const HTTP: [&str; 5] = [
+const HTTP: [&str; 9] = [
     "\x07GET / HTTP/1.1\r\nHost: h:1\r\n\r\n",
     "\x01GET /?req=hello&x=1 HTTP/1.1\r\nHost: h\r\n\r\n",
     "\x03POST /form HTTP/1.1\r\nContent-Length: 11\r\nContent-Type: application/x-www-form-urlencoded\r\n\r\ndata=a+b%2e",
     "\x05GET /a/b?x=y&z=%4 HTTP/1.1\n\n",
     "\x05POST /form HTTP/1.1\r\nContent-Length: 99999999999\r\n\r\n",
+    "\x05GET /?cmd=d%0Aa,b%2Bc HTTP/1.1\r\n\r\n",
+    "\x05GET /?data=$a,$b.$&a=1 HTTP/1.1\r\n\r\n",
+    "\x05GET /dict/(a+1)?format=json&outer=list&admin=1 HTTP/1.1\r\n\r\n",
+    "\x05GET /?req=list+(dict+1+(a+1)+())&outer=dict HTTP/1.1\r\n\r\n",
 ];
 const DATAGRAM: &[u8] = b"\x2d\x7c\x9f\xe0\0\0\0\0NAME_SERVER query /root\n";
 
