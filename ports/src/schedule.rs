@@ -24,6 +24,12 @@ pub(crate) struct Schedule {
     pub(crate) priority: i32,
 }
 
+/// The number of the thread that asks.
+pub(crate) fn thread() -> i32 {
+    // SAFETY: takes nothing, and cannot fail.
+    unsafe { libc::gettid() }
+}
+
 impl Schedule {
     /// That of the thread that asks.
     pub(crate) fn now() -> io::Result<Self> {
@@ -69,8 +75,7 @@ impl Schedule {
     /// As [`Schedule::give`] for the thread that asks; tells its number.
     pub(crate) fn take_on(self) -> io::Result<i32> {
         self.give(0)?;
-        // SAFETY: takes nothing, and cannot fail.
-        Ok(unsafe { libc::gettid() })
+        Ok(thread())
     }
 
     /// Gives it to one thread, 0 being the one that asks; a priority in real time not to those that it

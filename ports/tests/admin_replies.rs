@@ -220,3 +220,210 @@ async fn read_line(raw: &mut Raw) -> String {
     }
     String::from_utf8(line).unwrap()
 }
+
+/// Compared with 3.5.0 field by field. The host was that of the machine's name and the program where
+/// it is; stock tells the host that the port is registered with, and the program as it was called.
+#[tokio::test]
+async fn a_port_tells_what_it_and_its_process_are() {
+    let quoted = |text: &str| Bottle::of(text).to_string();
+    let mut words = std::env::args();
+    let name = quoted(&words.next().unwrap());
+    let arguments = quoted(&words.collect::<Vec<_>>().join(" "));
+    let process = std::process::id();
+    for (options, kind) in [
+        (
+            PortOptions::new(),
+            "(is_input 1) (is_output 1) (is_rpc 0) (type \"\")",
+        ),
+        (
+            PortOptions::new().input_only().type_name("yarp/bottle"),
+            "(is_input 1) (is_output 0) (is_rpc 0) (type \"yarp/bottle\")",
+        ),
+        (
+            PortOptions::new().serving(),
+            "(is_input 1) (is_output 0) (is_rpc 1) (type \"\")",
+        ),
+        (
+            PortOptions::new().calling(),
+            "(is_input 0) (is_output 1) (is_rpc 1) (type \"\")",
+        ),
+    ] {
+        let port = open("/adm", options.host("127.0.0.1")).await;
+        let answer = ask(&port, &bottle("[prop] [get] /adm")).await;
+        let after = answer.split_once("(tid ").unwrap().1;
+        let thread = after.split_once(')').unwrap().0;
+        let expected = format!(
+            "(sched ((policy 0) (priority 0) (tid {thread}))) \
+             (process ((arguments {arguments}) (name {name}) (pid {process}) (policy 0) (priority 0))) \
+             (platform ((hostname \"127.0.0.1\") (os Linux))) (port ({kind}))"
+        );
+        assert_eq!(answer, expected);
+        let thread = format!("/proc/self/task/{thread}");
+        assert!(std::path::Path::new(&thread).exists(), "{thread}");
+        within(port.close()).await;
+    }
+}
+
+#[tokio::test]
+async fn connections_of_datagrams_are_marked() {
+    let reader = open("/rd", PortOptions::new().reading(Queue::Latest)).await;
+    let writer = open("/wr", PortOptions::new()).await;
+    connect(&writer, &reader, "udp").await;
+    until(|| reader.inputs() == ["/wr"]).await;
+    let expected = "(from \"/wr\") (to \"/rd\") (carrier udp) (connectionless 1)";
+    assert_eq!(
+        ask(&writer, &bottle("[list] [out] \"/rd\"")).await,
+        expected
+    );
+    assert_eq!(ask(&reader, &bottle("[list] [in] \"/wr\"")).await, expected);
+}
+
+/// The answers are those of 3.5.0.
+#[tokio::test]
+async fn what_cannot_be_had_is_refused_in_words() {
+    let port = port().await;
+    let gone = open("/gone", PortOptions::new()).await;
+    let at = common::at(&gone, "tcp");
+    within(gone.close()).await;
+    let dead = format!("[add] \"{at}\"");
+    let unreachable = format!("-1 \"Cannot connect to {at}\\r\\n\"");
+    for (request, expected) in [
+        ("[prop] [x]", "[fail] \"property action not known\""),
+        ("[prop]", "[fail] \"property action not known\""),
+        (
+            "[prop] [get] /nobody",
+            "[fail] \"cannot find any connection to/from /nobody\"",
+        ),
+        ("[get]", "-1 \"target port is not specified.\\r\\n\""),
+        ("[set]", "-1 \"target port is not specified.\\r\\n\""),
+        (
+            "[get] /nobody",
+            "-1 \"target port is not specified.\\r\\n\"",
+        ),
+        (
+            "[get] [out] /nobody",
+            "-1 \"Could not find an incoming connection to /nobody\\r\\n\"",
+        ),
+        (
+            "[set] [out] /nobody (a 1)",
+            "-1 \"Could not find an incoming connection to /nobody\\r\\n\"",
+        ),
+        (
+            "[get] [in] /nobody",
+            "-1 \"Could not find an incoming connection from /nobody\\r\\n\"",
+        ),
+        (
+            "[set] [in] /nobody (a 1)",
+            "-1 \"Could not find an incoming connection from /nobody\\r\\n\"",
+        ),
+        (&dead, &unreachable),
+    ] {
+        assert_eq!(ask(&port, &bottle(request)).await, expected, "{request}");
+    }
+}
+
+#[tokio::test]
+async fn a_carrier_may_stand_behind_the_reader() {
+    let reader = open("/rd", PortOptions::new().reading(Queue::Latest)).await;
+    let writer = open("/wr", PortOptions::new()).await;
+    let at = format!("/127.0.0.1:{}/rd", reader.number());
+    assert_eq!(
+        ask(&writer, &bottle(&format!("[add] \"{at}\" fast_tcp"))).await,
+        format!("0 \"Added connection from /wr to fast_tcp:/{at}\\r\\n\"")
+    );
+    assert_eq!(
+        ask(&writer, &bottle("[list] [out] /rd")).await,
+        "(from \"/wr\") (to \"/rd\") (carrier fast_tcp)"
+    );
+}
+
+/// As in 3.5.0, the same server again is no second one.
+#[tokio::test]
+async fn who_calls_one_server_is_connected_to_no_other() {
+    let client = open("/client", PortOptions::new().calling()).await;
+    let servers = [
+        open("/one", PortOptions::new().serving()).await,
+        open("/two", PortOptions::new().serving()).await,
+    ];
+    let at = |server: usize| common::at(&servers[server], "tcp");
+    let added = format!("0 \"Added connection from /client to {}\\r\\n\"", at(0));
+    let refused = "-1 \"RPC output already connected\\r\\n\"".to_owned();
+    for (server, expected) in [(0, &added), (1, &refused), (0, &added)] {
+        let request = bottle(&format!("[add] \"{}\"", at(server)));
+        assert_eq!(&ask(&client, &request).await, expected);
+    }
+    assert_eq!(client.outputs(), ["/one"]);
+}
+
+#[tokio::test]
+async fn h_asks_for_help() {
+    let port = port().await;
+    let mut raw = Raw::text(&port, "me").await;
+    raw.send("h\r\n").await;
+    raw.expect("This is a YARP port.  Here are the commands it responds to:\r\n")
+        .await;
+}
+
+/// Stock keeps any number, and could be filled.
+#[tokio::test]
+async fn others_cannot_fill_a_port_with_properties() {
+    let port = port().await;
+    let mut raw = Raw::text(&port, "me").await;
+    for number in 0..1024 {
+        raw.send(format!("a\r\n[prop] [set] key{number} 1\r\n"))
+            .await;
+        raw.expect("[ok]\r\n").await;
+    }
+    raw.send("a\r\n[prop] [set] more 1\r\na\r\n[prop] [set] key7 2\r\n")
+        .await;
+    raw.expect("[fail] \"too many properties\"\r\n[ok]\r\n")
+        .await;
+    raw.send("a\r\n[prop] [get] more\r\na\r\n[prop] [get] key7\r\n")
+        .await;
+    raw.expect("\r\n2\r\n").await;
+}
+
+/// The answers of a port of 3.5.0 that is in no graph of ROS; 4.0 does not know the words.
+#[tokio::test]
+async fn a_port_in_no_graph_of_ros_says_so_and_closes() {
+    let port = open("/adm", PortOptions::new().host("127.0.0.1")).await;
+    let place = format!("1 \"/adm\" (TCPROS \"127.0.0.1\" {})", port.number());
+    let process = format!("1 \"\" {} either", std::process::id());
+    let talk = [
+        ("publisherUpdate /me /topic ()", "1 ok"),
+        ("[rpup]", "1 ok"),
+        ("requestTopic /me /topic ((TCPROS))", &place),
+        ("[rtop]", &place),
+        ("getBusInfo /me", "1 \"\" (())"),
+        ("[bus]", "1 \"\" (())"),
+        ("getPid /me", &process),
+    ];
+    for (request, answer) in talk {
+        let mut raw = Raw::text(&port, "me").await;
+        raw.send(format!("a\r\n{request}\r\n")).await;
+        let said = String::from_utf8(raw.ended().await).unwrap();
+        assert_eq!(said, format!("{answer}\r\n"), "{request}");
+    }
+    let port = open("/adm", PortOptions::new().dialect(Dialect::V4)).await;
+    let mut raw = Raw::text(&port, "me").await;
+    for request in ["publisherUpdate /me", "requestTopic", "getBusInfo"] {
+        raw.send(format!("a\r\n{request}\r\n")).await;
+        raw.expect("[fail] \"send [help] for list of valid commands\"\r\n")
+            .await;
+    }
+}
+
+/// As in 3.5.0, up to what comes of it.
+#[tokio::test]
+async fn prayers_are_heard() {
+    let robot = std::env::var("YARP_ROBOT_NAME");
+    let god = robot.as_deref().unwrap_or("icub");
+    let port = open("/icub/head", PortOptions::new()).await;
+    for request in ["[pray]", "pray"] {
+        let answer = bottle(&ask(&port, &bottle(request)).await);
+        let line = |index| answer.get(index).and_then(yarp_wire::Value::as_str);
+        assert_eq!(line(0), Some(&*format!("You begin praying to {god}.")));
+        assert_eq!(line(1), Some("You finish your prayer."));
+        assert!(line(2).is_some_and(|outcome| outcome.contains(god)));
+    }
+}

@@ -36,8 +36,27 @@ pub enum AdminRequest {
     Detach(Option<Direction>),
     /// `[pid]`, or `getPid`: the number of the process. 3.x only, as ROS asks for it.
     Process,
+    /// `[rpup]`, or `publisherUpdate`: who writes to a topic of ROS. 3.x only, as the two that follow.
+    PublisherUpdate,
+    /// `[rtop]`, or `requestTopic`: where a topic of ROS is to be read.
+    RequestTopic,
+    /// `[bus]`, or `getBusInfo`: the connections as ROS counts them.
+    BusInfo,
+    /// `[pray]`
+    Pray,
     /// Anything else: for the owner's own reader, if it has one.
     Other(Bottle),
+}
+
+impl AdminRequest {
+    /// Whether 3.x closes the connection behind its answer, as ROS expects it; 4.0 does not know
+    /// such a request any more.
+    pub fn is_of_ros(&self) -> bool {
+        matches!(
+            self,
+            Self::Process | Self::PublisherUpdate | Self::RequestTopic | Self::BusInfo
+        )
+    }
 }
 
 /// Which connections of a port.
@@ -101,6 +120,10 @@ impl AdminRequest {
             }
             "dtch" => Self::Detach(direction(1)),
             "pid" | "getPid" => Self::Process,
+            "rpup" | "publisherUpdate" => Self::PublisherUpdate,
+            "rtop" | "requestTopic" => Self::RequestTopic,
+            "bus" | "getBusInfo" => Self::BusInfo,
+            "pray" => Self::Pray,
             _ => Self::Other(request.clone()),
         }
     }
@@ -191,6 +214,13 @@ mod tests {
         );
         check("[pid]", AdminRequest::Process);
         check("getPid", AdminRequest::Process);
+        check("publisherUpdate /me /t ()", AdminRequest::PublisherUpdate);
+        check("[rpup]", AdminRequest::PublisherUpdate);
+        check("requestTopic", AdminRequest::RequestTopic);
+        check("[rtop]", AdminRequest::RequestTopic);
+        check("getBusInfo", AdminRequest::BusInfo);
+        check("[bus]", AdminRequest::BusInfo);
+        check("pray", AdminRequest::Pray);
         check(
             "[address] 1",
             AdminRequest::Other(Bottle::parse("[address] 1").unwrap()),

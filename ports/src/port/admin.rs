@@ -9,10 +9,11 @@ use yarp_wire::{Bottle, Dialect, Value, Vocab32};
 use super::core::Core;
 use super::monitor::{Attached, Chain, MonitorSide};
 use super::options::{Input, Outputs, Serving};
+use super::prayer;
 use super::qos::scheduling;
 use crate::probe;
 use crate::roles::Right;
-use crate::schedule::Schedule;
+use crate::schedule::{self, Schedule};
 
 /// Stock's answer to `[help]`. Source: recorded traffic of 3.12.3 and 4.0.0.
 const HELP: [&str; 20] = [
@@ -49,9 +50,17 @@ pub(super) fn needed(request: &Bottle) -> Option<Right> {
         | AdminRequest::SetProperty(..)
         | AdminRequest::Attach(..)
         | AdminRequest::Detach(_)
+        | AdminRequest::PublisherUpdate
+        | AdminRequest::RequestTopic
+        | AdminRequest::BusInfo
         | AdminRequest::Other(_) => Some(Right::Administer),
         _ => None,
     }
+}
+
+/// Whether the connection ends with the answer.
+pub(super) fn is_last(request: &Bottle) -> bool {
+    AdminRequest::parse(request).is_of_ros()
 }
 
 /// A request as a port of this generation understands it: 3.x cuts its words to four characters.
@@ -68,7 +77,8 @@ fn heard(request: &Bottle, dialect: Dialect) -> Bottle {
 impl Core {
     /// The answer to an admin request.
     pub(super) async fn administer(self: &Arc<Self>, request: &Bottle) -> Bottle {
-        match AdminRequest::parse(&heard(request, self.options.dialect)) {
+        let request = heard(request, self.options.dialect);
+        match AdminRequest::parse(&request) {
             AdminRequest::Help => {
                 let mut answer = Bottle::of(Vocab32::MANY);
                 answer.extend(HELP.map(Value::from));
@@ -108,16 +118,34 @@ impl Core {
                 (std::process::id() as i32).into(),
                 probe::OURS.into(),
             ]),
-            AdminRequest::Other(request) => {
-                let own = self
-                    .options
-                    .admin
-                    .as_ref()
-                    .and_then(|admin| admin(&request));
+            AdminRequest::Pray => {
+                let lines = prayer::pray(&self.name);
+                lines.into_iter().map(Value::from).collect()
+            }
+            // What a port says that is in no graph of ROS.
+            AdminRequest::PublisherUpdate if self.is_of_3() => {
+                Bottle::from_iter([Value::Int32(1), "ok".into()])
+            }
+            AdminRequest::RequestTopic if self.is_of_3() => {
+                let number = i32::from(self.number).into();
+                let place = ["TCPROS".into(), self.host.as_str().into(), number];
+                let place = Bottle::from_iter(place).into();
+                Bottle::from_iter([1.into(), self.name.as_str().into(), place])
+            }
+            AdminRequest::BusInfo if self.is_of_3() => {
+                let none = Bottle::of(Bottle::new()).into();
+                Bottle::from_iter([1.into(), "".into(), none])
+            }
+            _ => {
+                let own = self.options.admin.as_ref();
+                let own = own.and_then(|admin| admin(&request));
                 own.unwrap_or_else(|| fail("send [help] for list of valid commands"))
             }
-            _ => fail("send [help] for list of valid commands"),
         }
+    }
+
+    fn is_of_3(&self) -> bool {
+        self.options.dialect == Dialect::V3
     }
 
     async fn remove(&self, name: &str) -> Bottle {
@@ -324,20 +352,23 @@ impl Core {
     }
 
     fn own_properties(&self) -> Bottle {
-        let arguments: Vec<String> = std::env::args().collect();
-        let program = std::env::current_exe().unwrap_or_default();
-        let host = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+        // As it was called: `yarp`, not where that is.
+        let mut words = std::env::args_os().map(|word| word.to_string_lossy().into_owned());
+        let program = words.next().unwrap_or_default();
+        let arguments: Vec<String> = words.collect();
+        let is_input =
+            self.options.outputs != Outputs::One || !matches!(self.options.input, Input::Discard);
         let is_rpc = matches!(self.options.input, Input::Queue(_, Serving::Replies))
             || self.options.outputs == Outputs::One;
         let number = |flag: bool| i32::from(flag);
         let schedule = Schedule::now().unwrap_or_default();
         Bottle::from_iter([
-            scheduling(schedule, 0),
+            scheduling(schedule, schedule::thread()),
             group(
                 "process",
                 [
-                    pair("arguments", arguments[1..].join(" ")),
-                    pair("name", program.to_string_lossy().into_owned()),
+                    pair("arguments", arguments.join(" ")),
+                    pair("name", program),
                     pair("pid", std::process::id() as i32),
                     pair("policy", schedule.policy),
                     pair("priority", schedule.priority),
@@ -345,12 +376,12 @@ impl Core {
             ),
             group(
                 "platform",
-                [pair("hostname", host.trim()), pair("os", "Linux")],
+                [pair("hostname", self.host.as_str()), pair("os", "Linux")],
             ),
             group(
                 "port",
                 [
-                    pair("is_input", 1),
+                    pair("is_input", number(is_input)),
                     pair("is_output", number(self.options.outputs != Outputs::None)),
                     pair("is_rpc", number(is_rpc)),
                     pair("type", self.options.type_name.clone().unwrap_or_default()),

@@ -38,6 +38,7 @@ mod outbox;
 mod output;
 pub(crate) mod own_thread;
 mod picture;
+mod prayer;
 mod pull;
 mod qos;
 mod received;
