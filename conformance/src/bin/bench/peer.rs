@@ -86,7 +86,7 @@ fn counting(
     let count = Arc::new(AtomicU64::new(0));
     let counter = count.clone();
     let options = PortOptions::new().handler(move |message| {
-        if read(&message) {
+        if read(message) {
             counter.fetch_add(1, Ordering::Relaxed);
         }
         Answer::Nothing
