@@ -116,6 +116,8 @@ for server in ours stock; do
     suite "messages within one machine, server: $server" \
         env TMPDIR="$work/$server/tmp" YARP_RUNTIME_DIR="$work/$server/tmp" \
         "$with_stock" "$python" conformance/live/carriers.py "$ours" "$with_stock yarp"
+    suite "pages that talk in frames, server: $server" \
+        "$with_stock" "$python" conformance/live/websocket.py "$ours" "$with_stock yarp"
 
     "$ours" up --name /wam --cartesian >"$work/up.log" 2>&1 &
     arm=$!
