@@ -100,13 +100,15 @@ async fn a_page_reads_what_the_port_writes() {
     assert!(goodbye.ends_with(b"\x88\x02\x03\xe8"), "{goodbye:02x?}");
 }
 
+/// Its goodbye was not answered: browsers told the page of a connection that broke off.
 #[tokio::test]
-async fn a_reader_that_closes_is_forgotten() {
+async fn a_reader_that_closes_is_answered_and_forgotten() {
     let port = open("/port", PortOptions::new()).await;
     let mut raw = page(&port).await;
     raw.send(frame(0x82, &block(b'r'))).await;
     until(|| port.outputs() == ["web"]).await;
-    raw.send(frame(0x88, b"")).await;
+    raw.send(frame(0x88, b"\x03\xe9gone")).await;
+    assert_eq!(raw.ended().await, b"\x88\x02\x03\xe9");
     until(|| port.outputs().is_empty()).await;
     within(port.close()).await;
 }

@@ -466,7 +466,7 @@ impl Outbox {
         }
     }
 
-    /// Takes what the peer said.
+    /// Takes what the peer said. What answers it by itself is queued even if it ends the connection.
     pub(crate) fn receive(&self, input: &mut BytesMut) -> Result<(), ProtocolError> {
         let mut state = self.state();
         let state = &mut *state;
@@ -474,7 +474,12 @@ impl Outbox {
             return Ok(());
         };
         let mut finished = false;
-        while let Some(progress) = initiator.poll(input)? {
+        let end = loop {
+            let progress = match initiator.poll(input) {
+                Ok(Some(progress)) => progress,
+                Ok(None) => break Ok(()),
+                Err(error) => break Err(error),
+            };
             match progress {
                 Progress::Reply(payload) => {
                     let last = !initiator.carrier().acknowledges;
@@ -492,14 +497,14 @@ impl Outbox {
                 }
                 Progress::Ready | Progress::Lines(_) => {}
             }
-        }
+        };
         let said = initiator.said();
         state.queued += said.len();
         batch.buffer().extend_from_slice(&said);
         if finished {
             self.changed.notify_waiters();
         }
-        Ok(())
+        end
     }
 
     /// Ends the connection for all who wait, now and later.

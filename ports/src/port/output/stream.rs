@@ -4,6 +4,9 @@ use std::io;
 use std::sync::Arc;
 use std::time::Instant;
 
+use yarp_wire::connection::ProtocolError;
+use yarp_wire::websocket::WebSocketError;
+
 use crate::busy::{self, BusyPoll, Expecting, GivingWay};
 use crate::cancel::Cancelled;
 use crate::port::batch::Batch;
@@ -82,6 +85,9 @@ pub(super) async fn run(
             Some(Ok(_)) => {
                 busy.received();
                 if let Err(error) = outbox.receive(&mut input.bytes) {
+                    if matches!(error, ProtocolError::WebSocket(WebSocketError::Closed)) {
+                        answer_goodbye(stream, outbox, batch);
+                    }
                     return Pause::End(format!("protocol: {error}"));
                 }
                 // Who waited for it may have more to send.
@@ -112,6 +118,16 @@ async fn write_awake(stream: &Socket, outbox: &Outbox, batch: &mut Batch) -> io:
             return Ok(());
         }
         giving_way.once().await;
+    }
+}
+
+/// Answers a page that closes, as far as that goes without waiting: browsers tell pages of it.
+fn answer_goodbye(stream: &Socket, outbox: &Outbox, batch: &mut Batch) {
+    // It may be gone already.
+    let begun = write_batch(stream, outbox, batch);
+    if begun.is_ok() && batch.is_empty() {
+        outbox.take(batch);
+        let _ = write_batch(stream, outbox, batch);
     }
 }
 
