@@ -3,9 +3,10 @@
     with_stock python monitors.py OUR_YARP [PLUGIN...]
 
 Needs a name server. A port of stock writes to a reader of stock and to one of ours, which is
-`yarp read`, over carriers with modifiers, and what they read and answer is compared. With
-`--plugins` also what stock's port monitors make of messages, which 3.5.0 has not: their sources
-are those of 4.0.0, and YARP_DATA_DIRS has to lead to them. Prints `ok` or `FAIL` per comparison and
+`yarp read`, over carriers with modifiers, and what they read and answer is compared, with PLUGINs
+also what stock's port monitors of these names make of messages. 3.5.0 has those of depths;
+`bottle_compression_zlib` came with 4.0.0, and YARP_DATA_DIRS has to lead to one that was built
+from there. Prints `ok` or `FAIL` per comparison and
 ends with 1 if any failed. Checked with stock 3.5.0.
 """
 
@@ -246,14 +247,28 @@ def compressed(writer, stock, ours, our_yarp):
     child.wait(PATIENCE)
 
 
-def depths(writer, stock, ours, name):
+def depths(writer, stock, ours, our_yarp, name):
     """Only rows of a length that needs no padding: stock's plugins do not heed it."""
     metres = [0.1, 0.2, 0.5, 1, 2.5, 9.8, 10, 50, 0, -1, float("nan"), float("inf"), 1e-9, 3.3, 7, 9.99]
     message = image("dec", 4, 8, 2, struct.pack("<16f", *metres))
-    end = "send.portmonitor+recv" if "zlib" in name else "recv"
+    both = "zlib" in name
+    end = "send.portmonitor+recv" if both else "recv"
     over = f"tcp+{end}.portmonitor+type.dll+file.{name}"
     got, expected = (shown(writer.through(reader, over, message)) for reader in (ours, stock))
+    code = {"depthimage_to_mono": "[mono]", "depthimage_to_rgb": "[rgb]"}.get(name, "[dec]")
+    check(f"{over}: what stock makes of it", expected[:2], ["[mat]", code])
     check(over, got, expected)
+    if both:
+        # Ours compresses, stock expands.
+        sender = "/monitors/ours/w"
+        child = subprocess.Popen([our_yarp, "write", sender], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL)
+        until("yarp write", lambda: yarp.Network.exists(sender))
+        check(f"ours to stock, {over}", yarp.Network.connect(sender, stock.name, over), True)
+        child.stdin.write(message.encode() + b"\n")
+        child.stdin.flush()
+        check("  and it reads", shown(until("a message", stock.read)), expected)
+        child.stdin.close()
+        child.wait(PATIENCE)
 
 
 def main():
@@ -267,7 +282,7 @@ def main():
             compressed(writer, stock, ours, our_yarp)
         for name in sys.argv[2:]:
             if name.startswith("depthimage"):
-                depths(writer, stock, ours, name)
+                depths(writer, stock, ours, our_yarp, name)
         stock.close()
         refusals(writer, ours, our_yarp)
     finally:

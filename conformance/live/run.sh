@@ -130,7 +130,8 @@ for server in ours stock; do
     suite "stock's yarp read hears the ends of moves, server: $server" \
         "$with_stock" "$python" conformance/live/finished_moves.py /wam "$with_stock yarp"
     suite "modifiers of carriers, server: $server" \
-        "$with_stock" "$python" conformance/live/monitors.py "$ours"
+        "$with_stock" "$python" conformance/live/monitors.py "$ours" \
+        depthimage_to_mono depthimage_to_rgb depthimage_compression_zlib
     until_ok "$ours" exists /cartController/wam/rpc:i
     suite "stock tools talk with the controller of a tool, server: $server" \
         "$with_stock" "$python" conformance/live/cartesian.py /cartController/wam

@@ -13,7 +13,10 @@ set(ENABLE_yarpcar_shmem ON CACHE BOOL "")
 set(ENABLE_yarpcar_unix_stream ON CACHE BOOL "")
 set(ENABLE_yarpcar_mjpeg ON CACHE BOOL "")
 set(ENABLE_yarpcar_websocket ON CACHE BOOL "")
-set(ENABLE_yarpcar_portmonitor ON CACHE BOOL "")'
+set(ENABLE_yarpcar_portmonitor ON CACHE BOOL "")
+set(ENABLE_yarppm_depthimage_to_mono ON CACHE BOOL "")
+set(ENABLE_yarppm_depthimage_to_rgb ON CACHE BOOL "")
+set(ENABLE_yarppm_depthimage_compression_zlib ON CACHE BOOL "")'
 if [ -e "$stock/complete" ] && [ "$(cat "$stock/options.cmake")" = "$options" ]; then
     echo "stock YARP $version is in $stock"
     exit 0
