@@ -2,7 +2,9 @@
 
 For each carrier: small and large messages, envelopes where stock's bindings have them, requests and
 replies, both ways; then either end is killed and started again. At the end nothing may be left of
-the shared memory of these connections. Prints `ok` or `FAIL` per check and ends with 1 if any failed.
+the shared memory of these connections. Over `mcast` several readers of both sides get each message
+of a writer of either side once, whoever of them comes and goes. Prints `ok` or `FAIL` per check and
+ends with 1 if any failed.
 
     "$STOCK/bin/python" conformance/live/carriers.py OUR_YARP STOCK_YARP [CARRIER ...]
 
@@ -247,6 +249,67 @@ def killed_stock_writer(ours, stock, carrier):
     reader.end()
 
 
+def groups(ours, _stock, carrier):
+    """Readers of both sides in one group."""
+    readers, ports = {}, []
+    for number in range(2):
+        name = f"/live/{carrier}/stock/{number}"
+        readers[name] = Reader()
+        ports.append(port(name))
+        ports[-1].setReader(readers[name])
+        name = f"/live/{carrier}/ours/{number}"
+        readers[name] = Program([ours, "read", name])
+        eventually(lambda: yarp.Network.exists(name))
+    stock_writer = port(f"/live/{carrier}/stock/w")
+    our_writer = Program([ours, "write", f"/live/{carrier}/ours/w"])
+    eventually(lambda: yarp.Network.exists(f"/live/{carrier}/ours/w"))
+    for side, writer, say in [
+        ("stock", stock_writer.getName(), lambda text: stock_writer.write(bottle(text))),
+        ("ours", f"/live/{carrier}/ours/w", our_writer.say),
+    ]:
+        for name in readers:
+            connect(f"{side} writes to {name}", writer, name, carrier)
+
+        def all_get(what, left, messages):
+            for message in messages:
+                say(message)
+            found = {name: [readers[name].next() for _ in messages] for name in left}
+            wrong = {name: [shown(text) for text in got][:5] for name, got in found.items() if got != messages}
+            check(f"{carrier}: {side} writes, {what}", not wrong, wrong)
+
+        # A message is lost if a socket has no room for its datagrams: these have.
+        for text in ["1 2.5 hello", "(a (b c)) [vocb]", "y" * 5000, "z" * 60_000, "x" * 100_000]:
+            all_get(f"all read {len(text)} characters once", readers, [text])
+        all_get("all read 100 messages once", readers, [str(number) for number in range(100)])
+        # The first of a writer's connections sends for all.
+        left = list(readers)
+        while len(left) > 1:
+            yarp.Network.disconnect(writer, left.pop(0))
+            all_get(f"{len(left)} are left and read once", left, [f"left {len(left)}", "and more"])
+        gone = [name for name in readers if name not in left]
+        for name in gone:
+            connect(f"{side} writes to {name} again", writer, name, carrier)
+        all_get("all read again once", readers, ["again", "end"])
+        for name in readers:
+            yarp.Network.disconnect(writer, name)
+    # A reader that is killed does not end the group: the others read on.
+    connected = [f"/live/{carrier}/{rest}" for rest in ("ours/0", "ours/1", "stock/0")]
+    for writer in (stock_writer.getName(), f"/live/{carrier}/ours/w"):
+        for name in connected:
+            connect(f"{writer} to {name}", writer, name, carrier)
+    readers[connected[0]].kill()
+    for writer, say in [("stock", lambda text: stock_writer.write(bottle(text))), ("ours", our_writer.say)]:
+        say(f"{writer} after a kill")
+        found = [readers[name].next() for name in connected[1:]]
+        check(f"{carrier}: {writer} writes, one reader was killed", found == [f"{writer} after a kill"] * 2, found)
+    our_writer.end()
+    readers[connected[1]].end()
+    stock_writer.close()
+    for opened in ports:
+        opened.interrupt()
+        opened.close()
+
+
 def segments():
     """Keys of the segments of this machine."""
     lines = pathlib.Path("/proc/sysvipc/shm").read_text().splitlines()[1:]
@@ -256,9 +319,10 @@ def segments():
 def main():
     ours, stock, *carriers = sys.argv[1:]
     yarp.Network.init()
-    for carrier in carriers or ["shmem", "unix_stream"]:
+    parts = {"mcast": [groups]}
+    for carrier in carriers or ["shmem", "unix_stream", "unix_stream+ack", *parts]:
         before = segments()
-        for part in [stock_writes, ours_writes, requests, killed_stock_writer]:
+        for part in parts.get(carrier, [stock_writes, ours_writes, requests, killed_stock_writer]):
             try:
                 part(ours, stock.split(), carrier)
             except NoConnection:
