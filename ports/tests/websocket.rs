@@ -76,6 +76,27 @@ async fn a_message_may_be_cut_into_frames() {
     within(port.close()).await;
 }
 
+/// The port waited for as much as the whole message once more, and so for ever.
+#[tokio::test]
+async fn a_large_message_may_come_in_parts() {
+    let port = open("/port", PortOptions::new().reading(Queue::Wait(4))).await;
+    let mut raw = page(&port).await;
+    let text = "x".repeat(100_000);
+    let content = Bottle::of(text.as_str()).encode(Dialect::V3);
+    let message = [&block(b'D')[..], &content].concat();
+    let (first, rest) = message.split_at(60_000);
+    for (head, part) in [(0x02, first), (0x80, rest)] {
+        let length = (part.len() as u16).to_be_bytes();
+        raw.send([&[head, 0x80 | 126, length[0], length[1], 0, 0, 0, 0], part].concat())
+            .await;
+        raw.send(frame(0x89, b"")).await;
+        // It has read that far.
+        raw.expect(b"\x8a\x00").await;
+    }
+    assert_eq!(next(&port).await, text);
+    within(port.close()).await;
+}
+
 #[tokio::test]
 async fn a_page_reads_what_the_port_writes() {
     let port = open("/port", PortOptions::new()).await;

@@ -198,10 +198,11 @@ impl Acceptor {
         }
     }
 
-    /// Bytes that the message in progress still needs, as far as it has said.
+    /// Bytes that the message in progress still needs, as far as it has said; 0 in frames, where
+    /// what it has is no longer in `input`, and a ping between two of them is answered at once.
     pub fn missing(&self, input: &BytesMut) -> usize {
         match &self.state {
-            State::Open(_, reader) => reader.missing(input),
+            State::Open(_, reader) if self.frames.is_none() => reader.missing(input),
             _ => 0,
         }
     }
