@@ -83,6 +83,8 @@ done
 conformance/web/setup.sh
 suite "the page of the name server in a browser" "$python" conformance/web/name_server.py \
     --yarp "$ours" --with-stock "$with_stock" --out target/web
+suite "ports of ours in a browser" "$python" conformance/web/ports.py \
+    --yarp "$ours" --pictures target/debug/examples/pictures --out target/web
 for server in ours stock; do
     suite "keys of auth.conf, server: $server" "$python" conformance/live/auth.py \
         --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours" --server "$server"
