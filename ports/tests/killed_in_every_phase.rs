@@ -8,15 +8,21 @@ mod common;
 mod conversation;
 mod leaks;
 
-use common::{bottle, connect, open, until, within};
-use conversation::{Conversation, Death, NAME};
+use common::{DEADLINE, bottle, connect, until, within};
+use conversation::{Conversation, Death, NAME, Side};
 use leaks::{Rest, leaving_nothing};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
-use yarp_ports::{Answer, Dialogue, Port, PortError, PortOptions, Queue};
+use yarp_ports::{Answer, AuthFailure, Dialogue, Network, Port, PortError, PortOptions, Queue};
 use yarp_wire::Bottle;
 use yarp_wire::carrier::{Carrier, Framing};
 use yarp_wire::message::Command;
 use yarp_wire::typed::{Image, PixelCode};
+
+#[test]
+fn in_the_handshake_of_keys() {
+    check("key");
+}
 
 #[test]
 fn in_the_magic_or_before_the_first_byte() {
@@ -54,6 +60,11 @@ fn before_the_socket_of_the_file_system() {
 }
 
 #[test]
+fn in_the_handshake_of_shared_memory() {
+    check("memory");
+}
+
+#[test]
 fn in_the_turn_of_a_reader() {
     check("turn");
 }
@@ -83,11 +94,22 @@ fn in_the_acknowledgement_or_before_it() {
     check("acknowledgement");
 }
 
+#[test]
+fn in_a_question_to_the_port_itself_or_its_answer() {
+    check("administration");
+}
+
+/// Before its acknowledgement, too.
+#[test]
+fn in_the_goodbye() {
+    check("goodbye");
+}
+
 /// Far more than the buffers of the system hold.
 #[test]
 fn in_a_large_message_that_is_being_written() {
     leaving_nothing(async {
-        let (writer, keeps) = writer_and_reader().await;
+        let (writer, keeps) = writer_and_reader(&network("payload")).await;
         let rest = Rest::now();
         let large = Bottle::of("x".repeat(8 << 20));
         let mut count = 0;
@@ -134,6 +156,34 @@ fn deaths(conversation: &Conversation, phase: &str) -> impl Iterator<Item = (usi
     cuts.flat_map(|cut| [(cut, Death::Closes), (cut, Death::Resets)])
 }
 
+/// Where everybody shows a key if that is what is about to be broken off, and nobody otherwise.
+fn network(phase: &str) -> Network {
+    let network = Network::none().with_deadline(DEADLINE);
+    match phase {
+        "key" => network.with_key(Some(conversation::key())),
+        _ => network,
+    }
+}
+
+async fn open(network: &Network, name: &str, options: PortOptions) -> Port {
+    let opening = Port::open(network, name, options.unregistered());
+    within(opening).await.unwrap()
+}
+
+/// The conversations as they are in `phase`; before keys are shown one is as good as another.
+fn in_phase(phase: &str, side: Side, mut all: Vec<Conversation>) -> Vec<Conversation> {
+    if phase == "key" {
+        all.retain(|conversation| ["text", "mjpeg"].contains(&conversation.spelled));
+        all.truncate(1);
+    }
+    all.into_iter()
+        .map(|conversation| match phase {
+            "key" => conversation.behind_a_key(side),
+            _ => conversation,
+        })
+        .collect()
+}
+
 /// Connects to `port`, goes on with the conversation until `cut`, and dies.
 async fn die(port: &Port, conversation: &Conversation, cut: usize, death: Death) {
     let stream = within(TcpStream::connect(("127.0.0.1", port.number()))).await;
@@ -141,14 +191,16 @@ async fn die(port: &Port, conversation: &Conversation, cut: usize, death: Death)
 }
 
 async fn a_port_that_reads(phase: &str) -> usize {
-    let reader = open("/reader", PortOptions::new().reading(Queue::Wait(10))).await;
-    let good = open("/good", PortOptions::new()).await;
+    let network = network(phase);
+    let reading = PortOptions::new().reading(Queue::Wait(10));
+    let reader = open(&network, "/reader", reading).await;
+    let good = open(&network, "/good", PortOptions::new()).await;
     connect(&good, &reader, "tcp").await;
     until(|| reader.inputs() == ["/good"]).await;
     let rest = Rest::now();
     let content = bottle("whole 1 2");
     let mut count = 0;
-    for conversation in conversation::writers(&content) {
+    for conversation in in_phase(phase, Side::Connects, conversation::writers(&content)) {
         for (cut, death) in deaths(&conversation, phase) {
             die(&reader, &conversation, cut, death).await;
             count += 1;
@@ -207,13 +259,15 @@ async fn a_port_that_answers(phase: &str) -> usize {
             Answer::reply(given)
         }))
     });
-    let server = open("/server", options).await;
-    let good = open("/good", PortOptions::new().calling()).await;
+    let network = network(phase);
+    let server = open(&network, "/server", options).await;
+    let good = open(&network, "/good", PortOptions::new().calling()).await;
     connect(&good, &server, "tcp").await;
     until(|| server.inputs() == ["/good"]).await;
     let rest = Rest::now();
     let mut count = 0;
-    for conversation in conversation::callers(&question, &answer) {
+    let callers = conversation::callers(&question, &answer);
+    for conversation in in_phase(phase, Side::Connects, callers) {
         for (cut, death) in deaths(&conversation, phase) {
             die(&server, &conversation, cut, death).await;
             count += 1;
@@ -230,12 +284,12 @@ async fn a_port_that_answers(phase: &str) -> usize {
 
 /// The peer connects and asks to read.
 async fn a_port_that_is_read_from(phase: &str) -> usize {
-    let (writer, keeps) = writer_and_reader().await;
+    let (writer, keeps) = writer_and_reader(&network(phase)).await;
     let rest = Rest::now();
     let content = bottle("whole 1 2");
     let picture = Image::new(PixelCode::RGB, 16, 16).unwrap();
     let mut count = 0;
-    for conversation in conversation::viewers(&content) {
+    for conversation in in_phase(phase, Side::Connects, conversation::viewers(&content)) {
         for (cut, death) in deaths(&conversation, phase) {
             let dying = die(&writer, &conversation, cut, death);
             let writing = async {
@@ -261,9 +315,10 @@ async fn a_port_that_is_read_from(phase: &str) -> usize {
     count
 }
 
-async fn writer_and_reader() -> (Port, Port) {
-    let writer = open("/writer", PortOptions::new()).await;
-    let keeps = open("/keeps", PortOptions::new().reading(Queue::Wait(100))).await;
+async fn writer_and_reader(network: &Network) -> (Port, Port) {
+    let writer = open(network, "/writer", PortOptions::new()).await;
+    let reading = PortOptions::new().reading(Queue::Wait(100));
+    let keeps = open(network, "/keeps", reading).await;
     connect(&writer, &keeps, "tcp").await;
     until(|| keeps.inputs() == ["/writer"]).await;
     (writer, keeps)
@@ -294,7 +349,8 @@ async fn dying_listener(
                 && first == *b"C";
             // Whoever asks for the generation gets no answer.
             if !probed {
-                conversation.hold(stream, cut).await.die(death);
+                let holding = conversation.hold_at(Some(&listener), stream, cut);
+                holding.await.die(death);
                 return;
             }
         }
@@ -313,7 +369,12 @@ async fn write_to_dying(
     let (contact, dying) = dying_listener(conversation, cut, death).await;
     let writing = async {
         match within(writer.connect(&contact)).await {
-            Ok(()) => drop(within(writer.write(content)).await),
+            Ok(()) => {
+                within(writer.write(content)).await;
+                if conversation.says_goodbye() {
+                    within(writer.disconnect(NAME)).await;
+                }
+            }
             Err(error) => lost(&error, conversation, cut),
         }
     };
@@ -324,13 +385,32 @@ async fn write_to_dying(
     until(|| writer.outputs() == ["/keeps"]).await;
 }
 
+/// A name server that gives everybody the same group.
+async fn name_server(listener: TcpListener) {
+    // A number that nobody has now, so that nothing arrives anywhere.
+    let free = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    let number = free.local_addr().unwrap().port();
+    let given = format!("registration name /group ip 239.255.77.1 port {number} type mcast\r\n");
+    let answer = given + "*** end of message\r\n";
+    loop {
+        let (mut stream, _) = listener.accept().await.unwrap();
+        while !matches!(stream.read_u8().await, Ok(b'\n') | Err(_)) {}
+        let _ = stream.write_all(answer.as_bytes()).await;
+    }
+}
+
 /// The port connects to the peer.
 async fn a_port_that_writes(phase: &str) -> usize {
-    let (writer, keeps) = writer_and_reader().await;
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let number = listener.local_addr().unwrap().port();
+    let serving = tokio::spawn(name_server(listener));
+    let network = network(phase).with_server("127.0.0.1", number);
+    let (writer, keeps) = writer_and_reader(&network).await;
     let rest = Rest::now();
     let content = bottle("whole 1 2");
     let mut count = 0;
-    for conversation in conversation::readers("/writer", &content) {
+    let readers = conversation::readers("/writer", &content);
+    for conversation in in_phase(phase, Side::Listens, readers) {
         for (cut, death) in deaths(&conversation, phase) {
             write_to_dying(&writer, &content, &conversation, cut, death).await;
             count += 1;
@@ -338,6 +418,7 @@ async fn a_port_that_writes(phase: &str) -> usize {
         }
     }
     rest.comes_back().await;
+    serving.abort();
     within(writer.close()).await;
     within(keeps.close()).await;
     count
@@ -348,17 +429,24 @@ async fn a_port_that_writes(phase: &str) -> usize {
 fn lost(error: &PortError, conversation: &Conversation, cut: usize) {
     let expected = matches!(
         error,
-        PortError::Lost { .. } | PortError::Connect { .. } | PortError::Protocol { .. }
+        PortError::Lost { .. }
+            | PortError::Connect { .. }
+            | PortError::Protocol { .. }
+            | PortError::Authentication {
+                source: AuthFailure::Ended,
+                ..
+            }
     );
     assert!(expected, "{error:?} {conversation:?} {cut}");
 }
 
 async fn a_port_that_calls(phase: &str) -> usize {
     let (question, answer) = (bottle("how much"), bottle("just 42"));
-    let client = open("/client", PortOptions::new().calling()).await;
+    let client = open(&network(phase), "/client", PortOptions::new().calling()).await;
     let rest = Rest::now();
     let mut count = 0;
-    for conversation in conversation::servers("/client", &question, &answer) {
+    let servers = conversation::servers("/client", &question, &answer);
+    for conversation in in_phase(phase, Side::Listens, servers) {
         for (cut, death) in deaths(&conversation, phase) {
             let (contact, dying) = dying_listener(&conversation, cut, death).await;
             let calling = async {
@@ -381,8 +469,10 @@ async fn a_port_that_calls(phase: &str) -> usize {
 
 /// The port connects to a camera.
 async fn a_port_that_pulls(phase: &str) -> usize {
-    let reader = open("/reader", PortOptions::new().reading(Queue::Wait(10))).await;
-    let good = open("/good", PortOptions::new()).await;
+    let network = network(phase);
+    let reading = PortOptions::new().reading(Queue::Wait(10));
+    let reader = open(&network, "/reader", reading).await;
+    let good = open(&network, "/good", PortOptions::new()).await;
     connect(&good, &reader, "tcp").await;
     until(|| reader.inputs() == ["/good"]).await;
     let rest = Rest::now();
@@ -393,7 +483,8 @@ async fn a_port_that_pulls(phase: &str) -> usize {
     let mut count = 0;
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let number = listener.local_addr().unwrap().port();
-    let camera = conversation::camera(number, &picture);
+    let cameras = vec![conversation::camera(number, &picture)];
+    let camera = in_phase(phase, Side::Listens, cameras).remove(0);
     for (cut, death) in deaths(&camera, phase) {
         let dying = async {
             let (stream, _) = within(listener.accept()).await.unwrap();

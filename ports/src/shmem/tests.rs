@@ -8,11 +8,16 @@ use std::time::Duration;
 use bytes::BytesMut;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
+use yarp_wire::carrier::Carrier;
+use yarp_wire::connection::put_message;
+use yarp_wire::message::Command;
 use yarp_wire::shmem::{HEAD, PACKET, STOCK_SIZE, at, key, lock_names};
+use yarp_wire::{Bottle, Dialect};
 
 use super::channel::{Channel, create_segment};
 use super::memory::Memory;
 use super::*;
+use crate::{PortOptions, Queue};
 
 async fn within<T>(future: impl Future<Output = T>) -> T {
     let timed = tokio::time::timeout(Duration::from_secs(30), future);
@@ -402,5 +407,116 @@ async fn a_handshake_of_somebody_else_is_refused() {
         let (accepted, ()) = within(async { tokio::join!(offer.accept(), saying) }).await;
         assert!(accepted.is_err(), "{said:?}");
         assert!(!is_named(port));
+    }
+}
+
+/// Whether anybody in this process has the memory mapped that the end with this TCP port writes.
+fn is_mapped(port: u16) -> bool {
+    let maps = std::fs::read_to_string("/proc/self/maps").unwrap();
+    let (guard, sleep) = lock_names(port);
+    let names = [format!("SYSV{:08x}", key(port, 0)), guard, sleep];
+    let mut lines = maps.lines();
+    lines.any(|line| names.iter().any(|name| line.contains(name.as_str())))
+}
+
+async fn until(condition: impl Fn() -> bool) {
+    let waiting = async {
+        while !condition() {
+            tokio::time::sleep(Duration::from_millis(1)).await;
+        }
+    };
+    within(waiting).await;
+}
+
+fn ports_of(stream: &ShmemStream) -> [u16; 2] {
+    let address = stream.tcp.peer_addr().unwrap();
+    [stream.tcp.local_addr().unwrap().port(), address.port()]
+}
+
+async fn port(name: &str, options: crate::PortOptions) -> crate::Port {
+    let network = crate::Network::none();
+    let opening = crate::Port::open(&network, name, options.unregistered());
+    within(opening).await.unwrap()
+}
+
+/// What a writer says: `hello` in a bottle.
+fn message() -> Vec<u8> {
+    let carrier = Carrier::by_name("shmem").unwrap();
+    let (command, content) = (Command::data(false), Bottle::of("hello"));
+    let mut bytes = BytesMut::new();
+    put_message(&mut bytes, carrier, &command, Some(&content), Dialect::V3);
+    bytes.to_vec()
+}
+
+#[tokio::test]
+async fn a_writer_that_dies_at_any_byte_of_a_message_leaves_nothing() {
+    let reader = port("/reader", PortOptions::new().reading(Queue::Wait(1))).await;
+    let message = message();
+    for cut in 0..=message.len() {
+        let mut tcp = TcpStream::connect(("127.0.0.1", reader.number()))
+            .await
+            .unwrap();
+        tcp.write_all(b"YA\x6f\x1e\0\0RP\x05\0\0\0/bad\0")
+            .await
+            .unwrap();
+        let mut number = [0; 8];
+        within(tcp.read_exact(&mut number)).await.unwrap();
+        let number = yarp_wire::number::decode(&number).unwrap() as u16;
+        let stream = within(connect(&tcp, number)).await.unwrap();
+        let ports = ports_of(&stream);
+        within(write_all(&stream, &message[..cut])).await.unwrap();
+        until(|| reader.inputs() == ["/bad"]).await;
+        drop(stream);
+        if cut == message.len() {
+            let read = within(reader.read()).await.unwrap();
+            assert_eq!(read.bottle().unwrap(), Bottle::of("hello"));
+        }
+        until(|| reader.inputs().is_empty()).await;
+        until(|| !ports.into_iter().any(is_mapped)).await;
+        assert!(!ports.into_iter().any(is_named), "{cut}");
+        assert!(reader.try_read().is_none(), "{cut}");
+    }
+}
+
+#[tokio::test]
+async fn a_reader_that_dies_at_any_byte_of_a_message_leaves_nothing() {
+    let writer = port("/writer", PortOptions::new()).await;
+    let message = message();
+    let acknowledgement = yarp_wire::number::encode(0);
+    for cut in 0..message.len() + acknowledgement.len() {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let contact = format!("shmem://{}/bad", listener.local_addr().unwrap());
+        let accepting = async {
+            let mut header = [0; 20];
+            let mut tcp = loop {
+                let (mut tcp, _) = listener.accept().await.unwrap();
+                tcp.read_exact(&mut header[..8]).await.unwrap();
+                // Whoever asks for the generation gets no answer.
+                if header[0] == b'Y' {
+                    tcp.read_exact(&mut header[8..]).await.unwrap();
+                    break tcp;
+                }
+            };
+            let offer = Offer::new(&tcp).await.unwrap();
+            let number = yarp_wire::number::encode(offer.number().into());
+            tcp.write_all(&number).await.unwrap();
+            offer.accept().await.unwrap()
+        };
+        let (stream, connected) =
+            within(async { tokio::join!(accepting, writer.connect(&contact)) }).await;
+        connected.unwrap();
+        let ports = ports_of(&stream);
+        let content = Bottle::of("hello");
+        let dying = async {
+            let taken = read(&stream, cut.min(message.len())).await.unwrap();
+            assert_eq!(taken, message[..taken.len()]);
+            let said = &acknowledgement[..cut.saturating_sub(message.len())];
+            write_all(&stream, said).await.unwrap();
+            drop(stream);
+        };
+        within(async { tokio::join!(dying, writer.write(&content)) }).await;
+        until(|| writer.outputs().is_empty()).await;
+        until(|| !ports.into_iter().any(is_mapped)).await;
+        assert!(!ports.into_iter().any(is_named), "{cut}");
     }
 }

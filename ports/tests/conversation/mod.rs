@@ -5,16 +5,17 @@ use std::path::PathBuf;
 use bytes::BytesMut;
 use socket2::SockRef;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
-use tokio::net::{TcpStream, UnixListener, UnixStream};
+use tokio::net::{TcpListener, TcpStream, UnixListener, UnixStream};
+use yarp_wire::auth::{Handshake, Key, STEP};
 use yarp_wire::carrier::{Carrier, Framing, Sender, Transport};
 use yarp_wire::connection::{
     Initiator, header_reply, put_acknowledgement, put_group, put_message, put_reply,
 };
 use yarp_wire::message::Command;
 use yarp_wire::mjpeg::{RESPONSE, put_part, request};
-use yarp_wire::{Bottle, Dialect, Limits};
+use yarp_wire::{Bottle, Dialect, Limits, number, shmem};
 
-use super::common::within;
+use super::common::{bottle, within};
 
 /// The name of whoever dies.
 pub(crate) const NAME: &str = "/bad";
@@ -27,6 +28,23 @@ enum Step {
     /// From here on over a socket of the file system.
     ConnectUnix,
     AcceptUnix,
+    /// From here on over a connection to the TCP port that was taken last.
+    ConnectNumber,
+    /// Tells of another TCP port, the bytes of [`Step::Give`].
+    GiveNumber,
+    /// From here on over a connection to that port.
+    AcceptNumber,
+    /// From here on over the next connection to the listener.
+    AcceptAgain,
+    /// The handshake of keys, as the side that connects or that listens.
+    Key(Side),
+}
+
+/// Who begins.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Side {
+    Connects,
+    Listens,
 }
 
 impl Step {
@@ -35,7 +53,13 @@ impl Step {
         match self {
             Self::Give(bytes) => bytes.len(),
             Self::Take(count) => *count,
-            Self::ConnectUnix | Self::AcceptUnix => 1,
+            Self::GiveNumber => 8,
+            Self::Key(_) => 3 * STEP,
+            Self::ConnectUnix
+            | Self::AcceptUnix
+            | Self::ConnectNumber
+            | Self::AcceptNumber
+            | Self::AcceptAgain => 1,
         }
     }
 }
@@ -93,27 +117,72 @@ impl Conversation {
         cuts
     }
 
+    /// Whether it goes on until the other side leaves.
+    pub(crate) fn says_goodbye(&self) -> bool {
+        self.steps.iter().any(|(name, _)| *name == "goodbye")
+    }
+
     /// Holds it until `cut`; what is left is the connection.
     pub(crate) async fn hold(&self, stream: TcpStream, cut: usize) -> Peer {
+        self.hold_at(None, stream, cut).await
+    }
+
+    /// The same where `listener` may be connected to again.
+    pub(crate) async fn hold_at(
+        &self,
+        listener: Option<&TcpListener>,
+        stream: TcpStream,
+        cut: usize,
+    ) -> Peer {
         let own = stream.local_addr().unwrap().port();
         let other = stream.peer_addr().unwrap().port();
         // Each step leaves at once.
         stream.set_nodelay(true).unwrap();
         let mut peer = Peer::Tcp(stream);
+        let mut taken = Vec::new();
+        let mut other_listener = None;
+        // Connections that go on until the death.
+        let mut held = Vec::new();
         let mut left = cut;
         for (_, step) in &self.steps {
             let part = left.min(step.length());
             left -= part;
             match step {
                 Step::Give(bytes) => within(peer.give(&bytes[..part])).await,
-                Step::Take(_) => within(peer.take(part)).await,
+                Step::Take(_) => taken = within(peer.take(part)).await,
+                Step::Key(side) => within(peer.shake_hands(*side, part)).await,
+                Step::GiveNumber => {
+                    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+                    let number = listener.local_addr().unwrap().port();
+                    within(peer.give(&number::encode(number.into())[..part])).await;
+                    other_listener = Some(listener);
+                }
+                Step::ConnectNumber if part == 1 => {
+                    let number = number::decode(&taken[..].try_into().unwrap()).unwrap();
+                    let address = ("127.0.0.1", number as u16);
+                    let stream = within(TcpStream::connect(address)).await.unwrap();
+                    held.push(std::mem::replace(&mut peer, Peer::Tcp(stream)));
+                }
+                Step::AcceptNumber if part == 1 => {
+                    let listener = other_listener.as_ref().unwrap();
+                    let (stream, _) = within(listener.accept()).await.unwrap();
+                    held.push(std::mem::replace(&mut peer, Peer::Tcp(stream)));
+                }
+                Step::AcceptAgain if part == 1 => {
+                    let (stream, _) = within(listener.unwrap().accept()).await.unwrap();
+                    held.push(std::mem::replace(&mut peer, Peer::Tcp(stream)));
+                }
                 Step::ConnectUnix if part == 1 => {
                     peer = within(connect_unix(other, own)).await;
                 }
                 Step::AcceptUnix if part == 1 => {
                     peer = within(accept_unix(own, other)).await;
                 }
-                Step::ConnectUnix | Step::AcceptUnix => {}
+                Step::ConnectUnix
+                | Step::AcceptUnix
+                | Step::ConnectNumber
+                | Step::AcceptNumber
+                | Step::AcceptAgain => {}
             }
             if left == 0 {
                 break;
@@ -121,6 +190,12 @@ impl Conversation {
         }
         assert_eq!(left, 0, "the conversation is longer");
         peer
+    }
+
+    /// The same where both sides show a key first.
+    pub(crate) fn behind_a_key(mut self, side: Side) -> Self {
+        self.steps.insert(0, ("key", Step::Key(side)));
+        self
     }
 
     // ---- What they are made of ----------------------------------------------------------------
@@ -165,9 +240,42 @@ impl Conversation {
         self.take("name", header.len() - 8);
         match carrier.transport {
             Transport::UnixSocket => self.steps.push(("other socket", Step::AcceptUnix)),
+            Transport::Group => self.take("group", 6),
+            Transport::SharedMemory => self.steps.push(("header reply", Step::GiveNumber)),
             _ => self.give("header reply", &welcome(carrier, writer)),
         }
         self
+    }
+
+    /// The handshake of shared memory, as the side that connects; it has none.
+    fn connected_for_memory(mut self) -> Self {
+        self.steps.push(("memory", Step::ConnectNumber));
+        self.give("memory", &shmem::connect_packet(7));
+        self
+    }
+
+    /// The handshake of shared memory, as the side that listens; it has none.
+    fn listened_for_memory(mut self) -> Self {
+        self.steps.push(("memory", Step::AcceptNumber));
+        self.take("memory", shmem::PACKET);
+        self.give("memory", &shmem::accept_packet(None));
+        self
+    }
+
+    /// What has been said so far is only how it came to `phase`, which is all that `say` adds.
+    fn then(mut self, phase: &'static str, say: impl FnOnce(&mut Self)) -> Self {
+        let begun = self.steps.len();
+        say(&mut self);
+        for (at, (name, _)) in self.steps.iter_mut().enumerate() {
+            *name = if at < begun { "begun" } else { phase };
+        }
+        self
+    }
+
+    fn give_command(&mut self, command: &Command) {
+        for (phase, bytes) in parts(self.carrier, command, &Bottle::new()) {
+            self.give(phase, &bytes);
+        }
     }
 
     fn give_message(&mut self, command: &Command, content: &Bottle) {
@@ -240,6 +348,34 @@ pub(crate) fn writers(content: &Bottle) -> Vec<Conversation> {
     all.push(page);
     // Their messages do not come over the connection that ends.
     all.extend(DATAGRAMS.map(|spelled| Conversation::on(spelled).opened_by_peer()));
+    all.push(
+        Conversation::on("shmem")
+            .opened_by_peer()
+            .connected_for_memory(),
+    );
+    let mut lines = Conversation::on("name_ser");
+    lines.give("magic", b"NAME_SER");
+    lines.give("index", b"VER ");
+    lines.give("payload", format!("{content}\n").as_bytes());
+    all.push(lines);
+    all.extend(STREAMS.map(|spelled| {
+        let conversation = Conversation::on(spelled).opened_by_peer();
+        conversation.then("goodbye", |conversation| {
+            conversation.give_command(&Command::Quit);
+            conversation.take_acknowledgement();
+        })
+    }));
+    all.push(upgraded().then("goodbye", |page| {
+        // The frame that closes, under a mask that changes nothing.
+        page.give("command", &[0x88, 0x80, 0, 0, 0, 0]);
+    }));
+    all.extend(["text", "text_ack"].map(|spelled| {
+        let conversation = Conversation::on(spelled).opened_by_peer();
+        conversation.then("goodbye", |conversation| {
+            conversation.give_command(&Command::RemoveInput("/nobody".to_owned()));
+            conversation.take("reply", 10);
+        })
+    }));
     all.push(Conversation::on("http").browsing("GET / HTTP/1.1\r\nHost: here:1\r\n\r\n", 12));
     all
 }
@@ -260,6 +396,25 @@ pub(crate) fn callers(question: &Bottle, answer: &Bottle) -> Vec<Conversation> {
     page.give_message(&Command::data(true), question);
     page.take("reply", 2 + answer.encode(Dialect::V3).len());
     all.push(page);
+    let version = bottle("[ver] 1 2 3");
+    all.extend(STREAMS.map(|spelled| {
+        let conversation = Conversation::on(spelled).opened_by_peer();
+        conversation.then("administration", |conversation| {
+            conversation.give_message(&Command::Admin, &bottle("[ver]"));
+            conversation.take("reply", conversation.reply(&version).len());
+            conversation.take_acknowledgement();
+        })
+    }));
+    all.push(upgraded().then("administration", |page| {
+        page.give_message(&Command::Admin, &bottle("[ver]"));
+        page.take("reply", 2 + version.encode(Dialect::V3).len());
+    }));
+    let mut lines = Conversation::on("name_ser");
+    lines.give("magic", b"NAME_SER");
+    lines.give("index", b"VER ");
+    lines.give("payload", format!("{question}\n").as_bytes());
+    lines.take("reply", lines.reply(answer).len());
+    all.push(lines);
     let mut browser = Conversation::on("http").browsing("GET /?req=x HTTP/1.1\r\n\r\n", 0);
     browser.take("reply", 12);
     all.push(browser);
@@ -312,7 +467,32 @@ pub(crate) fn readers(writer: &str, content: &Bottle) -> Vec<Conversation> {
             conversation
         })
         .collect();
-    all.push(Conversation::on("udp").opened_by_port(writer));
+    all.extend(DATAGRAMS.map(|spelled| Conversation::on(spelled).opened_by_port(writer)));
+    all.push(
+        Conversation::on("shmem")
+            .opened_by_port(writer)
+            .listened_for_memory(),
+    );
+    let leaving = STREAMS.into_iter().chain(DATAGRAMS).map(|spelled| {
+        let conversation = Conversation::on(spelled).opened_by_port(writer);
+        conversation.then("goodbye", |conversation| {
+            if conversation.carrier.connectionless {
+                // Its writer says it elsewhere.
+                conversation.steps.push(("goodbye", Step::AcceptAgain));
+                conversation.take("name", "CONNACK admin\r\n".len());
+                conversation.give("header reply", b"Welcome admin\r\n");
+                conversation.take("command", format!("~{writer}\r\n").len());
+                conversation.give("reply", b"Removing connection\r\n");
+                conversation.give("acknowledgement", b"<ACK>\r\n");
+                return;
+            }
+            for (phase, bytes) in parts(conversation.carrier, &Command::Quit, &Bottle::new()) {
+                conversation.take(phase, bytes.len());
+            }
+            conversation.give_acknowledgement();
+        })
+    });
+    all.extend(leaving);
     all
 }
 
@@ -362,6 +542,11 @@ fn upgraded() -> Conversation {
     Conversation::on("websocket").browsing(request, 129)
 }
 
+/// The key that those share who have one.
+pub(crate) fn key() -> Key {
+    Key::new(b"my_secret_key").unwrap()
+}
+
 /// What answers a header.
 fn welcome(carrier: &Carrier, name: &str) -> BytesMut {
     let mut bytes = BytesMut::new();
@@ -375,6 +560,7 @@ fn welcome(carrier: &Carrier, name: &str) -> BytesMut {
 fn letter(command: &Command) -> u8 {
     match command {
         Command::Data { reply: true, .. } => b'd',
+        Command::Admin => b'a',
         _ => b'D',
     }
 }
@@ -428,9 +614,28 @@ impl Peer {
         self.stream().write_all(bytes).await.unwrap();
     }
 
-    async fn take(&mut self, count: usize) {
+    async fn take(&mut self, count: usize) -> Vec<u8> {
         let mut bytes = vec![0; count];
         self.stream().read_exact(&mut bytes).await.unwrap();
+        bytes
+    }
+
+    /// The first `left` bytes of the handshake of keys.
+    async fn shake_hands(&mut self, side: Side, mut left: usize) {
+        let (mut input, mut output) = (BytesMut::new(), BytesMut::new());
+        let mut handshake = match side {
+            Side::Connects => Handshake::initiate(key(), [2; 8]),
+            Side::Listens => Handshake::accept(key(), [[1; 8], [3; 8]], &mut output),
+        };
+        while left > 0 {
+            let given = output.split_to(left.min(output.len()));
+            self.give(&given).await;
+            left -= given.len();
+            let missing = left.min(handshake.missing(&input));
+            input.extend_from_slice(&self.take(missing).await);
+            left -= missing;
+            handshake.poll(&mut input, &mut output).unwrap();
+        }
     }
 
     /// Ends the connection.
