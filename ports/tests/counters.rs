@@ -108,6 +108,34 @@ async fn a_message_that_a_busy_reader_missed_counts_as_dropped() {
 }
 
 #[tokio::test]
+async fn the_queue_grows_before_a_reader_that_stops_and_is_empty_once_it_has_read() {
+    let writer = open("/wr", PortOptions::new()).await;
+    let mut reader = Raw::text(&writer, "/rd").await;
+    reader.send("r\r\n").await;
+    until(|| writer.outputs() == ["/rd"]).await;
+    // Far more than sockets hold.
+    let message = Bottle::of("x".repeat(100_000));
+    let mut written = 0;
+    let queued = || only(&writer).queued;
+    let filling = async {
+        while queued() < 3 * 100_000 {
+            written += writer.write_unless_behind(&message, None, 100);
+            tokio::task::yield_now().await;
+        }
+    };
+    within(filling).await;
+    let before = queued();
+    assert_eq!(writer.write_unless_behind(&message, None, 100), 1);
+    assert!(queued() >= before + 100_000, "{} {before}", queued());
+    assert_eq!(figures(only(&writer).traffic).0, written as u64 + 1);
+    let line = format!("D\r\n{message}\r\n");
+    for _ in 0..=written {
+        reader.expect(&line).await;
+    }
+    until(|| queued() == 0).await;
+}
+
+#[tokio::test]
 async fn the_age_is_that_of_the_newest_stamp() {
     let reader = open("/rd", PortOptions::new().reading(Queue::Wait(100))).await;
     let writer = open("/wr", PortOptions::new()).await;
