@@ -66,6 +66,54 @@ async fn drop_newest_keeps_the_first() {
 }
 
 #[tokio::test]
+async fn strict_keeps_all_and_holds_nobody_back() {
+    for carrier in ["tcp", "fast_tcp", "text_ack"] {
+        let (reader, writer) = pair(Queue::Strict, carrier).await;
+        for number in 0..3000 {
+            assert_eq!(within(writer.write(&Bottle::of(number))).await, 1);
+        }
+        for number in 0..3000 {
+            assert_eq!(next(&reader).await, number.to_string(), "{carrier}");
+        }
+        assert_eq!(reader.dropped(), 0);
+    }
+}
+
+#[tokio::test]
+async fn strict_holds_its_writer_back_before_memory_is_used_up() {
+    let (reader, writer) = pair(Queue::Strict, "tcp").await;
+    let message = Bottle::of("x".repeat(8 << 20));
+    for _ in 0..7 {
+        assert_eq!(within(writer.write(&message)).await, 1);
+    }
+    let eighth = writer.write(&message);
+    tokio::pin!(eighth);
+    // The whole of it arrives; without room it is not taken, however the two are scheduled.
+    tokio::select! {
+        biased;
+        _ = &mut eighth => panic!("taken without room"),
+        () = until(|| writer.counters().connections[0].queued == 0) => {}
+    }
+    assert_eq!(reader.counters().waiting, 7);
+    assert_eq!(
+        within(reader.read()).await.unwrap().payload.len(),
+        message.encode(yarp_wire::Dialect::V3).len()
+    );
+    assert_eq!(within(eighth).await, 1);
+    for _ in 0..7 {
+        within(reader.read()).await.unwrap();
+    }
+    // One that is larger than all that may wait comes alone.
+    let large = Bottle::of("x".repeat(65 << 20));
+    assert_eq!(within(writer.write(&large)).await, 1);
+    assert_eq!(
+        within(reader.read()).await.unwrap().bottle().unwrap(),
+        large
+    );
+    assert_eq!(reader.dropped(), 0);
+}
+
+#[tokio::test]
 async fn a_full_queue_holds_its_writer_back() {
     for carrier in ["tcp", "text_ack"] {
         let (reader, writer) = pair(Queue::Wait(2), carrier).await;

@@ -19,7 +19,14 @@ pub enum Queue {
     DropOldest(usize),
     /// So many are kept; then new ones are dropped.
     DropNewest(usize),
+    /// All are kept and none is lost, as stock's `BufferedPort` does after `setStrict`: a writer is
+    /// not held back by a reader that is behind. Only when 64 MiB wait does the connection wait, as
+    /// under [`Queue::Wait`]; stock goes on until its memory is used up.
+    Strict,
 }
+
+/// Bytes that may wait under [`Queue::Strict`].
+const STRICT: usize = 64 << 20;
 
 /// Messages of all input connections of a port, in the order in which they came.
 #[derive(Debug)]
@@ -33,8 +40,32 @@ pub(crate) struct Inbox {
 #[derive(Debug, Default)]
 struct State {
     messages: VecDeque<Received>,
+    /// What they take together, about.
+    bytes: usize,
     dropped: u64,
     closed: bool,
+}
+
+impl State {
+    fn put(&mut self, message: Received) {
+        self.bytes += weight(&message);
+        self.messages.push_back(message);
+    }
+
+    fn take(&mut self) -> Option<Received> {
+        let message = self.messages.pop_front()?;
+        self.bytes -= weight(&message);
+        Some(message)
+    }
+}
+
+/// Bytes that a message takes while it waits, about.
+fn weight(message: &Received) -> usize {
+    let envelope = message
+        .envelope
+        .as_ref()
+        .map_or(0, |envelope| envelope.len());
+    size_of::<Received>() + message.payload.len() + envelope
 }
 
 impl Inbox {
@@ -51,7 +82,8 @@ impl Inbox {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes a message in; waits only under [`Queue::Wait`]. Tells whose message was dropped.
+    /// Takes a message in; waits only under [`Queue::Wait`] and
+    /// [`Queue::Strict`]. Tells whose message was dropped.
     pub(crate) async fn push(&self, mut message: Received) -> Option<u64> {
         loop {
             let room = self.room.notified();
@@ -78,16 +110,20 @@ impl Inbox {
         let full = |limit: usize| state.messages.len() >= limit.max(1);
         let dropped = match self.queue {
             Queue::Wait(limit) if full(limit) => return Err(message),
+            // One that is too large comes alone.
+            Queue::Strict if full(1) && state.bytes + weight(&message) > STRICT => {
+                return Err(message);
+            }
             Queue::DropNewest(limit) if full(limit) => {
                 state.dropped += 1;
                 return Ok(Some(message.connection));
             }
-            Queue::Latest if full(1) => state.messages.pop_front(),
-            Queue::DropOldest(limit) if full(limit) => state.messages.pop_front(),
+            Queue::Latest if full(1) => state.take(),
+            Queue::DropOldest(limit) if full(limit) => state.take(),
             _ => None,
         };
         state.dropped += u64::from(dropped.is_some());
-        state.messages.push_back(message);
+        state.put(message);
         drop(state);
         self.arrived.notify_one();
         Ok(dropped.map(|message| message.connection))
@@ -99,13 +135,13 @@ impl Inbox {
             let arrived = self.arrived.notified();
             {
                 let mut state = self.state();
-                if let Some(message) = state.messages.pop_front() {
+                if let Some(message) = state.take() {
                     let more = !state.messages.is_empty();
                     drop(state);
                     if more {
                         self.arrived.notify_one();
                     }
-                    if matches!(self.queue, Queue::Wait(_)) {
+                    if matches!(self.queue, Queue::Wait(_) | Queue::Strict) {
                         self.room.notify_one();
                     }
                     return Some(message);
@@ -122,7 +158,7 @@ impl Inbox {
 
     /// The oldest message kept, if there is one now.
     pub(crate) fn try_pop(&self) -> Option<Received> {
-        let message = self.state().messages.pop_front();
+        let message = self.state().take();
         self.room.notify_one();
         message
     }
