@@ -4,9 +4,11 @@ mod common;
 
 use std::time::Duration;
 
-use common::{ACK, Raw, bottle, connect, next, open, tcp_command, until, within};
+use common::{ACK, Raw, at, bottle, connect, next, open, tcp_command, tcp_header, until, within};
 use yarp_ports::{Answer, Port, PortOptions, Queue};
 use yarp_wire::Bottle;
+use yarp_wire::message::{ReadObject, WireObject};
+use yarp_wire::typed::{Image, PixelCode};
 
 /// Lets `name` read from `writer` over `text`, and never does.
 async fn stuck_text(writer: &Port, name: &str) -> Raw {
@@ -79,6 +81,110 @@ async fn writers_that_do_not_wait_reach_others_at_once() {
         };
         within(both).await;
     }
+}
+
+/// Somebody who does not read from a port.
+enum Stuck {
+    Raw(Raw),
+    Port(Port),
+}
+
+/// Lets somebody read from `writer` after `said`, and never does.
+async fn stuck_after(writer: &Port, said: &[&[u8]]) -> Stuck {
+    let mut raw = Raw::to(writer).await;
+    for bytes in said {
+        raw.send(bytes).await;
+    }
+    until(|| writer.outputs().len() == 1).await;
+    Stuck::Raw(raw)
+}
+
+/// Connects `writer` to a port that is never read.
+async fn stuck_port(writer: &Port, carrier: &str) -> Stuck {
+    let stuck = open("/stuck", PortOptions::new().reading(Queue::Wait(1))).await;
+    connect(writer, &stuck, carrier).await;
+    Stuck::Port(stuck)
+}
+
+/// Writes the messages beside one who is stuck; another reads all of them, and the port closes.
+async fn all_reach_another<T>(writer: Port, stuck: Stuck, messages: impl Iterator<Item = T>)
+where
+    T: WireObject + ReadObject + PartialEq + std::fmt::Debug,
+{
+    let reader = open("/reader", PortOptions::new().reading(Queue::Wait(1))).await;
+    within(writer.connect(&at(&reader, "tcp"))).await.unwrap();
+    for message in messages {
+        let both = async {
+            tokio::select! {
+                read = reader.read() => assert_eq!(read.unwrap().read::<T>().unwrap(), message),
+                () = async {
+                    writer.write_strict(&message, None).await;
+                    std::future::pending().await
+                } => {}
+            }
+        };
+        within(both).await;
+    }
+    let counters = writer.counters();
+    let mut behind = counters
+        .connections
+        .iter()
+        .filter(|to| to.peer != "/reader");
+    assert!(
+        behind.any(|to| to.queued > 0),
+        "nobody is stuck: {counters:?}"
+    );
+    within(writer.close()).await;
+    within(reader.close()).await;
+    match stuck {
+        Stuck::Raw(raw) => drop(raw),
+        Stuck::Port(port) => within(port.close()).await,
+    }
+}
+
+#[tokio::test]
+async fn messages_reach_others_whatever_carrier_is_stuck() {
+    let mut fast_header = tcp_header("/stuck");
+    fast_header[2] = 0x64;
+    let turn = tcp_command(b'r');
+    let upgrade = b"GET /?ws HTTP/1.1\r\nHost: h\r\nUpgrade: websocket\r\n\
+        Connection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\
+        Sec-WebSocket-Version: 13\r\n\r\n";
+    let turn_in_frame = [0x82, 0x88, 0, 0, 0, 0, 0, 0, 0, 0, b'~', b'r', 0, 1];
+    for kind in [
+        "fast_tcp",
+        "websocket",
+        "http",
+        "unix_stream",
+        "unix_stream+ack",
+        "shmem",
+    ] {
+        println!("{kind}");
+        let writer = open("/writer", PortOptions::new()).await;
+        let stuck = match kind {
+            "fast_tcp" => stuck_after(&writer, &[&fast_header, &turn]).await,
+            "websocket" => stuck_after(&writer, &[upgrade, &turn_in_frame]).await,
+            "http" => stuck_after(&writer, &[b"GET /r HTTP/1.1\r\n\r\n"]).await,
+            carrier => stuck_port(&writer, carrier).await,
+        };
+        all_reach_another(writer, stuck, (0..100).map(heavy)).await;
+    }
+}
+
+#[tokio::test]
+async fn pictures_reach_others_beside_a_viewer_that_is_stuck() {
+    let writer = open("/writer", PortOptions::new()).await;
+    let request = b"GET /?action=stream HTTP/1.1\r\nHost: h\r\n\r\n";
+    let stuck = stuck_after(&writer, &[request]).await;
+    // Nothing that compresses well.
+    let picture = |number: u32| {
+        let noise = (0..640 * 480 * 3_u32).map(|at| (at.wrapping_mul(2_654_435_761) >> 13) as u8);
+        let pixels: Vec<u8> = noise
+            .map(|pixel| pixel.wrapping_add(number as u8))
+            .collect();
+        Image::from_packed(PixelCode::RGB, 640, 480, pixels).unwrap()
+    };
+    all_reach_another(writer, stuck, (0..60).map(picture)).await;
 }
 
 #[tokio::test]

@@ -423,8 +423,11 @@ impl Port {
     ///
     /// With several readers the first answers. Cancelling is safe: the reply is thrown away.
     pub async fn call<R: ReadObject>(&self, request: &impl WireObject) -> Result<R, PortError> {
-        let (peer, payload) = self.call_raw(request).await?;
-        R::read(&payload).map_err(|source| PortError::Unreadable { peer, source })
+        let (output, payload) = self.call_raw(request).await?;
+        R::read(&payload).map_err(|source| PortError::Unreadable {
+            peer: output.to.clone(),
+            source,
+        })
     }
 
     /// As [`Port::call`], at most until `deadline`.
@@ -443,7 +446,10 @@ impl Port {
         }
     }
 
-    async fn call_raw(&self, request: &impl WireObject) -> Result<(String, Payload), PortError> {
+    async fn call_raw(
+        &self,
+        request: &impl WireObject,
+    ) -> Result<(Arc<Output>, Payload), PortError> {
         let mut first = None;
         self.core.for_each_sender(|output| {
             if output.carrier.push {
@@ -472,7 +478,7 @@ impl Port {
                     Some(chain) => chain.reply(reply),
                     None => reply,
                 };
-                Ok((output.to.clone(), reply))
+                Ok((output, reply))
             }
             Ok(Ok(None)) => Err(lost("it acknowledged without a reply".into())),
             Ok(Err(reason)) => Err(lost(reason)),

@@ -149,6 +149,28 @@ async fn passes_whole(one: &ShmemStream, other: &ShmemStream) {
     }
 }
 
+/// All eight bytes had to come within the time that there is now for each.
+#[tokio::test]
+async fn a_slow_initiator_gets_its_connection() {
+    let (_initiator, acceptor) = header().await;
+    let offer = Offer::new(&acceptor).await.unwrap();
+    let number = offer.number();
+    let saying = async {
+        let mut tcp = TcpStream::connect(("127.0.0.1", number)).await.unwrap();
+        tcp.set_nodelay(true).unwrap();
+        let own = tcp.local_addr().unwrap().port();
+        let output = Channel::create(own, HEAD + STOCK_SIZE).unwrap();
+        plain::prepare(&output);
+        for byte in [0, 0, 0, 0, 0, 16, 0, 0] {
+            tcp.write_all(&[byte]).await.unwrap();
+            tokio::time::sleep(Duration::from_millis(400)).await;
+        }
+        (tcp, output)
+    };
+    let (_held, accepted) = within(async { tokio::join!(saying, offer.accept()) }).await;
+    accepted.unwrap();
+}
+
 #[tokio::test]
 async fn bytes_pass_whole_between_ours() {
     let (one, other) = ours().await;
