@@ -1,7 +1,7 @@
 //! A day of programs that come and go, compressed into cycles: each connects, says something and
 //! disconnects, or dies.
 //!
-//! What a port leaves behind is counted: descriptors, tasks and bytes.
+//! What a port leaves behind is counted: descriptors, tasks, bytes, and memory shared with others.
 
 use std::fmt;
 use std::sync::Arc;
@@ -12,9 +12,11 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use tokio::runtime::Handle;
 use tokio::task::JoinSet;
-use yarp_ports::{Dialogue, LinkState, Network, Port, PortOptions, Queue, Supervision};
-use yarp_wire::Bottle;
+use yarp_nameserver::{Server, ServerOptions};
+use yarp_ports::{Answer, Dialogue, LinkState, Port, PortOptions, Queue, Supervision};
 use yarp_wire::carrier::Carrier;
+use yarp_wire::typed::{Image, PixelCode};
+use yarp_wire::{Bottle, Dialect};
 
 use crate::counting;
 
@@ -27,7 +29,7 @@ const READERS: usize = 8;
 /// Cycles under way at once.
 const WORKERS: usize = 8;
 /// Carriers over which messages go.
-const CARRIERS: [&str; 7] = [
+const CARRIERS: [&str; 12] = [
     "tcp",
     "fast_tcp",
     "text",
@@ -35,7 +37,16 @@ const CARRIERS: [&str; 7] = [
     "unix_stream",
     "unix_stream+ack",
     "udp",
+    "mcast",
+    "shmem",
+    "local",
+    "tcp+recv.portmonitor+type.dll+file.stats_monitor",
+    "fast_tcp+send.portmonitor+recv.portmonitor+type.dll+file.bottle_compression_zlib",
 ];
+/// What a page says that wants to go on in frames.
+const UPGRADE: &[u8] = b"GET /?ws HTTP/1.1\r\nHost: h\r\nUpgrade: websocket\r\n\
+    Connection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\
+    Sec-WebSocket-Version: 13\r\n\r\n";
 /// How often the cycles are run at the most if bytes are left. A list that keeps its room grows when
 /// by chance more goes on at once than ever before; what leaks grows every time.
 const ROUNDS: usize = 3;
@@ -57,6 +68,10 @@ pub struct Footprint {
     pub tasks: usize,
     /// Bytes that are allocated.
     pub bytes: isize,
+    /// Mappings that are shared with other processes.
+    pub mappings: usize,
+    /// Segments of shared memory that this process made, and files of the locks that go with such.
+    pub shared: usize,
 }
 
 impl Footprint {
@@ -66,25 +81,65 @@ impl Footprint {
             descriptors: std::fs::read_dir("/proc/self/fd").map_or(0, Iterator::count),
             tasks: Handle::current().metrics().num_alive_tasks(),
             bytes: counting::held(),
+            mappings: shared_mappings(),
+            shared: segments() + locks(),
         }
     }
 
-    /// Waits until no more descriptors and tasks than in `before` are left, or patience has ended.
-    async fn settle(before: Self) {
+    /// Whether no more is there than in `before`, but for bytes.
+    fn is_no_more_than(&self, before: &Self) -> bool {
+        self.descriptors <= before.descriptors
+            && self.tasks <= before.tasks
+            && self.mappings <= before.mappings
+            && self.shared <= before.shared
+    }
+
+    /// Waits until no more than in `before` is left, but for bytes, or patience has ended; what there
+    /// is then.
+    async fn settle(before: Self) -> Self {
         let settling = async {
             loop {
                 let now = Self::now();
-                if now.descriptors <= before.descriptors && now.tasks <= before.tasks {
+                if now.is_no_more_than(&before) {
                     // What ends now may still hold some bytes.
                     tokio::time::sleep(Duration::from_millis(50)).await;
-                    return;
+                    return now;
                 }
                 tokio::time::sleep(Duration::from_millis(10)).await;
             }
         };
-        // What is left then is told by who asked.
-        let _ = tokio::time::timeout(PATIENCE, settling).await;
+        let settled = tokio::time::timeout(PATIENCE, settling).await;
+        settled.unwrap_or_else(|_| Self::now())
     }
+}
+
+/// Mappings of this process that others may have, too.
+fn shared_mappings() -> usize {
+    let maps = std::fs::read_to_string("/proc/self/maps").unwrap_or_default();
+    let permissions = maps.lines().filter_map(|line| line.split(' ').nth(1));
+    permissions.filter(|text| text.ends_with('s')).count()
+}
+
+/// Segments of the machine that this process made.
+fn segments() -> usize {
+    let all = std::fs::read_to_string("/proc/sysvipc/shm").unwrap_or_default();
+    let own = std::process::id().to_string();
+    // Key, number, permissions, size, and who made it.
+    let makers = all
+        .lines()
+        .filter_map(|line| line.split_whitespace().nth(4));
+    makers.filter(|maker| *maker == own).count()
+}
+
+/// Files of locks, by whomever.
+fn locks() -> usize {
+    let files = std::fs::read_dir(std::env::temp_dir())
+        .into_iter()
+        .flatten();
+    let names = files.flatten().map(|file| file.file_name());
+    names
+        .filter(|name| name.to_string_lossy().starts_with("SHMEM_"))
+        .count()
 }
 
 impl fmt::Display for Footprint {
@@ -93,8 +148,14 @@ impl fmt::Display for Footprint {
             descriptors,
             tasks,
             bytes,
+            mappings,
+            shared,
         } = self;
-        write!(f, "{descriptors} descriptors, {tasks} tasks, {bytes} bytes")
+        write!(
+            f,
+            "{descriptors} descriptors, {tasks} tasks, {bytes} bytes, {mappings} shared mappings, \
+             {shared} segments and locks"
+        )
     }
 }
 
@@ -110,18 +171,24 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// Whether nothing was left behind: no descriptor, no task, and not a byte per twenty cycles,
+    /// Whether nothing was left behind: no descriptor, task or shared memory, and not a byte per twenty cycles,
     /// which is what lists that keep their room may take.
     pub fn is_clean(&self) -> bool {
         let grown = self.after.bytes - self.before.bytes;
         self.is_tidy() && grown <= (self.cycles / 20) as isize
     }
 
-    /// Whether no descriptor and no task was left behind.
+    /// Whether no descriptor, task or shared memory was left behind.
     fn is_tidy(&self) -> bool {
-        let (before, after) = (self.before, self.after);
-        after.descriptors == before.descriptors && after.tasks == before.tasks
+        self.after.is_no_more_than(&self.before)
     }
+}
+
+/// Those who stay.
+struct Others {
+    readers: Vec<Port>,
+    /// Answers with what it is asked.
+    echo: Port,
 }
 
 /// Runs so many cycles after a tenth of them, at the least 2000, to warm up; again if bytes are left,
@@ -130,21 +197,28 @@ impl Outcome {
 /// Needs a runtime with several threads, and [`Counting`](crate::counting::Counting) as allocator
 /// for the bytes.
 pub async fn run(cycles: usize) -> Result<Outcome, Failure> {
-    let network = Network::none().with_deadline(PATIENCE);
+    // Only for the groups of those who write to one.
+    let server = Server::start(ServerOptions::default().at("127.0.0.1", 0)).await?;
+    let network = server.network().with_deadline(PATIENCE);
     let mut readers = Vec::new();
     for number in 0..READERS {
         let options = PortOptions::new().unregistered().reading(Queue::Latest);
         readers.push(Port::open(&network, &format!("/reader/{number}"), options).await?);
     }
-    let readers = Arc::new(readers);
+    let options = PortOptions::new().unregistered().handler(|request| {
+        let answer = request.bottle();
+        answer.map_or(Answer::Nothing, Answer::reply)
+    });
+    let echo = Port::open(&network, "/echo", options).await?;
+    let others = Arc::new(Others { readers, echo });
     let mut writers = Vec::new();
     for worker in 0..WORKERS {
         let options = PortOptions::new().unregistered();
         writers.push(Port::open(&network, &format!("/writer/{worker}"), options).await?);
     }
     let start = Footprint::now();
-    let mut writers = turn(writers, &readers, (cycles / 10).max(2000)).await?;
-    let before = left(start, &readers).await;
+    let mut writers = turn(writers, &others, (cycles / 10).max(2000)).await?;
+    let before = left(start, &others.readers).await;
     let mut outcome = Outcome {
         cycles,
         before,
@@ -152,8 +226,8 @@ pub async fn run(cycles: usize) -> Result<Outcome, Failure> {
     };
     for _ in 0..ROUNDS {
         outcome.before = outcome.after;
-        writers = turn(writers, &readers, cycles).await?;
-        outcome.after = left(outcome.before, &readers).await;
+        writers = turn(writers, &others, cycles).await?;
+        outcome.after = left(outcome.before, &others.readers).await;
         if outcome.is_clean() || !outcome.is_tidy() {
             break;
         }
@@ -161,40 +235,46 @@ pub async fn run(cycles: usize) -> Result<Outcome, Failure> {
     for port in writers {
         port.close().await;
     }
-    for port in Arc::into_inner(readers).expect("nobody else has them") {
+    let others = Arc::into_inner(others).expect("nobody else has them");
+    for port in others.readers.into_iter().chain([others.echo]) {
         port.close().await;
     }
+    server.close().await;
     Ok(outcome)
 }
 
 /// What there is once the connections have ended and nothing waits to be read: a reader keeps the
 /// newest message with all that was read along with it, which is much or little by chance.
 async fn left(before: Footprint, readers: &[Port]) -> Footprint {
-    Footprint::settle(before).await;
+    let settled = Footprint::settle(before).await;
     for reader in readers {
         while reader.try_read().is_some() {}
     }
-    Footprint::now()
+    Footprint {
+        bytes: counting::held(),
+        ..settled
+    }
 }
 
 /// So many cycles by the writers, each on a task of its own.
 async fn turn(
     writers: Vec<Port>,
-    readers: &Arc<Vec<Port>>,
+    others: &Arc<Others>,
     cycles: usize,
 ) -> Result<Vec<Port>, Failure> {
     let next = Arc::new(AtomicUsize::new(0));
     let mut workers = JoinSet::new();
     for writer in writers {
-        let (readers, next) = (readers.clone(), next.clone());
+        let (others, next) = (others.clone(), next.clone());
         workers.spawn(async move {
             loop {
                 let number = next.fetch_add(1, Ordering::Relaxed);
                 if number >= cycles {
                     return Ok::<_, Failure>(writer);
                 }
-                let reader = &readers[number % READERS];
-                let working = tokio::time::timeout(PATIENCE, cycle(number / 3, &writer, reader));
+                let reader = &others.readers[number % READERS];
+                let working = cycle(number / 3, &writer, reader, &others.echo);
+                let working = tokio::time::timeout(PATIENCE, working);
                 match working.await {
                     Ok(Ok(())) => {}
                     Ok(Err(error)) => return Err(format!("cycle {number}: {error}").into()),
@@ -211,22 +291,22 @@ async fn turn(
 }
 
 /// One program comes and goes; what it does depends on `number`.
-async fn cycle(number: usize, writer: &Port, reader: &Port) -> Result<(), Failure> {
+async fn cycle(number: usize, writer: &Port, reader: &Port, echo: &Port) -> Result<(), Failure> {
     let at = |carrier: &str| format!("{carrier}://127.0.0.1:{}{}", reader.number(), reader.name());
     let raw = || TcpStream::connect(("127.0.0.1", reader.number()));
-    match number % 16 {
-        kind @ 0..7 => {
+    match number % 25 {
+        kind @ 0..12 => {
             writer.connect(&at(CARRIERS[kind])).await?;
             if writer.write(&Bottle::of(number as i32)).await != 1 {
                 return Err("the message was not taken".into());
             }
             writer.disconnect(reader.name()).await;
         }
-        kind @ 7..12 => {
+        kind @ 12..17 => {
             let mut stream = raw().await?;
-            stream.write_all(BROKEN[kind - 7]).await?;
+            stream.write_all(BROKEN[kind - 12]).await?;
         }
-        12 => {
+        17 => {
             let mut stream = raw().await?;
             stream.write_all(b"GET / HTTP/1.1\r\n\r\n").await?;
             let mut page = Vec::new();
@@ -235,14 +315,14 @@ async fn cycle(number: usize, writer: &Port, reader: &Port) -> Result<(), Failur
                 return Err("that is no page".into());
             }
         }
-        13 => {
+        18 => {
             let address = ("127.0.0.1", reader.number());
             let carrier = Carrier::by_name("text_ack").expect("it is in the table");
             let opening =
                 Dialogue::open(reader.name(), address, carrier, "admin", reader.network());
             opening.await?.admin(&Bottle::of("[ver]")).await?;
         }
-        14 => {
+        19 => {
             let link = writer.supervise(&at("tcp"), Supervision::new());
             if !link.up().await {
                 return Err(format!("no link: {:?}", link.state()).into());
@@ -250,6 +330,42 @@ async fn cycle(number: usize, writer: &Port, reader: &Port) -> Result<(), Failur
             let mut states = link.watch();
             link.end().await;
             states.wait_for(|state| *state == LinkState::Ended).await?;
+        }
+        20 => {
+            let mut stream = raw().await?;
+            stream.write_all(UPGRADE).await?;
+            stream.write_all(&frame(number)).await?;
+            // The frame that closes.
+            stream.write_all(&[0x88, 0x80, 0, 0, 0, 0]).await?;
+            let mut answer = Vec::new();
+            stream.read_to_end(&mut answer).await?;
+            if !answer.starts_with(b"HTTP/1.1 101") || !answer.ends_with(b"\x88\0") {
+                return Err("that is no end of a page".into());
+            }
+        }
+        21 => {
+            let contact = format!("mjpeg://127.0.0.1:{}{}", writer.number(), writer.name());
+            reader.connect(&contact).await?;
+            while writer.outputs().is_empty() {
+                tokio::time::sleep(Duration::from_millis(1)).await;
+            }
+            if writer.write(&Image::new(PixelCode::RGB, 16, 16)?).await != 1 {
+                return Err("the picture was not taken".into());
+            }
+            writer.disconnect(&writer.outputs().join(" ")).await;
+        }
+        kind @ 22..24 => {
+            let options = PortOptions::new().unregistered().calling();
+            let name = format!("/caller{}", writer.name());
+            let port = Port::open(writer.network(), &name, options).await?;
+            let carrier = ["tcp", "shmem"][kind - 22];
+            let contact = format!("{carrier}://127.0.0.1:{}{}", echo.number(), echo.name());
+            port.connect(&contact).await?;
+            let question = Bottle::of(number as i32);
+            if port.call::<Bottle>(&question).await? != question {
+                return Err("that is no echo".into());
+            }
+            port.close().await;
         }
         _ => {
             let options = PortOptions::new().unregistered();
@@ -264,4 +380,12 @@ async fn cycle(number: usize, writer: &Port, reader: &Port) -> Result<(), Failur
         }
     }
     Ok(())
+}
+
+/// A message in a frame of a browser, under a mask that changes nothing.
+fn frame(number: usize) -> Vec<u8> {
+    let content = Bottle::of(number as i32).encode(Dialect::V3);
+    let block = [0, 0, 0, 0, b'~', b'D', 0, 1];
+    let head = [0x82, 0x80 | (block.len() + content.len()) as u8, 0, 0, 0, 0];
+    [&head[..], &block, &content].concat()
 }
