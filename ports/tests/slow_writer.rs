@@ -1,10 +1,15 @@
 //! Writers that send a byte now and then get all their messages through, and delay nobody.
 
 mod common;
+mod conversation;
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use common::{ACK, Raw, bottle, connect, open, tcp_header, tcp_message, within};
+use tokio::net::TcpStream;
+use tokio::task::JoinSet;
 use yarp_ports::{Answer, PortOptions};
 use yarp_wire::{Bottle, Dialect, number};
 
@@ -75,4 +80,65 @@ async fn a_byte_at_a_time_from_many() {
     }
     within(caller.close()).await;
     within(port.close()).await;
+}
+
+/// Over a socket of the file system, in frames, as a browser, and as one who wants to see pictures.
+/// Each has a port of its own: of several of the same name a port keeps the last.
+///
+/// A page whose question came in pieces was not answered: the system was told to wake the port only
+/// once as many bytes had come as the whole of it has.
+#[tokio::test]
+async fn a_byte_at_a_time_over_every_carrier() {
+    let (question, answer) = (bottle("slow 1 (2 3)"), bottle("fast 4"));
+    let asked = Arc::new(AtomicUsize::new(0));
+    let (mut slow, mut others) = (JoinSet::new(), Vec::new());
+    let mut questions = 0;
+    let callers = conversation::callers(&question, &answer).into_iter();
+    let viewers = conversation::viewers(&question).into_iter();
+    for conversation in callers.chain(viewers.filter(|viewer| viewer.spelled == "mjpeg")) {
+        let (expected, given, counted) = (question.clone(), answer.clone(), asked.clone());
+        let options = PortOptions::new().handler(move |message| {
+            if message.bottle().is_ok_and(|bottle| bottle == expected) {
+                counted.fetch_add(1, Ordering::Relaxed);
+            }
+            Answer::reply(given.clone())
+        });
+        let port = open("/port", options).await;
+        let stream = within(TcpStream::connect(("127.0.0.1", port.number())));
+        let stream = stream.await.unwrap();
+        let (is_viewer, is_browser) = (
+            conversation.spelled == "mjpeg",
+            conversation.spelled == "http",
+        );
+        let payload = conversation.cuts("payload");
+        questions += usize::from(!is_viewer && !is_browser && !payload.is_empty());
+        // A picture would have to be written for the one who wants it.
+        let cut = match is_viewer {
+            true => payload[0],
+            false => conversation.cuts("rest")[0],
+        };
+        let conversation = conversation.slowly(PAUSE);
+        slow.spawn(async move { conversation.hold(stream, cut).await });
+        let caller = open("/caller", PortOptions::new().calling()).await;
+        connect(&caller, &port, "tcp").await;
+        others.push((port, caller));
+    }
+    let mut held = Vec::new();
+    while !slow.is_empty() {
+        // While each of them is in the middle of something.
+        for (_, caller) in &others {
+            let reply: Bottle = within(caller.call(&bottle("quick"))).await.unwrap();
+            assert_eq!(reply, answer);
+        }
+        while let Some(done) = slow.try_join_next() {
+            held.push(done.unwrap());
+        }
+        tokio::time::sleep(PAUSE).await;
+    }
+    assert!(questions > 0);
+    assert_eq!(asked.load(Ordering::Relaxed), questions);
+    for (port, caller) in others {
+        within(caller.close()).await;
+        within(port.close()).await;
+    }
 }

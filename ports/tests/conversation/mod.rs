@@ -1,6 +1,9 @@
 //! Conversations with ports, byte for byte, that end where a test wants: at any byte of any step.
 
+#![allow(dead_code, reason = "each test uses a part of it")]
+
 use std::path::PathBuf;
+use std::time::Duration;
 
 use bytes::BytesMut;
 use socket2::SockRef;
@@ -80,6 +83,8 @@ pub(crate) struct Conversation {
     /// The carrier as it stands in a contact.
     pub(crate) spelled: &'static str,
     steps: Vec<(&'static str, Step)>,
+    /// Between two bytes that are given.
+    pause: Option<Duration>,
 }
 
 impl Conversation {
@@ -89,6 +94,7 @@ impl Conversation {
             carrier,
             spelled,
             steps: Vec::new(),
+            pause: None,
         }
     }
 
@@ -148,7 +154,15 @@ impl Conversation {
             let part = left.min(step.length());
             left -= part;
             match step {
-                Step::Give(bytes) => within(peer.give(&bytes[..part])).await,
+                Step::Give(bytes) => match self.pause {
+                    None => within(peer.give(&bytes[..part])).await,
+                    Some(pause) => {
+                        for byte in &bytes[..part] {
+                            within(peer.give(&[*byte])).await;
+                            tokio::time::sleep(pause).await;
+                        }
+                    }
+                },
                 Step::Take(_) => taken = within(peer.take(part)).await,
                 Step::Key(side) => within(peer.shake_hands(*side, part)).await,
                 Step::GiveNumber => {
@@ -190,6 +204,12 @@ impl Conversation {
         }
         assert_eq!(left, 0, "the conversation is longer");
         peer
+    }
+
+    /// The same with a pause behind each byte.
+    pub(crate) fn slowly(mut self, pause: Duration) -> Self {
+        self.pause = Some(pause);
+        self
     }
 
     /// The same where both sides show a key first.
