@@ -1,15 +1,16 @@
 //! Small messages allocate nothing once a connection has warmed up, neither where they are written
-//! nor where they are read.
+//! nor where they are read; on carriers that make something of each, no more than that.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
-use bytes::{BufMut, BytesMut};
+use bytes::{Buf, BufMut, Bytes, BytesMut};
 use yarp_conformance::counting::{Counting, calls};
 use yarp_ports::{Answer, Network, Port, PortOptions, Queue};
 use yarp_wire::Dialect;
-use yarp_wire::message::WireObject;
+use yarp_wire::bottle::DecodeError;
+use yarp_wire::message::{ReadObject, WireObject};
 
 #[global_allocator]
 static COUNTING: Counting = Counting;
@@ -28,6 +29,13 @@ impl WireObject for Small {
         for word in [257, 1, self.0] {
             out.put_i32_le(word);
         }
+    }
+}
+
+impl ReadObject for Small {
+    fn read_binary(bytes: &Bytes, _dialect: Dialect) -> Result<Self, DecodeError> {
+        let mut last = &bytes[bytes.len() - 4..];
+        Ok(Self(last.get_i32_le()))
     }
 }
 
@@ -93,21 +101,88 @@ async fn measure(carrier: &str, way: Way, reading: Reading) -> usize {
     allocations
 }
 
+/// Allocations while requests are answered, one at a time.
+async fn measure_calls(carrier: &str) -> usize {
+    let network = Network::none().with_deadline(PATIENCE);
+    let options = PortOptions::new().unregistered();
+    let options = options.handler(|request| request.read().map_or(Answer::Nothing, reply));
+    let server = Port::open(&network, "/server", options).await.unwrap();
+    let options = PortOptions::new().unregistered().calling();
+    let client = Port::open(&network, "/client", options).await.unwrap();
+    let contact = format!("{carrier}://127.0.0.1:{}/server", server.number());
+    client.connect(&contact).await.unwrap();
+    let mut before = 0;
+    for number in 0..WARM_UP + MESSAGES {
+        if number == WARM_UP {
+            before = calls();
+        }
+        let answer: Small = client.call(&Small(number as i32)).await.unwrap();
+        assert_eq!(answer.0, number as i32);
+    }
+    let allocations = calls() - before;
+    client.close().await;
+    server.close().await;
+    allocations
+}
+
+fn reply(small: Small) -> Answer {
+    Answer::reply(small)
+}
+
+/// Allocations per message, at most: over others than streams with an index and shared memory,
+/// something is made for each.
+const CARRIERS: [(&str, usize); 9] = [
+    ("tcp", 0),
+    ("fast_tcp", 0),
+    ("shmem", 0),
+    // The command is copied out, and where the content ends is found by reading it.
+    ("unix_stream", 2),
+    ("unix_stream+ack", 2),
+    // Datagrams that wait are apart.
+    ("udp", 3),
+    // The message itself is what is handed over.
+    ("local", 3),
+    // Content becomes text, and is read as such.
+    ("text", 9),
+    ("text_ack", 11),
+];
+
+/// Allocations per call, at most: the reply that the handler gives, the place where the caller waits
+/// for it, and what the carrier makes of both messages.
+const CALLS: [(&str, usize); 5] = [
+    ("tcp", 2),
+    ("fast_tcp", 2),
+    ("shmem", 2),
+    ("unix_stream", 4),
+    ("local", 12),
+];
+
+/// Whether there were more than so many for each; a few come by chance where there are any.
+fn is_too_many(allocations: usize, each: usize) -> bool {
+    allocations > each * MESSAGES + each * MESSAGES / 10
+}
+
 #[tokio::test]
-async fn in_steady_state_there_are_none() {
+async fn in_steady_state_there_are_none_or_few() {
     let mut found = Vec::new();
-    for carrier in ["tcp", "fast_tcp"] {
+    for (carrier, each) in CARRIERS {
         for way in [Way::Write, Way::Strict, Way::IfIdle] {
             for reading in [Reading::Handler, Reading::Queue] {
                 let measuring = measure(carrier, way, reading);
                 let measuring = tokio::time::timeout(PATIENCE, measuring);
                 let allocations = measuring.await.expect("it gets through");
                 println!("{carrier} {way:?} {reading:?}: {allocations} for {MESSAGES} messages");
-                if allocations > 0 {
+                if is_too_many(allocations, each) {
                     found.push((carrier, way, reading, allocations));
                 }
             }
         }
+    }
+    for (carrier, each) in CALLS {
+        let measuring = tokio::time::timeout(PATIENCE, measure_calls(carrier));
+        let allocations = measuring.await.expect("it gets through");
+        println!("{carrier}: {allocations} for {MESSAGES} calls");
+        assert!(!is_too_many(allocations, each), "{carrier}: {allocations}");
     }
     assert!(found.is_empty(), "{found:#?}");
 }
