@@ -135,9 +135,8 @@ const CARRIERS: [(&str, usize); 9] = [
     ("tcp", 0),
     ("fast_tcp", 0),
     ("shmem", 0),
-    // The command is copied out, and where the content ends is found by reading it.
-    ("unix_stream", 2),
-    ("unix_stream+ack", 2),
+    ("unix_stream", 1),
+    ("unix_stream+ack", 1),
     // Datagrams that wait are apart.
     ("udp", 3),
     // The message itself is what is handed over.
@@ -153,7 +152,7 @@ const CALLS: [(&str, usize); 5] = [
     ("tcp", 2),
     ("fast_tcp", 2),
     ("shmem", 2),
-    ("unix_stream", 4),
+    ("unix_stream", 3),
     ("local", 12),
 ];
 

@@ -120,6 +120,12 @@ impl Command {
         if block[4] != b'~' {
             return Err(wrong);
         }
+        // The commonest ones without a copy.
+        match block[5] {
+            b'd' => return Ok(Some((Self::data(true), BLOCK))),
+            b'D' => return Ok(Some((Self::data(false), BLOCK))),
+            _ => {}
+        }
         let string = &stream[BLOCK..];
         let end = match block[5] {
             0 => match string.iter().position(|byte| *byte == 0) {
