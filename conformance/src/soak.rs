@@ -13,7 +13,7 @@ use tokio::net::TcpStream;
 use tokio::runtime::Handle;
 use tokio::task::JoinSet;
 use yarp_nameserver::{Server, ServerOptions};
-use yarp_ports::{Answer, Dialogue, LinkState, Port, PortOptions, Queue, Supervision};
+use yarp_ports::{Answer, Dialogue, LinkState, Port, PortOptions, Queue, Supervision, story};
 use yarp_wire::carrier::Carrier;
 use yarp_wire::typed::{Image, PixelCode};
 use yarp_wire::{Bottle, Dialect};
@@ -277,7 +277,9 @@ async fn turn(
                 let working = tokio::time::timeout(PATIENCE, working);
                 match working.await {
                     Ok(Ok(())) => {}
-                    Ok(Err(error)) => return Err(format!("cycle {number}: {error}").into()),
+                    Ok(Err(error)) => {
+                        return Err(format!("cycle {number}: {}", story(&*error)).into());
+                    }
                     Err(_) => return Err(format!("cycle {number} got stuck").into()),
                 }
             }

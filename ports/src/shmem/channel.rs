@@ -45,8 +45,6 @@ impl Channel {
     /// that nothing is left behind whoever dies. Stock takes its locks away at the end and its
     /// segments never, and does not mind that they are gone.
     pub(super) fn open(port: u16) -> io::Result<Self> {
-        let memory = Memory::open_segment(key(port, 0), HEAD + STOCK_SIZE)
-            .map_err(|error| step("opening the other end's shared memory", &error))?;
         let (guard, sleep) = paths(port);
         let lock = |path: PathBuf| {
             let what = format!(
@@ -55,11 +53,15 @@ impl Channel {
             );
             ProcessLock::open(&path).map_err(|error| step(&what, &error))
         };
+        let (guard, sleep) = (lock(guard)?, lock(sleep)?);
+        // Last: once the other end sees us attached to it, it may take the names away itself.
+        let memory = Memory::open_segment(key(port, 0), HEAD + STOCK_SIZE)
+            .map_err(|error| step("opening the other end's shared memory", &error))?;
         let mut channel = Self {
             port,
             memory,
-            guard: Arc::new(lock(guard)?),
-            sleep: Arc::new(lock(sleep)?),
+            guard: Arc::new(guard),
+            sleep: Arc::new(sleep),
             named: true,
         };
         channel.unname();

@@ -542,3 +542,19 @@ async fn a_reader_that_dies_at_any_byte_of_a_message_leaves_nothing() {
         assert!(!ports.into_iter().any(is_named), "{cut}");
     }
 }
+
+/// An end that sees the other attached takes the names away: the other must not need them any more.
+#[test]
+fn who_is_attached_has_opened_all() {
+    for round in 0..300 {
+        let socket = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+        let port = socket.local_addr().unwrap().port();
+        let mut made = Channel::create(port, ring::LENGTH).unwrap();
+        let opening = std::thread::spawn(move || Channel::open(port));
+        while !made.unname_if_shared() && !opening.is_finished() {
+            std::hint::spin_loop();
+        }
+        let opened = opening.join().unwrap();
+        assert!(opened.is_ok(), "round {round}: {opened:?}");
+    }
+}
