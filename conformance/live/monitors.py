@@ -205,7 +205,7 @@ def refusals(writer, ours, our_yarp):
     sender = "/monitors/ours/w"
     child = subprocess.Popen([our_yarp, "write", sender], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL)
     until("yarp write", lambda: yarp.Network.exists(sender))
-    for carrier in ["tcp", "fast_tcp"]:
+    for carrier in ["tcp", "fast_tcp", "text", "text_ack", "shmem", "unix_stream", "mcast"]:
         for modifier in ["recv.nonesuch", "recv.portmonitor+type.dll+file.nonesuch", "send.nonesuch"]:
             over = f"{carrier}+{modifier}"
             answer = ask(sender, f'[add] "{over}:/{stock.name}"')

@@ -32,7 +32,7 @@ use crate::stream::{Inflow, Socket, connect, within, write_all};
 use crate::transport::{go_on, next_port, refusal, refuses};
 
 /// How long a reader has to end a connection that it does not take, before it is asked.
-const BEFORE_ASKING: Duration = Duration::from_millis(20);
+const BEFORE_ASKING: Duration = Duration::from_millis(50);
 
 /// A connection that the port writes to.
 #[derive(Debug)]
@@ -410,24 +410,29 @@ async fn confirm(
 }
 
 /// Asks the reader over a connection of its own whether it has this one, over which nothing can
-/// be answered. One that ends it has made up its mind.
+/// be answered. Stock lists one for a moment before it sees that it cannot have it: so twice.
 async fn confirm_elsewhere(
     target: &Target<'_>,
     stream: &Socket,
     input: &mut Inflow,
 ) -> Result<(), PortError> {
     let own = admin::list(Direction::In, Some(target.from));
+    let mut listed = false;
     loop {
         let reading = tokio::time::timeout(BEFORE_ASKING, input.read(stream, 0)).await;
         let ended = matches!(reading, Ok(Ok(0) | Err(_)));
-        let answer = remote::administer(target.network, target.to, &own).await?;
-        if answer.find("from").is_some() {
-            return Ok(());
-        }
         if ended {
-            return Err(target.declined());
+            tokio::time::sleep(BEFORE_ASKING).await;
         }
         input.bytes.clear();
+        let answer = remote::administer(target.network, target.to, &own).await?;
+        let now = answer.find("from").is_some();
+        match (listed, now) {
+            (true, true) => return Ok(()),
+            (true, false) => return Err(target.declined()),
+            (false, false) if ended => return Err(target.declined()),
+            _ => listed = now,
+        }
     }
 }
 
