@@ -122,6 +122,8 @@ def main():
             server.see("Ok. Ready!")
             for carrier in ["tcp", "fast_tcp", "text_ack"]:
                 check(start, home, program, carrier)
+            for carrier in ["udp", "mcast"]:
+                check_datagrams(start, home, program, carrier)
             check_closing(start, home, program)
         finally:
             for process in running:
@@ -152,6 +154,25 @@ def check(start, home, program, carrier):
     link("up")
     reader.see("read ", reader.mark())
     print(f"ok {carrier}: a short interruption is survived")
+    writer.finish()
+    reader.finish()
+    print(f"ok {carrier}: all close")
+
+
+def check_datagrams(start, home, program, carrier):
+    """What is written while the link is down is lost; what comes behind it arrives, whichever end was down."""
+    reader = start(B, home, program, "serve").see("ready")
+    writer = start(A, home, program, "watch", "/hosts/reader", carrier)
+    writer.see("link up")
+    reader.see("read ")
+    for host, name in [(B, "reader"), (A, "writer")]:
+        link("down", host)
+        # Longer than a silence after which a host is taken for gone.
+        time.sleep(5)
+        mark = reader.mark()
+        link("up", host)
+        reader.see("read ", mark)
+        print(f"ok {carrier}: messages flow again when the link of the {name} is up")
     writer.finish()
     reader.finish()
     print(f"ok {carrier}: all close")
