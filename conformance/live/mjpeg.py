@@ -16,12 +16,10 @@ import socket
 import subprocess
 import sys
 import threading
-import time
 
 import yarp
+from asking import PATIENCE, ask, eventually, until
 
-# Seconds that any single step may take.
-PATIENCE = 30
 WIDTH, HEIGHT = 48, 32
 REQUEST = b"GET /?action=stream HTTP/1.1\r\nHost: here\r\n\r\n"
 
@@ -31,7 +29,7 @@ children = []
 
 
 def end(code=1):
-    """Ends with this code; threads of the bindings may still wait for what will not come."""
+    """Ends with this code and leaves nothing behind; threads of the bindings may still wait for what will not come."""
     for child in children:
         child.kill()
     os._exit(code)
@@ -43,32 +41,6 @@ def check(what, good, found=""):
     failed += not good
     print(f"{'ok  ' if good else 'FAIL'} {what}{f': {found}' if found != '' and not good else ''}", flush=True)
     return good
-
-
-def eventually(condition):
-    """Whether `condition` is true in time."""
-    end = time.monotonic() + PATIENCE
-    while not (good := condition()) and time.monotonic() < end:
-        time.sleep(0.02)
-    return bool(good)
-
-
-def until(what, condition):
-    """Goes on when `condition` is true."""
-    if not eventually(condition):
-        print(f"FAIL gave up waiting for {what}", flush=True)
-        end()
-
-
-def ask(port, request):
-    """What the administration of a port answers."""
-    style = yarp.ContactStyle()
-    style.admin, style.timeout, style.quiet = True, PATIENCE, True
-    answer = yarp.Bottle()
-    if not yarp.Network.write(yarp.Contact(port), yarp.Bottle(request), answer, style):
-        print(f"FAIL {port} does not answer {request}", flush=True)
-        end()
-    return answer.toString()
 
 
 def outputs(port):
@@ -312,4 +284,8 @@ def main():
     end(int(failed != 0))
 
 
-main()
+try:
+    main()
+except SystemExit as gave_up:
+    print(gave_up, flush=True)
+    end()

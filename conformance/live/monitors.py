@@ -15,12 +15,9 @@ import struct
 import subprocess
 import sys
 import threading
-import time
 
 import yarp
-
-# Seconds that any single step may take.
-PATIENCE = 40
+from asking import PATIENCE, ask, until
 
 failed = 0
 
@@ -32,26 +29,6 @@ def check(name, got, expected):
     else:
         failed += 1
         print(f"FAIL {name}\n     got      {got!r}\n     expected {expected!r}")
-
-
-def until(what, condition):
-    """What `condition` gives once that is true."""
-    end = time.monotonic() + PATIENCE
-    while time.monotonic() < end:
-        result = condition()
-        if result:
-            return result
-        time.sleep(0.02)
-    raise SystemExit(f"monitors: gave up waiting for {what}")
-
-
-def ask(port, request):
-    style = yarp.ContactStyle()
-    style.admin, style.timeout, style.quiet = True, PATIENCE, True
-    answer = yarp.Bottle()
-    if not yarp.Network.write(yarp.Contact(port), yarp.Bottle(request), answer, style):
-        raise SystemExit(f"monitors: {port} does not answer {request}")
-    return answer.toString()
 
 
 class Stock:

@@ -25,12 +25,10 @@ import struct
 import subprocess
 import sys
 import threading
-import time
 
 import yarp
+from asking import PATIENCE, ask, eventually, until
 
-# Seconds that any single step may take.
-PATIENCE = 30
 # The line of a port that has got a message.
 MESSAGE = "Message: "
 # What a key is answered with; source: RFC 6455, section 1.3.
@@ -52,30 +50,6 @@ def check(name, got, expected):
 def short(value):
     text = repr(value)
     return text if len(text) < 400 else f"{text[:400]}... ({len(text)} characters)"
-
-
-def eventually(condition):
-    """Whether `condition` is true in time."""
-    end = time.monotonic() + PATIENCE
-    while not (good := condition()) and time.monotonic() < end:
-        time.sleep(0.02)
-    return bool(good)
-
-
-def until(what, condition):
-    """Goes on when `condition` is true."""
-    if not eventually(condition):
-        raise SystemExit(f"FAIL gave up waiting for {what}")
-
-
-def ask(port, request):
-    """What the administration of a port answers."""
-    style = yarp.ContactStyle()
-    style.admin, style.timeout, style.quiet = True, PATIENCE, True
-    answer = yarp.Bottle()
-    if not yarp.Network.write(yarp.Contact(port), yarp.Bottle(request), answer, style):
-        raise SystemExit(f"FAIL {port} does not answer {request}")
-    return answer.toString()
 
 
 class Program:
