@@ -23,6 +23,7 @@ import threading
 import time
 
 import yarp
+from asking import ask
 
 PATIENCE = 30.0
 # Characters of a large message: much more than a ring begins with.
@@ -251,6 +252,14 @@ def killed_stock_writer(ours, stock, carrier):
 
 def groups(ours, _stock, carrier):
     """Readers of both sides in one group."""
+
+    def join(what, writer, name):
+        connect(what, writer, name, carrier)
+        # Nothing answers the header: a reader joins the group a moment after its writer goes on, and what
+        # was written before is lost to it. It is listed first.
+        check(f"{carrier}: {name} knows", eventually(lambda: writer in ask(name, "[list] [in]").replace('"', "").split()))
+        time.sleep(0.2)
+
     readers, ports = {}, []
     for number in range(2):
         name = f"/live/{carrier}/stock/{number}"
@@ -268,7 +277,7 @@ def groups(ours, _stock, carrier):
         ("ours", f"/live/{carrier}/ours/w", our_writer.say),
     ]:
         for name in readers:
-            connect(f"{side} writes to {name}", writer, name, carrier)
+            join(f"{side} writes to {name}", writer, name)
 
         def all_get(what, left, messages):
             for message in messages:
@@ -288,7 +297,7 @@ def groups(ours, _stock, carrier):
             all_get(f"{len(left)} are left and read once", left, [f"left {len(left)}", "and more"])
         gone = [name for name in readers if name not in left]
         for name in gone:
-            connect(f"{side} writes to {name} again", writer, name, carrier)
+            join(f"{side} writes to {name} again", writer, name)
         all_get("all read again once", readers, ["again", "end"])
         for name in readers:
             yarp.Network.disconnect(writer, name)
@@ -296,7 +305,7 @@ def groups(ours, _stock, carrier):
     connected = [f"/live/{carrier}/{rest}" for rest in ("ours/0", "ours/1", "stock/0")]
     for writer in (stock_writer.getName(), f"/live/{carrier}/ours/w"):
         for name in connected:
-            connect(f"{writer} to {name}", writer, name, carrier)
+            join(f"{writer} to {name}", writer, name)
     readers[connected[0]].kill()
     for writer, say in [("stock", lambda text: stock_writer.write(bottle(text))), ("ours", our_writer.say)]:
         say(f"{writer} after a kill")
