@@ -23,9 +23,8 @@ import threading
 import time
 
 import yarp
-from asking import ask
+from asking import PATIENCE, ask, eventually
 
-PATIENCE = 30.0
 # Characters of a large message: much more than a ring begins with.
 LARGE = 1_000_000
 
@@ -41,15 +40,6 @@ def check(what, good, found=""):
     failures += not good
     print(f"{'ok  ' if good else 'FAIL'} {what}{f': {found}' if found != '' and not good else ''}", flush=True)
     return good
-
-
-def eventually(condition):
-    begun = time.monotonic()
-    while time.monotonic() < begun + PATIENCE:
-        if condition():
-            return True
-        time.sleep(0.02)
-    return False
 
 
 class Program:

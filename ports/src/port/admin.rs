@@ -58,11 +58,6 @@ pub(super) fn needed(request: &Bottle) -> Option<Right> {
     }
 }
 
-/// Whether the connection ends with the answer.
-pub(super) fn is_last(request: &Bottle) -> bool {
-    AdminRequest::parse(request).is_of_ros()
-}
-
 /// A request as a port of this generation understands it: 3.x cuts its words to four characters.
 ///
 /// So whoever asks us what we are (`probe.rs`) is told how we answer those who do not betray what they are.
@@ -142,6 +137,11 @@ impl Core {
                 own.unwrap_or_else(|| fail("send [help] for list of valid commands"))
             }
         }
+    }
+
+    /// Whether the connection ends with the answer.
+    pub(super) fn ends_with(&self, request: &Bottle) -> bool {
+        self.is_of_3() && AdminRequest::parse(request).is_of_ros()
     }
 
     fn is_of_3(&self) -> bool {

@@ -13,7 +13,7 @@ use yarp_wire::connection::{
     Acceptor, DatagramReader, Event, Message, ProtocolError, REFUSAL, header_reply,
 };
 use yarp_wire::message::{Command, Payload};
-use yarp_wire::{Bottle, Dialect, Limits};
+use yarp_wire::{Bottle, Limits};
 
 use super::admin;
 use super::callers::{Caller, Farewell};
@@ -673,7 +673,7 @@ impl Connection {
                 let request = payload.to_bottle().unwrap_or_default();
                 let answer = self.administer(&request).await;
                 self.acceptor.reply(&answer, &mut self.output);
-                match self.core.options.dialect == Dialect::V3 && admin::is_last(&request) {
+                match self.core.ends_with(&request) {
                     true => Next::Stop(End::Closed),
                     false => Next::Go,
                 }

@@ -73,10 +73,8 @@ fn compare(part: &str) -> Result<(), Failure> {
         println!();
         bench.round_trips()?;
     }
-    if !matches!(
-        part,
-        "round-trips" | "datagrams" | "pages" | "http" | "websocket"
-    ) {
+    let of_pages = matches!(part, "pages" | "http" | "websocket");
+    if !of_pages && !matches!(part, "round-trips" | "datagrams") {
         println!();
         bench.one_way(if part == "one-way" { "" } else { part })?;
     }
@@ -84,7 +82,7 @@ fn compare(part: &str) -> Result<(), Failure> {
         println!();
         bench.datagrams()?;
     }
-    if all || matches!(part, "pages" | "http" | "websocket") {
+    if all || of_pages {
         println!();
         bench.pages(if part == "pages" { "" } else { part })?;
     }
