@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use bytes::BytesMut;
 use yarp_wire::carrier::{Carrier, Sender};
-use yarp_wire::connection::{Initiator, Progress, ProtocolError, put_reply};
+use yarp_wire::connection::{Initiator, Progress, ProtocolError};
 use yarp_wire::message::{Command, Payload, WireObject};
 use yarp_wire::{Bottle, Limits};
 
@@ -37,7 +37,7 @@ impl Dialogue {
         network: &Network,
     ) -> Result<Self, PortError> {
         // The question itself is asked in text, so that it does not lead back here.
-        let dialect = match carrier.framing.is_binary() {
+        let dialect = match carrier.protocol.payloads().are_binary() {
             true => Box::pin(probe::generation(peer, (host, port), network)).await,
             false => None,
         };
@@ -90,12 +90,8 @@ impl Dialogue {
         command: &Command,
         content: &(dyn WireObject + Sync),
     ) -> Result<Payload, PortError> {
-        let mut payload = BytesMut::new();
-        let carrier = self.initiator.carrier();
-        put_reply(&mut payload, carrier, content, self.initiator.dialect());
         self.initiator
-            .send(command, payload.len(), &mut self.output);
-        self.output.extend_from_slice(&payload);
+            .send_object(command, content, &mut self.output);
         self.flush().await?;
         let mut reply = None;
         while !self.initiator.is_idle() {

@@ -15,7 +15,7 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use yarp_ports::{Answer, AuthFailure, Dialogue, Network, Port, PortError, PortOptions, Queue};
 use yarp_wire::Bottle;
-use yarp_wire::carrier::{Carrier, Framing};
+use yarp_wire::carrier::Carrier;
 use yarp_wire::message::Command;
 use yarp_wire::typed::{Image, PixelCode};
 
@@ -294,8 +294,8 @@ async fn a_port_that_is_read_from(phase: &str) -> usize {
             let dying = die(&writer, &conversation, cut, death);
             let writing = async {
                 until(|| writer.outputs().len() > 1).await;
-                match conversation.carrier.framing {
-                    Framing::Pictures => writer.write_strict(&picture, None).await,
+                match conversation.carrier.name {
+                    "mjpeg" => writer.write_strict(&picture, None).await,
                     _ => writer.write_strict(&content, None).await,
                 };
                 std::future::pending().await
@@ -344,7 +344,7 @@ async fn dying_listener(
         loop {
             let (stream, _) = within(listener.accept()).await.unwrap();
             let mut first = [0];
-            let probed = conversation.carrier.framing.is_binary()
+            let probed = conversation.carrier.protocol.payloads().are_binary()
                 && within(stream.peek(&mut first)).await.is_ok()
                 && first == *b"C";
             // Whoever asks for the generation gets no answer.

@@ -8,6 +8,7 @@
 //! * [`vocab`], [`name`], [`stamp`], [`number`]: the small words of the protocol.
 //! * [`carrier`]: one file per carrier, and the one table that lists them.
 //! * [`auth`]: the handshake before a connection, where there is a key.
+//! * [`protocol`]: what the two ends of a carrier say to each other.
 //! * [`connection`]: the state machines of both sides of a connection.
 //! * [`mjpeg`]: pictures for browsers, and from them that send some.
 //! * [`websocket`]: the frames in which pages talk to ports.
@@ -30,6 +31,7 @@ pub mod mjpeg;
 pub mod name;
 pub mod name_service;
 pub mod number;
+pub mod protocol;
 pub mod qos;
 pub mod settings;
 pub mod shmem;

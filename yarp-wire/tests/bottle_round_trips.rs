@@ -6,8 +6,8 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use yarp_wire::admin::AdminRequest;
 use yarp_wire::bottle::{Scanner, Text, detect};
-use yarp_wire::carrier::{ALL, CarrierSpec, Framing, Sender};
-use yarp_wire::connection::{Acceptor, Initiator, MessageReader};
+use yarp_wire::carrier::{ALL, CarrierSpec, Sender};
+use yarp_wire::connection::{Acceptor, Initiator};
 use yarp_wire::message::{Command, Index};
 use yarp_wire::{
     Bottle, Contact, Dialect, Limits, PortName, Stamp, Value, Vocab32, Vocab64, number,
@@ -236,15 +236,10 @@ fn feed_all(bytes: &[u8]) {
     let mut acceptor = Acceptor::new(10002, Dialect::V3, Limits::DEFAULT);
     let (mut input, mut output) = (BytesMut::from(bytes), BytesMut::new());
     while let Ok(Some(_)) = acceptor.poll(&mut input, &mut output) {}
-    for framing in [
-        Framing::Indexed,
-        Framing::Bare,
-        Framing::Lines,
-        Framing::NameService,
-    ] {
-        let mut reader = MessageReader::new(framing, Dialect::V3, Limits::DEFAULT);
+    for carrier in ALL {
+        let mut messages = carrier.protocol.messages(Dialect::V3, Limits::DEFAULT);
         let mut input = BytesMut::from(bytes);
-        while let Ok(Some(_)) = reader.read(&mut input) {}
+        while let Ok(Some(_)) = messages.read(&mut input, &mut output) {}
     }
     let _ = Index::read(bytes, 1 << 30);
     let _ = Command::read(&shared);

@@ -1,11 +1,11 @@
 //! Browsers at a port.
 
 use bytes::{Bytes, BytesMut};
-use yarp_wire::carrier::Framing;
-use yarp_wire::connection::{Message, MessageReader};
+use yarp_wire::connection::Message;
 use yarp_wire::http::json::{self, Outer};
 use yarp_wire::http::{Action, Request, Who, page};
 use yarp_wire::message::{Command, Form, Payload};
+use yarp_wire::protocol::{Incoming, LINES, Protocol as _};
 use yarp_wire::{Bottle, Dialect, Limits, Value};
 
 use super::input::{Connection, End, Next};
@@ -78,11 +78,13 @@ impl Connection {
 
     /// What a person at a terminal is told who types these lines.
     async fn type_lines(&mut self, lines: &str) -> String {
-        let mut reader = MessageReader::new(Framing::Lines, Dialect::V3, Limits::DEFAULT);
+        let mut messages = LINES.messages(Dialect::V3, Limits::DEFAULT);
+        let mut nothing = BytesMut::new();
         let mut input = BytesMut::from(lines);
         input.extend_from_slice(b"\n");
         let mut answers = String::new();
-        while let Ok(Some(Message { command, payload })) = reader.read(&mut input) {
+        while let Ok(Some(Incoming::Message(message))) = messages.read(&mut input, &mut nothing) {
+            let Message { command, payload } = message;
             match command {
                 Command::Data { .. } if !self.may(Right::Write) => {
                     answers += &self.refusal(Right::Write);

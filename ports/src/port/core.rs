@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use tokio::task::JoinSet;
-use yarp_wire::carrier::{Carrier, Framing, Transport};
+use yarp_wire::carrier::{Carrier, Transport};
 use yarp_wire::{Bottle, Contact, Dialect, admin};
 
 use super::counters::{Ended, Meter};
@@ -235,12 +235,9 @@ impl Core {
             carrier: text.to_owned(),
             known: known_carriers(),
         })?;
-        let carrier = Carrier::of(&spec).filter(|carrier| match carrier.framing {
-            // Browsers and name server clients connect to ports, not ports to them.
-            Framing::Http | Framing::NameService => false,
-            _ if carrier.transport == Transport::WebSocket => false,
+        let carrier = Carrier::of(&spec).filter(|carrier| {
             // A group is for what the owner writes.
-            _ => !logs || carrier.transport != Transport::Group,
+            carrier.initiates && (!logs || carrier.transport != Transport::Group)
         });
         let carrier = carrier.ok_or_else(|| match is_modifier(&spec.base) {
             true => PortError::Modifier(MonitorError::NoCarrier {
@@ -269,7 +266,7 @@ impl Core {
         let address = (found.host.as_str(), found.port);
         let dialect = match self.options.readers {
             Some(dialect) => Some(dialect),
-            None if carrier.framing.is_binary() => {
+            None if carrier.protocol.payloads().are_binary() => {
                 probe::generation(&found.name, address, &self.network).await
             }
             None => Some(Dialect::default()),

@@ -4,9 +4,8 @@ use std::cell::RefCell;
 
 use smallvec::SmallVec;
 use yarp_wire::Dialect;
-use yarp_wire::carrier::Framing;
-use yarp_wire::connection::put_reply;
 use yarp_wire::message::{Command, Payload, Pieces, WireObject};
+use yarp_wire::protocol::Payloads;
 
 use super::output::Output;
 use super::picture;
@@ -23,9 +22,8 @@ pub(crate) struct Form {
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 enum Kind {
     Binary(Dialect),
-    Text,
-    /// A page that is read on has text of its own.
-    Page,
+    /// As text, or text of a page.
+    Text(Payloads),
     Picture,
 }
 
@@ -44,13 +42,12 @@ impl<'a> Encoded<'a> {
 
     /// The form for this reader; `None` if there is none: only images go to who watches pictures.
     pub(crate) fn form(&mut self, message: &impl WireObject, output: &Output) -> Option<&Form> {
-        let kind = match output.carrier.framing {
+        let kind = match output.carrier.protocol.payloads() {
             // Monitors want messages as they are; the connection's form comes behind them.
             _ if output.monitors.is_some() => Kind::Binary(output.dialect),
-            Framing::Pictures => Kind::Picture,
-            Framing::Http => Kind::Page,
-            framing if framing.is_binary() => Kind::Binary(output.dialect),
-            _ => Kind::Text,
+            Payloads::Pictures => Kind::Picture,
+            Payloads::Binary => Kind::Binary(output.dialect),
+            payloads => Kind::Text(payloads),
         };
         let index = self.index(kind, message, output);
         self.forms[index].1.as_ref()
@@ -74,8 +71,9 @@ impl<'a> Encoded<'a> {
             Kind::Binary(dialect) => Some(write(dialect, |pieces| {
                 message.write_pieces(pieces, dialect);
             })),
-            Kind::Text | Kind::Page => Some(write(output.dialect, |pieces| {
-                put_reply(pieces.written(), output.carrier, message, output.dialect);
+            Kind::Text(_) => Some(write(output.dialect, |pieces| {
+                let protocol = output.carrier.protocol;
+                protocol.put_object(message, output.dialect, pieces.written());
             })),
         };
         self.forms.push((kind, form));

@@ -8,11 +8,10 @@ use std::time::{Duration, Instant};
 use bytes::BytesMut;
 use tokio::net::{TcpStream, UdpSocket};
 use tokio::sync::oneshot;
-use yarp_wire::carrier::{Carrier, Framing, Sender, Transport};
-use yarp_wire::connection::{
-    Acceptor, DatagramReader, Event, Message, ProtocolError, REFUSAL, header_reply,
-};
+use yarp_wire::carrier::{Carrier, Sender, Transport};
+use yarp_wire::connection::{Acceptor, DatagramReader, Event, Message, ProtocolError, REFUSAL};
 use yarp_wire::message::{Command, Payload};
+use yarp_wire::protocol::header_reply;
 use yarp_wire::{Bottle, Limits};
 
 use super::admin;
@@ -516,13 +515,12 @@ impl Connection {
         match (opened, carrier.transport) {
             (Ok(false), _) => Next::Stop(End::Closed),
             (Err(error), _) => {
-                if carrier.framing == Framing::Lines && !carrier.acknowledges {
-                    let words = format!("* Error. {error}\r\n* Goodbye.\r\n");
-                    self.output.extend_from_slice(words.as_bytes());
-                }
+                carrier
+                    .protocol
+                    .put_refusal(carrier, &error, &mut self.output);
                 Next::Stop(End::Refused(error))
             }
-            (Ok(true), Transport::Stream | Transport::WebSocket) => Next::Go,
+            (Ok(true), Transport::Stream) => Next::Go,
             (Ok(true), Transport::UnixSocket) => Next::UnixSocket,
             (Ok(true), Transport::SharedMemory) => Next::SharedMemory,
             (Ok(true), _) => Next::Datagrams(group),
@@ -539,7 +537,11 @@ impl Connection {
         let goes_on = !matches!(next, Next::Stop(_) | Next::Datagrams(_));
         // Who has said more already does not wait.
         let waits = self.input.bytes.is_empty();
-        replies && goes_on && waits && carrier.framing.is_binary() && is_port(&self.sender.name)
+        replies
+            && goes_on
+            && waits
+            && carrier.protocol.payloads().are_binary()
+            && is_port(&self.sender.name)
     }
 
     /// Asks a port that comes which generation it is of, while it waits for the answer to its header.
@@ -784,7 +786,7 @@ impl Connection {
         let binary = self
             .acceptor
             .carrier()
-            .is_some_and(|carrier| carrier.framing.is_binary());
+            .is_some_and(|carrier| carrier.protocol.payloads().are_binary());
         if wanted && binary {
             self.acceptor.reply(&Bottle::new(), &mut self.output);
         }

@@ -12,8 +12,9 @@ use bytes::BytesMut;
 use tokio::net::UdpSocket;
 use tokio::task::JoinHandle;
 use yarp_wire::admin::{self, Direction};
+use yarp_wire::carrier::put_group;
 use yarp_wire::carrier::{Carrier, CarrierSpec, Sender, Transport};
-use yarp_wire::connection::{Initiator, Progress, put_group, put_reply};
+use yarp_wire::connection::{Initiator, Progress};
 use yarp_wire::message::{Command, Pieces};
 use yarp_wire::{Dialect, Limits};
 
@@ -381,12 +382,8 @@ async fn confirm(
     initiator: &mut Initiator,
     input: &mut Inflow,
 ) -> Result<(), PortError> {
-    let mut request = BytesMut::new();
-    let version = admin::version();
-    put_reply(&mut request, target.carrier, &version, target.dialect);
     let mut output = BytesMut::new();
-    initiator.send(&Command::Admin, request.len(), &mut output);
-    output.extend_from_slice(&request);
+    initiator.send_object(&Command::Admin, &admin::version(), &mut output);
     let sending = write_all(stream, &mut output);
     sending.await.map_err(|_| target.declined())?;
     while !initiator.is_idle() {

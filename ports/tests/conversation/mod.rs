@@ -10,12 +10,11 @@ use socket2::SockRef;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream, UnixListener, UnixStream};
 use yarp_wire::auth::{Handshake, Key, STEP};
-use yarp_wire::carrier::{Carrier, Framing, Sender, Transport};
-use yarp_wire::connection::{
-    Initiator, header_reply, put_acknowledgement, put_group, put_message, put_reply,
-};
+use yarp_wire::carrier::{Carrier, Sender, Transport, put_group};
+use yarp_wire::connection::{Initiator, put_acknowledgement, put_message};
 use yarp_wire::message::Command;
 use yarp_wire::mjpeg::{RESPONSE, put_part, request};
+use yarp_wire::protocol::{Payloads, header_reply};
 use yarp_wire::{Bottle, Dialect, Limits, number, shmem};
 
 use super::common::{bottle, within};
@@ -227,7 +226,7 @@ impl Conversation {
         let sender = Sender::plain(NAME);
         Initiator::new(carrier, &sender, Dialect::V3, Limits::DEFAULT, &mut header);
         self.give("magic", &header.split_to(8));
-        if carrier.framing != Framing::Lines {
+        if carrier.protocol.payloads() != Payloads::Text {
             self.give("length of the name", &header.split_to(4));
         }
         self.give("name", &header);
@@ -300,7 +299,7 @@ impl Conversation {
 
     fn give_message(&mut self, command: &Command, content: &Bottle) {
         let carrier = self.carrier;
-        if carrier.transport == Transport::WebSocket {
+        if carrier.name == "websocket" {
             let block = [0, 0, 0, 0, b'~', letter(command), 0, 1];
             let content = content.encode(Dialect::V3);
             let length = block.len() + content.len();
@@ -329,7 +328,8 @@ impl Conversation {
 
     fn reply(&self, content: &Bottle) -> BytesMut {
         let mut bytes = BytesMut::new();
-        put_reply(&mut bytes, self.carrier, content, Dialect::V3);
+        let protocol = self.carrier.protocol;
+        protocol.put_object(content, Dialect::V3, &mut bytes);
         bytes
     }
 
@@ -570,8 +570,8 @@ pub(crate) fn key() -> Key {
 /// What answers a header.
 fn welcome(carrier: &Carrier, name: &str) -> BytesMut {
     let mut bytes = BytesMut::new();
-    match carrier.framing {
-        Framing::Lines => bytes.extend_from_slice(format!("Welcome {name}\r\n").as_bytes()),
+    match carrier.protocol.payloads() {
+        Payloads::Text => bytes.extend_from_slice(format!("Welcome {name}\r\n").as_bytes()),
         _ => header_reply(9, &mut bytes),
     }
     bytes
@@ -592,17 +592,17 @@ fn parts(carrier: &Carrier, command: &Command, content: &Bottle) -> Vec<(&'stati
     let content = has_payload.then_some(content as _);
     put_message(&mut bytes, carrier, command, content, Dialect::V3);
     let mut parts = Vec::new();
-    match carrier.framing {
-        Framing::Lines => {
+    match carrier.name {
+        "text" | "text_ack" => {
             let line = bytes.iter().position(|byte| *byte == b'\n').unwrap() + 1;
             parts.push(("command", bytes.split_to(line)));
         }
-        Framing::Indexed => {
+        "tcp" | "fast_tcp" | "udp" | "mcast" | "shmem" => {
             let command_begins = bytes.windows(1).rposition(|byte| byte == b"~").unwrap() - 4;
             parts.push(("index", bytes.split_to(command_begins)));
             parts.push(("command", bytes.split_to(command.block_len())));
         }
-        _ if carrier.transport == Transport::WebSocket => {
+        "websocket" => {
             // Two frames with short heads.
             parts.push(("index", bytes.split_to(2)));
             parts.push(("command", bytes.split_to(command.block_len())));

@@ -7,15 +7,14 @@ use bytes::{Bytes, BytesMut};
 use yarp_wire::admin::AdminRequest;
 use yarp_wire::auth::{Handshake, Key};
 use yarp_wire::bottle::{Balance, Scan, Scanner, detect};
-use yarp_wire::carrier::{Carrier, CarrierSpec, Framing, Sender, Transport};
-use yarp_wire::connection::{
-    Acceptor, DatagramReader, Event, Initiator, MessageReader, Progress, put_group,
-};
+use yarp_wire::carrier::{Carrier, CarrierSpec, Sender, Transport, put_group};
+use yarp_wire::connection::{Acceptor, DatagramReader, Event, Initiator, Progress};
 use yarp_wire::http::page::Page;
 use yarp_wire::http::{Action, RequestReader, json};
 use yarp_wire::message::{Command, Form, Index, Payload, ReadObject, WireObject};
 use yarp_wire::mjpeg::{PartReader, comment, with_comment};
 use yarp_wire::name_service::{AnswerReader, Registration, Request, Style, Until};
+use yarp_wire::protocol::Incoming;
 use yarp_wire::settings::{NoSource, Origin, Parameters, Settings};
 use yarp_wire::shmem::{Ring, answers_mark, initiator_mark};
 use yarp_wire::vector::Vector;
@@ -240,20 +239,18 @@ fn take_progress(initiator: &mut Initiator, sends: u8, data: &[u8], step: usize)
     events
 }
 
-/// Messages of each framing, without a header.
+/// Messages of each protocol, without a header.
 pub fn message_reader(data: &[u8]) {
     let Some((&kind, data)) = data.split_first() else {
         return;
     };
-    let framing = match kind % 4 {
-        0 => Framing::Indexed,
-        1 => Framing::Lines,
-        2 => Framing::NameService,
-        _ => Framing::Bare,
-    };
-    let mut reader = MessageReader::new(framing, Dialect::V3, LIMITS);
-    let mut input = BytesMut::from(data);
-    while let Ok(Some(message)) = reader.read(&mut input) {
+    let carrier = ["tcp", "text", "name_ser", "unix_stream"][usize::from(kind % 4)];
+    let protocol = Carrier::by_name(carrier)
+        .expect("it is in the table")
+        .protocol;
+    let mut messages = protocol.messages(Dialect::V3, LIMITS);
+    let (mut input, mut output) = (BytesMut::from(data), BytesMut::new());
+    while let Ok(Some(Incoming::Message(message))) = messages.read(&mut input, &mut output) {
         let mut out = BytesMut::new();
         message.command.put_block(&mut out);
         assert_eq!(out.len(), message.command.block_len());
@@ -557,21 +554,22 @@ pub fn carrier_at(place: u8) -> Option<&'static Carrier> {
 /// A header that an acceptor takes.
 pub fn header(carrier: &'static Carrier) -> BytesMut {
     let mut bytes = BytesMut::new();
-    match (carrier.framing, carrier.transport) {
+    match carrier.name {
         // The rest of the request is what comes behind.
-        (Framing::Http, _) => bytes.extend_from_slice(&carrier.magic),
-        (Framing::Pictures, _) => {
+        "http" => bytes.extend_from_slice(&carrier.magic),
+        "name_ser" => bytes.extend_from_slice(b"NAME_SERVER "),
+        "mjpeg" => {
             bytes.extend_from_slice(b"GET /?action=stream HTTP/1.1\r\nHost: h\r\n\r\n");
         }
-        (_, Transport::WebSocket) => bytes.extend_from_slice(
+        "websocket" => bytes.extend_from_slice(
             b"GET /?ws HTTP/1.1\r\nHost: h\r\nUpgrade: websocket\r\n\
               Connection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\
               Sec-WebSocket-Version: 13\r\n\r\n",
         ),
-        (_, transport) => {
+        _ => {
             let sender = Sender::plain("/fuzz");
             Initiator::new(carrier, &sender, Dialect::V3, LIMITS, &mut bytes);
-            if transport == Transport::Group {
+            if carrier.transport == Transport::Group {
                 put_group("224.2.1.1:11000".parse().expect("a group"), &mut bytes);
             }
         }

@@ -20,35 +20,13 @@ mod websocket;
 
 use std::fmt;
 
+use crate::protocol::Protocol;
+
+pub use mcast::put_group;
 pub use specifier::{CarrierSpec, CarrierSpecError, Sender, options};
 
 /// Bytes by which an acceptor knows the carrier.
 pub const MAGIC: usize = 8;
-
-/// How messages stand in the stream.
-#[derive(Clone, Copy, Debug, Eq, PartialEq)]
-#[non_exhaustive]
-pub enum Framing {
-    /// Index, command block, binary payload.
-    Indexed,
-    /// Command block, binary payload; where the payload ends its own structure tells.
-    Bare,
-    /// A command line, then lines of text.
-    Lines,
-    /// Lines that each are a request to the name server.
-    NameService,
-    /// One request of a browser.
-    Http,
-    /// One request, then pictures ([`mjpeg`](crate::mjpeg)) to whoever connected.
-    Pictures,
-}
-
-impl Framing {
-    /// Whether payloads are in the binary form.
-    pub const fn is_binary(self) -> bool {
-        matches!(self, Self::Indexed | Self::Bare)
-    }
-}
 
 /// What messages travel on once the header is done with.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
@@ -64,8 +42,6 @@ pub enum Transport {
     /// Memory that both map ([`shmem`](crate::shmem)); a connection to the port that the header reply
     /// names tells when the other is gone, and the connection of the header ends.
     SharedMemory,
-    /// The connection of the header, in the frames of [`websocket`](crate::websocket).
-    WebSocket,
     /// Nothing: writer and reader are in one process.
     Local,
     /// Datagrams to a multicast group that the initiator names behind its header.
@@ -82,8 +58,8 @@ pub struct Carrier {
     pub magic: [u8; MAGIC],
     /// Whether an acceptor takes these first bytes for this carrier.
     pub recognises: fn(&[u8; MAGIC]) -> bool,
-    /// How messages stand in the stream.
-    pub framing: Framing,
+    /// What the two ends say to each other.
+    pub protocol: &'static dyn Protocol,
     /// What they travel on.
     pub transport: Transport,
     /// Whether the acceptor acknowledges each message.
@@ -93,6 +69,8 @@ pub struct Carrier {
     pub connectionless: bool,
     /// Whether the writer connects to the reader; where not, the reader connects and pulls.
     pub push: bool,
+    /// Whether ports begin such connections; where not, only browsers do.
+    pub initiates: bool,
 }
 
 /// Every carrier, in the order in which an acceptor tries them.

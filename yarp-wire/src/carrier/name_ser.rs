@@ -1,15 +1,108 @@
 //! `name_ser`: bare lines for the name server, each starting `NAME_SERVER `.
 
-use super::{Carrier, Framing, Transport};
+use bytes::{Buf, BufMut, BytesMut};
+
+use super::{Carrier, MAGIC, Sender, Transport};
+use crate::dialect::Dialect;
+use crate::limits::Limits;
+use crate::message::{Command, Form, Payload};
+use crate::protocol::{
+    Answers, Incoming, LineAnswers, LineReader, Message, Messages, Opened, Opening, Payloads,
+    Protocol, ProtocolError,
+};
 
 /// The first eight letters of `NAME_SERVER` select it.
 pub(super) static NAME_SER: Carrier = Carrier {
     name: "name_ser",
     magic: *b"NAME_SER",
     recognises: |magic| magic == b"NAME_SER",
-    framing: Framing::NameService,
+    protocol: &NameSer,
     transport: Transport::Stream,
     acknowledges: false,
     connectionless: false,
     push: true,
+    initiates: true,
 };
+
+/// What stands before each line.
+const NAME_SERVER: &[u8] = b"NAME_SERVER ";
+
+/// Lines that each are a message.
+#[derive(Debug)]
+struct NameSer;
+
+impl Protocol for NameSer {
+    fn payloads(&self) -> Payloads {
+        Payloads::Text
+    }
+
+    /// The magic is the beginning of the first message.
+    fn put_header(&self, _carrier: &Carrier, _sender: &Sender, _output: &mut BytesMut) {}
+
+    fn opening(&self, _carrier: &'static Carrier, input: &mut BytesMut) -> Box<dyn Opening> {
+        input.advance(MAGIC);
+        Box::new(Anybody)
+    }
+
+    fn messages(&self, _dialect: Dialect, limits: Limits) -> Box<dyn Messages> {
+        Box::new(NameSerMessages {
+            skip: NAME_SERVER.len() - MAGIC,
+            line: LineReader::new(limits.line),
+        })
+    }
+
+    fn answers(&self, limits: Limits) -> Box<dyn Answers> {
+        Box::new(LineAnswers::without_welcome(limits))
+    }
+
+    fn put_head(&self, command: &Command, _length: usize, output: &mut BytesMut) {
+        if command.has_payload() {
+            output.put_slice(NAME_SERVER);
+        }
+    }
+}
+
+/// Nobody says who it is.
+#[derive(Debug)]
+struct Anybody;
+
+impl Opening for Anybody {
+    fn read(
+        &mut self,
+        _port: u16,
+        _limits: Limits,
+        _input: &mut BytesMut,
+        _output: &mut BytesMut,
+    ) -> Result<Option<Opened>, ProtocolError> {
+        Ok(Some(Opened::by(Sender::plain("anon"))))
+    }
+}
+
+/// Takes messages of a line each.
+#[derive(Debug)]
+struct NameSerMessages {
+    /// Bytes to pass over before a line.
+    skip: usize,
+    line: LineReader,
+}
+
+impl Messages for NameSerMessages {
+    fn read(
+        &mut self,
+        input: &mut BytesMut,
+        _output: &mut BytesMut,
+    ) -> Result<Option<Incoming>, ProtocolError> {
+        let skipped = input.len().min(self.skip);
+        input.advance(skipped);
+        self.skip -= skipped;
+        if self.skip > 0 {
+            return Ok(None);
+        }
+        let Some(line) = self.line.read(input)? else {
+            return Ok(None);
+        };
+        self.skip = NAME_SERVER.len();
+        let (command, payload) = (Command::data(true), Payload::new(line, Form::Text));
+        Ok(Some(Incoming::Message(Message { command, payload })))
+    }
+}

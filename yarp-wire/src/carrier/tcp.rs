@@ -1,6 +1,7 @@
 //! `tcp`: binary, each message acknowledged after its reader has consumed it.
 
-use super::{Carrier, Framing, Transport, specifier};
+use super::{Carrier, Transport, specifier};
+use crate::protocol::INDEXED;
 
 /// Tells `tcp` from `fast_tcp`.
 const ACKNOWLEDGE: i32 = 128;
@@ -10,9 +11,10 @@ pub(super) static TCP: Carrier = Carrier {
     name: "tcp",
     magic: super::magic(3 + ACKNOWLEDGE),
     recognises: |magic| matches!(specifier(magic), Some(s) if s % 16 == 3 && s & ACKNOWLEDGE != 0),
-    framing: Framing::Indexed,
+    protocol: &INDEXED,
     transport: Transport::Stream,
     acknowledges: true,
     connectionless: false,
     push: true,
+    initiates: true,
 };

@@ -1,15 +1,17 @@
 //! `text`: lines, for people with a terminal.
 
-use super::{Carrier, Framing, Transport};
+use super::{Carrier, Transport};
+use crate::protocol::LINES;
 
 /// `CONNECT NAME`, answered `Welcome NAME`.
 pub(super) static TEXT: Carrier = Carrier {
     name: "text",
     magic: *b"CONNECT ",
     recognises: |magic| magic == b"CONNECT ",
-    framing: Framing::Lines,
+    protocol: &LINES,
     transport: Transport::Stream,
     acknowledges: false,
     connectionless: false,
     push: true,
+    initiates: true,
 };

@@ -1,15 +1,17 @@
 //! `udp`: binary messages cut into datagrams; what is lost is lost.
 
-use super::{Carrier, Framing, Transport, specifier};
+use super::{Carrier, Transport, specifier};
+use crate::protocol::INDEXED;
 
 /// The header goes over TCP; its reply is the UDP port that the acceptor has opened.
 pub(super) static UDP: Carrier = Carrier {
     name: "udp",
     magic: super::magic(0),
     recognises: |magic| matches!(specifier(magic), Some(s) if s % 16 == 0),
-    framing: Framing::Indexed,
+    protocol: &INDEXED,
     transport: Transport::Datagrams,
     acknowledges: false,
     connectionless: true,
     push: true,
+    initiates: true,
 };

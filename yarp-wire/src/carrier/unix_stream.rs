@@ -1,17 +1,19 @@
 //! `unix_stream`: binary messages without an index, over a socket of the file system.
 
-use super::{Carrier, Framing, Transport};
+use super::{Carrier, Transport};
+use crate::protocol::BARE;
 
 /// Without acknowledgements; the usual form.
 pub(super) static UNIX_STREAM: Carrier = Carrier {
     name: "unix_stream",
     magic: *b"UNIX_STR",
     recognises: |magic| magic == b"UNIX_STR",
-    framing: Framing::Bare,
+    protocol: &BARE,
     transport: Transport::UnixSocket,
     acknowledges: false,
     connectionless: false,
     push: true,
+    initiates: true,
 };
 
 /// With acknowledgements: what the modifier `+ack` asks for.
@@ -19,9 +21,10 @@ pub(super) static UNIX_STREAM_ACK: Carrier = Carrier {
     name: "unix_stream",
     magic: *b"UNIX_ACK",
     recognises: |magic| magic == b"UNIX_ACK",
-    framing: Framing::Bare,
+    protocol: &BARE,
     transport: Transport::UnixSocket,
     acknowledges: true,
     connectionless: false,
     push: true,
+    initiates: true,
 };

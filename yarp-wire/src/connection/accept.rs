@@ -1,20 +1,17 @@
 //! The side that listened.
 
-use std::net::{Ipv4Addr, SocketAddrV4};
+use std::net::SocketAddrV4;
 
-use bytes::{Buf, BufMut, Bytes, BytesMut};
+use bytes::BytesMut;
 
-use super::line::LineReader;
-use super::{Initiator, Message, MessageReader, ProtocolError, put_acknowledgement, put_reply};
+use super::{Initiator, put_acknowledgement};
 use crate::bottle::detect;
-use crate::carrier::{Carrier, Framing, MAGIC, Sender, Transport};
+use crate::carrier::{Carrier, MAGIC, Sender};
 use crate::dialect::Dialect;
-use crate::http::{Request, RequestReader};
+use crate::http::Request;
 use crate::limits::Limits;
-use crate::message::{Command, Form, Payload, WireObject};
-use crate::mjpeg;
-use crate::number;
-use crate::websocket::{self, FrameReader, put_close, put_frame_head};
+use crate::message::{Command, Form, WireObject};
+use crate::protocol::{Incoming, Message, Messages, Opened, Opening, ProtocolError};
 
 /// What an acceptor has learned.
 #[derive(Debug)]
@@ -43,27 +40,14 @@ pub struct Acceptor {
     settled: bool,
     limits: Limits,
     state: State,
-    /// Where messages stand in frames.
-    frames: Option<FrameReader>,
-    /// A peer that sends frames has said goodbye.
-    over: bool,
 }
 
 #[derive(Debug)]
 enum State {
     Magic,
-    Sender(&'static Carrier, LineReader),
-    Group(&'static Carrier, Sender),
-    Open(&'static Carrier, MessageReader),
-    Browser(&'static Carrier, RequestReader),
-    /// A request of a browser is being read that turns into a connection.
-    Request(&'static Carrier, RequestReader),
+    Header(&'static Carrier, Box<dyn Opening>),
+    Open(&'static Carrier, Box<dyn Messages>),
 }
-
-/// Bytes of a group: IPv4 address and port, the latter high byte first.
-const GROUP: usize = 6;
-/// Longest sender name, modifiers included. Stock reads 1000.
-const LONGEST_SENDER: usize = 4096;
 
 impl Acceptor {
     /// An acceptor on TCP port `port`, for a peer of unknown generation.
@@ -76,8 +60,6 @@ impl Acceptor {
             settled: false,
             limits,
             state: State::Magic,
-            frames: None,
-            over: false,
         }
     }
 
@@ -85,11 +67,7 @@ impl Acceptor {
     pub fn carrier(&self) -> Option<&'static Carrier> {
         match &self.state {
             State::Magic => None,
-            State::Sender(carrier, _)
-            | State::Group(carrier, _)
-            | State::Open(carrier, _)
-            | State::Browser(carrier, _)
-            | State::Request(carrier, _) => Some(carrier),
+            State::Header(carrier, _) | State::Open(carrier, _) => Some(carrier),
         }
     }
 
@@ -101,8 +79,8 @@ impl Acceptor {
     /// Takes the peer to be of a generation, until its own messages betray another.
     pub fn assume(&mut self, dialect: Dialect) {
         self.dialect = dialect;
-        if let State::Open(_, reader) = &mut self.state {
-            reader.set_dialect(dialect);
+        if let State::Open(_, messages) = &mut self.state {
+            messages.set_dialect(dialect);
         }
     }
 
@@ -122,87 +100,37 @@ impl Acceptor {
                     };
                     let carrier = Carrier::detect(magic)
                         .ok_or(ProtocolError::UnknownCarrier { magic: *magic })?;
-                    if carrier.transport == Transport::Local {
-                        return Err(ProtocolError::OtherProcess);
-                    }
-                    if carrier.framing == Framing::Http {
-                        // What selects the carrier is the beginning of the request.
-                        self.state = State::Browser(carrier, RequestReader::default());
-                        return Ok(Some(Event::Opened {
-                            carrier,
-                            sender: Sender::plain("web"),
-                            group: None,
-                        }));
-                    }
-                    if carrier.framing == Framing::Pictures
-                        || carrier.transport == Transport::WebSocket
-                    {
-                        self.state = State::Request(carrier, RequestReader::default());
-                        continue;
-                    }
-                    input.advance(MAGIC);
-                    self.state = State::Sender(carrier, LineReader::new(LONGEST_SENDER));
+                    self.state = State::Header(carrier, carrier.protocol.opening(carrier, input));
                 }
-                State::Sender(carrier, line) => {
+                State::Header(carrier, opening) => {
                     let carrier = *carrier;
-                    let Some(sender) = read_sender(carrier, line, input)? else {
+                    let opened = opening.read(self.port, self.limits, input, output)?;
+                    let Some(Opened { sender, group }) = opened else {
                         return Ok(None);
                     };
-                    if carrier.transport == Transport::Group {
-                        self.state = State::Group(carrier, sender);
-                        continue;
-                    }
-                    return Ok(Some(self.open(carrier, sender, None, output)));
+                    let messages = carrier.protocol.messages(self.dialect, self.limits);
+                    self.state = State::Open(carrier, messages);
+                    return Ok(Some(Event::Opened {
+                        carrier,
+                        sender,
+                        group,
+                    }));
                 }
-                State::Group(carrier, sender) => {
-                    let Some(address) = input.first_chunk::<GROUP>() else {
-                        return Ok(None);
-                    };
-                    let [a, b, c, d, high, low] = *address;
-                    let port = u16::from_be_bytes([high, low]);
-                    let group = SocketAddrV4::new(Ipv4Addr::new(a, b, c, d), port);
-                    input.advance(GROUP);
-                    let (carrier, sender) = (*carrier, sender.clone());
-                    return Ok(Some(self.open(carrier, sender, Some(group), output)));
-                }
-                State::Browser(_, reader) => {
-                    return Ok(reader.read(input, self.limits)?.map(Event::Browser));
-                }
-                State::Request(carrier, reader) => {
-                    let carrier = *carrier;
-                    let Some(request) = reader.read(input, self.limits)? else {
-                        return Ok(None);
-                    };
-                    let mut sender = Sender::plain(mjpeg::VIEWER);
-                    if carrier.transport == Transport::WebSocket {
-                        output.put_slice(websocket::response(&request)?.as_bytes());
-                        self.frames = Some(FrameReader::new(self.limits.message));
-                        sender = Sender::plain("web");
-                    }
-                    return Ok(Some(self.open(carrier, sender, None, output)));
-                }
-                State::Open(_, reader) => {
-                    let message = match &mut self.frames {
-                        None => reader.read(input)?,
-                        Some(_) if self.over => None,
-                        Some(frames) => read_frames(frames, reader, input, output)?,
-                    };
-                    let quits = |message: &Message| message.command == Command::Quit;
-                    self.over |= message.as_ref().is_some_and(quits);
-                    if let Some(message) = &message {
+                State::Open(_, messages) => {
+                    let incoming = messages.read(input, output)?;
+                    if let Some(Incoming::Message(message)) = &incoming {
                         self.learn(message);
                     }
-                    return Ok(message.map(Event::Message));
+                    return Ok(incoming.map(Event::from));
                 }
             }
         }
     }
 
-    /// Bytes that the message in progress still needs, as far as it has said; 0 in frames, where
-    /// what it has is no longer in `input`, and a ping between two of them is answered at once.
+    /// Bytes that the message in progress still needs, as far as it has said.
     pub fn missing(&self, input: &BytesMut) -> usize {
         match &self.state {
-            State::Open(_, reader) if self.frames.is_none() => reader.missing(input),
+            State::Open(_, messages) => messages.missing(input),
             _ => 0,
         }
     }
@@ -210,30 +138,27 @@ impl Acceptor {
     /// Appends the reply to the message at hand.
     pub fn reply(&self, object: &dyn WireObject, output: &mut BytesMut) {
         if let State::Open(carrier, _) = &self.state {
-            if self.frames.is_none() {
-                return put_reply(output, carrier, object, self.dialect);
-            }
-            let mut reply = BytesMut::new();
-            put_reply(&mut reply, carrier, object, self.dialect);
-            put_frame_head(output, reply.len());
-            output.put_slice(&reply);
+            carrier.protocol.put_reply(object, self.dialect, output);
         }
     }
 
     /// The writing side of the same connection, once the peer has become its reader; `None` before
     /// the header is complete.
     pub fn reversed(self) -> Option<Initiator> {
-        let carrier = self.carrier()?;
+        let State::Open(carrier, messages) = self.state else {
+            return None;
+        };
         let initiator = Initiator::established(carrier, self.dialect, self.limits);
-        Some(initiator.with_frames(self.frames))
+        Some(match messages.reversed(self.limits) {
+            None => initiator,
+            Some(answers) => initiator.with(answers),
+        })
     }
 
     /// Appends lines in answer to a command; only text connections have them.
     pub fn answer_lines(&self, lines: &str, output: &mut BytesMut) {
-        if let State::Open(carrier, _) = &self.state
-            && carrier.framing == Framing::Lines
-        {
-            output.put_slice(lines.as_bytes());
+        if let State::Open(carrier, _) = &self.state {
+            carrier.protocol.put_lines(lines, output);
         }
     }
 
@@ -241,32 +166,6 @@ impl Acceptor {
     pub fn acknowledge(&self, output: &mut BytesMut) {
         if let State::Open(carrier, _) = &self.state {
             put_acknowledgement(output, carrier);
-        }
-    }
-
-    fn open(
-        &mut self,
-        carrier: &'static Carrier,
-        sender: Sender,
-        group: Option<SocketAddrV4>,
-        output: &mut BytesMut,
-    ) -> Event {
-        match carrier.framing {
-            // For datagrams the driver opens a socket and says where (`header_reply`).
-            Framing::Indexed if carrier.transport != Transport::Stream => {}
-            Framing::Indexed => header_reply(self.port, output),
-            Framing::Lines => {
-                output.put_slice(format!("Welcome {}\r\n", sender.name).as_bytes());
-            }
-            Framing::Pictures => output.put_slice(mjpeg::RESPONSE.as_bytes()),
-            Framing::Bare | Framing::NameService | Framing::Http => {}
-        }
-        let reader = MessageReader::new(carrier.framing, self.dialect, self.limits);
-        self.state = State::Open(carrier, reader);
-        Event::Opened {
-            carrier,
-            sender,
-            group,
         }
     }
 
@@ -286,65 +185,11 @@ impl Acceptor {
     }
 }
 
-/// The next message in frames. A close frame is the command to quit, and answers it.
-fn read_frames(
-    frames: &mut FrameReader,
-    reader: &mut MessageReader,
-    input: &mut BytesMut,
-    output: &mut BytesMut,
-) -> Result<Option<Message>, ProtocolError> {
-    loop {
-        // What came before is used before what is behind it: it may be broken.
-        if let Some(message) = reader.read(&mut frames.stream)? {
-            if message.command == Command::Quit && !frames.is_closed() {
-                put_close(output);
-            }
-            return Ok(Some(message));
-        }
-        if frames.is_closed() {
-            let payload = Payload::new(Bytes::new(), Form::Text);
-            let command = Command::Quit;
-            return Ok(Some(Message { command, payload }));
-        }
-        if !frames.step(input, output)? {
-            return Ok(None);
-        }
-    }
-}
-
-/// Appends the header reply of a binary carrier: the port to go on with.
-pub fn header_reply(port: u16, output: &mut BytesMut) {
-    number::put(output, i32::from(port));
-}
-
-fn read_sender(
-    carrier: &Carrier,
-    line: &mut LineReader,
-    input: &mut BytesMut,
-) -> Result<Option<Sender>, ProtocolError> {
-    match carrier.framing {
-        Framing::NameService => Ok(Some(Sender::plain("anon"))),
-        Framing::Http | Framing::Pictures => Ok(Some(Sender::plain("web"))),
-        Framing::Lines => Ok(line.read(input)?.map(|name| Sender::parse(&name))),
-        Framing::Indexed | Framing::Bare => {
-            let Some(length) = input.first_chunk::<4>() else {
-                return Ok(None);
-            };
-            let length = i32::from_le_bytes(*length);
-            let bytes = usize::try_from(length)
-                .ok()
-                .filter(|bytes| (1..=LONGEST_SENDER).contains(bytes))
-                .ok_or(ProtocolError::SenderLength {
-                    length,
-                    limit: LONGEST_SENDER,
-                })?;
-            if input.len() < 4 + bytes {
-                return Ok(None);
-            }
-            input.advance(4);
-            let name = input.split_to(bytes);
-            let end = name.iter().position(|b| *b == 0).unwrap_or(name.len());
-            Ok(Some(Sender::parse(&name[..end])))
+impl From<Incoming> for Event {
+    fn from(incoming: Incoming) -> Self {
+        match incoming {
+            Incoming::Message(message) => Self::Message(message),
+            Incoming::Request(request) => Self::Browser(request),
         }
     }
 }

@@ -2,11 +2,10 @@
 
 use bytes::BytesMut;
 
-use super::{Message, MessageReader, ProtocolError};
-use crate::carrier::Framing;
 use crate::datagram;
 use crate::dialect::Dialect;
 use crate::limits::Limits;
+use crate::protocol::{IndexedMessages, Message, ProtocolError};
 
 /// Puts messages together from datagrams that may be lost, doubled, out of order or damaged.
 ///
@@ -15,7 +14,7 @@ use crate::limits::Limits;
 pub struct DatagramReader {
     dialect: Dialect,
     limits: Limits,
-    reader: MessageReader,
+    messages: IndexedMessages,
     bytes: BytesMut,
     /// The number of the datagram that goes on with the message in progress; 0 if there is none.
     next: i32,
@@ -30,7 +29,7 @@ impl DatagramReader {
         Self {
             dialect,
             limits,
-            reader: MessageReader::new(Framing::Indexed, dialect, limits),
+            messages: IndexedMessages::new(dialect, limits),
             bytes: BytesMut::new(),
             next: 0,
             skipping: i32::MAX,
@@ -66,7 +65,7 @@ impl DatagramReader {
         }
         self.bytes.extend_from_slice(datagram.data);
         self.next = number.wrapping_add(1);
-        match self.reader.read(&mut self.bytes) {
+        match self.messages.take(&mut self.bytes) {
             Ok(None) => Ok(None),
             Ok(Some(message)) => {
                 self.restart();
@@ -97,7 +96,7 @@ impl DatagramReader {
         self.bytes.clear();
         self.next = 0;
         self.skipping = i32::MAX;
-        self.reader = MessageReader::new(Framing::Indexed, self.dialect, self.limits);
+        self.messages = IndexedMessages::new(self.dialect, self.limits);
     }
 }
 

@@ -4,6 +4,7 @@
 //! then yields messages. An [`Initiator`] is the side that connected: it announces itself, then
 //! sends messages and yields replies and acknowledgements. Either is fed a buffer that the driver
 //! fills from a socket and takes what it can use; any split of the stream gives the same events.
+//! What is said is up to the carrier's [protocol](crate::protocol).
 //!
 //! ```text
 //!   initiator                        acceptor
@@ -16,15 +17,12 @@
 
 mod accept;
 mod datagrams;
-mod error;
-mod incoming;
 mod initiate;
-mod line;
 mod outgoing;
 
-pub use accept::{Acceptor, Event, REFUSAL, header_reply};
+pub use accept::{Acceptor, Event, REFUSAL};
 pub use datagrams::DatagramReader;
-pub use error::ProtocolError;
-pub use incoming::{Message, MessageReader};
-pub use initiate::{Initiator, Progress, put_group};
-pub use outgoing::{ACKNOWLEDGEMENT_LINE, put_acknowledgement, put_head, put_message, put_reply};
+pub use initiate::Initiator;
+pub use outgoing::{put_acknowledgement, put_message};
+
+pub use crate::protocol::{Message, Progress, ProtocolError};

@@ -2,10 +2,11 @@
 
 use bytes::BytesMut;
 use yarp_wire::auth::{Handshake, Key};
-use yarp_wire::carrier::{ALL, Carrier, Framing, Transport};
-use yarp_wire::connection::{header_reply, put_acknowledgement, put_message, put_reply};
+use yarp_wire::carrier::{ALL, Carrier};
+use yarp_wire::connection::{put_acknowledgement, put_message};
 use yarp_wire::message::Command;
 use yarp_wire::mjpeg::{RESPONSE, put_part};
+use yarp_wire::protocol::header_reply;
 use yarp_wire::{Bottle, Dialect, Value};
 
 use crate::fuzz::{CARRIERS, carrier_at, header};
@@ -175,11 +176,9 @@ fn initiator() -> Vec<Vec<u8>> {
     ];
     for (place, carrier) in on_the_wire() {
         let mut bytes = BytesMut::from(&[place, 0, SENT, 5][..]);
-        match carrier.framing {
-            Framing::Indexed if carrier.transport != Transport::Group => {
-                header_reply(10002, &mut bytes);
-            }
-            Framing::Lines => bytes.extend_from_slice(b"Welcome /fuzz\r\n"),
+        match carrier.name {
+            "tcp" | "fast_tcp" | "udp" | "shmem" => header_reply(10002, &mut bytes),
+            "text" | "text_ack" => bytes.extend_from_slice(b"Welcome /fuzz\r\n"),
             _ => {}
         }
         bytes.extend_from_slice(&answers_on(carrier));
@@ -340,13 +339,13 @@ fn behind_headers() -> Vec<Vec<u8>> {
 fn behind_header(carrier: &'static Carrier) -> BytesMut {
     let content = Bottle::parse("1 0.5 (a \"b\")").unwrap();
     let mut bytes = BytesMut::new();
-    match (carrier.framing, carrier.transport) {
-        (Framing::Http, _) => bytes.extend_from_slice(b"TP/1.1\r\nHost: h\r\n\r\n"),
-        (Framing::NameService, _) => {
+    match carrier.name {
+        "http" => bytes.extend_from_slice(b"TP/1.1\r\nHost: h\r\n\r\n"),
+        "name_ser" => {
             bytes.extend_from_slice(b"query /x\nNAME_SERVER list\n");
         }
-        (Framing::Pictures, _) => bytes.extend_from_slice(b"whatever\r\n"),
-        (_, Transport::WebSocket) => bytes.extend_from_slice(&frames()[0]),
+        "mjpeg" => bytes.extend_from_slice(b"whatever\r\n"),
+        "websocket" => bytes.extend_from_slice(&frames()[0]),
         _ => {
             for command in [Command::data(true), Command::Admin, Command::data(false)] {
                 put_message(&mut bytes, carrier, &command, Some(&content), Dialect::V3);
@@ -363,7 +362,7 @@ fn from_readers() -> Vec<Vec<u8>> {
     let seed = |(place, carrier): (u8, &'static Carrier)| {
         let answers = answers_on(carrier);
         let mut bytes = vec![place, SENT, 5];
-        if carrier.transport == Transport::WebSocket {
+        if carrier.name == "websocket" {
             // One frame, under a mask that changes nothing.
             bytes.extend_from_slice(&[0x82, 0x80 | answers.len() as u8, 0, 0, 0, 0]);
         }
@@ -382,8 +381,9 @@ fn answers_on(carrier: &'static Carrier) -> BytesMut {
     let mut answers = BytesMut::new();
     for replies in [true, false, true, false] {
         if replies {
-            put_reply(&mut answers, carrier, &content, Dialect::V3);
-            if carrier.framing == Framing::Lines {
+            let protocol = carrier.protocol;
+            protocol.put_object(&content, Dialect::V3, &mut answers);
+            if matches!(carrier.name, "text" | "text_ack") {
                 answers.extend_from_slice(b"\r\n");
             }
         }

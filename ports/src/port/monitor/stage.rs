@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use bytes::Bytes;
 use yarp_wire::Dialect;
-use yarp_wire::carrier::{Carrier, Framing};
-use yarp_wire::connection::put_reply;
+use yarp_wire::carrier::Carrier;
 use yarp_wire::message::{Command, Payload, Pieces, WireObject};
+use yarp_wire::protocol::Payloads;
 
 use super::chain::Chain;
 use crate::port::encoded::Form;
@@ -52,10 +52,15 @@ fn form(
     envelope: Option<&Bytes>,
 ) -> Option<Pieces> {
     let mut pieces = Pieces::new();
-    match carrier.framing {
-        framing if framing.is_binary() => Content(payload).write_pieces(&mut pieces, dialect),
-        Framing::Pictures => pieces.share(&picture::part(payload, envelope)?),
-        _ => put_reply(pieces.written(), carrier, &Content(payload), dialect),
+    match carrier.protocol.payloads() {
+        Payloads::Binary => Content(payload).write_pieces(&mut pieces, dialect),
+        Payloads::Pictures => pieces.share(&picture::part(payload, envelope)?),
+        _ => {
+            let content = Content(payload);
+            carrier
+                .protocol
+                .put_object(&content, dialect, pieces.written());
+        }
     }
     pieces.seal();
     Some(pieces)

@@ -9,13 +9,13 @@ use super::ProtocolError;
 /// CR and NUL are dropped; LF ends the line, unless a backslash stands before it: then both
 /// disappear and the line goes on.
 #[derive(Clone, Debug)]
-pub(super) struct LineReader {
+pub(crate) struct LineReader {
     line: Vec<u8>,
     limit: usize,
 }
 
 impl LineReader {
-    pub(super) fn new(limit: usize) -> Self {
+    pub(crate) fn new(limit: usize) -> Self {
         Self {
             line: Vec::new(),
             limit,
@@ -23,7 +23,7 @@ impl LineReader {
     }
 
     /// Takes bytes from `input` up to and including the end of a line.
-    pub(super) fn read(&mut self, input: &mut BytesMut) -> Result<Option<Bytes>, ProtocolError> {
+    pub(crate) fn read(&mut self, input: &mut BytesMut) -> Result<Option<Bytes>, ProtocolError> {
         while !input.is_empty() {
             let end = input.iter().position(|byte| *byte == b'\n');
             let piece = &input[..end.unwrap_or(input.len())];

@@ -1,0 +1,161 @@
+//! Messages without an index: a command block and a binary payload, whose own structure tells where
+//! it ends.
+
+use bytes::{Buf, BufMut, Bytes, BytesMut};
+
+use super::binary::{BinaryAnswers, BinaryOpening, put_binary_header};
+use super::{Answers, Incoming, Message, Messages, Opening, Payloads, Protocol, ProtocolError};
+use crate::bottle::{Scan, Scanner};
+use crate::carrier::{Carrier, Sender};
+use crate::dialect::Dialect;
+use crate::limits::Limits;
+use crate::message::{Command, Form, Payload};
+
+/// Messages without an index.
+pub static BARE: Bare = Bare;
+
+/// See [`BARE`].
+#[derive(Debug)]
+pub struct Bare;
+
+/// The acknowledgement.
+const ACKNOWLEDGEMENT: &[u8; 4] = b"ACK\0";
+
+impl Protocol for Bare {
+    fn payloads(&self) -> Payloads {
+        Payloads::Binary
+    }
+
+    fn put_header(&self, carrier: &Carrier, sender: &Sender, output: &mut BytesMut) {
+        put_binary_header(carrier, sender, output);
+    }
+
+    fn opening(&self, _carrier: &'static Carrier, input: &mut BytesMut) -> Box<dyn Opening> {
+        Box::new(BinaryOpening::new(input, |_, _| ()))
+    }
+
+    fn messages(&self, dialect: Dialect, limits: Limits) -> Box<dyn Messages> {
+        Box::new(BareMessages::new(dialect, limits))
+    }
+
+    fn answers(&self, _limits: Limits) -> Box<dyn Answers> {
+        Box::new(answers())
+    }
+
+    fn put_head(&self, command: &Command, _length: usize, output: &mut BytesMut) {
+        command.put_block(output);
+    }
+
+    fn put_acknowledgement(&self, output: &mut BytesMut) {
+        output.put_slice(ACKNOWLEDGEMENT);
+    }
+}
+
+/// The connection goes on over another socket at once: nothing answers its header.
+pub(crate) fn answers() -> BinaryAnswers {
+    BinaryAnswers::new(|_| Ok(Some(0)), |input, _| take_acknowledgement(input))
+}
+
+fn take_acknowledgement(input: &mut BytesMut) -> Result<bool, ProtocolError> {
+    let Some(word) = input.first_chunk::<{ ACKNOWLEDGEMENT.len() }>() else {
+        return Ok(false);
+    };
+    if word != ACKNOWLEDGEMENT {
+        return Err(ProtocolError::Acknowledgement { got: word.to_vec() });
+    }
+    input.advance(word.len());
+    Ok(true)
+}
+
+/// Takes messages without an index.
+#[derive(Debug)]
+pub(crate) struct BareMessages {
+    dialect: Dialect,
+    limits: Limits,
+    /// The message in progress, of which the command block has been read.
+    begun: Option<Begun>,
+}
+
+#[derive(Debug)]
+struct Begun {
+    command: Command,
+    scanner: Scanner,
+    /// Bytes that the payload takes at the least.
+    needs: usize,
+}
+
+impl BareMessages {
+    pub(crate) fn new(dialect: Dialect, limits: Limits) -> Self {
+        Self {
+            dialect,
+            limits,
+            begun: None,
+        }
+    }
+
+    /// Takes the next message from `input`, or `None` while bytes are missing.
+    pub(crate) fn take(&mut self, input: &mut BytesMut) -> Result<Option<Message>, ProtocolError> {
+        let mut begun = match self.begun.take() {
+            Some(begun) => begun,
+            None => {
+                let Some((command, block)) = Command::read_prefix(input, self.limits.line)? else {
+                    return Ok(None);
+                };
+                input.advance(block);
+                if !command.has_payload() {
+                    let payload = Payload::new(Bytes::new(), Form::Binary(self.dialect));
+                    return Ok(Some(Message { command, payload }));
+                }
+                Begun {
+                    command,
+                    scanner: Scanner::new(self.dialect, self.limits),
+                    needs: 0,
+                }
+            }
+        };
+        let scan = match begun.scanner.scan(input) {
+            Ok(scan) => scan,
+            Err(error) => {
+                // Perhaps the writer is of the other generation.
+                let other = self.dialect.other();
+                let mut again = Scanner::new(other, self.limits);
+                let scan = again.scan(input).map_err(|_| error)?;
+                self.dialect = other;
+                begun.scanner = again;
+                scan
+            }
+        };
+        match scan {
+            Scan::Complete { length } => {
+                let bytes = input.split_to(length).freeze();
+                let payload = Payload::new(bytes, Form::Binary(self.dialect));
+                let command = begun.command;
+                Ok(Some(Message { command, payload }))
+            }
+            Scan::Needs { at_least } => {
+                begun.needs = at_least;
+                self.begun = Some(begun);
+                Ok(None)
+            }
+        }
+    }
+}
+
+impl Messages for BareMessages {
+    fn read(
+        &mut self,
+        input: &mut BytesMut,
+        _output: &mut BytesMut,
+    ) -> Result<Option<Incoming>, ProtocolError> {
+        Ok(self.take(input)?.map(Incoming::Message))
+    }
+
+    fn missing(&self, input: &BytesMut) -> usize {
+        let needs = self.begun.as_ref().map_or(0, |begun| begun.needs);
+        needs.saturating_sub(input.len())
+    }
+
+    fn set_dialect(&mut self, dialect: Dialect) {
+        self.dialect = dialect;
+    }
+}

@@ -1,0 +1,155 @@
+//! Messages with an index: it, a command block, and a binary payload.
+
+use bytes::{Buf, BytesMut};
+
+use super::binary::{BinaryAnswers, BinaryOpening, put_binary_header};
+use super::{Answers, Incoming, Message, Messages, Opening, Payloads, Protocol, ProtocolError};
+use crate::carrier::{Carrier, Sender, Transport};
+use crate::dialect::Dialect;
+use crate::limits::Limits;
+use crate::message::{Command, Form, Index, Payload};
+use crate::number;
+
+/// Messages with an index.
+pub static INDEXED: Indexed = Indexed;
+
+/// See [`INDEXED`].
+#[derive(Debug)]
+pub struct Indexed;
+
+impl Protocol for Indexed {
+    fn payloads(&self) -> Payloads {
+        Payloads::Binary
+    }
+
+    fn put_header(&self, carrier: &Carrier, sender: &Sender, output: &mut BytesMut) {
+        put_binary_header(carrier, sender, output);
+    }
+
+    fn opening(&self, carrier: &'static Carrier, input: &mut BytesMut) -> Box<dyn Opening> {
+        let answer = match carrier.transport {
+            Transport::Stream => header_reply,
+            // The driver knows where it goes on.
+            _ => |_, _: &mut BytesMut| (),
+        };
+        Box::new(BinaryOpening::new(input, answer))
+    }
+
+    fn messages(&self, dialect: Dialect, limits: Limits) -> Box<dyn Messages> {
+        Box::new(IndexedMessages::new(dialect, limits))
+    }
+
+    fn answers(&self, _limits: Limits) -> Box<dyn Answers> {
+        Box::new(answers(take_header_reply))
+    }
+
+    fn put_head(&self, command: &Command, length: usize, output: &mut BytesMut) {
+        Index::put(output, command.block_len(), length);
+        command.put_block(output);
+    }
+
+    fn put_acknowledgement(&self, output: &mut BytesMut) {
+        number::put(output, 0);
+    }
+}
+
+/// Appends the header reply of a binary carrier: the port to go on with.
+pub fn header_reply(port: u16, output: &mut BytesMut) {
+    number::put(output, i32::from(port));
+}
+
+fn take_header_reply(input: &mut BytesMut) -> Result<Option<i32>, ProtocolError> {
+    let Some(reply) = input.first_chunk::<{ number::LENGTH }>() else {
+        return Ok(None);
+    };
+    let number = number::decode(reply).ok_or(ProtocolError::HeaderReply { got: *reply })?;
+    input.advance(number::LENGTH);
+    Ok(Some(number))
+}
+
+/// Answers behind a header that is answered so.
+pub(crate) fn answers(
+    header: fn(&mut BytesMut) -> Result<Option<i32>, ProtocolError>,
+) -> BinaryAnswers {
+    BinaryAnswers::new(header, take_acknowledgement)
+}
+
+/// An acknowledgement is a number, and so many bytes that mean nothing.
+fn take_acknowledgement(input: &mut BytesMut, limits: Limits) -> Result<bool, ProtocolError> {
+    let Some(head) = input.first_chunk::<{ number::LENGTH }>() else {
+        return Ok(false);
+    };
+    let discard = number::decode(head)
+        .and_then(|n| usize::try_from(n).ok())
+        .filter(|n| *n <= limits.line)
+        .ok_or_else(|| ProtocolError::Acknowledgement { got: head.to_vec() })?;
+    if input.len() < number::LENGTH + discard {
+        return Ok(false);
+    }
+    input.advance(number::LENGTH + discard);
+    Ok(true)
+}
+
+/// Takes messages with an index.
+#[derive(Debug)]
+pub(crate) struct IndexedMessages {
+    dialect: Dialect,
+    limits: Limits,
+    /// The index has been read; that many bytes of message follow.
+    total: Option<usize>,
+}
+
+impl IndexedMessages {
+    pub(crate) fn new(dialect: Dialect, limits: Limits) -> Self {
+        Self {
+            dialect,
+            limits,
+            total: None,
+        }
+    }
+
+    /// Takes the next message from `input`, or `None` while bytes are missing.
+    pub(crate) fn take(&mut self, input: &mut BytesMut) -> Result<Option<Message>, ProtocolError> {
+        let total = match self.total {
+            Some(total) => total,
+            None => match Index::read(input, self.limits.message)? {
+                Some((index, length)) => {
+                    input.advance(length);
+                    index.total
+                }
+                None => return Ok(None),
+            },
+        };
+        let is_whole = input.len() >= total;
+        self.total = (!is_whole).then_some(total);
+        if !is_whole {
+            return Ok(None);
+        }
+        let mut bytes = input.split_to(total).freeze();
+        let (command, block) = Command::read(&bytes)?;
+        bytes.advance(block);
+        if !command.has_payload() {
+            bytes.clear();
+        }
+        let payload = Payload::new(bytes, Form::Binary(self.dialect));
+        Ok(Some(Message { command, payload }))
+    }
+}
+
+impl Messages for IndexedMessages {
+    fn read(
+        &mut self,
+        input: &mut BytesMut,
+        _output: &mut BytesMut,
+    ) -> Result<Option<Incoming>, ProtocolError> {
+        Ok(self.take(input)?.map(Incoming::Message))
+    }
+
+    fn missing(&self, input: &BytesMut) -> usize {
+        self.total.unwrap_or(0).saturating_sub(input.len())
+    }
+
+    fn set_dialect(&mut self, dialect: Dialect) {
+        self.dialect = dialect;
+    }
+}
