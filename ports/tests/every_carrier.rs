@@ -117,6 +117,32 @@ async fn requests_are_answered_from_a_queue() {
     }
 }
 
+/// Lines for the name server have no name of whoever sends them, no envelope, and may all be answered.
+#[tokio::test]
+async fn lines_of_the_name_server_are_messages_too() {
+    let reader = open("/reader", PortOptions::new().reading(Queue::Wait(10))).await;
+    let writer = open("/writer", PortOptions::new()).await;
+    connect(&writer, &reader, "name_ser").await;
+    for number in 0..100 {
+        assert_eq!(writer.write(&Bottle::of(number)).await, 1);
+        assert_eq!(next(&reader).await, number.to_string());
+    }
+    assert_eq!(writer.write(&hard()).await, 1);
+    let last = within(reader.read()).await.unwrap();
+    assert_eq!((&*last.from, last.bottle().unwrap()), ("anon", hard()));
+
+    let server = PortOptions::new().handler(|request| {
+        Answer::reply(bottle("re").with(request.bottle().unwrap().to_string()))
+    });
+    let server = open("/server", server).await;
+    let client = open("/client", PortOptions::new().calling()).await;
+    connect(&client, &server, "name_ser").await;
+    for number in 0..100 {
+        let answer: Bottle = within(client.call(&Bottle::of(number))).await.unwrap();
+        assert_eq!(answer, bottle("re").with(number.to_string()));
+    }
+}
+
 /// A request that nobody answers must not hold the caller up for ever.
 #[tokio::test]
 async fn an_owner_that_does_not_answer_gives_an_empty_reply() {
