@@ -131,9 +131,8 @@ async fn lines_of_the_name_server_are_messages_too() {
     let last = within(reader.read()).await.unwrap();
     assert_eq!((&*last.from, last.bottle().unwrap()), ("anon", hard()));
 
-    let server = PortOptions::new().handler(|request| {
-        Answer::reply(bottle("re").with(request.bottle().unwrap().to_string()))
-    });
+    let server = PortOptions::new()
+        .handler(|request| Answer::reply(bottle("re").with(request.bottle().unwrap().to_string())));
     let server = open("/server", server).await;
     let client = open("/client", PortOptions::new().calling()).await;
     connect(&client, &server, "name_ser").await;

@@ -91,6 +91,34 @@ async fn a_reader_pulls() {
     within(camera.close()).await;
 }
 
+/// Small pictures are expanded in less time than the large ones before them.
+#[tokio::test]
+async fn pictures_come_in_order_also_the_last() {
+    const COUNT: usize = 24;
+    let camera = open("/camera", PortOptions::new()).await;
+    let reader = open("/reader", PortOptions::new().reading(Queue::Wait(COUNT))).await;
+    within(reader.connect(&at(&camera, "mjpeg"))).await.unwrap();
+    until(|| camera.outputs() == ["null"]).await;
+    let sizes = (0..COUNT).map(|number| match number % 2 {
+        0 => (800, 600 + number),
+        _ => (16, 16 + number),
+    });
+    for (number, (width, height)) in sizes.clone().enumerate() {
+        let image = Image::new(PixelCode::RGB, width, height).unwrap();
+        let stamp = Stamp::new(number as i32, 1.5);
+        let written = camera.write_with(&image, Some(stamp.into()));
+        assert_eq!(within(written).await, 1);
+    }
+    within(camera.flush()).await;
+    within(camera.close()).await;
+    for (number, size) in sizes.enumerate() {
+        let received = within(reader.read()).await.unwrap();
+        assert_eq!(received.stamp().unwrap().count, number as i32);
+        let image: Image = received.read().unwrap();
+        assert_eq!((image.width(), image.height()), size);
+    }
+}
+
 #[tokio::test]
 async fn the_end_of_either_port_ends_it() {
     let camera = open("/camera", PortOptions::new()).await;

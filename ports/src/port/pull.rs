@@ -1,10 +1,12 @@
 //! Connections that this port makes to read from: the writer is asked for its pictures.
 
+use std::collections::VecDeque;
 use std::io;
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::Arc;
 
-use bytes::BytesMut;
+use bytes::{Bytes, BytesMut};
+use tokio::task::{JoinError, JoinHandle, spawn_blocking};
 use yarp_wire::carrier::{Carrier, CarrierSpec};
 use yarp_wire::message::{Payload, Pieces, WireObject};
 use yarp_wire::mjpeg::{self, MjpegError, Part, PartReader};
@@ -14,7 +16,7 @@ use super::core::{Core, Entry, InputEntry};
 use super::counters::Meter;
 use super::monitor::{Chain, MonitorSide};
 use super::own_thread::Steering;
-use super::picture;
+use super::picture::{self, PictureError};
 use super::qos::SocketHandle;
 use super::received::Received;
 use crate::error::PortError;
@@ -127,44 +129,79 @@ async fn open(core: &Arc<Core>, place: &Place, spec: &CarrierSpec) -> Result<Pul
     Ok(pull)
 }
 
+/// Pictures that are expanded at the same time. With one, its thread would wait between two for being
+/// woken.
+const AT_ONCE: usize = 2;
+
+/// A picture on its way to an image.
+struct Expanding {
+    envelope: Option<Bytes>,
+    image: JoinHandle<Result<Payload, PictureError>>,
+}
+
+impl Expanding {
+    /// Expanding takes milliseconds: others on this thread shall not wait for it.
+    fn begin(part: Part) -> Self {
+        let envelope = mjpeg::comment(&part.body);
+        let image = spawn_blocking(move || {
+            let image = picture::expand(&part.body)?;
+            let mut pieces = Pieces::new();
+            image.write_pieces(&mut pieces, Dialect::V3);
+            Ok(Payload::of_pieces(&pieces, Dialect::V3))
+        });
+        Self { envelope, image }
+    }
+}
+
 impl Pull {
     /// Reads and delivers until the writer ends the connection.
     async fn run(mut self) -> Result<(), MjpegError> {
+        let mut expanding = VecDeque::<Expanding>::new();
+        let mut end = None;
         loop {
-            match self.parts.read(&mut self.input.bytes) {
-                Ok(Some(part)) => {
-                    self.deliver(part).await;
-                    continue;
+            while end.is_none() && expanding.len() < AT_ONCE {
+                match self.parts.read(&mut self.input.bytes) {
+                    Ok(Some(part)) => expanding.push_back(Expanding::begin(part)),
+                    Ok(None) => break,
+                    Err(MjpegError::Ended) => end = Some(Ok(())),
+                    Err(error) => end = Some(Err(error)),
                 }
-                Ok(None) => {}
-                Err(MjpegError::Ended) => return Ok(()),
-                Err(error) => return Err(error),
             }
             let missing = self.parts.missing(&self.input.bytes);
-            match self.input.read(&self.stream, missing).await {
-                Ok(0) => return Ok(()),
-                Ok(_) => {}
-                Err(error) => {
-                    let from = &self.from;
-                    tracing::debug!(port = %self.core.name, from, "a connection failed: {error}");
-                    return Ok(());
+            let reads = end.is_none() && expanding.len() < AT_ONCE;
+            let oldest = async {
+                match expanding.front_mut() {
+                    Some(oldest) => Some((&mut oldest.image).await),
+                    None => None,
                 }
+            };
+            tokio::select! {
+                biased;
+                Some(image) = oldest => {
+                    let envelope = expanding.pop_front().and_then(|oldest| oldest.envelope);
+                    self.deliver(image, envelope).await;
+                }
+                read = self.input.read(&self.stream, missing), if reads => match read {
+                    Ok(0) => end = Some(Ok(())),
+                    Ok(_) => {}
+                    Err(error) => {
+                        let from = &self.from;
+                        tracing::debug!(port = %self.core.name, from, "a connection failed: {error}");
+                        end = Some(Ok(()));
+                    }
+                },
+                else => return end.unwrap_or(Ok(())),
             }
         }
     }
 
-    /// Hands a picture to the owner as an image; what is none is passed over.
-    async fn deliver(&self, part: Part) {
-        let envelope = mjpeg::comment(&part.body);
-        // Expanding takes milliseconds: others on this thread shall not wait for it.
-        let expanding = tokio::task::spawn_blocking(move || {
-            picture::expand(&part.body).map(|image| {
-                let mut pieces = Pieces::new();
-                image.write_pieces(&mut pieces, Dialect::V3);
-                Payload::of_pieces(&pieces, Dialect::V3)
-            })
-        });
-        let payload = match expanding.await {
+    /// Hands an image to the owner; a picture that is none is passed over.
+    async fn deliver(
+        &self,
+        image: Result<Result<Payload, PictureError>, JoinError>,
+        envelope: Option<Bytes>,
+    ) {
+        let payload = match image {
             Ok(Ok(payload)) => payload,
             Ok(Err(error)) => {
                 let from = &self.from;
