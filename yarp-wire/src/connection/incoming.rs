@@ -193,6 +193,10 @@ impl MessageReader {
                     }
                     if text.is_empty() {
                         balance.extend(&line);
+                        // Most texts are one line: it is no copy.
+                        if balance.is_even() {
+                            return Ok(Some(message(command, line)));
+                        }
                         text = line.into();
                     } else {
                         text.extend_from_slice(b"\n");
