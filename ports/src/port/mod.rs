@@ -52,7 +52,7 @@ use std::time::Duration;
 
 use bytes::Bytes;
 use smallvec::SmallVec;
-use tokio::task::{JoinHandle, JoinSet};
+use tokio::task::JoinHandle;
 use yarp_wire::message::{Command, Payload, ReadObject, WireObject};
 use yarp_wire::name_service::Registering;
 use yarp_wire::{Contact, PortName, Stamp};
@@ -61,7 +61,7 @@ use self::core::Core;
 use self::encoded::{Encoded, Form};
 use self::monitor::Outgoing;
 use self::output::Output;
-use crate::cancel::{Cancel, join};
+use crate::cancel::Cancel;
 use crate::error::PortError;
 use crate::keeper::Keeper;
 use crate::network::Network;
@@ -524,13 +524,7 @@ impl Port {
         let (keep, _) = Cancel::new();
         let cancel = std::mem::replace(&mut self.cancel, keep);
         Some(async move {
-            let goodbyes: JoinSet<()> = core
-                .outputs()
-                .iter()
-                .cloned()
-                .map(|output| async move { output.close(core::GOODBYE).await })
-                .collect();
-            join(goodbyes).await;
+            core::say_goodbye(&core.outputs()).await;
             core.dismiss_sources().await;
             core.release_groups().await;
             cancel.cancel();
