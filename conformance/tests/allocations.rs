@@ -1,6 +1,7 @@
 //! Small messages allocate nothing once a connection has warmed up, neither where they are written
-//! nor where they are read; on carriers that make something of each, no more than that.
+//! nor where they are read; a call allocates the reply that the handler gives.
 
+use std::fmt::Write;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
@@ -29,6 +30,11 @@ impl WireObject for Small {
         for word in [257, 1, self.0] {
             out.put_i32_le(word);
         }
+    }
+
+    /// Without a text of its own it would become a bottle first.
+    fn write_text(&self, out: &mut BytesMut) {
+        let _ = writeln!(out, "{}\r", self.0);
     }
 }
 
@@ -129,60 +135,64 @@ fn reply(small: Small) -> Answer {
     Answer::reply(small)
 }
 
-/// Allocations per message, at most: over others than streams with an index and shared memory,
-/// something is made for each.
-const CARRIERS: [(&str, usize); 9] = [
-    ("tcp", 0),
-    ("fast_tcp", 0),
-    ("shmem", 0),
-    // One, and another by chance: who waits awake gives way in between.
-    ("unix_stream", 2),
-    ("unix_stream+ack", 2),
-    // Datagrams that wait are apart.
-    ("udp", 3),
-    // The message itself is what is handed over.
-    ("local", 3),
-    // Content becomes text, and is read as such.
-    ("text", 9),
-    ("text_ack", 11),
+const CARRIERS: [&str; 9] = [
+    "tcp",
+    "fast_tcp",
+    "shmem",
+    "unix_stream",
+    "unix_stream+ack",
+    "udp",
+    "local",
+    "text",
+    "text_ack",
 ];
 
-/// Allocations per call, at most: the reply that the handler gives, the place where the caller waits
-/// for it, and what the carrier makes of both messages.
-const CALLS: [(&str, usize); 5] = [
-    ("tcp", 2),
-    ("fast_tcp", 2),
-    ("shmem", 2),
-    ("unix_stream", 4),
-    ("local", 12),
-];
+const CALLS: [&str; 5] = ["tcp", "fast_tcp", "shmem", "unix_stream", "local"];
 
-/// Whether there were more than so many for each; a few come by chance where there are any.
-fn is_too_many(allocations: usize, each: usize) -> bool {
-    allocations > each * MESSAGES + each * MESSAGES / 10
+/// The most allocations of so many messages that make `each`. On a socket of the file system some come by chance:
+/// who waits awake and goes to sleep after all has the runtime wait for it anew.
+fn most(carrier: &str, each: usize) -> usize {
+    let chance = match carrier.starts_with("unix_stream") {
+        true => MESSAGES / 2,
+        false => 0,
+    };
+    each * MESSAGES + chance
+}
+
+/// The fewest allocations of a few tries, the first that has no more than it may: nothing of each message comes by chance.
+async fn fewest(most: usize, measure: impl AsyncFn() -> usize) -> usize {
+    let mut fewest = usize::MAX;
+    for _ in 0..5 {
+        let measuring = tokio::time::timeout(PATIENCE, measure()).await;
+        fewest = fewest.min(measuring.expect("it gets through"));
+        if fewest <= most {
+            break;
+        }
+    }
+    fewest
 }
 
 #[tokio::test]
-async fn in_steady_state_there_are_none_or_few() {
+async fn in_steady_state_there_are_none() {
     let mut found = Vec::new();
-    for (carrier, each) in CARRIERS {
+    for carrier in CARRIERS {
         for way in [Way::Write, Way::Strict, Way::IfIdle] {
             for reading in [Reading::Handler, Reading::Queue] {
-                let measuring = measure(carrier, way, reading);
-                let measuring = tokio::time::timeout(PATIENCE, measuring);
-                let allocations = measuring.await.expect("it gets through");
+                let most = most(carrier, 0);
+                let allocations = fewest(most, || measure(carrier, way, reading)).await;
                 println!("{carrier} {way:?} {reading:?}: {allocations} for {MESSAGES} messages");
-                if is_too_many(allocations, each) {
+                if allocations > most {
                     found.push((carrier, way, reading, allocations));
                 }
             }
         }
     }
-    for (carrier, each) in CALLS {
-        let measuring = tokio::time::timeout(PATIENCE, measure_calls(carrier));
-        let allocations = measuring.await.expect("it gets through");
-        println!("{carrier}: {allocations} for {MESSAGES} calls");
-        assert!(!is_too_many(allocations, each), "{carrier}: {allocations}");
-    }
     assert!(found.is_empty(), "{found:#?}");
+    // Here as well: what is counted is the process's.
+    for carrier in CALLS {
+        let most = most(carrier, 1);
+        let allocations = fewest(most, || measure_calls(carrier)).await;
+        println!("{carrier}: {allocations} for {MESSAGES} calls");
+        assert!(allocations <= most, "{carrier}: {allocations}");
+    }
 }

@@ -201,8 +201,7 @@ def sockets(browser, page, server, writer):
     until("the port writes to the page", lambda: "output connection from /writer to web" in described(writing))
     writer.stdin.close()
     ended = browser.until("the port closes", ENDED)
-    # Its goodbye may be lost: the port does not wait until the page has said goodbye, too. `live/websocket.py` sees it.
-    check("a page notices that its port closes", ended in ([1000, True], [1000, False], [1006, False]), ended)
+    check("a port that closes says goodbye", ended == [1000, True], ended)
     browser.script(TALK, echo)
     browser.until("a socket is open", "return talk.open")
     server.kill()
@@ -256,7 +255,7 @@ def main():
             writer = messages(world, browser, page)
             sockets(browser, page, echo, writer)
             watch(browser, pictures, args.out)
-            # Of sockets whose port was killed or closed first it complains, or not.
+            # Of sockets whose port was killed it complains, or not.
             entries = [entry for entry in browser.console() if "WebSocket" not in str(entry)]
             check("the console is quiet", entries == [], entries)
     except AssertionError as failure:

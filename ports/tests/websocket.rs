@@ -121,6 +121,45 @@ async fn a_page_reads_what_the_port_writes() {
     assert!(goodbye.ends_with(b"\x88\x02\x03\xe8"), "{goodbye:02x?}");
 }
 
+/// It was gone before the answer came, which reset the connection: browsers told the page so.
+#[tokio::test]
+async fn a_port_that_closes_waits_for_the_answer_of_its_reader() {
+    // On a machine that stands still for long enough nobody waits any more.
+    for left in (0..5).rev() {
+        let port = open("/port", PortOptions::new()).await;
+        let mut pages = Vec::new();
+        for number in 1..=2 {
+            let mut raw = page(&port).await;
+            raw.send(frame(0x82, &block(b'r'))).await;
+            until(|| port.outputs().len() == number).await;
+            pages.push(raw);
+        }
+        let closing = tokio::spawn(port.close());
+        for raw in &mut pages {
+            let goodbye = raw.rest().await;
+            assert!(goodbye.ends_with(b"\x88\x02\x03\xe8"), "{goodbye:02x?}");
+            raw.try_send(frame(0x88, b"\x03\xe8")).await;
+        }
+        within(closing).await.unwrap();
+        let resets = pages.iter().filter(|raw| raw.was_reset()).count();
+        if resets == 0 {
+            return;
+        }
+        assert!(left > 0, "each time {resets} resets");
+    }
+}
+
+#[tokio::test]
+async fn a_port_that_closes_leaves_a_reader_that_does_not_answer() {
+    let port = open("/port", PortOptions::new()).await;
+    let mut raw = page(&port).await;
+    raw.send(frame(0x82, &block(b'r'))).await;
+    until(|| port.outputs() == ["web"]).await;
+    within(port.close()).await;
+    let goodbye = raw.ended().await;
+    assert!(goodbye.ends_with(b"\x88\x02\x03\xe8"), "{goodbye:02x?}");
+}
+
 /// Its goodbye was not answered: browsers told the page of a connection that broke off.
 #[tokio::test]
 async fn a_reader_that_closes_is_answered_and_forgotten() {

@@ -58,11 +58,15 @@ pub enum DatagramError {
 /// assert_eq!(datagram::decode(&bytes).unwrap().data, b"NAME_SERVER query /root\n");
 /// ```
 pub fn encode(number: i32, data: &[u8]) -> Vec<u8> {
-    let mut out = Vec::with_capacity(HEADER + data.len());
-    out.extend_from_slice(&crc32(data).to_le_bytes());
-    out.extend_from_slice(&number.to_le_bytes());
-    out.extend_from_slice(data);
-    out
+    [&header(number, data), data].concat()
+}
+
+/// What stands in front of `data` at place `number` of its message.
+fn header(number: i32, data: &[u8]) -> [u8; HEADER] {
+    let mut header = [0; HEADER];
+    header[..4].copy_from_slice(&crc32(data).to_le_bytes());
+    header[4..].copy_from_slice(&number.to_le_bytes());
+    header
 }
 
 /// Checks and opens one datagram.
@@ -84,10 +88,15 @@ pub fn decode(bytes: &[u8]) -> Result<Datagram<'_>, DatagramError> {
 ///
 /// An empty message is no datagram. A `largest` below 9 counts as 9.
 pub fn split(message: &[u8], largest: usize) -> impl Iterator<Item = Vec<u8>> {
+    cut(message, largest).map(|(header, data)| [&header, data].concat())
+}
+
+/// As [`split`] without a copy: header and data of each.
+pub fn cut(message: &[u8], largest: usize) -> impl Iterator<Item = ([u8; HEADER], &[u8])> {
     let room = largest.saturating_sub(HEADER).max(1);
     (0..)
         .zip(message.chunks(room))
-        .map(|(number, data)| encode(number, data))
+        .map(|(number, data)| (header(number, data), data))
 }
 
 /// The IEEE CRC-32 (reflected, polynomial `0xEDB88320`), as in zlib.

@@ -137,6 +137,45 @@ impl Batch {
     }
 }
 
+/// Messages that are sent each by itself, as datagrams; they lie one behind the other. Emptied ones
+/// keep their buffer.
+#[derive(Debug, Default)]
+pub(crate) struct Messages {
+    buffer: BytesMut,
+    /// Where each ends.
+    ends: Vec<usize>,
+}
+
+impl Messages {
+    /// Appends what `put` writes, and the payload; tells how many bytes that makes.
+    pub(crate) fn push(&mut self, put: impl FnOnce(&mut BytesMut), pieces: &Pieces) -> usize {
+        let before = self.buffer.len();
+        put(&mut self.buffer);
+        for piece in pieces.iter() {
+            self.buffer.extend_from_slice(piece.as_bytes());
+        }
+        self.ends.push(self.buffer.len());
+        self.buffer.len() - before
+    }
+
+    /// The messages in their order.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = &[u8]> {
+        let begins = std::iter::once(0).chain(self.ends.iter().copied());
+        begins
+            .zip(&self.ends)
+            .map(|(begin, end)| &self.buffer[begin..*end])
+    }
+
+    /// Forgets all there is.
+    pub(crate) fn clear(&mut self) {
+        if self.buffer.capacity() > KEPT {
+            self.buffer = BytesMut::new();
+        }
+        self.buffer.clear();
+        self.ends.clear();
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -173,5 +212,22 @@ mod tests {
             }
             assert!(sent == expected, "in steps of {step}");
         }
+    }
+
+    #[test]
+    fn messages_stay_apart() {
+        let mut messages = Messages::default();
+        for _ in 0..2 {
+            for text in ["a", "", "bc"] {
+                let mut pieces = Pieces::new();
+                pieces.written().extend_from_slice(text.as_bytes());
+                let length = messages.push(|out| out.extend_from_slice(b"head"), &pieces);
+                assert_eq!(length, 4 + text.len());
+            }
+            let all: Vec<&[u8]> = messages.iter().collect();
+            assert_eq!(all, [&b"heada"[..], b"head", b"headbc"]);
+            messages.clear();
+        }
+        assert_eq!(messages.iter().count(), 0);
     }
 }

@@ -341,8 +341,8 @@ impl Core {
             .extract_if(.., |output| output.to == name)
             .collect();
         self.count_ended(&gone);
+        say_goodbye(&gone).await;
         for output in &gone {
-            output.close(GOODBYE).await;
             self.report_output(output, false);
         }
         if gone.iter().any(|output| output.group.is_some()) {
@@ -513,6 +513,16 @@ impl Core {
             });
         }
     }
+}
+
+/// Ends connections, all at once: each may take its time.
+pub(super) async fn say_goodbye(outputs: &[Arc<Output>]) {
+    let goodbyes: JoinSet<()> = outputs
+        .iter()
+        .cloned()
+        .map(|output| async move { output.close(GOODBYE).await })
+        .collect();
+    join(goodbyes).await;
 }
 
 /// Whether a sender's name is that of a port.

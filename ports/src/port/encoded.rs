@@ -103,7 +103,7 @@ impl Drop for Encoded<'_> {
 }
 
 /// A form for readers of this generation, in a buffer from an earlier message if there is one.
-fn write(dialect: Dialect, fill: impl FnOnce(&mut Pieces)) -> Form {
+pub(super) fn write(dialect: Dialect, fill: impl FnOnce(&mut Pieces)) -> Form {
     let mut pieces = spare();
     fill(&mut pieces);
     pieces.seal();
@@ -124,7 +124,8 @@ fn spare() -> Pieces {
     SPARE.with_borrow_mut(Vec::pop).unwrap_or_default()
 }
 
-fn keep(mut pieces: Pieces) {
+/// Keeps a buffer for the next message of this thread.
+pub(super) fn keep(mut pieces: Pieces) {
     SPARE.with_borrow_mut(|spares| {
         if spares.len() < SPARES && pieces.capacity() <= KEPT {
             pieces.clear();

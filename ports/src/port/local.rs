@@ -9,11 +9,12 @@ use std::net::{IpAddr, Ipv4Addr};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use yarp_wire::carrier::{Carrier, CarrierSpec, Sender};
-use yarp_wire::message::{Payload, Pieces, WireObject};
+use yarp_wire::message::WireObject;
 use yarp_wire::{Bottle, Dialect};
 
 use super::core::{Core, Entry, InputEntry};
 use super::counters::Meter;
+use super::encoded;
 use super::log;
 use super::monitor::{Chain, MonitorSide};
 use super::outbox::{Outbox, Parcel};
@@ -173,14 +174,16 @@ impl Local {
         let taking = self.entry.core.take(monitors, received, self.copies);
         let (reply, last) = taking.await;
         let reply = parcel.wants_reply.then(|| {
-            let mut pieces = Pieces::new();
-            match reply {
-                Some(reply) => reply.write_pieces(&mut pieces, Dialect::default()),
-                None => Bottle::new().write_pieces(&mut pieces, Dialect::default()),
-            }
-            Payload::of_pieces(&pieces, Dialect::default())
+            let dialect = Dialect::default();
+            encoded::write(dialect, |pieces| match reply {
+                Some(reply) => reply.write_pieces(pieces, dialect),
+                None => Bottle::new().write_pieces(pieces, dialect),
+            })
         });
-        self.outbox.delivered(bytes, reply);
+        self.outbox.delivered(bytes, reply.as_ref());
+        if let Some(reply) = reply {
+            encoded::keep(reply.pieces);
+        }
         last
     }
 }

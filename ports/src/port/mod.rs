@@ -7,7 +7,7 @@
 //! | `listener`, `callers` | the number that it listens on, who comes and is silent |
 //! | `input`, `inbox`, `received` | incoming connections, what arrived, one message of it |
 //! | `output`, `outbox`, `group` | outgoing connections, what is to be sent, multicast |
-//! | `encoded`, `batch` | a message in the forms that readers want, bytes on their way |
+//! | `encoded`, `batch`, `call` | a message in the forms that readers want, bytes on their way, who waits for a reply |
 //! | `pull`, `picture` | connections made to read from, images as browsers see them |
 //! | `admin`, `describe`, `browser` | what programs and people ask of the port itself |
 //! | `supervised` | connections that come back |
@@ -20,6 +20,7 @@
 mod admin;
 mod batch;
 mod browser;
+mod call;
 mod callers;
 mod core;
 mod counters;
@@ -51,7 +52,7 @@ use std::time::Duration;
 
 use bytes::Bytes;
 use smallvec::SmallVec;
-use tokio::task::{JoinHandle, JoinSet};
+use tokio::task::JoinHandle;
 use yarp_wire::message::{Command, Payload, ReadObject, WireObject};
 use yarp_wire::name_service::Registering;
 use yarp_wire::{Contact, PortName, Stamp};
@@ -60,7 +61,7 @@ use self::core::Core;
 use self::encoded::{Encoded, Form};
 use self::monitor::Outgoing;
 use self::output::Output;
-use crate::cancel::{Cancel, join};
+use crate::cancel::Cancel;
 use crate::error::PortError;
 use crate::keeper::Keeper;
 use crate::network::Network;
@@ -472,18 +473,16 @@ impl Port {
             let form = form.expect("all but pictures can carry a request");
             output.outbox.request(&command, form).map_err(lost)?
         };
-        match waiting.await {
-            Ok(Ok(Some(reply))) => {
-                let reply = match &output.monitors {
-                    Some(chain) => chain.reply(reply),
-                    None => reply,
-                };
-                Ok((output, reply))
-            }
-            Ok(Ok(None)) => Err(lost("it acknowledged without a reply".into())),
-            Ok(Err(reason)) => Err(lost(reason)),
-            Err(_) => Err(lost("closed here".into())),
-        }
+        let reply = match waiting.outcome().await {
+            Ok(Some(reply)) => reply,
+            Ok(None) => return Err(lost("it acknowledged without a reply".into())),
+            Err(reason) => return Err(lost(reason)),
+        };
+        let reply = match &output.monitors {
+            Some(chain) => chain.reply(reply),
+            None => reply,
+        };
+        Ok((output, reply))
     }
 
     /// A message as the monitor of the port makes it, if there is one; `None` if it stops it.
@@ -525,13 +524,7 @@ impl Port {
         let (keep, _) = Cancel::new();
         let cancel = std::mem::replace(&mut self.cancel, keep);
         Some(async move {
-            let goodbyes: JoinSet<()> = core
-                .outputs()
-                .iter()
-                .cloned()
-                .map(|output| async move { output.close(core::GOODBYE).await })
-                .collect();
-            join(goodbyes).await;
+            core::say_goodbye(&core.outputs()).await;
             core.dismiss_sources().await;
             core.release_groups().await;
             cancel.cancel();

@@ -5,23 +5,21 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use bytes::{Bytes, BytesMut};
-use tokio::sync::{Notify, oneshot};
+use tokio::sync::Notify;
 use yarp_wire::Stamp;
 use yarp_wire::carrier::Transport;
 use yarp_wire::connection::{Initiator, Progress, ProtocolError};
 use yarp_wire::message::{Command, Payload};
 
-use super::batch::Batch;
+use super::batch::{Batch, Messages};
+use super::call::{Call, Slots, Teller};
 use super::counters::{Newest, Traffic};
 use super::encoded::Form;
 use super::own_thread::OwnThread;
 use crate::stream::Socket;
 
-/// What becomes of a request.
-pub(crate) type Outcome = Result<Option<Payload>, Arc<str>>;
-
-/// About the bytes in front of the payload of a datagram.
-const DATAGRAM_HEAD: usize = 64;
+/// Room for several small messages to a reader in this process.
+const ROOM: usize = 1024;
 /// Bytes that may be waiting before writers must.
 const HIGH_WATER: usize = 256 * 1024;
 
@@ -41,6 +39,8 @@ pub(crate) struct Outbox {
     staged: Notify,
     /// Whether the connection has ended, for those who need no lock to ask.
     over: AtomicBool,
+    /// Where callers wait.
+    slots: Slots,
 }
 
 #[derive(Debug)]
@@ -76,9 +76,9 @@ enum Line {
     /// As bytes of a stream.
     Stream(Initiator, Batch),
     /// As bytes, each message by itself.
-    Datagrams(Initiator, VecDeque<Bytes>),
-    /// As they are, for a reader in this process.
-    Local(VecDeque<Parcel>),
+    Datagrams(Initiator, Messages),
+    /// As they are, for a reader in this process; what is small lies in the room.
+    Local(VecDeque<Parcel>, BytesMut),
 }
 
 /// A message for a reader in this process.
@@ -125,7 +125,7 @@ pub(crate) struct Staged {
     pub(super) command: Command,
     pub(super) form: Form,
     answered: bool,
-    outcome: Option<oneshot::Sender<Outcome>>,
+    outcome: Option<Teller>,
 }
 
 impl Staged {
@@ -138,7 +138,7 @@ impl Staged {
 #[derive(Debug)]
 struct Pending {
     reply: Option<Payload>,
-    outcome: Option<oneshot::Sender<Outcome>>,
+    outcome: Option<Teller>,
     /// A monitor stopped it: it is done with as soon as those before it are.
     stopped: bool,
 }
@@ -147,10 +147,10 @@ impl Outbox {
     /// For a connection over a socket, or to a reader in this process.
     pub(crate) fn new(initiator: Option<Initiator>) -> Self {
         let line = match initiator {
-            None => Line::Local(VecDeque::new()),
+            None => Line::Local(VecDeque::new(), BytesMut::new()),
             Some(initiator) => match initiator.carrier().transport {
                 Transport::Datagrams | Transport::Group => {
-                    Line::Datagrams(initiator, VecDeque::new())
+                    Line::Datagrams(initiator, Messages::default())
                 }
                 _ => Line::Stream(initiator, Batch::default()),
             },
@@ -176,6 +176,7 @@ impl Outbox {
             changed: Notify::new(),
             staged: Notify::new(),
             over: AtomicBool::new(false),
+            slots: Slots::default(),
         }
     }
 
@@ -206,14 +207,10 @@ impl Outbox {
     }
 
     /// Puts a request in; gives what to wait for the reply with.
-    pub(crate) fn request(
-        &self,
-        command: &Command,
-        payload: &Form,
-    ) -> Result<oneshot::Receiver<Outcome>, Arc<str>> {
-        let (outcome, waiting) = oneshot::channel();
-        self.put(self.state(), command, payload, Some(outcome), Sender::Task)?;
-        Ok(waiting)
+    pub(crate) fn request(&self, command: &Command, payload: &Form) -> Result<Call<'_>, Arc<str>> {
+        let (teller, call) = self.slots.begin();
+        self.put(self.state(), command, payload, Some(teller), Sender::Task)?;
+        Ok(call)
     }
 
     fn put(
@@ -221,7 +218,7 @@ impl Outbox {
         mut state: MutexGuard<'_, State>,
         command: &Command,
         form: &Form,
-        outcome: Option<oneshot::Sender<Outcome>>,
+        outcome: Option<Teller>,
         sender: Sender,
     ) -> Result<Ticket, Arc<str>> {
         if let Some(reason) = &state.closed {
@@ -317,8 +314,7 @@ impl Outbox {
         };
         drop(state);
         if let (Some(outcome), Some(reason)) = (outcome, told) {
-            // Whoever asked may have stopped waiting.
-            let _ = outcome.send(Err(reason));
+            outcome.tell(Err(reason));
         }
         self.changed.notify_waiters();
     }
@@ -406,12 +402,11 @@ impl Outbox {
         std::mem::take(&mut state.moves)
     }
 
-    /// Moves all messages that are to be sent behind those that `messages` holds; tells, once, when
-    /// the connection shall move.
-    pub(crate) fn take_datagrams(&self, messages: &mut VecDeque<Bytes>) -> bool {
+    /// As [`Outbox::take`] for messages that are sent each by itself.
+    pub(crate) fn take_datagrams(&self, empty: &mut Messages) -> bool {
         let mut state = self.state();
         if let Line::Datagrams(_, waiting) = &mut state.line {
-            messages.append(waiting);
+            std::mem::swap(waiting, empty);
         }
         std::mem::take(&mut state.moves)
     }
@@ -437,19 +432,20 @@ impl Outbox {
     /// The next message for a reader in this process.
     pub(crate) fn take_parcel(&self) -> Option<Parcel> {
         match &mut self.state().line {
-            Line::Local(waiting) => waiting.pop_front(),
+            Line::Local(waiting, _) => waiting.pop_front(),
             _ => None,
         }
     }
 
     /// A reader in this process is done with a message of this many bytes.
-    pub(crate) fn delivered(&self, bytes: usize, reply: Option<Payload>) {
+    pub(crate) fn delivered(&self, bytes: usize, reply: Option<&Form>) {
         let mut state = self.state();
         state.less(bytes);
-        if let Some(pending) = state.unfinished.front_mut() {
-            pending.reply = reply;
-        }
         let done = &mut *state;
+        if let (Line::Local(_, room), Some(pending)) = (&mut done.line, done.unfinished.front_mut())
+        {
+            pending.reply = reply.map(|reply| in_process(reply, room));
+        }
         finish(&mut done.unfinished, &mut done.finished);
         drop(state);
         self.changed.notify_waiters();
@@ -516,13 +512,12 @@ impl Outbox {
         }
         for pending in state.unfinished.drain(..) {
             if let Some(outcome) = pending.outcome {
-                // Nobody may be waiting any more.
-                let _ = outcome.send(Err(reason.clone()));
+                outcome.tell(Err(reason.clone()));
             }
         }
         for staged in std::mem::take(&mut state.staged) {
             if let Some(outcome) = staged.outcome {
-                let _ = outcome.send(Err(reason.clone()));
+                outcome.tell(Err(reason.clone()));
             }
         }
         state.line.clear();
@@ -547,13 +542,7 @@ impl Outbox {
 
 impl State {
     /// Lays a message behind those that are to be sent.
-    fn put(
-        &mut self,
-        command: &Command,
-        form: &Form,
-        answered: bool,
-        outcome: Option<oneshot::Sender<Outcome>>,
-    ) {
+    fn put(&mut self, command: &Command, form: &Form, answered: bool, outcome: Option<Teller>) {
         if let Command::Data { envelope, .. } = command {
             self.traffic.messages += 1;
             self.traffic.bytes += form.pieces.len() as u64;
@@ -613,7 +602,7 @@ impl Line {
             Self::Stream(initiator, _) | Self::Datagrams(initiator, _) => {
                 initiator.carrier().acknowledges || wants_reply(command)
             }
-            Self::Local(_) => matches!(command, Command::Data { .. }),
+            Self::Local(..) => matches!(command, Command::Data { .. }),
         }
     }
 
@@ -622,7 +611,7 @@ impl Line {
     fn is_expected(&self) -> bool {
         match self {
             Self::Stream(_, batch) => !batch.is_empty(),
-            Self::Datagrams(..) | Self::Local(_) => false,
+            Self::Datagrams(..) | Self::Local(..) => false,
         }
     }
 
@@ -637,22 +626,15 @@ impl Line {
                 batch.len() - before
             }
             Self::Datagrams(initiator, messages) => {
-                let mut message = BytesMut::with_capacity(DATAGRAM_HEAD + pieces.len());
-                initiator.send(command, pieces.len(), &mut message);
-                for piece in pieces.iter() {
-                    message.extend_from_slice(piece.as_bytes());
-                }
-                let length = message.len();
-                messages.push_back(message.freeze());
-                length
+                messages.push(|out| initiator.send(command, pieces.len(), out), pieces)
             }
-            Self::Local(parcels) => {
+            Self::Local(parcels, room) => {
                 // Commands are for peers elsewhere.
                 let Command::Data { envelope, .. } = command else {
                     return 0;
                 };
                 parcels.push_back(Parcel {
-                    payload: Payload::of_pieces(pieces, form.dialect),
+                    payload: in_process(form, room),
                     envelope: envelope.clone(),
                     wants_reply: wants_reply(command),
                 });
@@ -665,9 +647,19 @@ impl Line {
         match self {
             Self::Stream(_, batch) => batch.clear(),
             Self::Datagrams(_, messages) => messages.clear(),
-            Self::Local(parcels) => parcels.clear(),
+            Self::Local(parcels, _) => parcels.clear(),
         }
     }
+}
+
+/// A message for a reader in this process, or its reply. Who keeps one keeps the room of a few.
+fn in_process(form: &Form, room: &mut BytesMut) -> Payload {
+    if let Some(written) = form.pieces.as_written()
+        && room.capacity() < written.len()
+    {
+        room.reserve(written.len().max(ROOM));
+    }
+    Payload::of_pieces_in(&form.pieces, form.dialect, room)
 }
 
 fn wants_reply(command: &Command) -> bool {
@@ -681,8 +673,7 @@ fn finish(unfinished: &mut VecDeque<Pending>, finished: &mut u64) {
     };
     *finished += 1;
     if let Some(outcome) = pending.outcome {
-        // Whoever asked may have stopped waiting.
-        let _ = outcome.send(Ok(pending.reply));
+        outcome.tell(Ok(pending.reply));
     }
     while unfinished.front().is_some_and(|pending| pending.stopped) {
         unfinished.pop_front();

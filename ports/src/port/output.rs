@@ -224,12 +224,22 @@ impl Output {
                         let _ = self.outbox.done(ticket).await;
                     }
                     let _ = self.outbox.drained().await;
+                    self.await_answer().await;
                 }
             }
         };
         // A reader that does not answer in time is left.
         let _ = tokio::time::timeout(deadline, goodbye).await;
         self.end();
+    }
+
+    /// Waits for the goodbye of a reader that answers ours: one that comes when the connection is gone
+    /// would reset it, and with it what the reader has not read yet.
+    async fn await_answer(&self) {
+        if self.carrier.transport == Transport::WebSocket {
+            self.socket().finish();
+            let _ = self.outbox.ended().await;
+        }
     }
 
     /// Whether it is one of those that share this group.

@@ -7,6 +7,7 @@
 
 use std::fmt;
 use std::io;
+use std::net::Shutdown;
 use std::os::fd::AsFd;
 use std::sync::{Arc, Weak};
 use std::time::Duration;
@@ -49,6 +50,12 @@ impl SocketHandle {
     pub(crate) fn none() -> Self {
         let weak: Weak<TcpStream> = Weak::new();
         Self(weak)
+    }
+
+    /// Nothing more is sent.
+    pub(crate) fn finish(&self) {
+        // One that is gone sends nothing, either.
+        let _ = self.with(|socket, _| socket.shutdown(Shutdown::Write));
     }
 
     /// What stands in the head of each packet.

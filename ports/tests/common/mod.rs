@@ -162,6 +162,18 @@ impl Raw {
         within(self.0.read_u8()).await.unwrap()
     }
 
+    /// Waits until the other side says no more; what it still said. The connection stays, to answer.
+    pub(crate) async fn rest(&mut self) -> Vec<u8> {
+        let mut rest = Vec::new();
+        within(self.0.read_to_end(&mut rest)).await.unwrap();
+        rest
+    }
+
+    /// Whether something that was sent came to nobody, so that the system lets no more be sent; sends a byte.
+    pub(crate) fn was_reset(&self) -> bool {
+        self.0.try_write(b"?").is_err()
+    }
+
     /// Waits until the other side ends the connection; what it still said.
     pub(crate) async fn ended(mut self) -> Vec<u8> {
         let mut rest = Vec::new();

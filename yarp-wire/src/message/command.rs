@@ -114,11 +114,11 @@ impl Command {
         let Some(block) = stream.first_chunk::<BLOCK>() else {
             return Ok(None);
         };
-        let wrong = CommandError {
+        let wrong = || CommandError {
             got: block.to_vec(),
         };
         if block[4] != b'~' {
-            return Err(wrong);
+            return Err(wrong());
         }
         // The commonest ones without a copy.
         match block[5] {
@@ -130,7 +130,7 @@ impl Command {
         let end = match block[5] {
             0 => match string.iter().position(|byte| *byte == 0) {
                 Some(end) => BLOCK + end + 1,
-                None if string.len() > limit => return Err(wrong),
+                None if string.len() > limit => return Err(wrong()),
                 None => return Ok(None),
             },
             _ => BLOCK,

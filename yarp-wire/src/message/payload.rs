@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use bytes::Bytes;
+use bytes::{Bytes, BytesMut};
 
 use crate::bottle::{Bottle, DecodeError, detect};
 use crate::dialect::Dialect;
@@ -31,6 +31,8 @@ pub struct Payload {
 #[derive(Clone, Debug)]
 enum Content {
     Whole(Bytes),
+    /// By a writer of this process.
+    Written(Bytes),
     Pieces(Arc<[Bytes]>),
 }
 
@@ -49,10 +51,22 @@ impl Payload {
         }
     }
 
+    /// As [`Payload::of_pieces`]; what is small is copied to the end of `room`, and takes no memory of its own.
+    pub fn of_pieces_in(pieces: &Pieces, dialect: Dialect, room: &mut BytesMut) -> Self {
+        let Some(written) = pieces.as_written() else {
+            return Self::of_pieces(pieces, dialect);
+        };
+        room.extend_from_slice(written);
+        Self {
+            content: Content::Written(room.split().freeze()),
+            form: Form::Binary(dialect),
+        }
+    }
+
     /// The bytes as they came; joined, which copies them, if they came in several pieces.
     pub fn bytes(&self) -> Bytes {
         match &self.content {
-            Content::Whole(bytes) => bytes.clone(),
+            Content::Whole(bytes) | Content::Written(bytes) => bytes.clone(),
             Content::Pieces(pieces) => match &pieces[..] {
                 [] => Bytes::new(),
                 [bytes] => bytes.clone(),
@@ -64,7 +78,7 @@ impl Payload {
     /// The pieces that the bytes came in.
     pub fn pieces(&self) -> &[Bytes] {
         match &self.content {
-            Content::Whole(bytes) => std::slice::from_ref(bytes),
+            Content::Whole(bytes) | Content::Written(bytes) => std::slice::from_ref(bytes),
             Content::Pieces(pieces) => pieces,
         }
     }
@@ -90,7 +104,7 @@ impl Payload {
             Form::Text => Dialect::V3,
             Form::Binary(assumed) => match &self.content {
                 Content::Whole(bytes) => detect(bytes, Limits::DEFAULT).unwrap_or(assumed),
-                Content::Pieces(_) => assumed,
+                Content::Written(_) | Content::Pieces(_) => assumed,
             },
         }
     }
@@ -101,7 +115,7 @@ impl Payload {
             Form::Binary(assumed) => {
                 let decode = |bytes| Bottle::decode_any(bytes, assumed, Limits::DEFAULT);
                 let decoded = match &self.content {
-                    Content::Whole(bytes) => decode(bytes),
+                    Content::Whole(bytes) | Content::Written(bytes) => decode(bytes),
                     Content::Pieces(_) => decode(&self.bytes()),
                 };
                 decoded.map(|(bottle, _)| bottle)

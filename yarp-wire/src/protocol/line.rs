@@ -4,20 +4,24 @@ use bytes::{Buf, Bytes, BytesMut};
 
 use super::ProtocolError;
 
+/// Lines of which the room is kept.
+const KEPT: usize = 4 * 1024;
+
 /// Collects a line from bytes that arrive in pieces.
 ///
 /// CR and NUL are dropped; LF ends the line, unless a backslash stands before it: then both
 /// disappear and the line goes on.
 #[derive(Clone, Debug)]
 pub(crate) struct LineReader {
-    line: Vec<u8>,
+    /// Keeps the room of short lines for the next ones, once nobody has those any more.
+    line: BytesMut,
     limit: usize,
 }
 
 impl LineReader {
     pub(crate) fn new(limit: usize) -> Self {
         Self {
-            line: Vec::new(),
+            line: BytesMut::new(),
             limit,
         }
     }
@@ -30,8 +34,9 @@ impl LineReader {
             if self.line.len() + piece.len() > self.limit {
                 return Err(ProtocolError::LineTooLong { limit: self.limit });
             }
-            self.line
-                .extend(piece.iter().filter(|byte| !matches!(byte, b'\r' | 0)));
+            for part in piece.split(|byte| matches!(byte, b'\r' | 0)) {
+                self.line.extend_from_slice(part);
+            }
             let taken = piece.len();
             let Some(end) = end else {
                 input.advance(taken);
@@ -39,9 +44,13 @@ impl LineReader {
             };
             input.advance(end + 1);
             if self.line.last() == Some(&b'\\') {
-                self.line.pop();
+                self.line.truncate(self.line.len() - 1);
             } else {
-                return Ok(Some(std::mem::take(&mut self.line).into()));
+                let line = self.line.split().freeze();
+                if line.len() > KEPT {
+                    self.line = BytesMut::new();
+                }
+                return Ok(Some(line));
             }
         }
         Ok(None)

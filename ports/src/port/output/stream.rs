@@ -4,9 +4,6 @@ use std::io;
 use std::sync::Arc;
 use std::time::Instant;
 
-use yarp_wire::connection::ProtocolError;
-use yarp_wire::websocket::WebSocketError;
-
 use crate::busy::{self, BusyPoll, Expecting, GivingWay};
 use crate::cancel::Cancelled;
 use crate::port::batch::Batch;
@@ -85,9 +82,7 @@ pub(super) async fn run(
             Some(Ok(_)) => {
                 busy.received();
                 if let Err(error) = outbox.receive(&mut input.bytes) {
-                    if matches!(error, ProtocolError::WebSocket(WebSocketError::Closed)) {
-                        answer_goodbye(stream, outbox, batch);
-                    }
+                    say_rest(stream, outbox, batch);
                     return Pause::End(format!("protocol: {error}"));
                 }
                 // Who waited for it may have more to send.
@@ -121,8 +116,9 @@ async fn write_awake(stream: &Socket, outbox: &Outbox, batch: &mut Batch) -> io:
     }
 }
 
-/// Answers a page that closes, as far as that goes without waiting: browsers tell pages of it.
-fn answer_goodbye(stream: &Socket, outbox: &Outbox, batch: &mut Batch) {
+/// Sends what is left, as far as that goes without waiting: the protocol itself may have answered, and browsers
+/// tell pages of an answer to their goodbye.
+fn say_rest(stream: &Socket, outbox: &Outbox, batch: &mut Batch) {
     // It may be gone already.
     let begun = write_batch(stream, outbox, batch);
     if begun.is_ok() && batch.is_empty() {
