@@ -4,6 +4,7 @@
 #   conformance/bench/run.sh            everything
 #   conformance/bench/run.sh only names the name servers alone
 #   conformance/bench/run.sh only boards  boards alone, see boards.sh; parts of it: `only boards feed`, `orders` or `crowd`
+#   conformance/bench/run.sh only zenoh  ours beside zenoh, whose peer takes minutes to build; not part of everything
 #   conformance/bench/run.sh WORDS      `bench` with these words
 set -euo pipefail
 cd "$(dirname "$0")/../.."
@@ -20,9 +21,15 @@ work=$(mktemp -d)
 server=
 trap 'if [ -n "$server" ]; then kill "$server" 2>/dev/null || true; fi; rm -rf "$work"' EXIT
 
-g++ -O2 -std=c++17 -include cstdint conformance/bench/stock_peer.cpp \
-    -I"$stock_package/include" -L"$stock_package/lib" -lYARP_os -lYARP_sig -lYARP_init -o "$work/stock_peer"
-export STOCK_PEER=$work/stock_peer
+if [ "$*" = "only zenoh" ]; then
+    cargo build --quiet --release --locked --manifest-path conformance/bench/zenoh/Cargo.toml --target-dir target/zenoh
+    cargo build --quiet --release -p yarp-conformance --bin bench
+    export ZENOH_PEER=$PWD/target/zenoh/release/zenoh_peer
+else
+    g++ -O2 -std=c++17 -include cstdint conformance/bench/stock_peer.cpp \
+        -I"$stock_package/include" -L"$stock_package/lib" -lYARP_os -lYARP_sig -lYARP_init -o "$work/stock_peer"
+    export STOCK_PEER=$work/stock_peer
+fi
 
 if [ "${1:-} ${2:-}" = "only boards" ]; then
     cargo build --quiet --release -p yarp-cli

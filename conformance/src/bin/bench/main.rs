@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! bench                 runs everything, prints tables with ratios
-//! bench only PART       one of round-trips, one-way, datagrams, pages, or one carrier
+//! bench only PART       one of round-trips, one-way, datagrams, pages, zenoh (`run.sh` builds its peer), or one carrier
 //! bench serve|count|call|send|look|show|publish|local ...   one peer of ours, as `bench/stock_peer.cpp` is one of stock's
 //! bench ping|pong|pour|sink ...                one end of a bare TCP connection
 //! bench question|listen|frames|frame-call ...  what a browser does at a port
@@ -18,6 +18,7 @@ mod pages;
 mod peer;
 mod processes;
 mod round_trips;
+mod zenoh;
 
 use std::process::ExitCode;
 
@@ -72,6 +73,10 @@ fn compare(part: &str) -> Result<(), Failure> {
     if all || part == "round-trips" {
         println!();
         bench.round_trips()?;
+    }
+    if part == "zenoh" {
+        println!();
+        return bench.beside_zenoh();
     }
     let of_pages = matches!(part, "pages" | "http" | "websocket");
     if !of_pages && !matches!(part, "round-trips" | "datagrams") {

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use yarp_conformance::statistics::median;
 
-use crate::processes::{Bench, Side};
+use crate::processes::{Bench, Running, Side};
 use crate::{Failure, RUNS};
 
 /// Writer and reader of each column; the first is what the others are compared with.
@@ -98,14 +98,14 @@ impl Bench {
 
     /// The same over a TCP connection without YARP.
     fn bare_rate(&self, n: u32, bytes: usize) -> Result<f64, Failure> {
-        let (_sink, port) = self.listener("sink")?;
+        let (_sink, port) = self.listener(Side::Ours, &["sink"])?;
         let words = ["pour", &port, &n.to_string(), &bytes.to_string()];
         let nanoseconds = self.start(Side::Ours, &words)?.numbers(1)?[0];
         Ok(f64::from(n) * 1e9 / nanoseconds)
     }
 
     /// Messages per second until the last has been read.
-    fn rate(
+    pub(crate) fn rate(
         &self,
         writer: Side,
         reader: Side,
@@ -123,9 +123,20 @@ impl Bench {
             "mjpeg" => ("look", vec!["show", carrier, &n_text]),
             _ => ("count", vec!["send", carrier, &n_text, &bytes_text]),
         };
-        let (mut reader, name) = self.server(reader, read)?;
+        let (reader, name) = self.server(reader, read)?;
         let words: Vec<&str> = [&words[..1], &[&name], &words[1..]].concat();
-        let mut writer = self.start(writer, &words)?;
+        self.until_read(reader, writer, &words, n)
+    }
+
+    /// Messages per second from a writer that is told these words until `reader` has read all `n`.
+    pub(crate) fn until_read(
+        &self,
+        mut reader: Running,
+        writer: Side,
+        words: &[&str],
+        n: u32,
+    ) -> Result<f64, Failure> {
+        let mut writer = self.start(writer, words)?;
         let sent = writer.numbers(1)?[0];
         let begin = Instant::now();
         reader.count(n)?;

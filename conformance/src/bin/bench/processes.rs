@@ -17,24 +17,19 @@ const PATIENCE: Duration = Duration::from_secs(60);
 pub(crate) enum Side {
     Ours,
     Stock,
+    Zenoh,
 }
 
 /// Starts them.
 pub(crate) struct Bench {
     ours: PathBuf,
-    stock: PathBuf,
     next: std::cell::Cell<usize>,
 }
 
 impl Bench {
     pub(crate) fn new() -> Result<Self, Failure> {
-        let stock = std::env::var("STOCK_PEER").map(PathBuf::from);
-        let stock = stock.map_err(
-            |_| "STOCK_PEER must name the built bench/stock_peer.cpp; `make bench` does it",
-        )?;
         Ok(Self {
             ours: std::env::current_exe()?,
-            stock,
             next: 0.into(),
         })
     }
@@ -45,12 +40,21 @@ impl Bench {
         format!("/bench/{}/{next}", std::process::id())
     }
 
-    pub(crate) fn start(&self, side: Side, arguments: &[&str]) -> Result<Running, Failure> {
-        let program = match side {
-            Side::Ours => &self.ours,
-            Side::Stock => &self.stock,
+    fn program(&self, side: Side) -> Result<PathBuf, Failure> {
+        let (variable, source) = match side {
+            Side::Ours => return Ok(self.ours.clone()),
+            Side::Stock => ("STOCK_PEER", "bench/stock_peer.cpp"),
+            Side::Zenoh => ("ZENOH_PEER", "bench/zenoh"),
         };
-        let mut child = Command::new(program)
+        let program = std::env::var_os(variable).ok_or_else(|| {
+            format!("{variable} must name the built {source}; `conformance/bench/run.sh` does it")
+        })?;
+        Ok(program.into())
+    }
+
+    pub(crate) fn start(&self, side: Side, arguments: &[&str]) -> Result<Running, Failure> {
+        let program = self.program(side)?;
+        let mut child = Command::new(&program)
             .args(arguments)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
@@ -70,9 +74,13 @@ impl Bench {
         Ok(Running { child, lines, what })
     }
 
-    /// Starts the listening end of a bare TCP connection; gives its port, too.
-    pub(crate) fn listener(&self, what: &str) -> Result<(Running, String), Failure> {
-        let mut running = self.start(Side::Ours, &[what])?;
+    /// Starts the listening end of a TCP connection that needs no name server; gives its port, too.
+    pub(crate) fn listener(
+        &self,
+        side: Side,
+        words: &[&str],
+    ) -> Result<(Running, String), Failure> {
+        let mut running = self.start(side, words)?;
         let ready = running.line_starting("ready")?;
         let port = ready.trim_start_matches("ready").trim().to_owned();
         Ok((running, port))

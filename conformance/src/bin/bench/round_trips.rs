@@ -16,7 +16,7 @@ impl Bench {
             ("ours calls stock", Vec::new()),
         ];
         for _ in 0..RUNS {
-            let (_pong, port) = self.listener("pong")?;
+            let (_pong, port) = self.listener(Side::Ours, &["pong"])?;
             let mut ping = self.start(Side::Ours, &["ping", &port])?;
             rows[0].1.push(percentiles(ping.numbers(CALLS)?));
             for (row, caller, server) in [
