@@ -15,21 +15,15 @@ run alone.
 import os
 import pathlib
 import queue
-import re
-import signal
-import subprocess
 import sys
-import threading
 import time
 
 import yarp
 from asking import PATIENCE, ask, eventually
+from programs import Program
 
 # Characters of a large message: much more than a ring begins with.
 LARGE = 1_000_000
-
-# Lines of the log, which the programs print among the messages.
-LOG = re.compile(r"\[(TRACE|DEBUG|INFO|WARNING|ERROR)\]")
 
 failures = 0
 
@@ -40,43 +34,6 @@ def check(what, good, found=""):
     failures += not good
     print(f"{'ok  ' if good else 'FAIL'} {what}{f': {found}' if found != '' and not good else ''}", flush=True)
     return good
-
-
-class Program:
-    """A program whose lines are read as they come."""
-
-    def __init__(self, command, **options):
-        self.process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, bufsize=1, **options)
-        self.lines = queue.Queue()
-        threading.Thread(target=self.follow, daemon=True).start()
-
-    def follow(self):
-        for line in self.process.stdout:
-            if not LOG.match(line):
-                self.lines.put(line.rstrip("\n"))
-
-    def say(self, line):
-        self.process.stdin.write(line + "\n")
-        self.process.stdin.flush()
-
-    def next(self):
-        """The next line, or None."""
-        try:
-            return self.lines.get(timeout=PATIENCE)
-        except queue.Empty:
-            return None
-
-    def kill(self):
-        self.process.kill()
-        self.process.wait()
-
-    def end(self):
-        self.process.send_signal(signal.SIGINT)
-        try:
-            self.process.wait(10)
-        except subprocess.TimeoutExpired:
-            self.kill()
 
 
 class Reader(yarp.PortReader):
@@ -138,7 +95,7 @@ def shown(text):
 
 def stock_writes(ours, _stock, carrier):
     name = f"/live/{carrier}/ours"
-    reader = Program([ours, "read", name, "envelope"])
+    reader = Program(ours, "read", name, "envelope")
     writer = port(f"/live/{carrier}/stock")
     connect("stock connects to ours", writer.getName(), name, carrier)
     for count, text in enumerate(texts()):
@@ -157,7 +114,7 @@ def stock_writes(ours, _stock, carrier):
     reader.kill()
     writer.write(bottle("into nothing"))
     check(f"{carrier}: stock outlives our reader", eventually(lambda: writer.getOutputCount() == 0 or not writer.write(bottle("x"))))
-    reader = Program([ours, "read", name, "envelope"])
+    reader = Program(ours, "read", name, "envelope")
     connect("stock connects to it again", writer.getName(), name, carrier)
     writer.write(bottle("again"))
     got = reader.next()
@@ -175,7 +132,7 @@ def ours_writes(ours, _stock, carrier):
     reader.setReader(got)
     writer_name = f"/live/{carrier}/ours/w"
     for run in ["first", "after a kill"]:
-        writer = Program([ours, "write", writer_name])
+        writer = Program(ours, "write", writer_name)
         connect(f"ours connects to stock, {run}", writer_name, name, carrier)
         for text in texts():
             writer.say(text)
@@ -199,7 +156,7 @@ def requests(ours, _stock, carrier):
     server = port(f"/live/{carrier}/stock/s")
     server.setReader(got)
     client_name = f"/live/{carrier}/ours/c"
-    client = Program([ours, "rpc", "--client", client_name])
+    client = Program(ours, "rpc", "--client", client_name)
     connect("our client connects to stock", client_name, server.getName(), carrier)
     for text in ["hello 1", "x" * LARGE]:
         client.say(text)
@@ -213,7 +170,7 @@ def requests(ours, _stock, carrier):
     server.close()
 
     name = f"/live/{carrier}/ours/s"
-    server = Program([ours, "rpcserver", "--echo", name])
+    server = Program(ours, "rpcserver", "--echo", name)
     client = yarp.RpcClient()
     client.open(f"/live/{carrier}/stock/c")
     connect("stock connects to our server", client.getName(), name, carrier)
@@ -227,10 +184,10 @@ def requests(ours, _stock, carrier):
 
 def killed_stock_writer(ours, stock, carrier):
     name = f"/live/{carrier}/ours/k"
-    reader = Program([ours, "read", name])
+    reader = Program(ours, "read", name)
     writer_name = f"/live/{carrier}/stock/k"
     for run in range(3):
-        writer = Program([*stock, "write", writer_name])
+        writer = Program(*stock, "write", writer_name)
         connect(f"stock connects, run {run}", writer_name, name, carrier)
         for text in ["hello", "x" * LARGE]:
             writer.say(text)
@@ -257,10 +214,10 @@ def groups(ours, _stock, carrier):
         ports.append(port(name))
         ports[-1].setReader(readers[name])
         name = f"/live/{carrier}/ours/{number}"
-        readers[name] = Program([ours, "read", name])
+        readers[name] = Program(ours, "read", name)
         eventually(lambda: yarp.Network.exists(name))
     stock_writer = port(f"/live/{carrier}/stock/w")
-    our_writer = Program([ours, "write", f"/live/{carrier}/ours/w"])
+    our_writer = Program(ours, "write", f"/live/{carrier}/ours/w")
     eventually(lambda: yarp.Network.exists(f"/live/{carrier}/ours/w"))
     for side, writer, say in [
         ("stock", stock_writer.getName(), lambda text: stock_writer.write(bottle(text))),

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Our control boards, cameras, hand and controller of a tool against live stock YARP 4.0, in both directions. Fails, and never skips, when stock is missing.
+# Our control boards, cameras, hand, controller of a tool and typed messages against live stock YARP 4.0, in both directions. Fails, and never skips, when stock is missing.
 #
 #   STOCK4_SOURCE   sources of YARP 4.0.0
 #   STOCK4_BUILD    a build of them, with the plugins fakeMotionControl, controlBoard_nws_yarp, frameGrabber_nws_yarp
@@ -26,14 +26,18 @@ g++ -std=c++17 -O1 "-I$client" "${include[@]}" conformance/live/control_board_4.
 g++ -std=c++17 -O1 "${include[@]}" conformance/live/fake_board_4.cpp "${libraries[@]}" -o "$work/board"
 g++ -std=c++17 -O1 "${include[@]}" conformance/live/caller_4.cpp "${libraries[@]}" -o "$work/caller"
 g++ -std=c++17 -O1 "${include[@]}" conformance/live/words_4.cpp "${libraries[@]}" -o "$work/words"
+g++ -std=c++17 -O1 "${include[@]}" conformance/live/typed_peer.cpp "${libraries[@]}" -o "$work/typed_peer"
 grabber=$STOCK4_SOURCE/src/devices/fake/fakeFrameGrabber
 g++ -std=c++17 -O1 "-I$grabber" "${include[@]}" conformance/live/frame_grabber_4.cpp "$grabber"/*.cpp \
     "${libraries[@]}" -o "$work/grabber"
 
 cargo build --quiet --release -p yarp-cli -p yarp-conformance
+cargo build --quiet -p yarp-wire --example typed
 target=${CARGO_TARGET_DIR:-target}/release
 export YARP_CONFIG_HOME=$work YARP_FORWARD_LOG_ENABLE=0
 export YARP_DATA_DIRS=$STOCK4_BUILD/share/yarp LD_LIBRARY_PATH=$STOCK4_BUILD/lib:$STOCK4_BUILD/lib/yarp
+echo "---- typed messages of both"
+timeout 300 python3 conformance/live/typed.py "$target/../debug/examples/typed" "$work/typed_peer" 4.0
 "$target/yarp" server --ip 127.0.0.1 --socket 18510 --write >"$work/server.log" 2>&1 &
 running+=($!)
 until_ok "$target/yarp" where

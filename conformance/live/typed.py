@@ -7,7 +7,10 @@ any difference.
     cargo build -p yarp-wire --example typed
     g++ -std=c++17 -include cstdint conformance/live/typed_peer.cpp -o typed_peer \\
         -I"$stock_package/include" -L"$stock_package/lib" -lYARP_os -lYARP_sig -lYARP_init
-    python3 conformance/live/typed.py target/debug/examples/typed ./typed_peer [SEED]
+    python3 conformance/live/typed.py target/debug/examples/typed ./typed_peer [3.5.0|4.0 [SEED]]
+
+What 4.0 alone has is compared with a peer of 4.0: vectors of other numbers than `double` and `int`,
+which 3.5.0 does not write, and places in sounds. The mark of images that 4.0 lacks is left out.
 """
 
 import random
@@ -21,6 +24,8 @@ PIXELS = {
     "dec": 4, "rgb.": 12, "grbg": 1, "gr16": 2, "bggr": 1, "bg16": 2, "gbrg": 1, "gb16": 2, "rggb": 1, "rg16": 2,
     "yuva": 1, "yuvb": 1, "yuvc": 2, "yuvd": 1, -2: 2, -4: 4,
 }
+# Those that are types of their own.
+TYPED = ["mono", "mo16", "rgb", "rgba", "bgra", "int", "hsv", "bgr", "sign", "rgbi", "dec", "rgb."]
 COLOURS = ["mono", "rgb", "bgr", "rgba", "bgra"]
 SMALL = [0, 1, 2, 3, 4, 5, 7, 8, 9, 16, 17]
 
@@ -50,11 +55,21 @@ def blob(rng, length):
     return "{" + " ".join(str(rng.randrange(256)) for _ in range(length)) + "}"
 
 
-def image(rng, words, smallest):
+def fraction(rng):
+    """A number that four bytes hold exactly."""
+    return str(struct.unpack("<f", struct.pack("<f", float(number(rng)) % 1e30))[0])
+
+
+def within(least, most):
+    """Numbers of such a kind, with both ends often among them."""
+    return lambda rng: " ".join(str(rng.choice([least, most, rng.randint(least, most)])) for _ in range(rng.randint(1, 40)))
+
+
+def image(rng, words, smallest, marks=2):
     word = rng.choice(words)
     width, height = (max(smallest, rng.choice(SMALL)) for _ in range(2))
     quantum = rng.choice([1, 2, 3, 4, 8, 8, 8, 16, 64])
-    marked = rng.randrange(2)
+    marked = rng.randrange(marks)
     return f"{code(word)} {width} {height} {quantum} {marked} {blob(rng, width * height * PIXELS[word])}"
 
 
@@ -62,6 +77,18 @@ def sound(rng):
     channels, length = rng.randint(1, 4), rng.randint(1, 50)
     samples = " ".join(str(rng.randint(-32768, 32767)) for _ in range(channels * length))
     return f"{rng.choice([0, 8000, 16000, 44100, 192000])} {channels} {samples}"
+
+
+def sound_with_places(rng):
+    """In the order in which 4.0 keeps them."""
+    labels = sorted({word(rng).strip('"').replace('\\"', '"') for _ in range(rng.randrange(4))})
+    places = [f"({quoted(label)} {rng.choice([0, 7, 2**40])} {rng.randint(-1, 3)})" for label in labels]
+    return " ".join([sound(rng), *places])
+
+
+def quoted(text):
+    escaped = text.replace('"', '\\"')
+    return f'"{escaped}"'
 
 
 def stamp(rng):
@@ -100,18 +127,31 @@ GENERATORS = {
     "property": property_,
     "pair": lambda rng: f"{stamp(rng)} {numbers(rng, rng.randint(1, 9))}",
     "grasp": lambda rng: f"{word(rng)} {number(rng)} {integer(rng)}",
+    "bottle": lambda rng: " ".join(value(rng) for _ in range(rng.randrange(12))),
 }
+GENERATORS |= {f"image_{name}": lambda rng, name=name: image(rng, [name], 1) for name in TYPED}
+VECTORS_OF_4 = {
+    "vector_f32": lambda rng: " ".join(fraction(rng) for _ in range(rng.randint(1, 40))),
+    "vector_i16": within(-(2**15), 2**15 - 1),
+    "vector_u16": within(0, 2**16 - 1),
+    "vector_i8": within(-128, 127),
+    "vector_u8": within(0, 255),
+}
+OF_4 = VECTORS_OF_4 | {
+    "image": lambda rng: image(rng, list(PIXELS), 1, 1),
+    "sound": sound_with_places,
+} | {f"image_{name}": lambda rng, name=name: image(rng, [name], 1, 1) for name in TYPED}
 # Contents of no elements: stock writes them and refuses to read them.
 EMPTY = {"vector_f64": "", "vector_i32": "", "matrix": "0 0"}
 
 
 class Peer:
-    def __init__(self, name, command):
+    def __init__(self, name, *command):
         self.name, self.command = name, command
 
     def ask(self, lines):
         text = "".join(line + "\n" for line in lines)
-        run = subprocess.run([self.command], input=text, capture_output=True, text=True, check=True)
+        run = subprocess.run(self.command, input=text, capture_output=True, text=True, check=True)
         answers = run.stdout.split("\n")[:-1]
         if len(answers) != len(lines):
             raise RuntimeError(f"{self.name} gave {len(answers)} answers to {len(lines)} lines")
@@ -120,9 +160,10 @@ class Peer:
 
 def padding(kind, hexadecimal):
     """The bytes with the padding of image rows zeroed, which has no meaning."""
-    if kind not in ("image", "convert"):
+    if not kind.startswith(("image", "convert")):
         return hexadecimal
     data = bytearray.fromhex(hexadecimal)
+    # The mark of 3.5.0 stands behind the quantum, and 4.0 has none.
     depth, _, quantum, _, width, height = struct.unpack_from("<iihhii", data, 32)
     row = width * depth * (2 if data[20:24] == b"yuvc" else 1)
     stride = -(-row // quantum) * quantum
@@ -151,32 +192,57 @@ def both_ways(kind, contents, stock, ours):
     return report(f"{kind}, both ways", len(contents), different)
 
 
+def as_bottles(kind, contents, stock, ours):
+    """Vectors that stock has no type for, which are bottles to it."""
+    written = ours.ask([f"{kind} write {content}" for content in contents])
+    reads = [f"bottle read {message}" for message in written]
+    told = zip(contents, stock.ask(reads), ours.ask(reads), strict=True)
+    wrong = sum(theirs != own or [float(word) for word in theirs.split()] != shown(kind, content) for content, theirs, own in told)
+    return report(f"{kind}, a bottle to stock", len(contents), wrong)
+
+
+def shown(kind, content):
+    """The numbers of a bottle, which knows of no whole ones but signed ones."""
+    numbers = [float(word) for word in content.split()]
+    if bits := {"vector_u8": 8, "vector_u16": 16}.get(kind):
+        numbers = [(number + 2 ** (bits - 1)) % 2**bits - 2 ** (bits - 1) for number in numbers]
+    return numbers
+
+
 def report(name, count, different):
     print(f"{'FAIL' if different else 'ok'} {name}: {count} messages, {different} different")
     return different
 
 
 def main():
-    ours, stock = Peer("ours", sys.argv[1]), Peer("stock", sys.argv[2])
-    rng = random.Random(int(sys.argv[3]) if len(sys.argv) > 3 else 1)
+    example, peer, version, seed = (sys.argv[1:] + ["3.5.0", "1"][len(sys.argv) - 3 :])[:4]
+    is_4 = version == "4.0"
+    ours, stock = Peer("ours", example, version), Peer("stock", peer)
+    rng = random.Random(int(seed))
+    generators = GENERATORS | (OF_4 if is_4 else {})
     different = 0
-    for kind, generate in GENERATORS.items():
+    for kind, generate in generators.items():
         different += both_ways(kind, [generate(rng) for _ in range(300)], stock, ours)
+
+    for kind, generate in ({} if is_4 else VECTORS_OF_4).items():
+        different += as_bottles(kind, [generate(rng) for _ in range(300)], stock, ours)
 
     every = [f"{code(w)} 5 3 8 0 {blob(rng, 15 * size)}" for w, size in PIXELS.items()]
     different += both_ways("image", every, stock, ours)
 
-    contents = [f"{image(rng, [a], 1)} {code(b)}" for a in COLOURS for b in COLOURS for _ in range(12)]
+    marks = 1 if is_4 else 2
+    contents = [f"{image(rng, [a], 1, marks)} {code(b)}" for a in COLOURS for b in COLOURS for _ in range(12)]
     lines = [f"convert write {content}" for content in contents]
     pairs = zip(stock.ask(lines), ours.ask(lines), strict=True)
     wrong = sum(padding("convert", theirs) != padding("convert", mine) for theirs, mine in pairs)
     different += report("images converted", len(contents), wrong)
 
-    lines = [f"{kind} write {content}".rstrip() for kind, content in EMPTY.items()]
+    empty = EMPTY | (dict.fromkeys(VECTORS_OF_4, "") if is_4 else {})
+    lines = [f"{kind} write {content}".rstrip() for kind, content in empty.items()]
     written = [stock.ask(lines), ours.ask(lines)]
-    reads = [f"{kind} read {message}" for kind, message in zip(EMPTY, written[0], strict=True)]
+    reads = [f"{kind} read {message}" for kind, message in zip(empty, written[0], strict=True)]
     refused = all(answer.startswith("error") for peer in (stock, ours) for answer in peer.ask(reads))
-    different += report("empty, written alike and refused by both", len(EMPTY), int(written[0] != written[1] or not refused))
+    different += report("empty, written alike and refused by both", len(empty), int(written[0] != written[1] or not refused))
     return 1 if different else 0
 
 

@@ -4,7 +4,8 @@
 // answered by the message in hexadecimal, `TYPE read HEX` by the content.
 //
 // Build: g++ -std=c++17 -include cstdint typed_peer.cpp -lYARP_os -lYARP_sig -lYARP_init
-// (with the stock installation's paths).
+// (with the paths of stock 3.5.0 or 4.0).
+#include <yarp/conf/version.h>
 #include <yarp/os/Bottle.h>
 #include <yarp/os/ConnectionReader.h>
 #include <yarp/os/ConnectionWriter.h>
@@ -63,11 +64,30 @@ static void fromHex(const std::string& hex, T& object)
     }
 }
 
-static void fill(FlexImage& image, const Bottle& content)
+static void mark(Image& image, bool marked)
 {
-    image.setPixelCode(content.get(0).asInt32());
-    image.setQuantum(content.get(3).asInt32());
-    image.setTopIsLowIndex(content.get(4).asInt32() == 0);
+#if YARP_VERSION_MAJOR < 4
+    image.setTopIsLowIndex(!marked);
+#else
+    if (marked) {
+        throw std::runtime_error("4.0 has no mark");
+    }
+#endif
+}
+
+static bool isMarked(const Image& image)
+{
+#if YARP_VERSION_MAJOR < 4
+    return !image.topIsLowIndex();
+#else
+    return false;
+#endif
+}
+
+// Everything but the code, which some images have by their type.
+static void fill(Image& image, const Bottle& content)
+{
+    mark(image, content.get(4).asInt32() != 0);
     image.resize(content.get(1).asInt32(), content.get(2).asInt32());
     const char* packed = content.get(5).asBlob();
     const size_t height = image.height();
@@ -78,13 +98,13 @@ static void fill(FlexImage& image, const Bottle& content)
     }
 }
 
-static void tell(const FlexImage& image, Bottle& content)
+static void tell(const Image& image, Bottle& content)
 {
     content.addInt32(image.getPixelCode());
     content.addInt32(image.width());
     content.addInt32(image.height());
     content.addInt32(image.getQuantum());
-    content.addInt32(image.topIsLowIndex() ? 0 : 1);
+    content.addInt32(isMarked(image) ? 1 : 0);
     // Stock states one byte for 4:2:2 and keeps two.
     const bool two = image.getPixelCode() == VOCAB_PIXEL_YUV_422;
     const size_t row = image.width() * image.getPixelSize() * (two ? 2 : 1);
@@ -95,25 +115,107 @@ static void tell(const FlexImage& image, Bottle& content)
     content.add(Value(const_cast<char*>(packed.data()), packed.size()));
 }
 
+static void add(Bottle& content, double value)
+{
+    content.addFloat64(value);
+}
+
+static void add(Bottle& content, int value)
+{
+    content.addInt32(value);
+}
+
+template <class T>
+static std::string writeVector(const Bottle& content)
+{
+    VectorOf<T> vector;
+    for (size_t i = 0; i < content.size(); i++) {
+        vector.push_back(static_cast<T>(content.get(i).asFloat64()));
+    }
+    return toHex(vector);
+}
+
+template <class T>
+static Bottle readVector(const std::string& hex)
+{
+    VectorOf<T> vector;
+    fromHex(hex, vector);
+    Bottle content;
+    for (T value : vector) {
+        add(content, value);
+    }
+    return content;
+}
+
+template <class T>
+static std::string writeImage(const Bottle& content)
+{
+    ImageOf<T> image;
+    image.setQuantum(content.get(3).asInt32());
+    fill(image, content);
+    return toHex(image);
+}
+
+template <class T>
+static Bottle readImage(const std::string& hex)
+{
+    ImageOf<T> image;
+    fromHex(hex, image);
+    Bottle content;
+    tell(image, content);
+    return content;
+}
+
+// Types that have a type of element.
+struct Entry
+{
+    const char* name;
+    std::string (*write)(const Bottle&);
+    Bottle (*read)(const std::string&);
+};
+
+static const Entry templates[] = {
+    {"vector_f64", writeVector<double>, readVector<double>},
+    {"vector_i32", writeVector<int>, readVector<int>},
+#if YARP_VERSION_MAJOR >= 4
+    {"vector_f32", writeVector<float>, readVector<float>},
+    {"vector_i16", writeVector<short>, readVector<short>},
+    {"vector_u16", writeVector<unsigned short>, readVector<unsigned short>},
+    {"vector_i8", writeVector<char>, readVector<char>},
+    {"vector_u8", writeVector<unsigned char>, readVector<unsigned char>},
+#endif
+    {"image_mono", writeImage<PixelMono>, readImage<PixelMono>},
+    {"image_mo16", writeImage<PixelMono16>, readImage<PixelMono16>},
+    {"image_rgb", writeImage<PixelRgb>, readImage<PixelRgb>},
+    {"image_rgba", writeImage<PixelRgba>, readImage<PixelRgba>},
+    {"image_bgra", writeImage<PixelBgra>, readImage<PixelBgra>},
+    {"image_int", writeImage<PixelInt>, readImage<PixelInt>},
+    {"image_hsv", writeImage<PixelHsv>, readImage<PixelHsv>},
+    {"image_bgr", writeImage<PixelBgr>, readImage<PixelBgr>},
+    {"image_sign", writeImage<PixelMonoSigned>, readImage<PixelMonoSigned>},
+    {"image_rgbi", writeImage<PixelRgbInt>, readImage<PixelRgbInt>},
+    {"image_dec", writeImage<PixelFloat>, readImage<PixelFloat>},
+    {"image_rgb.", writeImage<PixelRgbFloat>, readImage<PixelRgbFloat>},
+};
+
+static const Entry* find(const std::string& kind)
+{
+    for (const Entry& entry : templates) {
+        if (kind == entry.name) {
+            return &entry;
+        }
+    }
+    return nullptr;
+}
+
 static std::string write(const std::string& kind, const Bottle& content)
 {
+    if (const Entry* entry = find(kind)) {
+        return entry->write(content);
+    }
     const auto number = [&](size_t at) { return content.get(at).asFloat64(); };
     const auto integer = [&](size_t at) { return content.get(at).asInt32(); };
     const size_t size = content.size();
-    if (kind == "vector_f64") {
-        VectorOf<double> vector;
-        for (size_t i = 0; i < size; i++) {
-            vector.push_back(number(i));
-        }
-        return toHex(vector);
-    }
-    if (kind == "vector_i32") {
-        VectorOf<int> vector;
-        for (size_t i = 0; i < size; i++) {
-            vector.push_back(integer(i));
-        }
-        return toHex(vector);
-    }
     if (kind == "matrix") {
         Matrix matrix(integer(0), integer(1));
         for (size_t i = 2; i < size; i++) {
@@ -123,6 +225,8 @@ static std::string write(const std::string& kind, const Bottle& content)
     }
     if (kind == "image" || kind == "convert") {
         FlexImage image;
+        image.setPixelCode(integer(0));
+        image.setQuantum(integer(3));
         fill(image, content);
         if (kind == "image") {
             return toHex(image);
@@ -130,19 +234,29 @@ static std::string write(const std::string& kind, const Bottle& content)
         FlexImage converted;
         converted.setPixelCode(integer(6));
         converted.setQuantum(integer(3));
-        converted.setTopIsLowIndex(integer(4) == 0);
+        mark(converted, integer(4) != 0);
         converted.copy(image);
         return toHex(converted);
     }
     if (kind == "sound") {
         Sound sound;
         const size_t channels = integer(1);
-        const size_t length = (size - 2) / channels;
+        size_t last = size;
+        while (content.get(last - 1).isList()) {
+            last--;
+        }
+        const size_t length = (last - 2) / channels;
         sound.resize(length, channels);
         sound.setFrequency(integer(0));
-        for (size_t i = 2; i < size; i++) {
+        for (size_t i = 2; i < last; i++) {
             sound.set(integer(i), (i - 2) % length, (i - 2) / length);
         }
+#if YARP_VERSION_MAJOR >= 4
+        for (size_t i = last; i < size; i++) {
+            const Bottle& marker = *content.get(i).asList();
+            sound.add_marker(marker.get(0).asString(), marker.get(1).asInt64(), marker.get(2).asInt32());
+        }
+#endif
         return toHex(sound);
     }
     if (kind == "stamp") {
@@ -161,7 +275,7 @@ static std::string write(const std::string& kind, const Bottle& content)
         }
         return toHex(pair);
     }
-    if (kind == "grasp") {
+    if (kind == "grasp" || kind == "bottle") {
         return toHex(content);
     }
     throw std::runtime_error("no such type");
@@ -170,18 +284,8 @@ static std::string write(const std::string& kind, const Bottle& content)
 static std::string read(const std::string& kind, const std::string& hex)
 {
     Bottle content;
-    if (kind == "vector_f64") {
-        VectorOf<double> vector;
-        fromHex(hex, vector);
-        for (double value : vector) {
-            content.addFloat64(value);
-        }
-    } else if (kind == "vector_i32") {
-        VectorOf<int> vector;
-        fromHex(hex, vector);
-        for (int value : vector) {
-            content.addInt32(value);
-        }
+    if (const Entry* entry = find(kind)) {
+        content = entry->read(hex);
     } else if (kind == "matrix") {
         Matrix matrix;
         fromHex(hex, matrix);
@@ -204,6 +308,14 @@ static std::string read(const std::string& kind, const std::string& hex)
                 content.addInt32(sound.get(i, channel));
             }
         }
+#if YARP_VERSION_MAJOR >= 4
+        for (const SoundMarker& place : sound.getMarkers()) {
+            Bottle& marker = content.addList();
+            marker.addString(place.label);
+            marker.addInt64(place.sample_id);
+            marker.addInt32(place.channel);
+        }
+#endif
     } else if (kind == "stamp") {
         Stamp stamp;
         fromHex(hex, stamp);
@@ -221,7 +333,7 @@ static std::string read(const std::string& kind, const std::string& hex)
         for (double value : pair.body) {
             content.addFloat64(value);
         }
-    } else if (kind == "grasp") {
+    } else if (kind == "grasp" || kind == "bottle") {
         fromHex(hex, content);
     } else {
         throw std::runtime_error("no such type");

@@ -19,15 +19,13 @@ Prints `ok` or `FAIL` per check and ends with 1 if any failed. Needs a name serv
 import base64
 import hashlib
 import os
-import queue
 import socket
 import struct
-import subprocess
 import sys
-import threading
 
 import yarp
 from asking import PATIENCE, ask, eventually, until
+from programs import Program
 
 # The line of a port that has got a message.
 MESSAGE = "Message: "
@@ -52,48 +50,28 @@ def short(value):
     return text if len(text) < 400 else f"{text[:400]}... ({len(text)} characters)"
 
 
-class Program:
-    """A program with a port, whose lines are read as they come."""
+class Peer(Program):
+    """A program with a port that pages talk with; its lines are the messages that the port has got."""
 
     def __init__(self, name, *command):
+        super().__init__(*command, name)
         self.name = name
-        self.process = subprocess.Popen(
-            [*command, name], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, bufsize=1)
-        self.lines = queue.Queue()
-        threading.Thread(target=self.follow, daemon=True).start()
         until(name, lambda: yarp.Network.exists(name))
         self.place = yarp.Network.queryName(name)
 
-    def follow(self):
-        for line in self.process.stdout:
-            if line.startswith(MESSAGE):
-                self.lines.put(line.removeprefix(MESSAGE).rstrip("\r\n"))
-
-    def say(self, line):
-        self.process.stdin.write(line + "\n")
-        self.process.stdin.flush()
-
-    def next(self):
-        """The next message that the port has got, or None."""
-        try:
-            return self.lines.get(timeout=PATIENCE)
-        except queue.Empty:
-            return None
+    def taken(self, line):
+        return line.removeprefix(MESSAGE) if line.startswith(MESSAGE) else None
 
     def pages(self):
         """How many pages write to the port, and how many it writes to."""
         return [ask(self.name, f"[list] [{side}]").split().count("web") for side in ("in", "out")]
 
-    def kill(self):
-        self.process.kill()
-        self.process.wait()
-
 
 class Page:
     """A page at a port."""
 
-    def __init__(self, program):
-        self.socket = socket.create_connection((program.place.getHost(), program.place.getPort()), PATIENCE)
+    def __init__(self, peer):
+        self.socket = socket.create_connection((peer.place.getHost(), peer.place.getPort()), PATIENCE)
         key = base64.b64encode(os.urandom(16)).decode()
         self.socket.sendall(
             f"GET /?ws HTTP/1.1\r\nHost: here\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
@@ -434,20 +412,20 @@ def main():
     told, read = {}, {}
     for side in servers:
         # The same names, so that answers can be compared.
-        server = Program("/websocket/server", *servers[side])
-        writer = Program("/websocket/writer", *writers[side])
+        server = Peer("/websocket/server", *servers[side])
+        writer = Peer("/websocket/writer", *writers[side])
         told[side] = talk(server)
         read[side] = listen(writer)
         if side == "ours":
             ours_alone(server)
         # Stock lists pages that went away, so that these come last.
         writer.kill()
-        gone(side, server, Program("/websocket/writer", *writers[side]))
+        gone(side, server, Peer("/websocket/writer", *writers[side]))
     for name, expected in told["stock"].items():
         check(name, told["ours"][name], expected)
     for at, expected in enumerate(read["stock"]):
         check(f"page {at + 1} that reads gets {len(expected)} bytes", read["ours"][at], expected)
-    closed(Program("/websocket/writer", *writers["ours"]))
+    closed(Peer("/websocket/writer", *writers["ours"]))
     print(f"{failed} failed" if failed else "all passed", flush=True)
     # Threads of the bindings may still wait for what will not come.
     os._exit(failed != 0)

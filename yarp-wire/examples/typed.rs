@@ -1,31 +1,35 @@
-//! Writes and reads the typed messages of 3.x, one a line.
+//! Writes and reads typed messages as 3.5.0 does, or as 4.0 if that is its argument, one a line.
 //!
 //! A line is `TYPE write CONTENT`, answered by the message in hexadecimal, or `TYPE read HEX`,
 //! answered by the content. Content is the text of a bottle; an answer may be `error: WHY`.
 //!
 //! | type | content |
 //! | --- | --- |
-//! | `vector_f64`, `vector_i32` | the numbers |
+//! | `vector_f64`, `_f32`, `_i32`, `_i16`, `_u16`, `_i8`, `_u8` | the numbers |
 //! | `matrix` | rows columns numbers |
-//! | `image` | pixel code, width, height, quantum, mark, {rows without padding} |
+//! | `image`, `image_CODE` | pixel code, width, height, quantum, mark, {rows without padding} |
 //! | `convert` | as `image` and the code wanted; written only |
-//! | `sound` | frequency channels samples, as read by versions up to 3.8 |
+//! | `sound` | frequency channels samples, and (label sample channel) of places, which 4.0 has |
 //! | `stamp` | count time |
 //! | `property` | (name values) (name values) |
 //! | `pair` | a stamp and a vector: count time numbers |
 //! | `grasp` | a struct: name force fingers |
+//! | `bottle` | what is in it |
 //!
 //! ```sh
 //! echo 'stamp write 7 1.5' | cargo run -q -p yarp-wire --example typed
 //! ```
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::io::{BufRead, Write};
 
 use bytes::{Bytes, BytesMut};
+use yarp_wire::bottle::Text;
 use yarp_wire::message::{ReadObject, WireObject};
 use yarp_wire::typed::{
-    Image, Matrix, Pair, PixelCode, Property, Record, Sound, SoundLayout, VectorOf,
+    Element, Image, Matrix, Pair, PixelCode, Property, Record, Sound, SoundLayout, SoundMarker,
+    VectorOf,
 };
 use yarp_wire::{Bottle, Dialect, Stamp, Value, wire_struct};
 
@@ -41,9 +45,13 @@ wire_struct! {
 type Failure = Box<dyn std::error::Error>;
 
 fn main() -> std::io::Result<()> {
+    let dialect = match std::env::args().nth(1).as_deref() {
+        Some("4.0") => Dialect::V4,
+        _ => Dialect::V3,
+    };
     let mut out = std::io::BufWriter::new(std::io::stdout().lock());
     for line in std::io::stdin().lock().lines() {
-        match answer(&line?) {
+        match answer(&line?, dialect) {
             Ok(answer) => writeln!(out, "{answer}")?,
             Err(error) => writeln!(out, "error: {error}")?,
         }
@@ -51,30 +59,38 @@ fn main() -> std::io::Result<()> {
     out.flush()
 }
 
-fn answer(line: &str) -> Result<String, Failure> {
+fn answer(line: &str, dialect: Dialect) -> Result<String, Failure> {
     let (kind, rest) = line.split_once(' ').ok_or("expected TYPE")?;
     match rest.split_once(' ').unwrap_or((rest, "")) {
-        ("write", content) => Ok(to_hex(&write(kind, &Bottle::parse(content)?)?)),
-        ("read", hex) => Ok(read(kind, &from_hex(hex)?)?.to_string()),
+        ("write", content) => Ok(to_hex(&write(kind, &Bottle::parse(content)?, dialect)?)),
+        ("read", hex) => Ok(read(kind, &from_hex(hex)?, dialect)?.to_string()),
         _ => Err("expected `write` or `read`".into()),
     }
 }
 
-fn write(kind: &str, content: &Bottle) -> Result<Bytes, Failure> {
+fn write(kind: &str, content: &Bottle, dialect: Dialect) -> Result<Bytes, Failure> {
     let mut out = BytesMut::new();
     let numbers = |from| numbers(content, from);
     let object: &dyn WireObject = match kind {
         "vector_f64" => &VectorOf(numbers(0)),
-        "vector_i32" => &VectorOf(integers(content, 0)),
+        "vector_f32" => &VectorOf(numbers(0).iter().map(|n| *n as f32).collect::<Vec<_>>()),
+        "vector_i32" => &narrow::<i32>(content)?,
+        "vector_i16" => &narrow::<i16>(content)?,
+        "vector_u16" => &narrow::<u16>(content)?,
+        "vector_i8" => &narrow::<i8>(content)?,
+        "vector_u8" => &narrow::<u8>(content)?,
         "matrix" => &Matrix::new(size(content, 0)?, size(content, 1)?, numbers(2))?,
-        "image" => &image(content)?,
+        kind if is_image(kind) => &image(content)?,
         "convert" => &image(content)?.converted(code(content, 6)?)?,
         "sound" => {
             let samples = integers(content, 2).iter().map(|s| *s as i16).collect();
-            let sound = Sound::new(size(content, 1)?, integer(content, 0)?, samples)?;
-            sound
-                .laid_out(SoundLayout::Pair)
-                .write_binary(&mut out, Dialect::V3);
+            let mut sound = Sound::new(size(content, 1)?, integer(content, 0)?, samples)?;
+            sound.markers = markers(content)?;
+            let layout = match dialect {
+                Dialect::V3 => SoundLayout::Pair,
+                Dialect::V4 => SoundLayout::Marked,
+            };
+            sound.laid_out(layout).write_binary(&mut out, dialect);
             return Ok(out.freeze());
         }
         "stamp" => &stamp(content)?,
@@ -84,27 +100,33 @@ fn write(kind: &str, content: &Bottle) -> Result<Bytes, Failure> {
             body: VectorOf(numbers(2)),
         },
         "grasp" => &Grasp::from_bottle(content).ok_or(Grasp::SHAPE)?,
+        "bottle" => content,
         _ => return Err("no such type".into()),
     };
-    object.write_binary(&mut out, Dialect::V3);
+    object.write_binary(&mut out, dialect);
     Ok(out.freeze())
 }
 
-fn read(kind: &str, bytes: &Bytes) -> Result<Bottle, Failure> {
-    fn of<T: ReadObject>(bytes: &Bytes) -> Result<T, Failure> {
-        Ok(T::read_binary(bytes, Dialect::V3)?)
+fn read(kind: &str, bytes: &Bytes, dialect: Dialect) -> Result<Bottle, Failure> {
+    fn of<T: ReadObject>(bytes: &Bytes, dialect: Dialect) -> Result<T, Failure> {
+        Ok(T::read_binary(bytes, dialect)?)
     }
     Ok(match kind {
-        "vector_f64" => values(of::<VectorOf<f64>>(bytes)?.0),
-        "vector_i32" => values(of::<VectorOf<i32>>(bytes)?.0),
+        "vector_f64" => vector::<f64, f64>(bytes, dialect)?,
+        "vector_f32" => vector::<f32, f64>(bytes, dialect)?,
+        "vector_i32" => vector::<i32, i32>(bytes, dialect)?,
+        "vector_i16" => vector::<i16, i32>(bytes, dialect)?,
+        "vector_u16" => vector::<u16, i32>(bytes, dialect)?,
+        "vector_i8" => vector::<i8, i32>(bytes, dialect)?,
+        "vector_u8" => vector::<u8, i32>(bytes, dialect)?,
         "matrix" => {
-            let matrix: Matrix = of(bytes)?;
+            let matrix: Matrix = of(bytes, dialect)?;
             let mut content = values([matrix.rows() as i32, matrix.columns() as i32]);
             content.extend(values(matrix.into_values()));
             content
         }
-        "image" => {
-            let image: Image = of(bytes)?;
+        kind if is_image(kind) => {
+            let image: Image = of(bytes, dialect)?;
             let numbers = [image.width(), image.height(), image.quantum()];
             let mut content = Bottle::of(image.code().code());
             content.extend(values(numbers.map(|number| number as i32)));
@@ -113,26 +135,72 @@ fn read(kind: &str, bytes: &Bytes) -> Result<Bottle, Failure> {
                 .with(image.packed())
         }
         "sound" => {
-            let sound: Sound = of(bytes)?;
+            let sound: Sound = of(bytes, dialect)?;
             let mut content = values([sound.frequency(), sound.channels() as i32]);
             content.extend(values(sound.samples().iter().map(|s| i32::from(*s))));
+            let markers = sound.markers.into_values().map(|marker| {
+                Bottle::from_iter([
+                    marker.label.into(),
+                    marker.sample.into(),
+                    marker.channel.into(),
+                ])
+            });
+            content.extend(values(markers));
             content
         }
-        "stamp" => of::<Stamp>(bytes)?.to_bottle(),
-        "property" => of::<Property>(bytes)?.to_bottle(),
+        "stamp" => of::<Stamp>(bytes, dialect)?.to_bottle(),
+        "property" => of::<Property>(bytes, dialect)?.to_bottle(),
         "pair" => {
-            let pair: Pair<Stamp, VectorOf<f64>> = of(bytes)?;
+            let pair: Pair<Stamp, VectorOf<f64>> = of(bytes, dialect)?;
             let mut content = pair.head.to_bottle();
             content.extend(values(pair.body.0));
             content
         }
-        "grasp" => of::<Grasp>(bytes)?.to_bottle(),
+        "grasp" => of::<Grasp>(bytes, dialect)?.to_bottle(),
+        "bottle" => of::<Bottle>(bytes, dialect)?,
         _ => return Err("no such type".into()),
     })
 }
 
+/// A vector of `T` as a bottle of `W`.
+fn vector<T: Element, W: From<T> + Into<Value>>(
+    bytes: &Bytes,
+    dialect: Dialect,
+) -> Result<Bottle, Failure> {
+    let vector = VectorOf::<T>::read_binary(bytes, dialect)?;
+    Ok(values(vector.0.into_iter().map(W::from)))
+}
+
 fn values<T: Into<Value>>(items: impl IntoIterator<Item = T>) -> Bottle {
     items.into_iter().map(Into::into).collect()
+}
+
+/// Also of one kind of pixel: here the code tells, in stock a type.
+fn is_image(kind: &str) -> bool {
+    kind.starts_with("image")
+}
+
+/// Where the samples of a sound end, lists begin.
+fn markers(content: &Bottle) -> Result<BTreeMap<Text, SoundMarker>, Failure> {
+    let lists = content.iter().filter_map(Value::as_list);
+    let marker = |list: &Bottle| {
+        let label = Text::from(list.get(0)?.as_str()?);
+        let marker = SoundMarker {
+            label: label.clone(),
+            sample: list.get(1)?.as_i64()?,
+            channel: list.get(2)?.as_i32()?,
+        };
+        Some((label, marker))
+    };
+    let markers: Option<_> = lists.map(marker).collect();
+    markers.ok_or_else(|| "expected (label sample channel)".into())
+}
+
+/// Numbers that have to fit.
+fn narrow<T: Element + TryFrom<i32>>(content: &Bottle) -> Result<VectorOf<T>, Failure> {
+    let numbers = integers(content, 0).into_iter().map(T::try_from);
+    let numbers: Result<Vec<T>, _> = numbers.collect();
+    Ok(VectorOf(numbers.map_err(|_| "a number does not fit")?))
 }
 
 fn numbers(content: &Bottle, from: usize) -> Vec<f64> {
