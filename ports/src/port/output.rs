@@ -236,7 +236,7 @@ impl Output {
     /// Waits for the goodbye of a reader that answers ours: one that comes when the connection is gone
     /// would reset it, and with it what the reader has not read yet.
     async fn await_answer(&self) {
-        if self.carrier.transport == Transport::WebSocket {
+        if self.carrier.protocol.answers_goodbye() {
             self.socket().finish();
             let _ = self.outbox.ended().await;
         }

@@ -74,6 +74,10 @@ impl Protocol for Websocket {
         put_frame_head(output, reply.len());
         output.put_slice(&reply);
     }
+
+    fn answers_goodbye(&self) -> bool {
+        true
+    }
 }
 
 /// A request that asks to go on in frames.

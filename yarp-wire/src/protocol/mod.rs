@@ -85,6 +85,11 @@ pub trait Protocol: fmt::Debug + Sync {
     /// Appends such lines.
     fn put_lines(&self, _lines: &str, _output: &mut BytesMut) {}
 
+    /// Whether a goodbye is answered with another.
+    fn answers_goodbye(&self) -> bool {
+        false
+    }
+
     /// Appends what is told to an initiator that is refused, where it does not notice otherwise.
     fn put_refusal(&self, _carrier: &Carrier, _reason: &dyn fmt::Display, _output: &mut BytesMut) {}
 }
