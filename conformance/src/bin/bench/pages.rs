@@ -9,8 +9,9 @@ use crate::{Failure, RUNS};
 
 /// Questions per run: a connection each, or all over one websocket.
 const QUESTIONS: usize = 2000;
-/// Messages per run.
+/// Messages per run to a browser, and from one, which sends many more in a second.
 const MESSAGES: u32 = 20_000;
+const FRAMES: u32 = 300_000;
 
 const SIDES: [Side; 2] = [Side::Stock, Side::Ours];
 
@@ -76,12 +77,12 @@ impl Bench {
     /// Messages per second from the browser until the port has read the last.
     fn framed(&self, side: Side) -> Result<f64, Failure> {
         let (mut reader, name) = self.server(side, "count")?;
-        let words = ["frames", &name, &MESSAGES.to_string()];
+        let words = ["frames", &name, &FRAMES.to_string()];
         let mut browser = self.start(Side::Ours, &words)?;
         let sent = browser.numbers(1)?[0];
         let begin = Instant::now();
-        reader.count(MESSAGES)?;
-        Ok(f64::from(MESSAGES) / (sent / 1e9 + begin.elapsed().as_secs_f64()))
+        reader.count(FRAMES)?;
+        Ok(f64::from(FRAMES) / (sent / 1e9 + begin.elapsed().as_secs_f64()))
     }
 }
 
