@@ -48,6 +48,11 @@ class Program:
         self.process.kill()
         self.process.wait()
 
+    def finish(self):
+        """Ends its input, and waits for it to end."""
+        self.process.stdin.close()
+        self.process.wait(PATIENCE)
+
     def end(self):
         self.process.send_signal(signal.SIGINT)
         try:
