@@ -4,8 +4,7 @@
 
 Needs a name server. A port receives, and another looks on; either is `yarp read` or `yarp rpcserver`
 of stock or of ours. What both print, and what they answer, is compared with what two of stock's do.
-A port within this program could not be one of them: stock's bindings stand still while they read a
-message that is copied. Prints `ok` or `FAIL` per comparison and ends with 1 if any failed.
+Prints `ok` or `FAIL` per comparison and ends with 1 if any failed.
 """
 
 import os
