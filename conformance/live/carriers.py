@@ -207,6 +207,11 @@ def groups(ours, _stock, carrier):
         check(f"{carrier}: {name} knows", eventually(lambda: writer in ask(name, "[list] [in]").replace('"', "").split()))
         time.sleep(0.2)
 
+    def leave(writer, name):
+        yarp.Network.disconnect(writer, name)
+        # Until then it may still hear the next message to the others.
+        eventually(lambda: writer not in ask(name, "[list] [in]").replace('"', "").split())
+
     readers, ports = {}, []
     for number in range(2):
         name = f"/live/{carrier}/stock/{number}"
@@ -240,7 +245,7 @@ def groups(ours, _stock, carrier):
         # The first of a writer's connections sends for all.
         left = list(readers)
         while len(left) > 1:
-            yarp.Network.disconnect(writer, left.pop(0))
+            leave(writer, left.pop(0))
             all_get(f"{len(left)} are left and read once", left, [f"left {len(left)}", "and more"])
         gone = [name for name in readers if name not in left]
         for name in gone:
@@ -267,9 +272,10 @@ def groups(ours, _stock, carrier):
 
 
 def segments():
-    """Keys of the segments of this machine."""
+    """Keys of the segments that this program and those it started have made."""
     lines = pathlib.Path("/proc/sysvipc/shm").read_text().splitlines()[1:]
-    return {int(line.split()[0]) for line in lines} - {0}
+    makers = {os.getpid(), *Program.started}
+    return {int(key) for key, _, _, _, maker, *_ in map(str.split, lines) if int(maker) in makers} - {0}
 
 
 def main():

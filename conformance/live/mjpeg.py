@@ -10,28 +10,23 @@ stock's bindings.
 """
 
 import os
-import queue
 import random
 import socket
 import subprocess
 import sys
-import threading
 
 import yarp
 from asking import PATIENCE, ask, eventually, until
+from programs import Program
 
 WIDTH, HEIGHT = 48, 32
 REQUEST = b"GET /?action=stream HTTP/1.1\r\nHost: here\r\n\r\n"
 
 failed = 0
-# What is not to be left behind.
-children = []
 
 
 def end(code=1):
-    """Ends with this code and leaves nothing behind; threads of the bindings may still wait for what will not come."""
-    for child in children:
-        child.kill()
+    """Ends with this code; threads of the bindings may still wait for what will not come."""
     os._exit(code)
 
 
@@ -74,23 +69,16 @@ class StockWriter:
         self.port.write(image)
 
 
-class OurWriter:
+class OurWriter(Program):
     """`yarp write` of ours."""
 
     def __init__(self, name, ours):
+        super().__init__(ours, "write", name)
         self.name = name
-        self.child = subprocess.Popen(
-            [ours, "write", name], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
-        children.append(self.child)
         until(name, lambda: yarp.Network.exists(name))
 
     def show(self, text):
-        self.child.stdin.write(text + "\n")
-        self.child.stdin.flush()
-
-    def kill(self):
-        self.child.kill()
-        self.child.wait()
+        self.say(text)
 
 
 class StockReader:
@@ -111,36 +99,18 @@ class StockReader:
         return got[-1] and got[-1].toString(), stamp.getCount()
 
 
-class OurReader:
+class OurReader(Program):
     """`yarp read` of ours."""
 
     def __init__(self, name, ours):
+        super().__init__(ours, "read", name, "envelope")
         self.name = name
-        self.lines = queue.Queue()
-        self.child = subprocess.Popen([ours, "read", name, "envelope"], stdout=subprocess.PIPE, text=True)
-        children.append(self.child)
-        threading.Thread(target=self.follow, daemon=True).start()
         until(name, lambda: yarp.Network.exists(name))
-
-    def follow(self):
-        for line in self.child.stdout:
-            if not line.startswith("[INFO]"):
-                self.lines.put(line.rstrip("\r\n"))
-
-    def line(self):
-        try:
-            return self.lines.get(timeout=PATIENCE)
-        except queue.Empty:
-            return None
 
     def next(self):
         """The next image, and its envelope."""
-        envelope, text = self.line(), self.line()
+        envelope, text = super().next(), super().next()
         return text, int((envelope or "0").split()[0] or 0)
-
-    def kill(self):
-        self.child.kill()
-        self.child.wait()
 
 
 def image(code, depth, seed):

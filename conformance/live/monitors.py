@@ -12,12 +12,11 @@ ends with 1 if any failed. Checked with stock 3.5.0.
 
 import random
 import struct
-import subprocess
 import sys
-import threading
 
 import yarp
-from asking import PATIENCE, ask, until
+from asking import ask, until
+from programs import Program
 
 failed = 0
 
@@ -49,29 +48,17 @@ class Stock:
         self.port.close()
 
 
-class Ours:
+class Ours(Program):
     """`yarp read` of ours."""
 
     name = "/monitors/ours/r"
 
     def __init__(self, yarp_command):
-        self.lines = []
-        self.child = subprocess.Popen([yarp_command, "read", self.name], stdout=subprocess.PIPE, text=True)
-        threading.Thread(target=self.collect, daemon=True).start()
+        super().__init__(yarp_command, "read", self.name)
         until("yarp read", lambda: yarp.Network.exists(self.name))
 
-    def collect(self):
-        for line in self.child.stdout:
-            # What it tells of ports and connections stands in brackets.
-            if not line.startswith("[INFO]"):
-                self.lines.append(line.rstrip("\r\n"))
-
     def read(self):
-        return self.lines.pop(0) if self.lines else None
-
-    def close(self):
-        self.child.terminate()
-        self.child.wait()
+        return self.next(0)
 
 
 class Writer:
@@ -180,7 +167,7 @@ def refusals(writer, ours, our_yarp):
             check("  no end has it", (ask(writer.name, "[list] [out]"), writer.name in ask(ours.name, "[list] [in]")), ("", False))
     stock = Stock()
     sender = "/monitors/ours/w"
-    child = subprocess.Popen([our_yarp, "write", sender], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL)
+    program = Program(our_yarp, "write", sender)
     until("yarp write", lambda: yarp.Network.exists(sender))
     for carrier in ["tcp", "fast_tcp", "text", "text_ack", "shmem", "unix_stream", "mcast"]:
         for modifier in ["recv.nonesuch", "recv.portmonitor+type.dll+file.nonesuch", "send.nonesuch"]:
@@ -191,11 +178,9 @@ def refusals(writer, ours, our_yarp):
             check("  no end has it", ask(sender, "[list] [out]"), "")
     answer = ask(sender, f'[add] "tcp+recv.priority:/{stock.name}"')
     check("ours to stock over what it has", "Added connection" in answer, True)
-    child.stdin.write(b"hello 1 2\n")
-    child.stdin.flush()
+    program.say("hello 1 2")
     check("  and it reads", until("a message", stock.read), "hello 1 2")
-    child.stdin.close()
-    child.wait(PATIENCE)
+    program.finish()
     stock.close()
 
 
@@ -209,19 +194,17 @@ def compressed(writer, stock, ours, our_yarp):
                 check(f"{over} {message[:20]!r}", got, expected)
     # Ours compresses, stock expands.
     sender = "/monitors/ours/w"
-    child = subprocess.Popen([our_yarp, "write", sender], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL)
+    program = Program(our_yarp, "write", sender)
     until("yarp write", lambda: yarp.Network.exists(sender))
     for carrier in ["tcp", "fast_tcp", "udp", "text_ack"]:
         yarp.Network.connect(sender, stock.name, f"{carrier}+send.portmonitor+recv.{zlib}")
         until("a connection", lambda: sender in ask(stock.name, "[list] [in]"))
         for message in ["1 2.5 hello (a b)", "7", "y" * 3000]:
-            child.stdin.write(message.encode() + b"\n")
-            child.stdin.flush()
+            program.say(message)
             check(f"ours to stock, {carrier}", until("a message", stock.read), message)
         yarp.Network.disconnect(sender, stock.name)
         until("the end", lambda: sender not in ask(stock.name, "[list] [in]"))
-    child.stdin.close()
-    child.wait(PATIENCE)
+    program.finish()
 
 
 def depths(writer, stock, ours, our_yarp, name):
@@ -238,14 +221,12 @@ def depths(writer, stock, ours, our_yarp, name):
     if both:
         # Ours compresses, stock expands.
         sender = "/monitors/ours/w"
-        child = subprocess.Popen([our_yarp, "write", sender], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL)
+        program = Program(our_yarp, "write", sender)
         until("yarp write", lambda: yarp.Network.exists(sender))
         check(f"ours to stock, {over}", yarp.Network.connect(sender, stock.name, over), True)
-        child.stdin.write(message.encode() + b"\n")
-        child.stdin.flush()
+        program.say(message)
         check("  and it reads", shown(until("a message", stock.read)), expected)
-        child.stdin.close()
-        child.wait(PATIENCE)
+        program.finish()
 
 
 def main():
@@ -263,7 +244,7 @@ def main():
         stock.close()
         refusals(writer, ours, our_yarp)
     finally:
-        ours.close()
+        ours.kill()
         writer.port.close()
     sys.exit(1 if failed else 0)
 

@@ -17,10 +17,13 @@ TIED = ["setpriv", "--pdeathsig", "KILL"]
 class Program:
     """A program whose lines are read as they come. It ends with the suite, or the thread, that started it."""
 
-    def __init__(self, *command, **options):
+    # The numbers of all processes.
+    started = set()
+
+    def __init__(self, *command):
         self.process = subprocess.Popen(
-            [*TIED, *command], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, bufsize=1,
-            **options)
+            [*TIED, *command], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, bufsize=1)
+        self.started.add(self.process.pid)
         self.lines = queue.Queue()
         threading.Thread(target=self.follow, daemon=True).start()
 
@@ -47,6 +50,11 @@ class Program:
     def kill(self):
         self.process.kill()
         self.process.wait()
+
+    def finish(self):
+        """Ends its input, and waits for it to end."""
+        self.process.stdin.close()
+        self.process.wait(PATIENCE)
 
     def end(self):
         self.process.send_signal(signal.SIGINT)

@@ -137,6 +137,8 @@ for server in ours stock; do
     suite "modifiers of carriers, server: $server" \
         "$with_stock" "$python" conformance/live/monitors.py "$ours" \
         depthimage_to_mono depthimage_to_rgb depthimage_compression_zlib
+    suite "who is heard of several writers, server: $server" \
+        "$with_stock" "$python" conformance/live/priority.py "$ours" "$with_stock yarp"
     until_ok "$ours" exists /cartController/wam/rpc:i
     suite "stock tools talk with the controller of a tool, server: $server" \
         "$with_stock" "$python" conformance/live/cartesian.py /cartController/wam

@@ -149,8 +149,12 @@ impl Member {
 
 /// What is left of 1 after `since` of `lasts` seconds: nearly all for long, then quickly nothing.
 fn decay(since: f64, lasts: f64) -> f64 {
-    if since > lasts || lasts == 0.0 {
+    if since > lasts {
         return 0.0;
+    }
+    // At the very moment of a message, which is all the time that it has.
+    if lasts == 0.0 {
+        return 1.0;
     }
     1.0 - ((since - lasts) / lasts * 5.0).exp() + (-5.0_f64).exp()
 }
@@ -363,6 +367,15 @@ mod tests {
             .collect();
         assert_eq!(heard, [false, false, true, true]);
         assert!(!group.accepts(0, 10.0));
+    }
+
+    #[test]
+    fn one_that_lasts_no_time_is_heard_and_forgotten() {
+        let mut group = group(&[("/low", "(bs 5) (tc 9)"), ("/high", "(bs 20) (tc 0)")]);
+        let writers = [0, 1, 0, 1].into_iter().zip([0.0, 0.1, 0.2, 0.3]);
+        for (id, at) in writers {
+            assert!(group.accepts(id, at));
+        }
     }
 
     #[test]
