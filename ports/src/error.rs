@@ -94,7 +94,7 @@ pub enum PortError {
         text: String,
     },
     /// There is no such carrier here.
-    #[error("there is no carrier {carrier:?}; known are {known}")]
+    #[error("nothing can be sent over {carrier:?}; carriers for that are {known}")]
     NoCarrier {
         /// What was asked for.
         carrier: String,

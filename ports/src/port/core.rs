@@ -233,19 +233,16 @@ impl Core {
         }
         let spec = spec.ok_or_else(|| PortError::NoCarrier {
             carrier: text.to_owned(),
-            known: known_carriers(),
+            known: known_carriers(logs),
         })?;
-        let carrier = Carrier::of(&spec).filter(|carrier| {
-            // A group is for what the owner writes.
-            carrier.initiates && (!logs || carrier.transport != Transport::Group)
-        });
+        let carrier = Carrier::of(&spec).filter(|carrier| goes_over(carrier, logs));
         let carrier = carrier.ok_or_else(|| match is_modifier(&spec.base) {
             true => PortError::Modifier(MonitorError::NoCarrier {
                 name: spec.base.clone(),
             }),
             false => PortError::NoCarrier {
                 carrier: spec.base.clone(),
-                known: known_carriers(),
+                known: known_carriers(logs),
             },
         })?;
         let ends = (self.name.as_str(), found.name.as_str());
@@ -530,8 +527,16 @@ pub(crate) fn is_port(name: &str) -> bool {
     name.starts_with('/')
 }
 
-pub(crate) fn known_carriers() -> String {
-    yarp_wire::carrier::ALL
-        .map(|carrier| carrier.name)
-        .join(", ")
+fn known_carriers(logs: bool) -> String {
+    let begun = |carrier: &&Carrier| goes_over(carrier, logs);
+    let names = yarp_wire::carrier::ALL.into_iter().filter(begun);
+    let mut names: Vec<_> = names.map(|carrier| carrier.name).collect();
+    names.dedup();
+    names.join(", ")
+}
+
+/// Whether what a port writes, or copies of what it receives, can go over this carrier.
+fn goes_over(carrier: &Carrier, logs: bool) -> bool {
+    // A group is for what the owner writes.
+    carrier.initiates && (!logs || carrier.transport != Transport::Group)
 }
