@@ -432,6 +432,21 @@ for carrier in ("tcp", "fast_tcp", "text", "text_ack"):
     scenario(f"write and read over {carrier}", roles=3)(transfer(carrier))
 
 
+@scenario("write and read over name_ser", roles=3)
+def _(world, writing, reading, connecting):
+    """Lines without a sender or an envelope; what would need quotes is left out, for stock drops them."""
+    reader = world.start(reading, "read /r")
+    writer = world.start(writing, "write /w")
+    results = [world.run(connecting, "connect /w /r name_ser")]
+    writer.see("from /w to /r")
+    writer.type("hello 5 (a b) [ok] 1.5 {1 2}", "true false [abcd]", "last 1")
+    reader.see("last 1")
+    results.append(world.run(connecting, "disconnect /w /r"))
+    results.append(writer.end_input().finish())
+    results.append(reader.signal().finish())
+    return results
+
+
 def may_run_in_real_time():
     """Whether the system lets programs have such a policy."""
     try:
