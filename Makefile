@@ -67,7 +67,7 @@ soak: setup
 
 idle: setup
 	cargo build --release -p yarp-conformance --bin idle
-	ulimit -n 8192 && target/release/idle
+	ulimit -n 16384 && target/release/idle
 
 # Minutes of `make hour`.
 MINUTES ?= 60

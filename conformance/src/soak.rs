@@ -3,10 +3,12 @@
 //!
 //! What a port leaves behind is counted: descriptors, tasks, bytes, and memory shared with others.
 
-use std::fmt;
+use std::ffi::OsStr;
+use std::process::{Command, Output};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
+use std::{fmt, io};
 
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
@@ -70,7 +72,8 @@ pub struct Footprint {
     pub bytes: isize,
     /// Mappings that are shared with other processes.
     pub mappings: usize,
-    /// Segments of shared memory that this process made, and files of the locks that go with such.
+    /// Segments of shared memory that this process made, and files of the locks that go with such; the
+    /// latter also of others, unless it runs [`alone`].
     pub shared: usize,
 }
 
@@ -131,7 +134,28 @@ fn segments() -> usize {
     makers.filter(|maker| *maker == own).count()
 }
 
-/// Files of locks, by whomever.
+/// Set in a process that [`alone`] has started.
+const ALONE: &str = "SOAK_ALONE";
+
+/// Runs this program once more, with these words and a folder of its own for temporary files: in such
+/// lie the locks of shared memory, and those of other programs are not to be counted. `None` in the
+/// process that was started so, which goes on.
+pub fn alone<W: AsRef<OsStr>>(words: impl IntoIterator<Item = W>) -> io::Result<Option<Output>> {
+    if std::env::var_os(ALONE).is_some() {
+        return Ok(None);
+    }
+    let folder = std::env::temp_dir().join(format!("soak.{}", std::process::id()));
+    std::fs::create_dir(&folder)?;
+    let output = Command::new(std::env::current_exe()?)
+        .args(words)
+        .env(ALONE, "")
+        .env("TMPDIR", &folder)
+        .output();
+    std::fs::remove_dir_all(&folder)?;
+    output.map(Some)
+}
+
+/// Files of locks in the folder for temporary files, by whomever; see [`alone`].
 fn locks() -> usize {
     let files = std::fs::read_dir(std::env::temp_dir())
         .into_iter()

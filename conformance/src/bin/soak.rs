@@ -1,6 +1,7 @@
 //! `soak [CYCLES]`: connects and disconnects, 100 000 times, and looks for what is left behind.
 //!
-//! Ends with 1 if a descriptor, a task or more than some bytes are.
+//! Ends with 1 if a descriptor, a task, shared memory or more than some bytes are. The work is done by a process of its own,
+//! in a folder for temporary files of its own.
 
 use std::process::ExitCode;
 use std::time::Instant;
@@ -14,8 +15,26 @@ static COUNTING: Counting = Counting;
 /// A day in cycles.
 const CYCLES: usize = 100_000;
 
+fn main() -> ExitCode {
+    let alone = soak::alone(std::env::args_os().skip(1));
+    let output = match alone {
+        Ok(None) => return measure(),
+        Ok(Some(output)) => output,
+        Err(error) => {
+            eprintln!("soak: {error}");
+            return ExitCode::FAILURE;
+        }
+    };
+    print!("{}", String::from_utf8_lossy(&output.stdout));
+    eprint!("{}", String::from_utf8_lossy(&output.stderr));
+    match output.status.success() {
+        true => ExitCode::SUCCESS,
+        false => ExitCode::FAILURE,
+    }
+}
+
 #[tokio::main]
-async fn main() -> ExitCode {
+async fn measure() -> ExitCode {
     let cycles = match std::env::args().nth(1).map(|word| word.parse()) {
         None => CYCLES,
         Some(Ok(cycles)) => cycles,

@@ -2,6 +2,7 @@
 
 use std::io;
 use std::net::{IpAddr, SocketAddrV4};
+use std::pin::pin;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -710,15 +711,15 @@ impl Connection {
         }
     }
 
-    /// Waits for what is left to wait for.
+    /// Waits for what is left to wait for, which is pinned here: by value it would be in each connection twice.
     async fn finish(&mut self, handing: Handing) -> (Option<Reply>, bool) {
         let core = self.core.clone();
         match handing {
-            Handing::Now(handed) => self.wait_for(core.finish(handed)).await,
+            Handing::Now(handed) => self.wait_for(pin!(core.finish(handed))).await,
             Handing::Watched(received) => {
                 let copies = log::are_brought_by(&self.sender);
                 let monitors = self.monitors.clone();
-                self.wait_for(core.take(monitors.as_ref(), received, copies))
+                self.wait_for(pin!(core.take(monitors.as_ref(), received, copies)))
                     .await
             }
         }

@@ -1,4 +1,5 @@
-//! One direction of a connection: a segment, its two locks, and their names.
+//! One direction of a connection: a segment, its two locks, and their names. Only stock's ring needs
+//! the locks once the connection is made.
 
 use std::io;
 use std::path::PathBuf;
@@ -12,13 +13,19 @@ use super::memory::Memory;
 /// What one end writes and the other reads.
 #[derive(Debug)]
 pub(super) struct Channel {
-    /// The TCP port of the end that writes it.
-    pub(super) port: u16,
-    pub(super) memory: Memory,
+    pub(super) segment: Segment,
     /// Guards the segment.
     pub(super) guard: Arc<ProcessLock>,
     /// What the reader sleeps on.
     pub(super) sleep: Arc<ProcessLock>,
+}
+
+/// Its memory, and the names that it and the locks have until both ends have opened them.
+#[derive(Debug)]
+pub(super) struct Segment {
+    /// The TCP port of the end that writes it.
+    pub(super) port: u16,
+    pub(super) memory: Memory,
     /// Whether the names are still to be taken away.
     named: bool,
 }
@@ -32,13 +39,7 @@ impl Channel {
             .and_then(|guard| Ok((guard, ProcessLock::create(&sleep)?)))
             .inspect_err(|_| memory.remove());
         let (guard, sleep) = locks?;
-        Ok(Self {
-            port,
-            memory,
-            guard: Arc::new(guard),
-            sleep: Arc::new(sleep),
-            named: true,
-        })
+        Ok(Self::new(port, memory, guard, sleep))
     }
 
     /// Opens the one that the other end made. Nobody else is to find it: the names go at once, so
@@ -57,17 +58,26 @@ impl Channel {
         // Last: once the other end sees us attached to it, it may take the names away itself.
         let memory = Memory::open_segment(key(port, 0), HEAD + STOCK_SIZE)
             .map_err(|error| step("opening the other end's shared memory", &error))?;
-        let mut channel = Self {
-            port,
-            memory,
-            guard: Arc::new(guard),
-            sleep: Arc::new(sleep),
-            named: true,
-        };
-        channel.unname();
+        let mut channel = Self::new(port, memory, guard, sleep);
+        channel.segment.unname();
         Ok(channel)
     }
 
+    fn new(port: u16, memory: Memory, guard: ProcessLock, sleep: ProcessLock) -> Self {
+        let named = true;
+        Self {
+            segment: Segment {
+                port,
+                memory,
+                named,
+            },
+            guard: Arc::new(guard),
+            sleep: Arc::new(sleep),
+        }
+    }
+}
+
+impl Segment {
     /// Takes the names away, once both ends have opened what they name.
     pub(super) fn unname(&mut self) {
         if std::mem::take(&mut self.named) {
@@ -95,7 +105,7 @@ impl Channel {
     }
 }
 
-impl Drop for Channel {
+impl Drop for Segment {
     fn drop(&mut self) {
         self.unname();
     }

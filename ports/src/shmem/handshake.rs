@@ -77,13 +77,13 @@ impl Offer {
         }
         let mark = initiator_mark(&said).map_err(invalid)?;
         let input = Channel::open(from.port())?;
-        let ours = ring::has_mark(&input, mark);
+        let ours = ring::has_mark(&input.segment, mark);
         if ours {
-            ring::put_mark(&self.output, mark);
+            ring::put_mark(&self.output.segment, mark);
         }
         let answer = accept_packet(ours.then_some(mark));
         in_time(tcp.write_all(&answer)).await?;
-        self.output.unname_if_shared();
+        self.output.segment.unname_if_shared();
         stream(tcp, ours, input, self.output)
     }
 }
@@ -95,15 +95,16 @@ pub(crate) async fn connect(header: &TcpStream, number: u16) -> io::Result<Shmem
     let (socket, mut output) = output(ip)?;
     let mark = RandomState::new().hash_one(number) as u32;
     plain::prepare(&output);
-    ring::put_mark(&output, mark);
+    ring::put_mark(&output.segment, mark);
     let mut tcp = socket.connect(SocketAddr::new(ip, number)).await?;
     tcp.set_nodelay(true)?;
     tcp.write_all(&connect_packet(mark)).await?;
     let answer = packet(&mut tcp).await?;
     // The acceptor has opened it before it answered.
-    output.unname();
+    output.segment.unname();
     let input = Channel::open(number)?;
-    let ours = answers_mark(&answer, mark).map_err(invalid)? && ring::has_mark(&input, mark);
+    let ours =
+        answers_mark(&answer, mark).map_err(invalid)? && ring::has_mark(&input.segment, mark);
     stream(tcp, ours, input, output)
 }
 
@@ -132,8 +133,9 @@ pub(super) fn stream(
 ) -> io::Result<ShmemStream> {
     let layout = if ours {
         Layout::Ours {
-            reader: Mutex::new(ring::Reader::new(input)),
-            writer: Mutex::new(ring::Writer::new(output)),
+            // Without the locks, each of which takes a page.
+            reader: Mutex::new(ring::Reader::new(input.segment)),
+            writer: Mutex::new(ring::Writer::new(output.segment)),
         }
     } else {
         let reader = plain::Reader::new(input);

@@ -60,14 +60,14 @@ fn flag(memory: &Memory, offset: usize) -> bool {
 
 /// Says that the connection ends, and wakes the other end if it sleeps. Needs no lock.
 fn end(channel: &Channel) {
-    channel.memory.byte(at::CLOSE).store(1, Release);
+    channel.segment.memory.byte(at::CLOSE).store(1, Release);
     channel.sleep.free();
 }
 
 /// Puts an empty ring into a segment, before the other end opens it.
 pub(super) fn prepare(channel: &Channel) {
-    let room = channel.memory.length() - HEAD;
-    store(&channel.memory, &Ring::empty(room));
+    let room = channel.segment.memory.length() - HEAD;
+    store(&channel.segment.memory, &Ring::empty(room));
 }
 
 /// The end that reads.
@@ -94,7 +94,7 @@ impl Reader {
 
     /// Whether there seems to be something to read, without the lock.
     pub(super) fn seems_ready(&self) -> bool {
-        let memory = &self.channel.memory;
+        let memory = &self.channel.segment.memory;
         memory.word(at::AVAILABLE).load(Relaxed) != 0
             || flag(memory, at::RESIZE)
             || flag(memory, at::CLOSE)
@@ -112,7 +112,7 @@ impl Reader {
         }
         let _held = Held::take(&self.channel.guard)?;
         self.follow()?;
-        let memory = &self.channel.memory;
+        let memory = &self.channel.segment.memory;
         let mut ring = ring(memory)?;
         if ring.available() == 0 {
             return match flag(memory, at::CLOSE) {
@@ -133,7 +133,7 @@ impl Reader {
     pub(super) fn is_ready(&mut self) -> io::Result<bool> {
         let _held = Held::take(&self.channel.guard)?;
         self.follow()?;
-        let memory = &self.channel.memory;
+        let memory = &self.channel.segment.memory;
         let ready = ring(memory)?.available() > 0 || flag(memory, at::CLOSE);
         if !ready {
             memory.word(at::WAITING).store(1, Relaxed);
@@ -143,13 +143,14 @@ impl Reader {
 
     /// Goes on to the segment that the writer went on to.
     fn follow(&mut self) -> io::Result<()> {
-        while flag(&self.channel.memory, at::RESIZE) {
+        while flag(&self.channel.segment.memory, at::RESIZE) {
             let wrong = |text| io::Error::new(io::ErrorKind::InvalidData, text);
             let next = self.resizes.checked_add(1).filter(|next| *next < 1 << 15);
             self.resizes = next.ok_or_else(|| wrong("the ring was resized too often"))?;
-            let memory = Memory::open_segment(key(self.channel.port, self.resizes), HEAD + 1)?;
-            drop(self.channel.replace(memory));
-            self.channel.unname();
+            let memory =
+                Memory::open_segment(key(self.channel.segment.port, self.resizes), HEAD + 1)?;
+            drop(self.channel.segment.replace(memory));
+            self.channel.segment.unname();
         }
         Ok(())
     }
@@ -181,7 +182,7 @@ impl Writer {
 
     /// Whether a write seems to be worth a try, without the lock. Nobody tells when it becomes so.
     pub(super) fn seems_ready(&self) -> bool {
-        let word = |offset| self.channel.memory.word(offset).load(Relaxed);
+        let word = |offset| self.channel.segment.memory.word(offset).load(Relaxed);
         let available = word(at::AVAILABLE) as usize;
         self.channel.guard.is_free() && (available < AHEAD / 2 || word(at::WAITING) != 0)
     }
@@ -189,13 +190,13 @@ impl Writer {
     /// Writes chunks, each whole: a stock reader waits until all of a block is there, so a ring that
     /// is too small for one gives way to a larger one. `WouldBlock` while much is unread.
     pub(super) fn write(&mut self, chunks: &[IoSlice<'_>]) -> io::Result<usize> {
-        if self.channel.unname_if_shared() {
+        if self.channel.segment.unname_if_shared() {
             self.passed.iter().for_each(Memory::remove);
             self.passed.clear();
         }
         let guard = self.channel.guard.clone();
         let held = Held::take(&guard)?;
-        let memory = &self.channel.memory;
+        let memory = &self.channel.segment.memory;
         if flag(memory, at::CLOSE) {
             return Err(io::ErrorKind::BrokenPipe.into());
         }
@@ -213,16 +214,25 @@ impl Writer {
             let mut rest: &[u8] = chunk;
             for range in ring.put(chunk.len()) {
                 let (piece, after) = rest.split_at(range.len());
-                self.channel.memory.copy_in(HEAD + range.start, piece);
+                self.channel
+                    .segment
+                    .memory
+                    .copy_in(HEAD + range.start, piece);
                 rest = after;
             }
             count += chunk.len();
-            store(&self.channel.memory, &ring);
+            store(&self.channel.segment.memory, &ring);
         }
         if count == 0 && chunks.iter().any(|chunk| !chunk.is_empty()) {
             return Err(io::ErrorKind::WouldBlock.into());
         }
-        let waiting = self.channel.memory.word(at::WAITING).swap(0, Relaxed) > 0;
+        let waiting = self
+            .channel
+            .segment
+            .memory
+            .word(at::WAITING)
+            .swap(0, Relaxed)
+            > 0;
         drop(held);
         if waiting {
             self.channel.sleep.free();
@@ -237,17 +247,17 @@ impl Writer {
         let number = i32::try_from(size).map_err(|_| too_large())?;
         let next = self.resizes.checked_add(1).filter(|next| *next < 1 << 15);
         let next = next.ok_or_else(too_large)?;
-        let memory = create_segment(key(self.channel.port, next), HEAD + size)?;
+        let memory = create_segment(key(self.channel.segment.port, next), HEAD + size)?;
         let mut unread = BytesMut::with_capacity(ring.available());
         for range in ring.take(usize::MAX) {
-            let old = &self.channel.memory;
+            let old = &self.channel.segment.memory;
             old.copy_out(HEAD + range.start, range.len(), &mut unread);
         }
         let mut larger = Ring::empty(size);
         larger.put(unread.len());
         memory.copy_in(HEAD, &unread);
         store(&memory, &larger);
-        let old = &self.channel.memory;
+        let old = &self.channel.segment.memory;
         let waiting = old.word(at::WAITING).load(Relaxed);
         memory.word(at::WAITING).store(waiting, Relaxed);
         let closed = old.byte(at::CLOSE).load(Relaxed);
@@ -255,7 +265,7 @@ impl Writer {
         old.word(at::NEW_SIZE)
             .store(number.cast_unsigned(), Relaxed);
         old.byte(at::RESIZE).store(1, Release);
-        let old = self.channel.replace(memory);
+        let old = self.channel.segment.replace(memory);
         self.passed.push(old);
         self.resizes = next;
         Ok(larger)
@@ -279,13 +289,13 @@ mod for_tests {
         }
 
         pub(in crate::shmem) fn memory(&self) -> &Memory {
-            &self.channel.memory
+            &self.channel.segment.memory
         }
 
         pub(in crate::shmem) fn available(&mut self) -> io::Result<usize> {
             let _held = Held::take(&self.channel.guard)?;
             self.follow()?;
-            Ok(ring(&self.channel.memory)?.available())
+            Ok(ring(&self.channel.segment.memory)?.available())
         }
     }
 
@@ -295,7 +305,7 @@ mod for_tests {
         }
 
         pub(in crate::shmem) fn memory(&self) -> &Memory {
-            &self.channel.memory
+            &self.channel.segment.memory
         }
     }
 }

@@ -11,7 +11,7 @@ use std::sync::atomic::fence;
 
 use bytes::BufMut;
 
-use super::channel::Channel;
+use super::channel::Segment;
 
 /// Bytes of the ring: small enough to stay in the processor's cache.
 const SIZE: usize = 256 * 1024;
@@ -23,25 +23,26 @@ const WRITTEN: usize = 64;
 const READ: usize = 128;
 const READER_SLEEPS: usize = 192;
 const WRITER_SLEEPS: usize = 256;
-const DATA: usize = 4096;
+// In the same page, which is all that a connection of few words ever touches.
+const DATA: usize = 512;
 
 /// Bytes of a segment.
 pub(super) const LENGTH: usize = DATA + SIZE;
 /// Where the number is by which the ends know each other, in what stock takes for an empty ring.
 const MARK: usize = 32;
 /// Tells this layout from later ones.
-const LAYOUT: u32 = u32::from_le_bytes(*b"YRG1");
+const LAYOUT: u32 = u32::from_le_bytes(*b"YRG2");
 
 /// Writes the mark that says: one of ours made this.
-pub(super) fn put_mark(channel: &Channel, mark: u32) {
-    channel.memory.word(MARK).store(LAYOUT, Relaxed);
-    channel.memory.word(MARK + 4).store(mark, Release);
+pub(super) fn put_mark(segment: &Segment, mark: u32) {
+    segment.memory.word(MARK).store(LAYOUT, Relaxed);
+    segment.memory.word(MARK + 4).store(mark, Release);
 }
 
 /// Whether one of ours made this for the connection with this mark.
-pub(super) fn has_mark(channel: &Channel, mark: u32) -> bool {
-    let word = |offset| channel.memory.word(offset).load(Acquire);
-    channel.memory.length() >= LENGTH && word(MARK) == LAYOUT && word(MARK + 4) == mark
+pub(super) fn has_mark(segment: &Segment, mark: u32) -> bool {
+    let word = |offset| segment.memory.word(offset).load(Acquire);
+    segment.memory.length() >= LENGTH && word(MARK) == LAYOUT && word(MARK + 4) == mark
 }
 
 /// Bytes between two counters.
@@ -65,28 +66,28 @@ fn pieces(from: u32, count: usize, mut copy: impl FnMut(usize, usize)) {
 }
 
 /// Whether the other end sleeps and must be woken, after what it waits for was done.
-fn wakes(channel: &Channel, sleeps: usize) -> bool {
+fn wakes(segment: &Segment, sleeps: usize) -> bool {
     fence(SeqCst);
-    let sleeps = channel.memory.word(sleeps);
+    let sleeps = segment.memory.word(sleeps);
     sleeps.load(Relaxed) != 0 && sleeps.swap(0, SeqCst) != 0
 }
 
 /// Says that this end goes to sleep; what it waits for is to be looked at once more.
-fn will_sleep(channel: &Channel, sleeps: usize) {
-    channel.memory.word(sleeps).store(1, SeqCst);
+fn will_sleep(segment: &Segment, sleeps: usize) {
+    segment.memory.word(sleeps).store(1, SeqCst);
     fence(SeqCst);
 }
 
 /// The end that reads.
 #[derive(Debug)]
 pub(super) struct Reader {
-    channel: Channel,
+    segment: Segment,
     read: u32,
 }
 
 impl Reader {
-    pub(super) fn new(channel: Channel) -> Self {
-        Self { channel, read: 0 }
+    pub(super) fn new(segment: Segment) -> Self {
+        Self { segment, read: 0 }
     }
 
     /// Reads up to `most` bytes, calling `wake` when the other end is to be woken.
@@ -103,7 +104,7 @@ impl Reader {
             if piece == 0 {
                 break;
             }
-            let memory = &self.channel.memory;
+            let memory = &self.segment.memory;
             pieces(self.read, piece, |offset, length| {
                 memory.copy_out(offset, length, out);
             });
@@ -112,7 +113,7 @@ impl Reader {
             memory.word(READ).store(self.read, Release);
             count += piece;
             // Woken for half a ring, the writer does not come for every few bytes.
-            if there - piece <= SIZE / 2 && wakes(&self.channel, WRITER_SLEEPS) {
+            if there - piece <= SIZE / 2 && wakes(&self.segment, WRITER_SLEEPS) {
                 wake();
             }
         }
@@ -124,27 +125,27 @@ impl Reader {
 
     /// Bytes that wait.
     pub(super) fn waiting(&self) -> io::Result<usize> {
-        let written = self.channel.memory.word(WRITTEN).load(Acquire);
+        let written = self.segment.memory.word(WRITTEN).load(Acquire);
         waiting(written, self.read)
     }
 
     /// Says that this end goes to sleep; look at [`Reader::waiting`] once more.
     pub(super) fn will_sleep(&self) {
-        will_sleep(&self.channel, READER_SLEEPS);
+        will_sleep(&self.segment, READER_SLEEPS);
     }
 }
 
 /// The end that writes.
 #[derive(Debug)]
 pub(super) struct Writer {
-    channel: Channel,
+    segment: Segment,
     written: u32,
 }
 
 impl Writer {
-    pub(super) fn new(channel: Channel) -> Self {
+    pub(super) fn new(segment: Segment) -> Self {
         Self {
-            channel,
+            segment,
             written: 0,
         }
     }
@@ -155,7 +156,7 @@ impl Writer {
         chunks: &[IoSlice<'_>],
         mut wake: impl FnMut(),
     ) -> io::Result<usize> {
-        self.channel.unname_if_shared();
+        self.segment.unname_if_shared();
         let mut count = 0;
         let mut free = self.free()?;
         for chunk in chunks {
@@ -168,7 +169,7 @@ impl Writer {
                 if piece.is_empty() {
                     return self.wrote(count);
                 }
-                let memory = &self.channel.memory;
+                let memory = &self.segment.memory;
                 let mut left = piece;
                 pieces(self.written, piece.len(), |offset, length| {
                     let (now, later) = left.split_at(length);
@@ -180,7 +181,7 @@ impl Writer {
                 count += piece.len();
                 free -= piece.len();
                 rest = after;
-                if wakes(&self.channel, READER_SLEEPS) {
+                if wakes(&self.segment, READER_SLEEPS) {
                     wake();
                 }
             }
@@ -197,13 +198,13 @@ impl Writer {
 
     /// Bytes that fit.
     pub(super) fn free(&self) -> io::Result<usize> {
-        let read = self.channel.memory.word(READ).load(Acquire);
+        let read = self.segment.memory.word(READ).load(Acquire);
         Ok(SIZE - waiting(self.written, read)?)
     }
 
     /// Says that this end goes to sleep; look at [`Writer::free`] once more.
     pub(super) fn will_sleep(&self) {
-        will_sleep(&self.channel, WRITER_SLEEPS);
+        will_sleep(&self.segment, WRITER_SLEEPS);
     }
 }
 
@@ -214,14 +215,14 @@ mod for_tests {
     impl Reader {
         /// Claims to have read so many bytes.
         pub(in crate::shmem) fn claim(&self, read: u32) {
-            self.channel.memory.word(READ).store(read, Relaxed);
+            self.segment.memory.word(READ).store(read, Relaxed);
         }
     }
 
     impl Writer {
         /// Claims to have written so many bytes.
         pub(in crate::shmem) fn claim(&self, written: u32) {
-            self.channel.memory.word(WRITTEN).store(written, Relaxed);
+            self.segment.memory.word(WRITTEN).store(written, Relaxed);
         }
     }
 }
