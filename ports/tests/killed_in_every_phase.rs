@@ -8,6 +8,9 @@ mod common;
 mod conversation;
 mod leaks;
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use common::{DEADLINE, bottle, connect, until, within};
 use conversation::{Conversation, Death, NAME, Side};
 use leaks::{Rest, leaving_nothing};
@@ -385,8 +388,8 @@ async fn write_to_dying(
     until(|| writer.outputs() == ["/keeps"]).await;
 }
 
-/// A name server that gives everybody the same group.
-async fn name_server(listener: TcpListener) {
+/// A name server that gives everybody the same group, and counts who has it.
+async fn name_server(listener: TcpListener, given_away: Arc<AtomicUsize>) {
     // A number that nobody has now, so that nothing arrives anywhere.
     let free = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
     let number = free.local_addr().unwrap().port();
@@ -394,7 +397,18 @@ async fn name_server(listener: TcpListener) {
     let answer = given + "*** end of message\r\n";
     loop {
         let (mut stream, _) = listener.accept().await.unwrap();
-        while !matches!(stream.read_u8().await, Ok(b'\n') | Err(_)) {}
+        let mut request = Vec::new();
+        while let Ok(byte) = stream.read_u8().await
+            && byte != b'\n'
+        {
+            request.push(byte);
+        }
+        let request = String::from_utf8_lossy(&request);
+        if request.contains(" unregister ") {
+            given_away.fetch_sub(1, Ordering::Relaxed);
+        } else if request.contains(" register ") {
+            given_away.fetch_add(1, Ordering::Relaxed);
+        }
         let _ = stream.write_all(answer.as_bytes()).await;
     }
 }
@@ -403,7 +417,8 @@ async fn name_server(listener: TcpListener) {
 async fn a_port_that_writes(phase: &str) -> usize {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let number = listener.local_addr().unwrap().port();
-    let serving = tokio::spawn(name_server(listener));
+    let groups = Arc::default();
+    let serving = tokio::spawn(name_server(listener, Arc::clone(&groups)));
     let network = network(phase).with_server("127.0.0.1", number);
     let (writer, keeps) = writer_and_reader(&network).await;
     let rest = Rest::now();
@@ -418,6 +433,7 @@ async fn a_port_that_writes(phase: &str) -> usize {
         }
     }
     rest.comes_back().await;
+    assert_eq!(groups.load(Ordering::Relaxed), 0, "kept groups");
     serving.abort();
     within(writer.close()).await;
     within(keeps.close()).await;

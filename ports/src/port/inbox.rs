@@ -40,23 +40,10 @@ pub(crate) struct Inbox {
 #[derive(Debug, Default)]
 struct State {
     messages: VecDeque<Received>,
-    /// What they take together, about.
+    /// What they take together, about; known only under [`Queue::Strict`].
     bytes: usize,
     dropped: u64,
     closed: bool,
-}
-
-impl State {
-    fn put(&mut self, message: Received) {
-        self.bytes += weight(&message);
-        self.messages.push_back(message);
-    }
-
-    fn take(&mut self) -> Option<Received> {
-        let message = self.messages.pop_front()?;
-        self.bytes -= weight(&message);
-        Some(message)
-    }
 }
 
 /// Bytes that a message takes while it waits, about.
@@ -103,6 +90,11 @@ impl Inbox {
         reason = "what is no error need not be small"
     )]
     pub(crate) fn try_push(&self, message: Received) -> Result<Option<u64>, Received> {
+        // Only there is it asked for.
+        let weight = match self.queue {
+            Queue::Strict => weight(&message),
+            _ => 0,
+        };
         let mut state = self.state();
         if state.closed {
             return Ok(None);
@@ -111,19 +103,18 @@ impl Inbox {
         let dropped = match self.queue {
             Queue::Wait(limit) if full(limit) => return Err(message),
             // One that is too large comes alone.
-            Queue::Strict if full(1) && state.bytes + weight(&message) > STRICT => {
-                return Err(message);
-            }
+            Queue::Strict if full(1) && state.bytes + weight > STRICT => return Err(message),
             Queue::DropNewest(limit) if full(limit) => {
                 state.dropped += 1;
                 return Ok(Some(message.connection));
             }
-            Queue::Latest if full(1) => state.take(),
-            Queue::DropOldest(limit) if full(limit) => state.take(),
+            Queue::Latest if full(1) => state.messages.pop_front(),
+            Queue::DropOldest(limit) if full(limit) => state.messages.pop_front(),
             _ => None,
         };
         state.dropped += u64::from(dropped.is_some());
-        state.put(message);
+        state.bytes += weight;
+        state.messages.push_back(message);
         drop(state);
         self.arrived.notify_one();
         Ok(dropped.map(|message| message.connection))
@@ -135,7 +126,7 @@ impl Inbox {
             let arrived = self.arrived.notified();
             {
                 let mut state = self.state();
-                if let Some(message) = state.take() {
+                if let Some(message) = self.take(&mut state) {
                     let more = !state.messages.is_empty();
                     drop(state);
                     if more {
@@ -156,9 +147,17 @@ impl Inbox {
         }
     }
 
+    fn take(&self, state: &mut State) -> Option<Received> {
+        let message = state.messages.pop_front()?;
+        if self.queue == Queue::Strict {
+            state.bytes -= weight(&message);
+        }
+        Some(message)
+    }
+
     /// The oldest message kept, if there is one now.
     pub(crate) fn try_pop(&self) -> Option<Received> {
-        let message = self.state().take();
+        let message = self.take(&mut self.state());
         self.room.notify_one();
         message
     }
