@@ -5,8 +5,10 @@
 //! [`LIMIT`] before it goes to sleep, giving way to others between looks ([`GivingWay`]); what comes meanwhile
 //! wakes nobody else ([`Socket::quieten`]). A connection at rest, or with a slow peer, sleeps at once.
 //!
-//! Small messages that come by themselves, one behind the other, are left a moment to become several
-//! ([`GATHERING`]): each look disturbs their writer. Only one connection of the process does so at a time.
+//! Small messages that come by themselves, one behind the other, are left a moment to become several: each look
+//! disturbs their writer. Where much comes nevertheless, from a writer that sends several at once, the moment is spent awake
+//! ([`GATHERING`]); where little comes, from one that hands over each by itself, asleep ([`NAP`]), for even somebody who merely
+//! stays awake makes that dearer. Only one connection of the process does so at a time.
 
 use std::io;
 use std::mem;
@@ -24,6 +26,10 @@ pub(crate) const LIMIT: Duration = Duration::from_micros(60);
 const SOON: Duration = Duration::from_micros(120);
 /// How long messages that were not asked for are left alone.
 const GATHERING: Duration = Duration::from_micros(20);
+/// The same, asleep: the system makes 50 to 70 µs of it.
+const NAP: Duration = Duration::from_micros(1);
+/// Bytes per microsecond that are little.
+const LITTLE: u128 = 100;
 /// Who gave way for longer has met a program that calculates.
 const LONG: Duration = Duration::from_millis(1);
 /// For how long nobody gives way to programs then.
@@ -50,6 +56,8 @@ pub(crate) struct BusyPoll {
     asleep_since: Option<Instant>,
     /// Whether the last message was a large one: the next is worth beginning with at once.
     large: bool,
+    /// Whether little came until the last look.
+    trickles: bool,
 }
 
 /// One of those that wait awake.
@@ -74,6 +82,7 @@ impl BusyPoll {
             chunk: CHUNK,
             asleep_since: None,
             large: false,
+            trickles: false,
         }
     }
 
@@ -97,21 +106,26 @@ impl BusyPoll {
             let alone = AWAKE.load(Relaxed) == 1;
             if expecting == Expecting::Anything && !large && alone {
                 tokio::task::yield_now().await;
+                if self.trickles {
+                    thread::sleep(NAP);
+                }
                 while begin.elapsed() < GATHERING {
                     std::hint::spin_loop();
                 }
             }
+            let awake = Instant::now();
             let mut giving_way = match self.wakes {
                 true => GivingWay::after_waking(),
                 false => GivingWay::midway(),
             };
-            while begin.elapsed() < LIMIT {
+            while awake.elapsed() < LIMIT {
                 match stream.look(&mut buffer[length..]) {
                     Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
                         giving_way.once().await;
                     }
                     read => {
                         let count = *read.as_ref().unwrap_or(&0);
+                        self.trickles = (count as u128) < LITTLE * begin.elapsed().as_micros();
                         buffer.truncate(length + count);
                         self.chunk = match count == self.chunk {
                             true => (4 * self.chunk).min(LARGEST_CHUNK),
