@@ -8,7 +8,7 @@ use crate::http::{RequestReader, page};
 use crate::limits::Limits;
 use crate::message::{Command, WireObject};
 use crate::protocol::{
-    Answers, Incoming, LineAnswers, Messages, Opened, Opening, Payloads, Protocol, ProtocolError,
+    Anonymous, Answers, Incoming, LineAnswers, Messages, Opening, Payloads, Protocol, ProtocolError,
 };
 
 /// `GET /` or `POST /form`; the requests of `mjpeg` and `websocket` begin alike and are not meant.
@@ -44,7 +44,7 @@ impl Protocol for Http {
 
     /// The magic is the beginning of the request.
     fn opening(&self, _carrier: &'static Carrier, _input: &mut BytesMut) -> Box<dyn Opening> {
-        Box::new(Browser)
+        Box::new(Anonymous("web"))
     }
 
     fn messages(&self, _dialect: Dialect, limits: Limits) -> Box<dyn Messages> {
@@ -64,22 +64,6 @@ impl Protocol for Http {
         object.write_text(&mut text);
         let chunk = page::chunk(&String::from_utf8_lossy(&text));
         output.put_slice(chunk.as_bytes());
-    }
-}
-
-/// A browser does not say who it is.
-#[derive(Debug)]
-struct Browser;
-
-impl Opening for Browser {
-    fn read(
-        &mut self,
-        _port: u16,
-        _limits: Limits,
-        _input: &mut BytesMut,
-        _output: &mut BytesMut,
-    ) -> Result<Option<Opened>, ProtocolError> {
-        Ok(Some(Opened::by(Sender::plain("web"))))
     }
 }
 

@@ -91,14 +91,6 @@ impl Messages for Silence {
 }
 
 impl Answers for Silence {
-    fn read_header(
-        &mut self,
-        _asked: &Asked,
-        _input: &mut BytesMut,
-    ) -> Result<Option<i32>, ProtocolError> {
-        Ok(Some(0))
-    }
-
     fn read(
         &mut self,
         _asked: &mut Asked,

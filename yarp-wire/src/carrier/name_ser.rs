@@ -7,7 +7,7 @@ use crate::dialect::Dialect;
 use crate::limits::Limits;
 use crate::message::{Command, Form, Payload};
 use crate::protocol::{
-    Answers, Incoming, LineAnswers, LineReader, Message, Messages, Opened, Opening, Payloads,
+    Anonymous, Answers, Incoming, LineAnswers, LineReader, Message, Messages, Opening, Payloads,
     Protocol, ProtocolError,
 };
 
@@ -41,7 +41,7 @@ impl Protocol for NameSer {
 
     fn opening(&self, _carrier: &'static Carrier, input: &mut BytesMut) -> Box<dyn Opening> {
         input.advance(MAGIC);
-        Box::new(Anybody)
+        Box::new(Anonymous("anon"))
     }
 
     fn messages(&self, _dialect: Dialect, limits: Limits) -> Box<dyn Messages> {
@@ -59,22 +59,6 @@ impl Protocol for NameSer {
         if command.has_payload() {
             output.put_slice(NAME_SERVER);
         }
-    }
-}
-
-/// Nobody says who it is.
-#[derive(Debug)]
-struct Anybody;
-
-impl Opening for Anybody {
-    fn read(
-        &mut self,
-        _port: u16,
-        _limits: Limits,
-        _input: &mut BytesMut,
-        _output: &mut BytesMut,
-    ) -> Result<Option<Opened>, ProtocolError> {
-        Ok(Some(Opened::by(Sender::plain("anon"))))
     }
 }
 

@@ -181,14 +181,6 @@ impl FramedAnswers {
 }
 
 impl Answers for FramedAnswers {
-    fn read_header(
-        &mut self,
-        _asked: &Asked,
-        _input: &mut BytesMut,
-    ) -> Result<Option<i32>, ProtocolError> {
-        Ok(Some(0))
-    }
-
     fn read(
         &mut self,
         asked: &mut Asked,

@@ -145,6 +145,22 @@ impl Opened {
     }
 }
 
+/// The opening of those who do not say who they are: this name stands for them.
+#[derive(Debug)]
+pub(crate) struct Anonymous(pub(crate) &'static str);
+
+impl Opening for Anonymous {
+    fn read(
+        &mut self,
+        _port: u16,
+        _limits: Limits,
+        _input: &mut BytesMut,
+        _output: &mut BytesMut,
+    ) -> Result<Option<Opened>, ProtocolError> {
+        Ok(Some(Opened::by(Sender::plain(self.0))))
+    }
+}
+
 /// An acceptor behind the header.
 pub trait Messages: fmt::Debug + Send + Sync {
     /// Takes what comes next from `input`, or `None` while bytes are missing; what the protocol
@@ -191,13 +207,15 @@ pub struct Message {
 
 /// An initiator, as far as it listens.
 pub trait Answers: fmt::Debug + Send + Sync {
-    /// Takes the answer to the header: the number in it, 0 where it has none. `None` while bytes
-    /// are missing.
+    /// Takes the answer to the header, where there is one: the number in it, 0 where it has none.
+    /// `None` while bytes are missing.
     fn read_header(
         &mut self,
-        asked: &Asked,
-        input: &mut BytesMut,
-    ) -> Result<Option<i32>, ProtocolError>;
+        _asked: &Asked,
+        _input: &mut BytesMut,
+    ) -> Result<Option<i32>, ProtocolError> {
+        Ok(Some(0))
+    }
 
     /// There was a header, and it is done with.
     fn pass_header(&mut self) {}
