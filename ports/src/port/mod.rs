@@ -28,6 +28,7 @@ mod describe;
 mod door;
 mod encoded;
 mod group;
+mod handing;
 mod inbox;
 mod input;
 mod listener;

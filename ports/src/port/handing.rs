@@ -1,0 +1,121 @@
+//! How a message gets to the owner of the port, and the reply back.
+
+use std::sync::Arc;
+
+use tokio::sync::oneshot;
+
+use super::core::Core;
+use super::inbox::Inbox;
+use super::log::Copied;
+use super::monitor::Chain;
+use super::options::{Input, Serving};
+use super::received::{Answer, Received, Reply, Responder};
+
+/// How far a message got without waiting.
+pub(super) enum Handed {
+    Answered(Answer),
+    /// The owner has it, and will answer.
+    Asked(oneshot::Receiver<Answer>),
+    /// There is no room for it yet, and perhaps somebody waits for the answer.
+    NoRoom(Received, Option<oneshot::Receiver<Answer>>),
+}
+
+impl Core {
+    /// What the monitors of a connection and of the port make of a message; `None` if one stops it.
+    async fn monitored(
+        &self,
+        monitors: Option<&Arc<Chain>>,
+        mut received: Received,
+    ) -> Option<Received> {
+        let attached = self.attached_in.chain();
+        for chain in monitors.into_iter().chain(&attached) {
+            let passing = chain.update(received.payload).await?;
+            if !passing.delay.is_zero() {
+                tokio::time::sleep(passing.delay).await;
+            }
+            received.payload = passing.payload;
+        }
+        Some(received)
+    }
+
+    /// Whether messages that arrive have more to pass than the owner's queue.
+    pub(super) fn is_watched(&self) -> bool {
+        self.is_logged() || self.attached_in.is_there()
+    }
+
+    /// Hands a message to the owner through the monitors, and what came of it to those who look
+    /// on, unless the message is a copy already. Waits for the reply, if there is to be one; tells whether the connection
+    /// shall end with it.
+    pub(super) async fn take(
+        &self,
+        monitors: Option<&Arc<Chain>>,
+        received: Received,
+        copies: bool,
+    ) -> (Option<Reply>, bool) {
+        let Some(received) = self.monitored(monitors, received).await else {
+            return (None, false);
+        };
+        let copy = (self.is_logged() && !copies).then(|| Copied::of(&received));
+        let (reply, last) = self.finish(self.hand(received)).await;
+        if let Some(copy) = copy {
+            self.forward(&copy, reply.as_ref());
+        }
+        (reply, last)
+    }
+
+    /// Hands a message to the owner.
+    ///
+    /// Messages that the queue drops are counted where they came from.
+    pub(super) fn hand(&self, mut received: Received) -> Handed {
+        match &self.options.input {
+            Input::Discard => Handed::Answered(Answer::Nothing),
+            Input::Handler(handler) => Handed::Answered(handler(&mut received)),
+            Input::Queue(_, serving) => {
+                let mut answer = None;
+                if received.wants_reply && *serving == Serving::Replies {
+                    let (sender, receiver) = oneshot::channel();
+                    received.responder = Some(Responder(sender));
+                    answer = Some(receiver);
+                }
+                match self.queue().try_push(received) {
+                    Ok(dropped) => {
+                        dropped.into_iter().for_each(|id| self.count_dropped(id));
+                        answer.map_or(Handed::Answered(Answer::Nothing), Handed::Asked)
+                    }
+                    Err(received) => Handed::NoRoom(received, answer),
+                }
+            }
+        }
+    }
+
+    fn queue(&self) -> &Inbox {
+        let inbox = self.inbox.as_ref();
+        inbox.expect("a port that queues has an inbox")
+    }
+
+    /// Waits for what is left to wait for.
+    pub(super) async fn finish(&self, handed: Handed) -> (Option<Reply>, bool) {
+        let asked = match handed {
+            Handed::Answered(answer) => Err(answer),
+            Handed::Asked(asked) => Ok(asked),
+            Handed::NoRoom(received, asked) => {
+                if let Some(id) = self.queue().push(received).await {
+                    self.count_dropped(id);
+                }
+                asked.ok_or(Answer::Nothing)
+            }
+        };
+        let mut answer = match asked {
+            Ok(asked) => asked.await.unwrap_or(Answer::Nothing),
+            Err(answer) => answer,
+        };
+        loop {
+            match answer {
+                Answer::Later(later) => answer = later.await,
+                Answer::Nothing => return (None, false),
+                Answer::Reply(reply) => return (Some(reply), false),
+                Answer::ReplyAndClose(reply) => return (Some(reply), true),
+            }
+        }
+    }
+}
