@@ -1,5 +1,5 @@
-//! Small messages allocate nothing once a connection has warmed up, neither where they are written
-//! nor where they are read; a call allocates the reply that the handler gives.
+//! Small messages and calls allocate nothing once a connection has warmed up, neither where they are written
+//! nor where they are read.
 
 use std::fmt::Write;
 use std::sync::Arc;
@@ -149,14 +149,13 @@ const CARRIERS: [&str; 9] = [
 
 const CALLS: [&str; 5] = ["tcp", "fast_tcp", "shmem", "unix_stream", "local"];
 
-/// The most allocations of so many messages that make `each`. On a socket of the file system some come by chance:
+/// The most allocations of so many messages. On a socket of the file system some come by chance:
 /// who waits awake and goes to sleep after all has the runtime wait for it anew.
-fn most(carrier: &str, each: usize) -> usize {
-    let chance = match carrier.starts_with("unix_stream") {
+fn most(carrier: &str) -> usize {
+    match carrier.starts_with("unix_stream") {
         true => MESSAGES / 2,
         false => 0,
-    };
-    each * MESSAGES + chance
+    }
 }
 
 /// The fewest allocations of a few tries, the first that has no more than it may: nothing of each message comes by chance.
@@ -178,7 +177,7 @@ async fn in_steady_state_there_are_none() {
     for carrier in CARRIERS {
         for way in [Way::Write, Way::Strict, Way::IfIdle] {
             for reading in [Reading::Handler, Reading::Queue] {
-                let most = most(carrier, 0);
+                let most = most(carrier);
                 let allocations = fewest(most, || measure(carrier, way, reading)).await;
                 println!("{carrier} {way:?} {reading:?}: {allocations} for {MESSAGES} messages");
                 if allocations > most {
@@ -190,7 +189,7 @@ async fn in_steady_state_there_are_none() {
     assert!(found.is_empty(), "{found:#?}");
     // Here as well: what is counted is the process's.
     for carrier in CALLS {
-        let most = most(carrier, 1);
+        let most = most(carrier);
         let allocations = fewest(most, || measure_calls(carrier)).await;
         println!("{carrier}: {allocations} for {MESSAGES} calls");
         assert!(allocations <= most, "{carrier}: {allocations}");

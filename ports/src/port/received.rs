@@ -1,17 +1,35 @@
 //! A message as the owner of a port gets it.
 
 use std::net::IpAddr;
+use std::ops::Deref;
 use std::pin::Pin;
 use std::sync::Arc;
 
 use bytes::Bytes;
+use smallbox::space::S8;
+use smallbox::{SmallBox, smallbox};
 use tokio::sync::oneshot;
 use yarp_wire::bottle::DecodeError;
 use yarp_wire::message::{Payload, ReadObject, WireObject};
 use yarp_wire::{Bottle, Stamp};
 
-/// What a message is answered with.
-pub type Reply = Box<dyn WireObject + Send + Sync>;
+/// What a message is answered with: anything that can be written. Up to 64 bytes of it take no memory of their own.
+pub struct Reply(SmallBox<dyn WireObject + Send + Sync, S8>);
+
+impl Reply {
+    /// A reply of this.
+    pub fn new(object: impl WireObject + Send + Sync + 'static) -> Self {
+        Self(smallbox!(object))
+    }
+}
+
+impl Deref for Reply {
+    type Target = dyn WireObject + Send + Sync;
+
+    fn deref(&self) -> &Self::Target {
+        &*self.0
+    }
+}
 
 /// A message that arrived.
 #[derive(Debug)]
@@ -50,7 +68,7 @@ pub enum Answer {
 impl Answer {
     /// A reply of any kind.
     pub fn reply(object: impl WireObject + Send + Sync + 'static) -> Self {
-        Self::Reply(Box::new(object))
+        Self::Reply(Reply::new(object))
     }
 }
 
@@ -78,7 +96,7 @@ impl Received {
 
     /// Answers the message and ends the connection that it came over.
     pub fn reply_and_close(&mut self, object: impl WireObject + Send + Sync + 'static) {
-        self.answer(Answer::ReplyAndClose(Box::new(object)));
+        self.answer(Answer::ReplyAndClose(Reply::new(object)));
     }
 
     fn answer(&mut self, answer: Answer) {

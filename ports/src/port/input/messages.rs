@@ -153,7 +153,7 @@ impl Connection {
 
     fn reply(&mut self, reply: &Reply, wanted: bool) {
         if wanted {
-            self.acceptor.reply(reply.as_ref(), &mut self.output);
+            self.acceptor.reply(&**reply, &mut self.output);
         }
     }
 
