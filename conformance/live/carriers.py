@@ -20,20 +20,11 @@ import time
 
 import yarp
 from asking import PATIENCE, ask, eventually
+from checks import check, leave
 from programs import Program
 
 # Characters of a large message: much more than a ring begins with.
 LARGE = 1_000_000
-
-failures = 0
-
-
-def check(what, good, found=""):
-    """Prints one line."""
-    global failures
-    failures += not good
-    print(f"{'ok  ' if good else 'FAIL'} {what}{f': {found}' if found != '' and not good else ''}", flush=True)
-    return good
 
 
 class Reader(yarp.PortReader):
@@ -294,9 +285,7 @@ def main():
         left = segments() - before
         check(f"{carrier}: no segment is left", not left, left)
     yarp.Network.fini()
-    print(f"{failures} failed" if failures else "all passed", flush=True)
-    # Threads of the bindings may still wait for what will not come.
-    os._exit(1 if failures else 0)
+    leave()
 
 
 main()

@@ -11,6 +11,8 @@ import subprocess
 import sys
 import time
 
+from checks import check, verdict
+
 INFO = (
     r'\[ack\] \(\(server_version "2.0"\) \(arm_version "1.0"\) \(arm_type wam7\) '
     r'\(events \(motion-onset motion-done motion-ongoing closing "?\*"?\)\)\)'
@@ -37,14 +39,6 @@ CONVERSATION = [
     ("[go] [xyz] 0.5 (0.4 0.1 0.4)", r"\[ack\]"),
 ]
 PATIENCE = 60
-
-failures = 0
-
-
-def check(what, passed, found=""):
-    global failures
-    failures += not passed
-    print(f"{'ok  ' if passed else 'FAIL'} {what}  {found}")
 
 
 def ask(server, lines):
@@ -74,8 +68,7 @@ def main():
         reader.kill()
     there = len(pose) == 7 and all(abs(now - goal) < 0.011 for now, goal in zip(pose, [0.4, 0.1, 0.4]))
     check("`yarp read` shows the tool there", there, pose)
-    print(f"{failures} failed")
-    return 1 if failures else 0
+    return verdict()
 
 
 if __name__ == "__main__":

@@ -7,13 +7,13 @@ of stock or of ours. What both print, and what they answer, is compared with wha
 Prints `ok` or `FAIL` per comparison and ends with 1 if any failed.
 """
 
-import os
 import re
 import sys
 import time
 
 import yarp
 from asking import ask, until
+from checks import leave, same
 from programs import Program
 
 OURS, STOCK = [sys.argv[1]], sys.argv[2].split()
@@ -27,17 +27,6 @@ TEXT_CARRIERS = ["text+log.in", "text_ack+log.in"]
 # Those to the one that receives.
 OVERS = ["tcp", "fast_tcp", "udp", "text_ack", "shmem"]
 TEXTS = ["1 2.5 hello", "5", "2.5", "()", "(a (b c)) [vocb] \"two words\"", "1 2 3", "1.5 2.5", "{1 2 255}", "0 text", "x" * 5000]
-
-failed = 0
-
-
-def check(name, got, expected):
-    global failed
-    if got == expected:
-        print(f"ok   {name}", flush=True)
-    else:
-        failed += 1
-        print(f"FAIL {name}\n     got      {got!r:.400}\n     expected {expected!r:.400}", flush=True)
 
 
 def messages(over):
@@ -189,7 +178,7 @@ def ours_alone(side, logger):
                 writer.write(yarp.Bottle(text))
             # Text has no envelopes.
             read, copied = (until_last(program, "end") for program in (reader, looker))
-            check(f"{carrier} ours to {side}: what comes over {over}", (len(read), copied), (len(TEXTS) + 1, read))
+            same(f"{carrier} ours to {side}: what comes over {over}", (len(read), copied), (len(TEXTS) + 1, read))
             disconnect(WRITER, LOGGED)
         stop(reader, looker)
     # That of stock crashes: where nobody waits for an answer it writes one nevertheless.
@@ -200,7 +189,7 @@ def ours_alone(side, logger):
     writer.setEnvelope(stamp)
     writer.write(yarp.Bottle("one way"))
     copied = [line.rstrip() for line in until_last(looker, "one way")]
-    check(f"ours to {side}: a message that wants no answer", copied, ["7 7.5", "one way"])
+    same(f"ours to {side}: a message that wants no answer", copied, ["7 7.5", "one way"])
     writer.close()
     stop(server, looker)
 
@@ -218,12 +207,10 @@ def main():
         for logged, logger in (("stock", "ours"), ("ours", "stock"), ("ours", "ours"))[: 1 if carrier in GROUPS else 3]:
             told = part(sides[logged], sides[logger], carrier)
             for what, got in told.items():
-                check(f"{carrier} {logged} to {logger}: {what}", got, expected[what])
+                same(f"{carrier} {logged} to {logger}: {what}", got, expected[what])
     for side, command in sides.items():
         ours_alone(side, command)
-    print(f"{failed} failed" if failed else "all passed", flush=True)
-    # Threads of the bindings may still wait for what will not come.
-    os._exit(failed != 0)
+    leave()
 
 
 main()

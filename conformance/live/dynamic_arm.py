@@ -12,7 +12,8 @@ import sys
 import yarp
 
 import remote_controlboard as board
-from remote_controlboard import CURRENT, POSITION, PWM, check, eventually
+from checks import check, verdict
+from remote_controlboard import CURRENT, POSITION, PWM, eventually
 
 COMPLIANT = yarp.encode("comp")
 STIFF = yarp.encode("stif")
@@ -104,8 +105,7 @@ def main():
     variables(driver)
     beside(driver)
     driver.close()
-    print(f"{board.failures} failed")
-    return 1 if board.failures else 0
+    return verdict()
 
 
 if __name__ == "__main__":

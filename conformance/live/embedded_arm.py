@@ -13,7 +13,8 @@ import sys
 import yarp
 
 import remote_controlboard as board
-from remote_controlboard import POSITION, check, eventually, short
+from checks import check, verdict
+from remote_controlboard import POSITION, eventually, short
 
 
 def main():
@@ -37,8 +38,7 @@ def main():
     check("it has variables", variables.getRemoteVariablesList(names), names.toString())
     check("one of them is the pose of the tool", variables.getRemoteVariable("pose", pose), pose.toString())
     driver.close()
-    print(f"{board.failures} failed")
-    return 1 if board.failures else 0
+    return verdict()
 
 
 if __name__ == "__main__":

@@ -13,18 +13,10 @@ import threading
 import time
 
 import yarp
+from checks import check, verdict
 
 # Seconds that anything may take.
 PATIENCE = 60
-failures = 0
-
-
-def check(what, good, found=""):
-    """Prints one line."""
-    global failures
-    failures += not good
-    print(f"{'ok  ' if good else 'FAIL'} {what}{f': {found}' if found != '' else ''}", flush=True)
-    return good
 
 
 class Reader:
@@ -106,8 +98,7 @@ def main():
     reader.child.terminate()
     reader.child.wait(PATIENCE)
     rpc.close()
-    print(f"{failures} failed")
-    return 1 if failures else 0
+    return verdict()
 
 
 if __name__ == "__main__":

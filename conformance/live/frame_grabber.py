@@ -15,17 +15,9 @@ import sys
 import time
 
 import yarp
+from checks import check, verdict
 
 BRIGHTNESS, GAIN, WHITE, ZOOM = 0, 8, 3, 16
-failures = 0
-
-
-def check(what, good, found=""):
-    """Prints one line."""
-    global failures
-    failures += not good
-    print(f"{'ok  ' if good else 'FAIL'} {what}{f': {found}' if found != '' else ''}", flush=True)
-    return good
 
 
 def eventually(condition, patience=30.0):
@@ -208,7 +200,7 @@ def main():
         relayed(wire, "/live/wire", [], WIRE)
     finally:
         yarp.Network.fini()
-    return 1 if failures else 0
+    return verdict()
 
 
 if __name__ == "__main__":

@@ -12,22 +12,13 @@ import sys
 import time
 
 import yarp
+from checks import check, verdict
 
 POSITION = yarp.encode("pos")
 VELOCITY = yarp.encode("vel")
 IDLE = yarp.encode("idl")
 # How far from its target a finger may come to rest, degrees.
 CLOSE = 0.5
-
-failures = 0
-
-
-def check(what, good, found=""):
-    """Prints one line."""
-    global failures
-    failures += not good
-    print(f"{'ok  ' if good else 'FAIL'} {what}{f': {found}' if found != '' else ''}", flush=True)
-    return good
 
 
 def eventually(condition, patience=30.0):
@@ -98,8 +89,7 @@ def main():
     check("idle", mode(0, IDLE))
     driver.close()
     words(sys.argv[1])
-    print(f"{failures} failed")
-    return 1 if failures else 0
+    return verdict()
 
 
 if __name__ == "__main__":

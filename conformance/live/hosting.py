@@ -16,6 +16,7 @@ import time
 import yarp
 
 from again import tried
+from checks import same, verdict
 
 PATIENCE = 30
 
@@ -81,17 +82,6 @@ BOTH = """<?xml version="1.0" encoding="UTF-8" ?>
   </devices>
 </robot>
 """
-
-failed = 0
-
-
-def check(name, got, expected):
-    global failed
-    if got == expected:
-        print(f"ok   {name}: {got}")
-    else:
-        failed += 1
-        print(f"FAIL {name}\n     got      {got!r}\n     expected {expected!r}")
 
 
 def until(what, condition, patience=PATIENCE):
@@ -202,7 +192,7 @@ def main():
         terminate = lambda program: program.send_signal(signal.SIGTERM)
         rows = [
             ("ini file", ["yarpdev"], [ours, "dev"], ["--from", "arm.ini"], "/hosted/quit",
-             [("/hosted/quit", "hello")], lambda program: check("quit", ask("/hosted/quit", "quit"), "[ok]")),
+             [("/hosted/quit", "hello")], lambda program: same("quit", ask("/hosted/quit", "quit"), "[ok]")),
             ("command line", ["yarpdev"], [ours, "dev"],
              ["--device", "fakeMotionControl", "--name", "/hosted", "--GENERAL::Joints", "3", "--LIMITS::Max", "50", "60", "70",
               "--LIMITS::Min", "-50", "-60", "-70"], "/hosted/quit", [], terminate),
@@ -220,14 +210,14 @@ def main():
             # Nor do both have the same names for joints that got none.
             del expected["names"]
             for key in expected:
-                check(f"{name}: {key}", got[key], expected[key])
+                same(f"{name}: {key}", got[key], expected[key])
         # Stock's own remapper is not in every build of it: here what stock's client sees of ours is compared with the file.
         seen = hosted([ours, "robotinterface", "--config", "both.xml"], folder, "/hosted/yarprobotinterface", [], terminate)
         expected = {"axes": 3, "limits": [(-50.0, 50.0), (-60.0, 60.0), (-70.0, 70.0)], "ordered": True, "moved": True,
                     "names": ["r0", "l0", "l1"], "all ordered": True}
         for key in expected:
-            check(f"two arms as one board: {key}", seen[key], expected[key])
-    return 1 if failed else 0
+            same(f"two arms as one board: {key}", seen[key], expected[key])
+    return verdict()
 
 
 sys.exit(main())

@@ -17,25 +17,11 @@ import sys
 
 import yarp
 from asking import PATIENCE, ask, eventually, until
+from checks import check, leave
 from programs import Program
 
 WIDTH, HEIGHT = 48, 32
 REQUEST = b"GET /?action=stream HTTP/1.1\r\nHost: here\r\n\r\n"
-
-failed = 0
-
-
-def end(code=1):
-    """Ends with this code; threads of the bindings may still wait for what will not come."""
-    os._exit(code)
-
-
-def check(what, good, found=""):
-    """Prints one line."""
-    global failed
-    failed += not good
-    print(f"{'ok  ' if good else 'FAIL'} {what}{f': {found}' if found != '' and not good else ''}", flush=True)
-    return good
 
 
 def outputs(port):
@@ -250,12 +236,11 @@ def main():
     our_writer.show(image("rgb", 3, 3))
     for side, reader in readers.items():
         check(f"and {side} reads again", alike(pixels(reader.next()[0]), pixels(image("rgb", 3, 3)), 6))
-    print(f"{failed} failed" if failed else "all passed", flush=True)
-    end(int(failed != 0))
+    leave()
 
 
 try:
     main()
 except SystemExit as gave_up:
     print(gave_up, flush=True)
-    end()
+    os._exit(1)

@@ -16,18 +16,8 @@ import sys
 
 import yarp
 from asking import ask, until
+from checks import same, verdict
 from programs import Program
-
-failed = 0
-
-
-def check(name, got, expected):
-    global failed
-    if got == expected:
-        print(f"ok   {name}")
-    else:
-        failed += 1
-        print(f"FAIL {name}\n     got      {got!r}\n     expected {expected!r}")
 
 
 class Stock:
@@ -121,7 +111,7 @@ def bayer(writer, stock, ours):
                 raw = image("mono", 1, width, height, [rng.randrange(256) for _ in range(width * height)])
                 carrier = f"tcp+recv.bayer{order}{method}"
                 got, expected = (shown(writer.through(reader, carrier, raw)) for reader in (ours, stock))
-                check(f"{carrier}, {width} x {height}", got, expected)
+                same(f"{carrier}, {width} x {height}", got, expected)
 
 
 def answers(writer, stock, ours):
@@ -140,7 +130,7 @@ def answers(writer, stock, ours):
                         "[set] [in] {w} (ex (/c 5)) (bs 2.5)", "[get] [in] {w}", "[get] [in] /nobody", "[set] [in] /nobody (a 1)"]
             replies = [ask(reader.name, request.format(w=writer.name)) for request in requests]
             told.append([reply.replace(reader.name, "READER") for reply in replies])
-        check(f"parameters over {carrier}", *told)
+        same(f"parameters over {carrier}", *told)
     for side in ["out", "in"]:
         told = []
         for reader in (ours, stock):
@@ -151,7 +141,7 @@ def answers(writer, stock, ours):
             ]
             # Ours says why behind stock's words.
             told.append([ask(reader.name, request).split("plug-in\"")[0] for request in requests])
-        check(f"what is attached, {side}", *told)
+        same(f"what is attached, {side}", *told)
 
 
 def refusals(writer, ours, our_yarp):
@@ -163,8 +153,8 @@ def refusals(writer, ours, our_yarp):
     for carrier in ["tcp", "fast_tcp", "udp"]:
         for modifier in missing:
             over = f"{carrier}+{modifier}"
-            check(f"stock to ours over {over}", writer.connect(ours, over), False)
-            check("  no end has it", (ask(writer.name, "[list] [out]"), writer.name in ask(ours.name, "[list] [in]")), ("", False))
+            same(f"stock to ours over {over}", writer.connect(ours, over), False)
+            same("  no end has it", (ask(writer.name, "[list] [out]"), writer.name in ask(ours.name, "[list] [in]")), ("", False))
     stock = Stock()
     sender = "/monitors/ours/w"
     program = Program(our_yarp, "write", sender)
@@ -173,13 +163,13 @@ def refusals(writer, ours, our_yarp):
         for modifier in ["recv.nonesuch", "recv.portmonitor+type.dll+file.nonesuch", "send.nonesuch"]:
             over = f"{carrier}+{modifier}"
             answer = ask(sender, f'[add] "{over}:/{stock.name}"')
-            check(f"ours to stock over {over}", ("Cannot connect to" in answer, "nonesuch" in answer.split("//")[1]), (True, True))
+            same(f"ours to stock over {over}", ("Cannot connect to" in answer, "nonesuch" in answer.split("//")[1]), (True, True))
             until("the end", lambda: sender not in ask(stock.name, "[list] [in]"))
-            check("  no end has it", ask(sender, "[list] [out]"), "")
+            same("  no end has it", ask(sender, "[list] [out]"), "")
     answer = ask(sender, f'[add] "tcp+recv.priority:/{stock.name}"')
-    check("ours to stock over what it has", "Added connection" in answer, True)
+    same("ours to stock over what it has", "Added connection" in answer, True)
     program.say("hello 1 2")
-    check("  and it reads", until("a message", stock.read), "hello 1 2")
+    same("  and it reads", until("a message", stock.read), "hello 1 2")
     program.finish()
     stock.close()
 
@@ -191,7 +181,7 @@ def compressed(writer, stock, ours, our_yarp):
             for end in ["send", "recv", "send.portmonitor+recv"]:
                 over = f"{carrier}+{end}.{zlib}"
                 got, expected = (writer.through(reader, over, message) for reader in (ours, stock))
-                check(f"{over} {message[:20]!r}", got, expected)
+                same(f"{over} {message[:20]!r}", got, expected)
     # Ours compresses, stock expands.
     sender = "/monitors/ours/w"
     program = Program(our_yarp, "write", sender)
@@ -201,7 +191,7 @@ def compressed(writer, stock, ours, our_yarp):
         until("a connection", lambda: sender in ask(stock.name, "[list] [in]"))
         for message in ["1 2.5 hello (a b)", "7", "y" * 3000]:
             program.say(message)
-            check(f"ours to stock, {carrier}", until("a message", stock.read), message)
+            same(f"ours to stock, {carrier}", until("a message", stock.read), message)
         yarp.Network.disconnect(sender, stock.name)
         until("the end", lambda: sender not in ask(stock.name, "[list] [in]"))
     program.finish()
@@ -216,16 +206,16 @@ def depths(writer, stock, ours, our_yarp, name):
     over = f"tcp+{end}.portmonitor+type.dll+file.{name}"
     got, expected = (shown(writer.through(reader, over, message)) for reader in (ours, stock))
     code = {"depthimage_to_mono": "[mono]", "depthimage_to_rgb": "[rgb]"}.get(name, "[dec]")
-    check(f"{over}: what stock makes of it", expected[:2], ["[mat]", code])
-    check(over, got, expected)
+    same(f"{over}: what stock makes of it", expected[:2], ["[mat]", code])
+    same(over, got, expected)
     if both:
         # Ours compresses, stock expands.
         sender = "/monitors/ours/w"
         program = Program(our_yarp, "write", sender)
         until("yarp write", lambda: yarp.Network.exists(sender))
-        check(f"ours to stock, {over}", yarp.Network.connect(sender, stock.name, over), True)
+        same(f"ours to stock, {over}", yarp.Network.connect(sender, stock.name, over), True)
         program.say(message)
-        check("  and it reads", shown(until("a message", stock.read)), expected)
+        same("  and it reads", shown(until("a message", stock.read)), expected)
         program.finish()
 
 
@@ -246,7 +236,7 @@ def main():
     finally:
         ours.kill()
         writer.port.close()
-    sys.exit(1 if failed else 0)
+    sys.exit(verdict())
 
 
 main()

@@ -9,12 +9,12 @@ messages were late all the same is played again. Prints `ok` or `FAIL` per case 
 any failed.
 """
 
-import os
 import sys
 import time
 
 import yarp
 from asking import ask, until
+from checks import leave, same
 from programs import Program
 
 # Seconds that a message may be late, and how often a case is played until none is.
@@ -92,17 +92,6 @@ CASES = {
         [0, 3, 7, 9, 11, 14],
     ),
 }
-
-failed = 0
-
-
-def check(name, got, expected):
-    global failed
-    if got == expected:
-        print(f"ok   {name}", flush=True)
-    else:
-        failed += 1
-        print(f"FAIL {name}\n     got      {got!r}\n     expected {expected!r}", flush=True)
 
 
 class Stock:
@@ -212,14 +201,12 @@ def main():
                     break
             else:
                 raise SystemExit(f"FAIL {case}: this machine is too busy to say anything in time")
-            check(f"{carrier}, stock: {case}", heard[0], [f"{steps[number][1]} {number}" for number in numbers])
+            same(f"{carrier}, stock: {case}", heard[0], [f"{steps[number][1]} {number}" for number in numbers])
             for group, lines in list(zip(groups, heard, strict=True))[1:]:
-                check(f"{carrier}, {group.of}: {case}", lines, heard[0])
+                same(f"{carrier}, {group.of}: {case}", lines, heard[0])
     for group in groups:
         group.program.kill()
-    print(f"{failed} failed" if failed else "all passed", flush=True)
-    # Threads of the bindings may still wait for what will not come.
-    os._exit(failed != 0)
+    leave()
 
 
 main()

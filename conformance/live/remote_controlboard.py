@@ -15,6 +15,7 @@ import time
 from importlib import metadata
 
 import yarp
+from checks import check, verdict
 
 POSITION = yarp.encode("pos")
 VELOCITY = yarp.encode("vel")
@@ -29,16 +30,6 @@ PWM = yarp.encode("ipwm")
 CLOSE = 0.1
 # How far joints are moved, degrees.
 DISTANCE = 8.0
-
-failures = 0
-
-
-def check(what, good, found=""):
-    """Prints one line."""
-    global failures
-    failures += not good
-    print(f"{'ok  ' if good else 'FAIL'} {what}{f': {found}' if found != '' else ''}", flush=True)
-    return good
 
 
 def eventually(condition, patience=30.0):
@@ -471,8 +462,7 @@ def main():
     raw_requests(remote)
     state_feed(remote, arm.axes, hertz)
     driver.close()
-    print(f"{failures} failed")
-    return 1 if failures else 0
+    return verdict()
 
 
 if __name__ == "__main__":

@@ -20,20 +20,11 @@ import tempfile
 import time
 import zlib
 
+from checks import same, verdict
+
 # Seconds that VLC may take to start and show some pictures.
 PATIENCE = 90
 WIDTH = 320
-
-failed = 0
-
-
-def check(name, got, expected):
-    global failed
-    if got == expected:
-        print(f"ok   {name}")
-    else:
-        failed += 1
-        print(f"FAIL {name}\n     got      {got!r}\n     expected {expected!r}")
 
 
 def rows(png):
@@ -125,15 +116,15 @@ def main():
     finally:
         pictures.kill()
         pictures.wait()
-    check("VLC sees the bar move", len(places), 3)
+    same("VLC sees the bar move", len(places), 3)
     for place, colours in sorted(places.items()):
-        check(f"its pictures are as wide, bar at {place}", len(colours), WIDTH)
+        same(f"its pictures are as wide, bar at {place}", len(colours), WIDTH)
         halves = {"left": colours[: WIDTH // 2], "right": colours[WIDTH // 2 :]}
         for (half, part), paint in zip(halves.items(), ("red", "blue")):
             # Where colours meet, a picture of this kind blurs them.
             share = sum(name == paint for name in part) / len(part)
-            check(f"the {half} half is {paint}, bar at {place}", share > 0.8, True)
-    sys.exit(failed != 0)
+            same(f"the {half} half is {paint}, bar at {place}", share > 0.8, True)
+    sys.exit(verdict())
 
 
 main()

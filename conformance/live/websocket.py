@@ -25,6 +25,7 @@ import sys
 
 import yarp
 from asking import PATIENCE, ask, eventually, until
+from checks import leave, same
 from programs import Program
 
 # The line of a port that has got a message.
@@ -32,22 +33,6 @@ MESSAGE = "Message: "
 # What a key is answered with; source: RFC 6455, section 1.3.
 GUID = "258EAFA5-E914-47DA-95CA-C5AB0DC85B11"
 CONTINUATION, TEXT, BINARY, CLOSE, PING, PONG = 0, 1, 2, 8, 9, 10
-
-failed = 0
-
-
-def check(name, got, expected):
-    global failed
-    if got == expected:
-        print(f"ok   {name}", flush=True)
-    else:
-        failed += 1
-        print(f"FAIL {name}\n     got      {short(got)}\n     expected {short(expected)}", flush=True)
-
-
-def short(value):
-    text = repr(value)
-    return text if len(text) < 400 else f"{text[:400]}... ({len(text)} characters)"
 
 
 class Peer(Program):
@@ -317,14 +302,14 @@ def ours_alone(server):
     for at in range(1, len(message) - 1):
         page.send(message[at : at + 1], CONTINUATION, last=False)
     page.send(message[-1:], CONTINUATION)
-    check("ours reads a message whose bytes come one by one", page.take(len(message) - 8), message[8:])
+    same("ours reads a message whose bytes come one by one", page.take(len(message) - 8), message[8:])
     page.send(message[:10], last=False)
     page.send(b"there?", PING)
     page.send(b"", PING)
     page.send(b"unasked", PONG)
     page.send(message[10:], CONTINUATION)
-    check("ours reads a message with a ping in it", page.take(len(message) - 8), message[8:])
-    check("  and answers the ping", page.others, [(0x80 | PONG, b"there?"), (0x80 | PONG, b"")])
+    same("ours reads a message with a ping in it", page.take(len(message) - 8), message[8:])
+    same("  and answers the ping", page.others, [(0x80 | PONG, b"there?"), (0x80 | PONG, b"")])
     for what, goodbye, answer in [
         ("a close with a reason", lambda page: page.send(struct.pack(">H", 1001) + b"gone", CLOSE), struct.pack(">H", 1001)),
         ("a close without one", lambda page: page.send(b"", CLOSE), b""),
@@ -333,7 +318,7 @@ def ours_alone(server):
         page = Page(server)
         page.answers(question(1))
         goodbye(page)
-        check(f"ours answers {what}, and ends the connection", page.rest(), (b"", [(0x80 | CLOSE, answer)]))
+        same(f"ours answers {what}, and ends the connection", page.rest(), (b"", [(0x80 | CLOSE, answer)]))
 
 
 def gone(side, server, writer):
@@ -349,11 +334,11 @@ def gone(side, server, writer):
             page.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", linger, 0))
             page.close()
             if side == "ours":
-                check(f"ours notices a page that {how} {what}", eventually(lambda: server.pages() == [0, 0]), True)
+                same(f"ours notices a page that {how} {what}", eventually(lambda: server.pages() == [0, 0]), True)
     page = Page(server)
-    check(f"{side}: the next page is answered", page.answers(question(2)), encoded(2))
+    same(f"{side}: the next page is answered", page.answers(question(2)), encoded(2))
     server.kill()
-    check(f"{side}: a page notices that its port was killed", page.rest(), (b"", []))
+    same(f"{side}: a page notices that its port was killed", page.rest(), (b"", []))
 
     for count in range(2):
         page = Page(writer)
@@ -361,15 +346,15 @@ def gone(side, server, writer):
         until("a page that reads", lambda: writer.pages()[1] > (0 if side == "ours" else count))
         writer.say("before")
         before = block("D") + encoded("before")
-        check(f"{side}: a page reads", page.take(len(before)), before)
+        same(f"{side}: a page reads", page.take(len(before)), before)
         if count == 0:
             page.close()
             # The first is lost on the way; ours takes note of the page at once.
             writer.say("nobody")
             if side == "ours":
-                check("ours notices that a page that read is gone", eventually(lambda: writer.pages() == [0, 0]), True)
+                same("ours notices that a page that read is gone", eventually(lambda: writer.pages() == [0, 0]), True)
     writer.kill()
-    check(f"{side}: a page that reads notices that its port was killed", page.rest(), (b"", []))
+    same(f"{side}: a page that reads notices that its port was killed", page.rest(), (b"", []))
 
 
 def closed(writer):
@@ -378,8 +363,8 @@ def closed(writer):
     page.send(block("r"))
     until("a page that reads", lambda: writer.pages() == [0, 1])
     writer.process.stdin.close()
-    check("ours says goodbye to a page that reads", page.rest(), (spelled("q"), [(0x80 | CLOSE, struct.pack(">H", 1000))]))
-    check("  and ends", writer.process.wait(PATIENCE), 0)
+    same("ours says goodbye to a page that reads", page.rest(), (spelled("q"), [(0x80 | CLOSE, struct.pack(">H", 1000))]))
+    same("  and ends", writer.process.wait(PATIENCE), 0)
 
 
 def serve(name):
@@ -422,13 +407,11 @@ def main():
         writer.kill()
         gone(side, server, Peer("/websocket/writer", *writers[side]))
     for name, expected in told["stock"].items():
-        check(name, told["ours"][name], expected)
+        same(name, told["ours"][name], expected)
     for at, expected in enumerate(read["stock"]):
-        check(f"page {at + 1} that reads gets {len(expected)} bytes", read["ours"][at], expected)
+        same(f"page {at + 1} that reads gets {len(expected)} bytes", read["ours"][at], expected)
     closed(Peer("/websocket/writer", *writers["ours"]))
-    print(f"{failed} failed" if failed else "all passed", flush=True)
-    # Threads of the bindings may still wait for what will not come.
-    os._exit(failed != 0)
+    leave()
 
 
 main()
