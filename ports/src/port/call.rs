@@ -1,77 +1,113 @@
-//! Waiting for the reply to a request.
+//! Waiting for what becomes of a request: for the reply of a peer, or for the answer of the owner.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use tokio::sync::Notify;
 use yarp_wire::message::Payload;
 
-/// What becomes of a request.
+use super::received::Answer;
+
+/// What becomes of a request to a peer.
 pub(crate) type Outcome = Result<Option<Payload>, Arc<str>>;
 
-/// Places that are kept for the next callers of a connection.
+/// Places that are kept for the next callers.
 const KEPT: usize = 4;
 
-/// Where the callers of a connection wait. Each leaves his place to the next, so that a call allocates none.
-#[derive(Debug, Default)]
-pub(super) struct Slots(Mutex<Vec<Arc<Slot>>>);
+/// What may become of a request.
+pub(crate) trait Awaited {
+    /// What becomes of it if nobody says anything.
+    fn untold() -> Self;
+}
 
-#[derive(Debug, Default)]
-struct Slot {
-    outcome: Mutex<Option<Outcome>>,
+impl Awaited for Outcome {
+    fn untold() -> Self {
+        Err("closed here".into())
+    }
+}
+
+impl Awaited for Answer {
+    fn untold() -> Self {
+        Self::Nothing
+    }
+}
+
+/// Where callers wait. Each leaves his place to the next, so that a call allocates none.
+#[derive(Debug)]
+pub(super) struct Slots<T>(Arc<Mutex<Vec<Arc<Slot<T>>>>>);
+
+#[derive(Debug)]
+struct Slot<T> {
+    outcome: Mutex<Option<T>>,
     told: Notify,
 }
 
-/// Tells a caller what became of his request; dropped without a word, that the connection was closed.
+/// Tells a caller what became of his request; dropped without a word, that nobody said anything.
 #[derive(Debug)]
-pub(crate) struct Teller(Arc<Slot>);
+pub(crate) struct Teller<T: Awaited>(Arc<Slot<T>>);
 
-/// A caller. Dropped before he was told, he has the reply thrown away.
+/// A caller. Dropped before he was told, he has what he is told thrown away.
 #[derive(Debug)]
-pub(crate) struct Call<'a> {
-    slots: &'a Slots,
-    slot: Arc<Slot>,
+pub(crate) struct Call<T> {
+    slots: Slots<T>,
+    slot: Arc<Slot<T>>,
 }
 
-impl Slots {
-    pub(super) fn begin(&self) -> (Teller, Call<'_>) {
+impl<T> Default for Slots<T> {
+    fn default() -> Self {
+        Self(Arc::default())
+    }
+}
+
+impl<T> Default for Slot<T> {
+    fn default() -> Self {
+        Self {
+            outcome: Mutex::default(),
+            told: Notify::new(),
+        }
+    }
+}
+
+impl<T: Awaited> Slots<T> {
+    pub(super) fn begin(&self) -> (Teller<T>, Call<T>) {
         let mut slot = self.kept().pop().unwrap_or_default();
         match Arc::get_mut(&mut slot) {
             Some(slot) => *slot = Slot::default(),
             // Who told the last caller is not quite gone.
             None => slot = Arc::default(),
         }
-        let teller = Teller(slot.clone());
-        (teller, Call { slots: self, slot })
+        let slots = Self(self.0.clone());
+        (Teller(slot.clone()), Call { slots, slot })
     }
+}
 
-    fn kept(&self) -> MutexGuard<'_, Vec<Arc<Slot>>> {
+impl<T> Slots<T> {
+    fn kept(&self) -> MutexGuard<'_, Vec<Arc<Slot<T>>>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl Slot {
-    fn outcome(&self) -> MutexGuard<'_, Option<Outcome>> {
+impl<T> Slot<T> {
+    fn outcome(&self) -> MutexGuard<'_, Option<T>> {
         self.outcome.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl Teller {
-    pub(super) fn tell(self, outcome: Outcome) {
+impl<T: Awaited> Teller<T> {
+    pub(super) fn tell(self, outcome: T) {
         *self.0.outcome() = Some(outcome);
     }
 }
 
-impl Drop for Teller {
+impl<T: Awaited> Drop for Teller<T> {
     fn drop(&mut self) {
-        let closed = || Err("closed here".into());
-        self.0.outcome().get_or_insert_with(closed);
+        self.0.outcome().get_or_insert_with(T::untold);
         self.0.told.notify_one();
     }
 }
 
-impl Call<'_> {
+impl<T> Call<T> {
     /// Waits until he is told.
-    pub(super) async fn outcome(self) -> Outcome {
+    pub(super) async fn outcome(self) -> T {
         let Self { slots, slot } = self;
         loop {
             let told = slot.outcome().take();
@@ -93,7 +129,7 @@ mod tests {
 
     #[tokio::test]
     async fn a_reply_is_for_who_asked() {
-        let slots = Slots::default();
+        let slots = Slots::<Outcome>::default();
         // One who does not wait for it does not leave it to the next.
         let (late, call) = slots.begin();
         drop(call);

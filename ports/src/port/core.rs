@@ -8,6 +8,7 @@ use tokio::task::JoinSet;
 use yarp_wire::carrier::{Carrier, Transport};
 use yarp_wire::{Bottle, Contact, Dialect, admin};
 
+use super::call::Slots;
 use super::counters::{Ended, Meter};
 use super::group::Group;
 use super::inbox::Inbox;
@@ -18,6 +19,7 @@ use super::options::{ConnectionChange, Input, Outputs, PortOptions};
 use super::output::{Output, Target};
 use super::own_thread::Steering;
 use super::qos::SocketHandle;
+use super::received::Answer;
 use crate::cancel::{Cancel, Cancelled, join};
 use crate::datagram;
 use crate::error::{PortError, resolve};
@@ -46,6 +48,8 @@ pub(crate) struct Core {
     inputs: Mutex<Vec<InputEntry>>,
     properties: Mutex<Vec<(String, Bottle)>>,
     next_input: AtomicU64,
+    /// Where connections wait for the answers of the owner.
+    pub(super) slots: Slots<Answer>,
     ended: Mutex<Ended>,
     /// Whether there may be connections that carry copies of what arrives.
     pub(super) logged: AtomicBool,
@@ -114,6 +118,7 @@ impl Core {
             inputs: Mutex::default(),
             properties: Mutex::default(),
             next_input: AtomicU64::new(1),
+            slots: Slots::default(),
             ended: Mutex::default(),
             logged: AtomicBool::new(false),
             pulls: Mutex::default(),

@@ -2,22 +2,21 @@
 
 use std::sync::Arc;
 
-use tokio::sync::oneshot;
-
+use super::call::Call;
 use super::core::Core;
 use super::inbox::Inbox;
 use super::log::Copied;
 use super::monitor::Chain;
 use super::options::{Input, Serving};
-use super::received::{Answer, Received, Reply, Responder};
+use super::received::{Answer, Received, Reply};
 
 /// How far a message got without waiting.
 pub(super) enum Handed {
     Answered(Answer),
     /// The owner has it, and will answer.
-    Asked(oneshot::Receiver<Answer>),
+    Asked(Call<Answer>),
     /// There is no room for it yet, and perhaps somebody waits for the answer.
-    NoRoom(Received, Option<oneshot::Receiver<Answer>>),
+    NoRoom(Received, Option<Call<Answer>>),
 }
 
 impl Core {
@@ -73,9 +72,9 @@ impl Core {
             Input::Queue(_, serving) => {
                 let mut answer = None;
                 if received.wants_reply && *serving == Serving::Replies {
-                    let (sender, receiver) = oneshot::channel();
-                    received.responder = Some(Responder(sender));
-                    answer = Some(receiver);
+                    let (teller, call) = self.slots.begin();
+                    received.responder = Some(teller);
+                    answer = Some(call);
                 }
                 match self.queue().try_push(received) {
                     Ok(dropped) => {
@@ -106,7 +105,7 @@ impl Core {
             }
         };
         let mut answer = match asked {
-            Ok(asked) => asked.await.unwrap_or(Answer::Nothing),
+            Ok(asked) => asked.outcome().await,
             Err(answer) => answer,
         };
         loop {

@@ -12,7 +12,7 @@ use yarp_wire::connection::{Initiator, Progress, ProtocolError};
 use yarp_wire::message::{Command, Payload};
 
 use super::batch::{Batch, Messages};
-use super::call::{Call, Slots, Teller};
+use super::call::{Call, Outcome, Slots, Teller};
 use super::counters::{Newest, Traffic};
 use super::encoded::Form;
 use super::own_thread::OwnThread;
@@ -40,7 +40,7 @@ pub(crate) struct Outbox {
     /// Whether the connection has ended, for those who need no lock to ask.
     over: AtomicBool,
     /// Where callers wait.
-    slots: Slots,
+    slots: Slots<Outcome>,
 }
 
 #[derive(Debug)]
@@ -125,7 +125,7 @@ pub(crate) struct Staged {
     pub(super) command: Command,
     pub(super) form: Form,
     answered: bool,
-    outcome: Option<Teller>,
+    outcome: Option<Teller<Outcome>>,
 }
 
 impl Staged {
@@ -138,7 +138,7 @@ impl Staged {
 #[derive(Debug)]
 struct Pending {
     reply: Option<Payload>,
-    outcome: Option<Teller>,
+    outcome: Option<Teller<Outcome>>,
     /// A monitor stopped it: it is done with as soon as those before it are.
     stopped: bool,
 }
@@ -207,7 +207,11 @@ impl Outbox {
     }
 
     /// Puts a request in; gives what to wait for the reply with.
-    pub(crate) fn request(&self, command: &Command, payload: &Form) -> Result<Call<'_>, Arc<str>> {
+    pub(crate) fn request(
+        &self,
+        command: &Command,
+        payload: &Form,
+    ) -> Result<Call<Outcome>, Arc<str>> {
         let (teller, call) = self.slots.begin();
         self.put(self.state(), command, payload, Some(teller), Sender::Task)?;
         Ok(call)
@@ -218,7 +222,7 @@ impl Outbox {
         mut state: MutexGuard<'_, State>,
         command: &Command,
         form: &Form,
-        outcome: Option<Teller>,
+        outcome: Option<Teller<Outcome>>,
         sender: Sender,
     ) -> Result<Ticket, Arc<str>> {
         if let Some(reason) = &state.closed {
@@ -542,7 +546,13 @@ impl Outbox {
 
 impl State {
     /// Lays a message behind those that are to be sent.
-    fn put(&mut self, command: &Command, form: &Form, answered: bool, outcome: Option<Teller>) {
+    fn put(
+        &mut self,
+        command: &Command,
+        form: &Form,
+        answered: bool,
+        outcome: Option<Teller<Outcome>>,
+    ) {
         if let Command::Data { envelope, .. } = command {
             self.traffic.messages += 1;
             self.traffic.bytes += form.pieces.len() as u64;

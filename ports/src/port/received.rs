@@ -8,10 +8,11 @@ use std::sync::Arc;
 use bytes::Bytes;
 use smallbox::space::S8;
 use smallbox::{SmallBox, smallbox};
-use tokio::sync::oneshot;
 use yarp_wire::bottle::DecodeError;
 use yarp_wire::message::{Payload, ReadObject, WireObject};
 use yarp_wire::{Bottle, Stamp};
+
+use super::call::Teller;
 
 /// What a message is answered with: anything that can be written. Up to 64 bytes of it take no memory of their own.
 pub struct Reply(SmallBox<dyn WireObject + Send + Sync, S8>);
@@ -44,13 +45,11 @@ pub struct Received {
     pub address: IpAddr,
     /// Whether the sender waits for a reply.
     pub wants_reply: bool,
-    pub(crate) responder: Option<Responder>,
+    /// Carries the answer back to the connection.
+    pub(crate) responder: Option<Teller<Answer>>,
     /// The connection that it came over.
     pub(crate) connection: u64,
 }
-
-/// Carries the reply back to the connection; dropping it answers with an empty bottle.
-pub(crate) struct Responder(pub(crate) oneshot::Sender<Answer>);
 
 /// How a message was answered.
 #[non_exhaustive]
@@ -100,15 +99,19 @@ impl Received {
     }
 
     fn answer(&mut self, answer: Answer) {
-        if let Some(Responder(sender)) = self.responder.take() {
-            // The connection may have ended in the meantime.
-            let _ = sender.send(answer);
+        if let Some(teller) = self.responder.take() {
+            teller.tell(answer);
         }
     }
 }
 
-impl std::fmt::Debug for Responder {
+impl std::fmt::Debug for Answer {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Responder")
+        f.write_str(match self {
+            Self::Nothing => "Nothing",
+            Self::Reply(_) => "Reply",
+            Self::ReplyAndClose(_) => "ReplyAndClose",
+            Self::Later(_) => "Later",
+        })
     }
 }
