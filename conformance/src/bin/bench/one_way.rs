@@ -20,7 +20,7 @@ const HEADINGS: &str = "stock>stock    ours>ours   stock>ours   ours>stock   rat
 const IMAGE: usize = 640 * 480 * 3;
 
 /// Carrier, bytes per message, and messages: a writer of stock's, one of ours.
-const ROWS: [(&str, usize, u32, u32); 14] = [
+const ROWS: [(&str, usize, u32, u32); 15] = [
     ("tcp", 16, 20_000, 50_000),
     ("fast_tcp", 16, 50_000, 1_000_000),
     ("unix_stream", 16, 50_000, 1_000_000),
@@ -28,6 +28,7 @@ const ROWS: [(&str, usize, u32, u32); 14] = [
     ("unix_stream+ack", 16, 20_000, 50_000),
     ("text", 16, 20_000, 200_000),
     ("text_ack", 16, 20_000, 50_000),
+    ("name_ser", 16, 20_000, 50_000),
     ("local", 16, 50_000, 1_000_000),
     ("tcp", 1_000_000, 1_000, 1_000),
     ("fast_tcp", 1_000_000, 1_000, 1_000),
@@ -40,11 +41,15 @@ const ROWS: [(&str, usize, u32, u32); 14] = [
 /// The carrier whose large messages are compared with a bare TCP connection.
 const BESIDE_BARE: &str = "fast_tcp";
 
+/// Large messages over these, and the place of the pair: the first is compared with the second.
+const WITHIN_A_HOST: [(&str, usize); 2] = [("unix_stream", 1), ("shmem", 0)];
+
 impl Bench {
     /// `wanted` names a carrier, or is empty for all.
     pub(crate) fn one_way(&self, wanted: &str) -> Result<(), Failure> {
         println!("{:<26}{HEADINGS}", "one way");
         let wanted = |row: &&(&str, usize, u32, u32)| wanted.is_empty() || row.0 == wanted;
+        let mut within_a_host = Vec::new();
         for &(carrier, bytes, from_stock, from_ours) in ROWS.iter().filter(wanted) {
             let mut rates = [const { Vec::new() }; PAIRS.len()];
             let mut bare = Vec::new();
@@ -84,6 +89,10 @@ impl Bench {
                 .collect();
             let label = format!("{carrier}, {bytes} bytes");
             println!("{label:<22}{:<52} {}", shown.join(""), ratios.join(" "));
+            let compared = WITHIN_A_HOST.iter().find(|(over, _)| *over == carrier);
+            if let Some((_, pair)) = compared.filter(|_| bytes == 1_000_000) {
+                within_a_host.push(rates[*pair]);
+            }
             if !bare.is_empty() {
                 let bare = median(bare.into_iter());
                 println!(
@@ -92,6 +101,13 @@ impl Bench {
                     rates[1] / bare
                 );
             }
+        }
+        if let [ours, stock] = within_a_host[..] {
+            let [(ours_over, _), (stock_over, _)] = WITHIN_A_HOST;
+            let ratio = ours / stock;
+            println!(
+                "1000000 bytes: ours>ours over {ours_over} / stock>stock over {stock_over}: {ratio:.2}"
+            );
         }
         Ok(())
     }
