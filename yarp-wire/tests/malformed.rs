@@ -408,9 +408,19 @@ fn a_command_block_that_lies_about_its_string_is_taken_to_its_zero() {
 
 /// An initiator that waits for a reply and has read `bytes`.
 fn await_reply(carrier: &str, bytes: &[u8], limits: Limits) -> Result<usize, ProtocolError> {
+    await_answer(carrier, &Command::data(true), bytes, limits)
+}
+
+/// What comes of an answer to this.
+fn await_answer(
+    carrier: &str,
+    command: &Command,
+    bytes: &[u8],
+    limits: Limits,
+) -> Result<usize, ProtocolError> {
     let carrier = Carrier::by_name(carrier).unwrap();
     let mut initiator = Initiator::established(carrier, Dialect::V3, limits);
-    initiator.send(&Command::data(true), 0, &mut BytesMut::new());
+    initiator.send(command, 0, &mut BytesMut::new());
     let mut input = BytesMut::from(bytes);
     frugal(bytes.len(), || {
         let mut steps = 0;
@@ -462,6 +472,21 @@ fn an_endless_text_reply_is_refused_at_its_limit() {
                 "{piece:?}"
             );
         }
+    }
+}
+
+/// Empty lines were counted as nothing.
+#[test]
+fn endless_lines_are_refused_at_their_limit() {
+    let limits = Limits::DEFAULT.with_line(100_000);
+    for line in ["\r\n", "x\r\n", "some more\r\n"] {
+        let text = line.repeat(1 << 18);
+        // Over `text` nobody waits for lines.
+        assert_eq!(
+            await_answer("text_ack", &Command::Describe, text.as_bytes(), limits),
+            Err(ProtocolError::LineTooLong { limit: 100_000 }),
+            "{line:?}"
+        );
     }
 }
 

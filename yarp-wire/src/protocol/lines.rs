@@ -189,6 +189,8 @@ pub(crate) struct LineAnswers {
     welcomed: bool,
     text: Text,
     lines: Vec<String>,
+    /// What these take.
+    held: usize,
     /// An acknowledgement came where a reply was due: the acceptor had none to give.
     acknowledged_early: bool,
 }
@@ -200,6 +202,7 @@ impl LineAnswers {
             welcomed: false,
             text: Text::default(),
             lines: Vec::new(),
+            held: 0,
             acknowledged_early: false,
         }
     }
@@ -215,8 +218,8 @@ impl LineAnswers {
 
     /// Keeps a line of many.
     fn keep(&mut self, line: &Bytes, limit: usize) -> Result<(), ProtocolError> {
-        let held: usize = self.lines.iter().map(String::len).sum();
-        if held + line.len() > limit {
+        self.held += size_of::<String>() + line.len();
+        if self.held > limit {
             return Err(ProtocolError::LineTooLong { limit });
         }
         self.lines.push(String::from_utf8_lossy(line).into_owned());
@@ -234,6 +237,7 @@ impl LineAnswers {
         Ok(match waiting {
             Waiting::Acknowledgement => Some(Progress::Done),
             Waiting::Lines if line == ACKNOWLEDGEMENT_LINE => {
+                self.held = 0;
                 Some(Progress::Lines(std::mem::take(&mut self.lines)))
             }
             Waiting::Lines => {
