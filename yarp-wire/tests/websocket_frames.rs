@@ -191,6 +191,26 @@ fn messages_are_read_and_answered() {
     }
 }
 
+/// The answers of a page that read crossed the goodbye of its port, and were answered in turn.
+#[test]
+fn nothing_is_said_behind_a_goodbye() {
+    let mut acceptor = Acceptor::new(1, Dialect::V3, Limits::DEFAULT);
+    let (mut input, mut output) = (BytesMut::from(REQUEST), BytesMut::new());
+    input.extend(frame(0x82, &block(b'r')));
+    while acceptor.poll(&mut input, &mut output).unwrap().is_some() {}
+    let mut writing = acceptor.reversed().unwrap();
+    output.clear();
+    writing.send(&Command::Quit, 0, &mut output);
+    assert!(output.ends_with(b"\x88\x02\x03\xe8"));
+    input.extend(frame(0x89, b"hi"));
+    assert_eq!(writing.poll(&mut input), Ok(None));
+    assert_eq!(writing.said(), b"".as_slice());
+    input.extend(frame(0x88, b"\x03\xe8"));
+    let closed = ProtocolError::WebSocket(WebSocketError::Closed);
+    assert_eq!(writing.poll(&mut input), Err(closed));
+    assert_eq!(writing.said(), b"".as_slice());
+}
+
 #[test]
 fn a_close_frame_is_the_command_to_quit() {
     let mut acceptor = Acceptor::new(1, Dialect::V3, Limits::DEFAULT);

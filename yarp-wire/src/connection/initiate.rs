@@ -17,6 +17,8 @@ pub struct Initiator {
     answers: Box<dyn Answers>,
     ready: bool,
     header_number: i32,
+    /// It has said goodbye.
+    quit: bool,
 }
 
 impl Initiator {
@@ -41,6 +43,7 @@ impl Initiator {
             answers: carrier.protocol.answers(limits),
             ready: false,
             header_number: 0,
+            quit: false,
         }
     }
 
@@ -59,9 +62,13 @@ impl Initiator {
         self
     }
 
-    /// What the protocol answered by itself while bytes were taken: to be sent like messages.
+    /// What the protocol answered by itself while bytes were taken: to be sent like messages. Nothing
+    /// once goodbye has been said: browsers take what comes behind it for an error.
     pub fn said(&mut self) -> BytesMut {
-        self.answers.said()
+        match self.quit {
+            true => BytesMut::new(),
+            false => self.answers.said(),
+        }
     }
 
     /// The carrier.
@@ -85,6 +92,7 @@ impl Initiator {
             carrier, waiting, ..
         } = &mut self.asked;
         carrier.protocol.put_head(command, length, output);
+        self.quit |= *command == Command::Quit;
         match command {
             Command::Admin | Command::Data { reply: true, .. } => waiting.push_back(Waiting::Reply),
             Command::Data { .. } | Command::Quit | Command::Reverse => {}
