@@ -12,6 +12,7 @@ import sys
 import time
 
 import yarp
+from again import tried
 from asking import ask, until
 from checks import leave, same
 from programs import Program
@@ -26,6 +27,9 @@ GROUPS = ["mcast+log.in"]
 TEXT_CARRIERS = ["text+log.in", "text_ack+log.in"]
 # Those to the one that receives.
 OVERS = ["tcp", "fast_tcp", "udp", "text_ack", "shmem"]
+# Stock gives the other half a second to listen, which a busy machine may not have, and now and then
+# it loses a connection between two of its own.
+UNSTEADY = "unix_stream"
 TEXTS = ["1 2.5 hello", "5", "2.5", "()", "(a (b c)) [vocb] \"two words\"", "1 2 3", "1.5 2.5", "{1 2 255}", "0 text", "x" * 5000]
 
 
@@ -45,15 +49,26 @@ def messages(over):
     yield "an image", image
 
 
+# What ends the programs and ports of the part that runs.
+ends = []
+
+
 def start(command, name, *words):
     program = Program(*command, *words, name, *(["envelope"] if words == ("read",) else []))
+    ends.append(program.kill)
     until(name, lambda: yarp.Network.exists(name))
     return program
 
 
-def stop(*programs):
-    for program in programs:
-        program.kill()
+def opened(port, name):
+    ends.append(port.close)
+    assert port.open(name)
+    return port
+
+
+def stop():
+    while ends:
+        ends.pop()()
     for name in (LOGGED, LOGGER):
         yarp.Network.unregisterName(name)
 
@@ -63,13 +78,9 @@ def plain(answer):
     return re.sub(r"(\d+\.){3}\d+:\d+", "PLACE", answer)
 
 
-def look_on(carrier, logged):
+def look_on(carrier):
     """Has what the one receives copied to the other; what it says to that."""
-    # Over unix_stream stock gives the other half a second to listen, which a busy machine may not have.
-    for _ in range(5 if logged == STOCK else 1):
-        told = [plain(ask(LOGGED, f'[add] "{carrier}:/{LOGGER}"'))]
-        if not told[0].startswith("-1"):
-            break
+    told = [plain(ask(LOGGED, f'[add] "{carrier}:/{LOGGER}"'))]
     until(f"{LOGGER} over {carrier}", lambda: LOGGED in ask(LOGGER, "[list] [in]"))
     if carrier in GROUPS:
         # It is listed a moment before it joins the group.
@@ -89,20 +100,25 @@ def disconnect(source, target):
 
 
 def until_last(program, last):
-    """The lines up to `last`, or to the one that does not come."""
+    """The lines up to `last`."""
     lines = []
-    while not lines or lines[-1] not in (last, None):
-        lines.append(program.next())
+    while not lines or lines[-1] != last:
+        lines.append(next_of(program, f"{last!r} behind {lines[-2:]}"))
     return lines
+
+
+def next_of(program, what):
+    if (line := program.next()) is None:
+        raise SystemExit(f"FAIL gave up waiting for {what}")
+    return line
 
 
 def of_messages(logged, logger, carrier):
     """What is told of messages over a carrier."""
     told = {}
     reader, looker = start(logged, LOGGED, "read"), start(logger, LOGGER, "read")
-    told["what is answered"] = look_on(carrier, logged)
-    writer = yarp.Port()
-    assert writer.open(WRITER)
+    told["what is answered"] = look_on(carrier)
+    writer = opened(yarp.Port(), WRITER)
     count = 0
     for over in OVERS:
         connect(WRITER, over)
@@ -119,7 +135,7 @@ def of_messages(logged, logger, carrier):
     disconnect(LOGGED, LOGGER)
     writer.write(yarp.Bottle("alone"))
     told["nobody looks on"] = until_last(reader, "alone")
-    look_on(carrier, logged)
+    look_on(carrier)
     writer.write(yarp.Bottle("again"))
     told["looked on again"] = [until_last(program, "again") for program in (reader, looker)]
     looker.kill()
@@ -127,8 +143,7 @@ def of_messages(logged, logger, carrier):
     for number in range(3):
         writer.write(yarp.Bottle(f"killed {number}"))
     told["who looked on was killed"] = until_last(reader, "killed 2")
-    writer.close()
-    stop(reader, looker)
+    stop()
     return told
 
 
@@ -139,9 +154,8 @@ def of_requests(logged, logger, carrier):
         server = start(logged, LOGGED, "rpcserver", *([way] if way else []))
         looker = start(logger, LOGGER, "read")
         kind = way or "an answer that is typed"
-        told[f"what is answered, {kind}"] = look_on(carrier, logged)
-        client = yarp.RpcClient()
-        assert client.open(CLIENT)
+        told[f"what is answered, {kind}"] = look_on(carrier)
+        client = opened(yarp.RpcClient(), CLIENT)
         for over in ["tcp", "fast_tcp", "text_ack", "shmem"]:
             connect(CLIENT, over)
             for text in ["hello 1 2.5", "(a b) c", "5", "()", "x" * 5000]:
@@ -149,10 +163,9 @@ def of_requests(logged, logger, carrier):
                     server.say(f"ok ({text}) 1.5")
                 answer = yarp.Bottle()
                 client.write(yarp.Bottle(text), answer)
-                told[f"{text[:20]}, {kind}, over {over}"] = answer.toString(), looker.next()
+                told[f"{text[:20]}, {kind}, over {over}"] = answer.toString(), next_of(looker, "a copy")
             disconnect(CLIENT, LOGGED)
-        client.close()
-        stop(server, looker)
+        stop()
     return told
 
 
@@ -161,17 +174,16 @@ def refusals(logged, logger, _carrier):
     reader, looker = start(logged, LOGGED, "read"), start(logger, LOGGER, "read")
     for mode in ("out", "both", "x"):
         told[f"log.{mode}"] = [ask(LOGGED, request) for request in (f'[add] "tcp+log.{mode}:/{LOGGER}"', "[list] [out]")]
-    stop(reader, looker)
+    stop()
     return told
 
 
 def ours_alone(side, logger):
     """What stock cannot do."""
-    writer = yarp.Port()
-    assert writer.open(WRITER)
     for carrier in TEXT_CARRIERS:
+        writer = opened(yarp.Port(), WRITER)
         reader, looker = start(OURS, LOGGED, "read"), start(logger, LOGGER, "read")
-        look_on(carrier, OURS)
+        look_on(carrier)
         for over in ["tcp", "text_ack"]:
             connect(WRITER, over)
             for text in [*TEXTS, "end"]:
@@ -180,18 +192,35 @@ def ours_alone(side, logger):
             read, copied = (until_last(program, "end") for program in (reader, looker))
             same(f"{carrier} ours to {side}: what comes over {over}", (len(read), copied), (len(TEXTS) + 1, read))
             disconnect(WRITER, LOGGED)
-        stop(reader, looker)
+        stop()
     # That of stock crashes: where nobody waits for an answer it writes one nevertheless.
+    writer = opened(yarp.Port(), WRITER)
     server, looker = start(OURS, LOGGED, "rpcserver", "--echo"), start(logger, LOGGER, "read")
-    look_on("tcp+log.in", OURS)
+    look_on("tcp+log.in")
     connect(WRITER, "tcp")
     stamp = yarp.Stamp(7, 7.5)
     writer.setEnvelope(stamp)
     writer.write(yarp.Bottle("one way"))
     copied = [line.rstrip() for line in until_last(looker, "one way")]
     same(f"ours to {side}: a message that wants no answer", copied, ["7 7.5", "one way"])
-    writer.close()
-    stop(server, looker)
+    stop()
+
+
+def told_by(part, logged, logger, carrier):
+    """What a part tells. It runs again only where stock may be what got stuck."""
+
+    def attempt():
+        try:
+            return part(logged, logger, carrier), None
+        except SystemExit as why:
+            stop()
+            return None, why
+
+    tries = 3 if carrier.startswith(UNSTEADY) and STOCK in (logged, logger) else 1
+    told, why = tried(attempt, f"over {carrier}:", tries)
+    if why is not None:
+        raise why
+    return told
 
 
 def main():
@@ -201,11 +230,9 @@ def main():
     parts += [(of_requests, carrier) for carrier in CARRIERS[:2]]
     parts += [(refusals, "")]
     for part, carrier in parts:
-        expected = part(STOCK, STOCK, carrier)
-        if "None" in repr(expected):
-            raise SystemExit(f"FAIL stock to stock over {carrier}: {expected}")
+        expected = told_by(part, STOCK, STOCK, carrier)
         for logged, logger in (("stock", "ours"), ("ours", "stock"), ("ours", "ours"))[: 1 if carrier in GROUPS else 3]:
-            told = part(sides[logged], sides[logger], carrier)
+            told = told_by(part, sides[logged], sides[logger], carrier)
             for what, got in told.items():
                 same(f"{carrier} {logged} to {logger}: {what}", got, expected[what])
     for side, command in sides.items():
