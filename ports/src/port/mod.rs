@@ -27,6 +27,7 @@ mod counters;
 mod describe;
 mod door;
 mod encoded;
+mod expanding;
 mod group;
 mod handing;
 mod inbox;

@@ -65,8 +65,9 @@ pub(super) fn compress(image: &Image) -> Option<Bytes> {
     Some(jpeg.ok()?.into())
 }
 
-/// The picture as an image of `rgb` pixels. What it claims is checked before it takes memory.
-pub(super) fn expand(jpeg: &[u8]) -> Result<Image, PictureError> {
+/// The picture as an image of `rgb` pixels, in a buffer of an earlier one if there is one. What it claims is
+/// checked before it takes memory.
+pub(super) fn expand(jpeg: &[u8], buffer: BytesMut) -> Result<Image, PictureError> {
     let options = DecoderOptions::default().jpeg_set_out_colorspace(ColorSpace::RGB);
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(jpeg), options);
     decoder.decode_headers().map_err(PictureError::Jpeg)?;
@@ -80,7 +81,12 @@ pub(super) fn expand(jpeg: &[u8]) -> Result<Image, PictureError> {
             height,
         });
     }
-    let pixels = decoder.decode().map_err(PictureError::Jpeg)?;
+    let mut pixels = buffer;
+    pixels.resize(decoder.output_buffer_size().unwrap_or_default(), 0);
+    decoder
+        .decode_into(&mut pixels)
+        .map_err(PictureError::Jpeg)?;
+    let pixels = pixels.freeze();
     Ok(Image::from_packed(PixelCode::RGB, width, height, pixels)?)
 }
 
@@ -102,7 +108,7 @@ mod tests {
         ] {
             let image = image(code, bytes);
             let jpeg = compress(&image).unwrap();
-            let back = expand(&jpeg).unwrap();
+            let back = expand(&jpeg, BytesMut::new()).unwrap();
             assert_eq!(
                 (back.code(), back.width(), back.height()),
                 (PixelCode::RGB, 48, 32)
@@ -127,7 +133,7 @@ mod tests {
         let mut jpeg = compress(&image(PixelCode::RGB, 3)).unwrap().to_vec();
         let at = jpeg.windows(2).position(|w| w == [0xff, 0xc0]).unwrap();
         jpeg[at + 5..at + 9].copy_from_slice(&[0x3f, 0xff, 0x3f, 0xff]);
-        let result = expand(&jpeg);
+        let result = expand(&jpeg, BytesMut::new());
         assert!(
             matches!(result, Err(PictureError::TooLarge { .. })),
             "{result:?}"
@@ -138,13 +144,13 @@ mod tests {
     fn damaged_pictures_do_no_harm() {
         let jpeg = compress(&image(PixelCode::RGB, 3)).unwrap();
         for cut in 0..jpeg.len() {
-            let _ = expand(&jpeg[..cut]);
+            let _ = expand(&jpeg[..cut], BytesMut::new());
         }
         for at in 0..jpeg.len() {
             for value in [0, 0xff, jpeg[at] ^ 1, jpeg[at] ^ 0x80] {
                 let mut damaged = jpeg.to_vec();
                 damaged[at] = value;
-                let _ = expand(&damaged);
+                let _ = expand(&damaged, BytesMut::new());
             }
         }
     }

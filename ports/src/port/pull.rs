@@ -1,22 +1,19 @@
 //! Connections that this port makes to read from: the writer is asked for its pictures.
 
-use std::collections::VecDeque;
 use std::io;
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::Arc;
 
 use bytes::{Bytes, BytesMut};
-use tokio::task::{JoinError, JoinHandle, spawn_blocking};
+use yarp_wire::Limits;
 use yarp_wire::carrier::{Carrier, CarrierSpec};
-use yarp_wire::message::{Payload, Pieces, WireObject};
-use yarp_wire::mjpeg::{self, MjpegError, Part, PartReader};
-use yarp_wire::{Dialect, Limits};
+use yarp_wire::mjpeg::{self, MjpegError, PartReader};
 
 use super::core::{Core, Entry, InputEntry};
 use super::counters::Meter;
+use super::expanding::{Expanded, Expanding};
 use super::monitor::{Chain, MonitorSide};
 use super::own_thread::Steering;
-use super::picture::{self, PictureError};
 use super::qos::SocketHandle;
 use super::received::Received;
 use crate::error::PortError;
@@ -129,56 +126,25 @@ async fn open(core: &Arc<Core>, place: &Place, spec: &CarrierSpec) -> Result<Pul
     Ok(pull)
 }
 
-/// Pictures that are expanded at the same time. With one, its thread would wait between two for being
-/// woken.
-const AT_ONCE: usize = 2;
-
-/// A picture on its way to an image.
-struct Expanding {
-    envelope: Option<Bytes>,
-    image: JoinHandle<Result<Payload, PictureError>>,
-}
-
-impl Expanding {
-    /// Expanding takes milliseconds: others on this thread shall not wait for it.
-    fn begin(part: Part) -> Self {
-        let envelope = mjpeg::comment(&part.body);
-        let image = spawn_blocking(move || {
-            let image = picture::expand(&part.body)?;
-            let mut pieces = Pieces::new();
-            image.write_pieces(&mut pieces, Dialect::V3);
-            Ok(Payload::of_pieces(&pieces, Dialect::V3))
-        });
-        Self { envelope, image }
-    }
-}
-
 impl Pull {
     /// Reads and delivers until the writer ends the connection.
     async fn run(mut self) -> Result<(), MjpegError> {
-        let mut expanding = VecDeque::<Expanding>::new();
+        let mut expanding = Expanding::default();
         let mut end = None;
         loop {
-            while end.is_none() && expanding.len() < AT_ONCE {
+            while end.is_none() && expanding.has_room() {
                 match self.parts.read(&mut self.input.bytes) {
-                    Ok(Some(part)) => expanding.push_back(Expanding::begin(part)),
+                    Ok(Some(part)) => expanding.push(part),
                     Ok(None) => break,
                     Err(MjpegError::Ended) => end = Some(Ok(())),
                     Err(error) => end = Some(Err(error)),
                 }
             }
             let missing = self.parts.missing(&self.input.bytes);
-            let reads = end.is_none() && expanding.len() < AT_ONCE;
-            let oldest = async {
-                match expanding.front_mut() {
-                    Some(oldest) => Some((&mut oldest.image).await),
-                    None => None,
-                }
-            };
+            let reads = end.is_none() && expanding.has_room();
             tokio::select! {
                 biased;
-                Some(image) = oldest => {
-                    let envelope = expanding.pop_front().and_then(|oldest| oldest.envelope);
+                Some((image, envelope)) = expanding.next() => {
                     self.deliver(image, envelope).await;
                 }
                 read = self.input.read(&self.stream, missing), if reads => match read {
@@ -196,19 +162,15 @@ impl Pull {
     }
 
     /// Hands an image to the owner; a picture that is none is passed over.
-    async fn deliver(
-        &self,
-        image: Result<Result<Payload, PictureError>, JoinError>,
-        envelope: Option<Bytes>,
-    ) {
+    async fn deliver(&self, image: Expanded, envelope: Option<Bytes>) {
         let payload = match image {
-            Ok(Ok(payload)) => payload,
-            Ok(Err(error)) => {
+            Some(Ok(payload)) => payload,
+            Some(Err(error)) => {
                 let from = &self.from;
                 tracing::debug!(port = %self.core.name, from, "a picture is dropped: {error}");
                 return;
             }
-            Err(_) => return,
+            None => return,
         };
         self.meter.count(payload.len(), envelope.as_deref());
         let received = Received {

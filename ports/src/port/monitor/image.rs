@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use bytes::BytesMut;
 use yarp_wire::message::Payload;
 use yarp_wire::typed::PixelCode;
 use yarp_wire::{Bottle, Value, Vocab32};
@@ -61,7 +62,7 @@ fn expand(payload: &Payload) -> Option<Payload> {
     let [Value::Vocab32(JPEG), Value::Int32(code), Value::Blob(jpeg)] = bottle.as_slice() else {
         return Some(payload.clone());
     };
-    let image = match picture::expand(jpeg) {
+    let image = match picture::expand(jpeg, BytesMut::new()) {
         Ok(image) => image,
         Err(error) => {
             tracing::debug!("a compressed image is dropped: {error}");
