@@ -144,3 +144,68 @@ impl Work {
         self.last.push_back(image.pixels().clone());
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use yarp_wire::message::ReadObject;
+    use yarp_wire::typed::PixelCode;
+
+    use super::*;
+
+    /// An image of one grey.
+    fn grey(level: u8) -> Image {
+        Image::from_packed(PixelCode::RGB, 64, 48, vec![level; 3 * 64 * 48]).unwrap()
+    }
+
+    fn part(level: u8) -> Part {
+        let body = picture::compress(&grey(level)).unwrap();
+        let kind = "image/jpeg".to_owned();
+        Part { kind, body }
+    }
+
+    fn is_grey(image: &Image, level: u8) -> bool {
+        image.packed().iter().all(|byte| byte.abs_diff(level) < 4)
+    }
+
+    async fn next(expanding: &mut Expanding) -> Image {
+        let (image, _) = expanding.next().await.expect("a picture is on its way");
+        Image::read(&image.unwrap().unwrap()).unwrap()
+    }
+
+    #[tokio::test]
+    async fn an_image_stays_what_it_is_for_as_long_as_somebody_has_it() {
+        let mut expanding = Expanding::default();
+        let mut kept = Vec::new();
+        for round in 0..4 {
+            let mut passed = Vec::new();
+            while expanding.has_room() {
+                let level = (20 * round + passed.len() * 3) as u8;
+                expanding.push(part(level));
+                passed.push(level);
+            }
+            for level in passed {
+                let image = next(&mut expanding).await;
+                assert!(is_grey(&image, level), "{level}");
+                if level % 2 == 0 {
+                    kept.push((image, level));
+                }
+            }
+        }
+        assert!(expanding.next().await.is_none());
+        for (image, level) in kept {
+            assert!(is_grey(&image, level), "{level} later");
+        }
+    }
+
+    #[tokio::test]
+    async fn memory_is_used_again() {
+        let mut expanding = Expanding::default();
+        let mut places = Vec::new();
+        for _ in 0..3 {
+            expanding.push(part(100));
+            let image = next(&mut expanding).await;
+            places.push(image.pixels().as_ptr());
+        }
+        assert!(places.iter().all(|place| *place == places[0]));
+    }
+}
