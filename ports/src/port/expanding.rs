@@ -152,9 +152,9 @@ mod tests {
 
     use super::*;
 
-    /// An image of one grey.
+    /// An image of one grey, large enough to be shared.
     fn grey(level: u8) -> Image {
-        Image::from_packed(PixelCode::RGB, 64, 48, vec![level; 3 * 64 * 48]).unwrap()
+        Image::from_packed(PixelCode::RGB, 256, 96, vec![level; 3 * 256 * 96]).unwrap()
     }
 
     fn part(level: u8) -> Part {
