@@ -1,7 +1,8 @@
 //! Sockets of the file system for connections within one machine.
 //!
 //! Such a stream tells whoever waits for it of every few bytes, and its writer pays for that; so the runtime waits for it
-//! only while a task sleeps on it, and not while one looks for bytes itself ([`BusyPoll`](crate::busy::BusyPoll)).
+//! only while a task sleeps on it, and not while one looks for bytes itself ([`BusyPoll`](crate::busy::BusyPoll)). To begin
+//! and end that takes system calls and memory; so where the task went to sleep after all it stays begun for a while.
 //!
 //! Both ends know the TCP ports of the header's connection and derive the path from them:
 //! `DIR/<acceptor's TCP port>_<initiator's TCP port>.sock`. The acceptor makes the socket.
@@ -11,6 +12,8 @@ use std::mem;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::os::unix::net;
 use std::path::PathBuf;
+use std::sync::atomic::AtomicU32;
+use std::sync::atomic::Ordering::Relaxed;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -30,11 +33,16 @@ const LAST_TRIES: usize = 5;
 /// is taken; with less room than this the reader has read that quarter before more comes.
 const ROOM: usize = 300_000;
 
+/// How often a stream shall be quiet in vain once it was woken from that by who went to sleep.
+const LOUD: u32 = 16;
+
 /// A stream that the runtime waits for only while a task sleeps on it.
 #[derive(Debug)]
 pub(crate) struct Unix {
     stream: net::UnixStream,
     copy: Mutex<Copied>,
+    /// How often it shall still be quiet in vain.
+    loud: AtomicU32,
 }
 
 /// A copy of the stream, made once: where descriptors are scarce a connection that is there goes on.
@@ -51,7 +59,8 @@ impl Unix {
     /// The stream needs to be non-blocking.
     fn new(stream: net::UnixStream) -> io::Result<Self> {
         let copy = Mutex::new(Copied::Unwatched(stream.try_clone()?));
-        Ok(Self { stream, copy })
+        let loud = AtomicU32::new(0);
+        Ok(Self { stream, copy, loud })
     }
 
     fn with_room(stream: UnixStream) -> io::Result<Self> {
@@ -68,15 +77,22 @@ impl Unix {
         let mut copy = self.copy();
         let stream = match mem::replace(&mut *copy, Copied::Lost) {
             Copied::Watched(stream) => stream,
-            Copied::Unwatched(stream) => Arc::new(UnixStream::from_std(stream)?),
+            Copied::Unwatched(stream) => {
+                self.loud.store(LOUD, Relaxed);
+                Arc::new(UnixStream::from_std(stream)?)
+            }
             Copied::Lost => return Err(io::ErrorKind::NotConnected.into()),
         };
         *copy = Copied::Watched(stream.clone());
         Ok(stream)
     }
 
-    /// From now on nothing that comes wakes anybody, until somebody waits for it.
+    /// From now on nothing that comes wakes anybody, until somebody waits for it; not if somebody had to not long ago.
     pub(crate) fn quieten(&self) {
+        let still = |loud: u32| loud.checked_sub(1);
+        if self.loud.fetch_update(Relaxed, Relaxed, still).is_ok() {
+            return;
+        }
         let mut copy = self.copy();
         *copy = match mem::replace(&mut *copy, Copied::Lost) {
             Copied::Watched(stream) => match Arc::try_unwrap(stream) {
@@ -198,8 +214,9 @@ mod tests {
         let (own, mut peer) = net::UnixStream::pair().unwrap();
         own.set_nonblocking(true).unwrap();
         let quiet = Unix::new(own).unwrap();
+        let be_quiet = || (0..=LOUD).for_each(|_| quiet.quieten());
         for text in ["first", "second"] {
-            quiet.quieten();
+            be_quiet();
             assert!(
                 matches!(*quiet.copy(), Copied::Unwatched(_)),
                 "nothing wakes the runtime"
@@ -214,7 +231,7 @@ mod tests {
             assert_eq!(again.kind(), io::ErrorKind::WouldBlock);
         }
         // Nor is the end kept quiet.
-        quiet.quieten();
+        be_quiet();
         drop(peer);
         let told = timeout(Duration::from_secs(60), quiet.readable()).await;
         told.expect("the end is told").unwrap();
