@@ -162,7 +162,7 @@ const CARRIERS: [&str; 9] = [
 const CALLS: [&str; 5] = ["tcp", "fast_tcp", "shmem", "unix_stream", "local"];
 
 /// The most allocations of so many messages. On a socket of the file system some come by chance:
-/// who waits awake and goes to sleep after all has the runtime wait for it anew.
+/// who waits awake and goes to sleep after all has, now and then, the runtime wait for it anew.
 fn most(carrier: &str) -> usize {
     match carrier.starts_with("unix_stream") {
         true => MESSAGES / 2,
