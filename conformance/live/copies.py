@@ -2,8 +2,8 @@
 
     with_stock python copies.py OUR_YARP STOCK_YARP
 
-Needs a name server, and YARP_RUNTIME_DIR for stock's unix_stream. A port receives, and another looks on; either is `yarp read` or `yarp rpcserver`
-of stock or of ours. What both print, and what they answer, is compared with what two of stock's do.
+Needs a name server, and YARP_RUNTIME_DIR for stock's unix_stream. A port receives, and another looks on;
+either is `yarp read` or `yarp rpcserver` of stock or of ours. What both print, and what they answer, is compared with what two of stock's do.
 Prints `ok` or `FAIL` per comparison and ends with 1 if any failed.
 """
 

@@ -34,7 +34,7 @@ const LAST_TRIES: usize = 5;
 const ROOM: usize = 300_000;
 
 /// How often a stream shall be quiet in vain once it was woken from that by who went to sleep.
-const LOUD: u32 = 16;
+const LOUD: u32 = 2;
 
 /// A stream that the runtime waits for only while a task sleeps on it.
 #[derive(Debug)]
