@@ -8,6 +8,11 @@ use yarp_wire::Bottle;
 
 const PATIENCE: Duration = Duration::from_secs(20);
 
+async fn next(port: &Port) -> Bottle {
+    let read = tokio::time::timeout(PATIENCE, port.read()).await;
+    read.unwrap().unwrap().bottle().unwrap()
+}
+
 async fn names(network: &Network) -> Vec<String> {
     let list = network.ask("list").await.unwrap();
     list.registrations()
@@ -42,26 +47,56 @@ async fn readers_share_one_transmission_and_the_group_goes_with_the_last() {
         // One of the two connections transmits for both.
         assert_eq!(writer.write(&Bottle::of(number)).await, 1);
         for reader in [&first, &second] {
-            let read = tokio::time::timeout(PATIENCE, reader.read())
-                .await
-                .unwrap()
-                .unwrap();
-            assert_eq!(read.bottle().unwrap(), Bottle::of(number));
+            assert_eq!(next(reader).await, Bottle::of(number));
         }
     }
     // The one that transmitted goes; the other takes over.
     assert!(writer.disconnect("/first").await);
     assert_eq!(writer.write(&Bottle::of("still")).await, 1);
-    let read = tokio::time::timeout(PATIENCE, second.read())
-        .await
-        .unwrap()
-        .unwrap();
-    assert_eq!(read.bottle().unwrap(), Bottle::of("still"));
+    assert_eq!(next(&second).await, Bottle::of("still"));
     assert!(writer.disconnect("/second").await);
     assert_eq!(groups(names(&network).await), 0);
     for port in [first, second, writer] {
         port.close().await;
     }
+    server.close().await;
+}
+
+/// Copies of what arrives have a group of their own: who reads what the owner writes does not get them.
+#[tokio::test]
+async fn those_who_look_on_share_another_group() {
+    let server = Server::start(ServerOptions::default().at("127.0.0.1", 0))
+        .await
+        .unwrap();
+    let network = server.network();
+    let reading = || PortOptions::new().reading(Queue::Wait(100));
+    let open = async |name| Port::open(&network, name, reading()).await.unwrap();
+    let (looked_at, reader) = (open("/looked_at").await, open("/reader").await);
+    let lookers = [open("/first").await, open("/second").await];
+    let writer = open("/writer").await;
+    writer.connect_over("/looked_at", "tcp").await.unwrap();
+    looked_at.connect_over("/reader", "mcast").await.unwrap();
+    for looker in &lookers {
+        looked_at
+            .connect_over(looker.name(), "mcast+log.in")
+            .await
+            .unwrap();
+    }
+
+    for number in 0..20 {
+        assert_eq!(writer.write(&Bottle::of(number)).await, 1);
+        for looker in &lookers {
+            assert_eq!(next(looker).await, Bottle::of(number));
+        }
+        assert_eq!(looked_at.write(&Bottle::of(-number)).await, 1);
+        assert_eq!(next(&reader).await, Bottle::of(-number));
+    }
+    // The one that transmitted goes; the other takes over.
+    assert!(looked_at.disconnect("/first").await);
+    assert_eq!(writer.write(&Bottle::of("still")).await, 1);
+    assert_eq!(next(&lookers[1]).await, Bottle::of("still"));
+    assert!(lookers[0].try_read().is_none());
+    assert!(reader.try_read().is_none());
     server.close().await;
 }
 
@@ -90,8 +125,7 @@ async fn a_reader_that_lacks_a_modifier_is_not_transmitted_to() {
     let statistics = "mcast+recv.portmonitor+type.dll+file.statistics";
     writer.connect_over("/reader", statistics).await.unwrap();
     assert_eq!(writer.write(&Bottle::of(1)).await, 1);
-    let read = tokio::time::timeout(PATIENCE, reader.read()).await;
-    assert_eq!(read.unwrap().unwrap().bottle().unwrap(), Bottle::of(1));
+    assert_eq!(next(&reader).await, Bottle::of(1));
     reader.close().await;
     writer.close().await;
     server.close().await;

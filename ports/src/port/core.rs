@@ -192,11 +192,7 @@ impl Core {
     pub(crate) fn for_each_sender(&self, mut visit: impl FnMut(&Arc<Output>)) {
         let outputs = self.outputs();
         for (at, output) in outputs.iter().enumerate() {
-            let elected = match &output.group {
-                Some(group) => !outputs[..at].iter().any(|earlier| earlier.is_of(group)),
-                None => !output.logs,
-            };
-            if elected {
+            if !output.logs && transmits(&outputs, at) {
                 visit(output);
             }
         }
@@ -238,16 +234,16 @@ impl Core {
         }
         let spec = spec.ok_or_else(|| PortError::NoCarrier {
             carrier: text.to_owned(),
-            known: known_carriers(logs),
+            known: known_carriers(),
         })?;
-        let carrier = Carrier::of(&spec).filter(|carrier| goes_over(carrier, logs));
+        let carrier = Carrier::of(&spec).filter(|carrier| carrier.initiates);
         let carrier = carrier.ok_or_else(|| match is_modifier(&spec.base) {
             true => PortError::Modifier(MonitorError::NoCarrier {
                 name: spec.base.clone(),
             }),
             false => PortError::NoCarrier {
                 carrier: spec.base.clone(),
-                known: known_carriers(logs),
+                known: known_carriers(),
             },
         })?;
         let ends = (self.name.as_str(), found.name.as_str());
@@ -274,7 +270,7 @@ impl Core {
             None => Some(Dialect::default()),
         };
         let group = match carrier.transport {
-            Transport::Group => Some(self.group(&found).await?),
+            Transport::Group => Some(self.group(&found, logs).await?),
             _ => None,
         };
         let target = Target {
@@ -353,19 +349,20 @@ impl Core {
         !gone.is_empty()
     }
 
-    /// The multicast group of this port in the network of a reader, asked for when it is first
-    /// needed.
-    async fn group(&self, reader: &Place) -> Result<Group, PortError> {
+    /// The multicast group of this port in the network of a reader, for what the owner writes or for copies of what
+    /// arrives, asked for when it is first needed.
+    async fn group(&self, reader: &Place, logs: bool) -> Result<Group, PortError> {
         let way = datagram::way_to(&reader.host, reader.port).await;
         let local = way.map_err(|error| {
             let step = "interface that leads to the reader";
             PortError::connect(&reader.name, &reader.host, step, error)
         })?;
-        let known = |groups: &Vec<Group>| groups.iter().find(|group| group.local == local).cloned();
-        if let Some(group) = known(&self.groups()) {
+        let is_it = |group: &&Group| group.local == local && group.logs == logs;
+        let known = self.groups().iter().find(is_it).cloned();
+        if let Some(group) = known {
             return Ok(group);
         }
-        let group = Group::allocate(&self.network, &self.name, local).await?;
+        let group = Group::allocate(&self.network, &self.name, local, logs).await?;
         self.groups().push(group.clone());
         Ok(group)
     }
@@ -532,16 +529,16 @@ pub(crate) fn is_port(name: &str) -> bool {
     name.starts_with('/')
 }
 
-fn known_carriers(logs: bool) -> String {
-    let begun = |carrier: &&Carrier| goes_over(carrier, logs);
+fn known_carriers() -> String {
+    let begun = |carrier: &&Carrier| carrier.initiates;
     let names = yarp_wire::carrier::ALL.into_iter().filter(begun);
     let mut names: Vec<_> = names.map(|carrier| carrier.name).collect();
     names.dedup();
     names.join(", ")
 }
 
-/// Whether what a port writes, or copies of what it receives, can go over this carrier.
-fn goes_over(carrier: &Carrier, logs: bool) -> bool {
-    // A group is for what the owner writes.
-    carrier.initiates && (!logs || carrier.transport != Transport::Group)
+/// Whether this connection sends for itself, or for its group as the first of it.
+pub(super) fn transmits(outputs: &[Arc<Output>], at: usize) -> bool {
+    let group = outputs[at].group.as_ref();
+    group.is_none_or(|group| !outputs[..at].iter().any(|earlier| earlier.is_of(group)))
 }

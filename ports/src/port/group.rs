@@ -16,15 +16,18 @@ pub(crate) struct Group {
     pub(crate) address: SocketAddrV4,
     /// The address of the interface that they go out of.
     pub(crate) local: Ipv4Addr,
+    /// Whether copies of what arrives go there, instead of what the owner writes.
+    pub(crate) logs: bool,
 }
 
 impl Group {
     /// Asks the name server for a group for the port `owner`, out of the interface with address
-    /// `local`.
+    /// `local`, for copies or for messages.
     pub(crate) async fn allocate(
         network: &Network,
         owner: &str,
         local: Ipv4Addr,
+        logs: bool,
     ) -> Result<Self, PortError> {
         let asking = Registering {
             carrier: Some("mcast".to_owned()),
@@ -44,6 +47,7 @@ impl Group {
             name: given.name,
             address: SocketAddrV4::new(ip, given.port),
             local,
+            logs,
         })
     }
 }
