@@ -12,6 +12,7 @@ import sys
 import time
 
 from checks import check, verdict
+from tied import TIED
 
 INFO = (
     r'\[ack\] \(\(server_version "2.0"\) \(arm_version "1.0"\) \(arm_type wam7\) '
@@ -59,7 +60,7 @@ def main():
     deadline = time.monotonic() + PATIENCE
     while ask(server, ["[get] [done]"]) != ["[ack] [true]"] and time.monotonic() < deadline:
         time.sleep(0.2)
-    reader = subprocess.Popen(["yarp", "read", "...", f"{server}/state:o"], stdout=subprocess.PIPE, text=True)
+    reader = subprocess.Popen([*TIED, "yarp", "read", "...", f"{server}/state:o"], stdout=subprocess.PIPE, text=True)
     try:
         # Its log stands in between.
         line = next((line for line in reader.stdout if not line.startswith("[")), "")

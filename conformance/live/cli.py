@@ -27,6 +27,7 @@ import threading
 import time
 
 from again import tried
+from tied import TIED
 
 # What may differ from run to run, and what replaces it.
 MASKS = [
@@ -71,7 +72,7 @@ class Process:
         terminal, self.inside = pty.openpty()
         try:
             self.child = subprocess.Popen(
-                [world.tools[tool], *words],
+                [*TIED, world.tools[tool], *words],
                 stdin=subprocess.PIPE,
                 stdout=self.inside,
                 stderr=subprocess.PIPE,

@@ -14,6 +14,7 @@ import time
 
 import yarp
 from checks import check, verdict
+from tied import TIED
 
 # Seconds that anything may take.
 PATIENCE = 60
@@ -23,7 +24,7 @@ class Reader:
     """`yarp read` of stock, with what it has printed so far."""
 
     def __init__(self, command, name, source):
-        self.child = subprocess.Popen([*command, "read", name, source], stdin=subprocess.DEVNULL,
+        self.child = subprocess.Popen([*TIED, *command, "read", name, source], stdin=subprocess.DEVNULL,
                                       stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
         self.lines = []
         self.changed = threading.Condition()

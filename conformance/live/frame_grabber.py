@@ -16,6 +16,7 @@ import time
 
 import yarp
 from checks import check, verdict
+from tied import TIED
 
 BRIGHTNESS, GAIN, WHITE, ZOOM = 0, 8, 3, 16
 
@@ -153,7 +154,7 @@ def relayed(name, relay, words, questions=QUESTIONS):
     print(f"---- frameGrabber_nwc_yarp {' '.join(words)}", flush=True)
     command = ["yarpdev", "--device", "frameGrabber_nws_yarp", "--subdevice", "frameGrabber_nwc_yarp",
                "--remote", name, "--local", f"{relay}/nwc", "--name", relay, *words]
-    running = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    running = subprocess.Popen([*TIED, *command], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         there = eventually(lambda: yarp.Network.exists(f"{relay}/rpc") and yarp.Network.exists(relay))
         if not check("it is served again", there):

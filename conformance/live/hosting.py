@@ -17,6 +17,7 @@ import yarp
 
 from again import tried
 from checks import same, verdict
+from tied import TIED
 
 PATIENCE = 30
 
@@ -148,7 +149,7 @@ def names():
 def hosted(command, folder, ready, questions, ends):
     """What is seen of a program that hosts the arm, up to its end."""
     with open(f"{folder}/log", "w") as log:
-        program = subprocess.Popen(command, cwd=folder, stdout=log, stderr=subprocess.STDOUT)
+        program = subprocess.Popen([*TIED, *command], cwd=folder, stdout=log, stderr=subprocess.STDOUT)
     try:
         until(f"{ready} of {command[0]}", lambda: yarp.Network.exists(ready) and yarp.Network.exists("/hosted/stateExt:o"))
         seen = drive()

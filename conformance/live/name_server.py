@@ -17,6 +17,8 @@ import sys
 import tempfile
 import time
 
+from tied import TIED
+
 PATIENCE = 60
 END = b"*** end of message\r\n"
 ACK = b"<ACK>\r\n"
@@ -146,7 +148,7 @@ class Server:
         words = ["--ip", "127.0.0.1", "--socket", str(self.port), "--write"]
         environment = dict(os.environ, YARP_CONFIG_HOME=self.home.name, YARP_DATA_HOME=self.home.name,
                            YARP_PORT_RANGE=str(self.port), YARP_FORWARD_LOG_ENABLE="0")
-        self.child = subprocess.Popen(command + words, env=environment, stdin=subprocess.DEVNULL,
+        self.child = subprocess.Popen([*TIED, *command, *words], env=environment, stdin=subprocess.DEVNULL,
                                       stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         deadline = time.monotonic() + PATIENCE
         while True:

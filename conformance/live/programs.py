@@ -7,11 +7,10 @@ import subprocess
 import threading
 
 from asking import PATIENCE
+from tied import TIED
 
 # Lines of the log, which programs print among what they are asked for.
 LOG = re.compile(r"\[(TRACE|DEBUG|INFO|WARNING|ERROR)\]")
-# The suite may end by a crash of stock's bindings; what it has started must not stay and take the names of the next run's.
-TIED = ["setpriv", "--pdeathsig", "KILL"]
 
 
 class Program:

@@ -14,6 +14,8 @@ import tempfile
 import threading
 import time
 
+from tied import TIED
+
 # Seconds that a step may take.
 PATIENCE = 60
 # Numbers of this run's own, so that two runs do not meet.
@@ -42,7 +44,7 @@ class Process:
         self.label = " ".join(command)
         environment = dict(os.environ, YARP_CONFIG_HOME=home, YARP_FORWARD_LOG_ENABLE="0")
         self.child = subprocess.Popen(
-            ["ip", "netns", "exec", host, *command], stdin=subprocess.PIPE,
+            [*TIED, "ip", "netns", "exec", host, *command], stdin=subprocess.PIPE,
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment)
         self.lines = []
         self.changed = threading.Condition()

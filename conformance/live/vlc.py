@@ -21,6 +21,7 @@ import time
 import zlib
 
 from checks import same, verdict
+from tied import TIED
 
 # Seconds that VLC may take to start and show some pictures.
 PATIENCE = 90
@@ -75,7 +76,7 @@ def seen(path):
 
 def watch(url, folder):
     """Has VLC play `url` until it has seen the bar at three places; what it has seen there."""
-    command = ["cvlc", "--no-audio", "--vout=dummy", "--video-filter=scene", "--scene-format=png"]
+    command = [*TIED, "cvlc", "--no-audio", "--vout=dummy", "--video-filter=scene", "--scene-format=png"]
     command += ["--scene-ratio=7", f"--scene-path={folder}", "--scene-prefix=seen", url]
     if os.getuid() == 0:
         os.chmod(folder, 0o777)
@@ -107,7 +108,7 @@ def watch(url, folder):
 def main():
     if shutil.which("cvlc") is None:
         raise SystemExit("vlc: there is no cvlc; Debian has it in vlc-bin and vlc-plugin-base")
-    pictures = subprocess.Popen([sys.argv[1]], stdout=subprocess.PIPE, text=True)
+    pictures = subprocess.Popen([*TIED, sys.argv[1]], stdout=subprocess.PIPE, text=True)
     try:
         url = pictures.stdout.readline().strip()
         print(f"     VLC watches {url}")

@@ -4,7 +4,7 @@ use std::io::{BufRead, BufReader, Write};
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
-use std::thread;
+use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use crate::Failure;
@@ -58,7 +58,7 @@ impl Bench {
             .args(arguments)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
-            .stderr(Stdio::null())
+            .stderr(Stdio::piped())
             .spawn()
             .map_err(|error| format!("cannot start {}: {error}", program.display()))?;
         let output = BufReader::new(child.stdout.take().expect("piped"));
@@ -70,8 +70,15 @@ impl Bench {
                 }
             }
         });
+        let log = BufReader::new(child.stderr.take().expect("piped"));
+        let last_words = thread::spawn(move || log.lines().map_while(Result::ok).last());
         let what = format!("{side:?} {}", arguments.join(" "));
-        Ok(Running { child, lines, what })
+        Ok(Running {
+            child,
+            lines,
+            what,
+            last_words: Some(last_words),
+        })
     }
 
     /// Starts the listening end of a TCP connection that needs no name server; gives its port, too.
@@ -100,6 +107,8 @@ pub(crate) struct Running {
     lines: Receiver<String>,
     /// Whose it is, and what it was told.
     what: String,
+    /// The end of its log, once it has ended.
+    last_words: Option<JoinHandle<Option<String>>>,
 }
 
 impl Running {
@@ -109,7 +118,14 @@ impl Running {
                 let what = &self.what;
                 match error {
                     RecvTimeoutError::Timeout => format!("{what}: said nothing for {PATIENCE:?}"),
-                    RecvTimeoutError::Disconnected => format!("{what}: ended early"),
+                    RecvTimeoutError::Disconnected => {
+                        let words = self.last_words.take().map(JoinHandle::join);
+                        let words = words.and_then(Result::ok).flatten();
+                        format!(
+                            "{what}: ended early: {}",
+                            words.as_deref().unwrap_or("no word")
+                        )
+                    }
                 }
             })?;
             if line.starts_with(start) {
