@@ -1,15 +1,17 @@
 //! What is to be sent over one connection, and who waits for it.
 
+mod line;
+mod unfinished;
+
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use bytes::{Bytes, BytesMut};
+use bytes::BytesMut;
 use tokio::sync::Notify;
 use yarp_wire::Stamp;
-use yarp_wire::carrier::Transport;
 use yarp_wire::connection::{Initiator, Progress, ProtocolError};
-use yarp_wire::message::{Command, Payload};
+use yarp_wire::message::Command;
 
 use super::batch::{Batch, Messages};
 use super::call::{Call, Outcome, Slots, Teller};
@@ -18,8 +20,11 @@ use super::encoded::Form;
 use super::own_thread::OwnThread;
 use crate::stream::Socket;
 
-/// Room for several small messages to a reader in this process.
-const ROOM: usize = 1024;
+use line::Line;
+pub(crate) use line::Parcel;
+pub(crate) use unfinished::Ticket;
+use unfinished::Unfinished;
+
 /// Bytes that may be waiting before writers must.
 const HIGH_WATER: usize = 256 * 1024;
 
@@ -53,12 +58,8 @@ struct State {
     monitored: bool,
     /// Messages that the monitors have not seen; their weight is in `queued`.
     staged: VecDeque<Staged>,
-    /// One entry per message that is not done with, where the peer says when it is.
-    unfinished: VecDeque<Pending>,
-    /// Messages that the peer was to say so of, since the beginning.
-    begun: u64,
-    /// How many of those it has said so of.
-    finished: u64,
+    /// Those that are not done with, where the reader says when it is.
+    unfinished: Unfinished,
     closed: Option<Arc<str>>,
     traffic: Traffic,
     newest: Newest,
@@ -68,25 +69,6 @@ struct State {
     thread: Option<Arc<OwnThread>>,
     /// Whether who sends has yet to look at `thread`.
     moves: bool,
-}
-
-/// In what form messages wait.
-#[derive(Debug)]
-enum Line {
-    /// As bytes of a stream.
-    Stream(Initiator, Batch),
-    /// As bytes, each message by itself.
-    Datagrams(Initiator, Messages),
-    /// As they are, for a reader in this process; what is small lies in the room.
-    Local(VecDeque<Parcel>, BytesMut),
-}
-
-/// A message for a reader in this process.
-#[derive(Debug)]
-pub(crate) struct Parcel {
-    pub(crate) payload: Payload,
-    pub(crate) envelope: Option<Bytes>,
-    pub(crate) wants_reply: bool,
 }
 
 /// Who hands a message to the socket.
@@ -107,18 +89,6 @@ pub(crate) struct Depth {
     pub(crate) stamp: Option<Stamp>,
 }
 
-/// A message by its place among those that the reader says of when it is done with them; none
-/// where readers do not say.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Ticket(Option<u64>);
-
-impl Ticket {
-    /// Whether the reader will say when it is done.
-    pub(crate) fn is_awaited(self) -> bool {
-        self.0.is_some()
-    }
-}
-
 /// A message on its way to the monitors.
 #[derive(Debug)]
 pub(crate) struct Staged {
@@ -135,36 +105,17 @@ impl Staged {
     }
 }
 
-#[derive(Debug)]
-struct Pending {
-    reply: Option<Payload>,
-    outcome: Option<Teller<Outcome>>,
-    /// A monitor stopped it: it is done with as soon as those before it are.
-    stopped: bool,
-}
-
 impl Outbox {
     /// For a connection over a socket, or to a reader in this process.
     pub(crate) fn new(initiator: Option<Initiator>) -> Self {
-        let line = match initiator {
-            None => Line::Local(VecDeque::new(), BytesMut::new()),
-            Some(initiator) => match initiator.carrier().transport {
-                Transport::Datagrams | Transport::Group => {
-                    Line::Datagrams(initiator, Messages::default())
-                }
-                _ => Line::Stream(initiator, Batch::default()),
-            },
-        };
         Self {
             state: Mutex::new(State {
-                line,
+                line: Line::new(initiator),
                 queued: 0,
                 waiting: 0,
                 monitored: false,
                 staged: VecDeque::new(),
-                unfinished: VecDeque::new(),
-                begun: 0,
-                finished: 0,
+                unfinished: Unfinished::default(),
                 closed: None,
                 traffic: Traffic::default(),
                 newest: Newest::default(),
@@ -229,11 +180,10 @@ impl Outbox {
             return Err(reason.clone());
         }
         let answered = state.line.is_answered(command);
-        let mut ticket = Ticket(None);
-        if answered {
-            state.begun += 1;
-            ticket = Ticket(Some(state.begun));
-        }
+        let ticket = match answered {
+            true => state.unfinished.begin(),
+            false => Ticket::NONE,
+        };
         if state.monitored {
             let staged = Staged {
                 command: command.clone(),
@@ -311,7 +261,7 @@ impl Outbox {
             }
             (None, None) => {
                 if answered {
-                    state.stop();
+                    state.unfinished.stop();
                 }
                 Some("a monitor stopped the message".into())
             }
@@ -358,13 +308,14 @@ impl Outbox {
     }
 
     /// Waits until the reader is done with a message, where it says so.
-    pub(crate) async fn done(&self, Ticket(ticket): Ticket) -> Result<(), Arc<str>> {
-        let Some(ticket) = ticket else {
+    pub(crate) async fn done(&self, ticket: Ticket) -> Result<(), Arc<str>> {
+        if !ticket.is_awaited() {
             return Ok(());
-        };
-        let outcome = self.wait_until(|state| state.finished >= ticket).await;
+        }
+        let is_done = |state: &State| state.unfinished.is_done(ticket);
+        let outcome = self.wait_until(is_done).await;
         // What was done before the connection ended was done.
-        match self.state().finished >= ticket {
+        match is_done(&self.state()) {
             true => Ok(()),
             false => outcome,
         }
@@ -445,12 +396,10 @@ impl Outbox {
     pub(crate) fn delivered(&self, bytes: usize, reply: Option<&Form>) {
         let mut state = self.state();
         state.less(bytes);
-        let done = &mut *state;
-        if let (Line::Local(_, room), Some(pending)) = (&mut done.line, done.unfinished.front_mut())
-        {
-            pending.reply = reply.map(|reply| in_process(reply, room));
+        if let Some(reply) = reply.and_then(|reply| state.line.reply(reply)) {
+            state.unfinished.reply(reply);
         }
-        finish(&mut done.unfinished, &mut done.finished);
+        state.unfinished.finish();
         drop(state);
         self.changed.notify_waiters();
     }
@@ -483,16 +432,14 @@ impl Outbox {
             match progress {
                 Progress::Reply(payload) => {
                     let last = !initiator.carrier().acknowledges;
-                    if let Some(pending) = state.unfinished.front_mut() {
-                        pending.reply = Some(payload);
-                    }
+                    state.unfinished.reply(payload);
                     if last {
-                        finish(&mut state.unfinished, &mut state.finished);
+                        state.unfinished.finish();
                         finished = true;
                     }
                 }
                 Progress::Done => {
-                    finish(&mut state.unfinished, &mut state.finished);
+                    state.unfinished.finish();
                     finished = true;
                 }
                 Progress::Ready | Progress::Lines(_) => {}
@@ -514,11 +461,7 @@ impl Outbox {
         if state.closed.is_none() {
             state.closed = Some(reason.clone());
         }
-        for pending in state.unfinished.drain(..) {
-            if let Some(outcome) = pending.outcome {
-                outcome.tell(Err(reason.clone()));
-            }
-        }
+        state.unfinished.fail(&reason);
         for staged in std::mem::take(&mut state.staged) {
             if let Some(outcome) = staged.outcome {
                 outcome.tell(Err(reason.clone()));
@@ -563,11 +506,7 @@ impl State {
         self.waiting += 1;
         self.queued += self.line.put(command, form);
         if answered {
-            self.unfinished.push_back(Pending {
-                reply: None,
-                outcome,
-                stopped: false,
-            });
+            self.unfinished.push(outcome);
         }
     }
 
@@ -589,104 +528,5 @@ impl State {
         if self.queued == 0 {
             self.waiting = 0;
         }
-    }
-
-    /// A message that the peer was to say so of is not sent.
-    fn stop(&mut self) {
-        if self.unfinished.is_empty() {
-            self.finished += 1;
-            return;
-        }
-        self.unfinished.push_back(Pending {
-            reply: None,
-            outcome: None,
-            stopped: true,
-        });
-    }
-}
-
-impl Line {
-    /// Whether the reader will say when it is done with such a message.
-    fn is_answered(&self, command: &Command) -> bool {
-        match self {
-            Self::Stream(initiator, _) | Self::Datagrams(initiator, _) => {
-                initiator.carrier().acknowledges || wants_reply(command)
-            }
-            Self::Local(..) => matches!(command, Command::Data { .. }),
-        }
-    }
-
-    /// Whether who sends has been told of something that it has not taken yet: it will take what
-    /// is put behind it along.
-    fn is_expected(&self) -> bool {
-        match self {
-            Self::Stream(_, batch) => !batch.is_empty(),
-            Self::Datagrams(..) | Self::Local(..) => false,
-        }
-    }
-
-    /// Appends a message; tells how many bytes that makes.
-    fn put(&mut self, command: &Command, form: &Form) -> usize {
-        let pieces = &form.pieces;
-        match self {
-            Self::Stream(initiator, batch) => {
-                let before = batch.len();
-                initiator.send(command, pieces.len(), batch.buffer());
-                batch.push(pieces);
-                batch.len() - before
-            }
-            Self::Datagrams(initiator, messages) => {
-                messages.push(|out| initiator.send(command, pieces.len(), out), pieces)
-            }
-            Self::Local(parcels, room) => {
-                // Commands are for peers elsewhere.
-                let Command::Data { envelope, .. } = command else {
-                    return 0;
-                };
-                parcels.push_back(Parcel {
-                    payload: in_process(form, room),
-                    envelope: envelope.clone(),
-                    wants_reply: wants_reply(command),
-                });
-                pieces.len()
-            }
-        }
-    }
-
-    fn clear(&mut self) {
-        match self {
-            Self::Stream(_, batch) => batch.clear(),
-            Self::Datagrams(_, messages) => messages.clear(),
-            Self::Local(parcels, _) => parcels.clear(),
-        }
-    }
-}
-
-/// A message for a reader in this process, or its reply. Who keeps one keeps the room of a few.
-fn in_process(form: &Form, room: &mut BytesMut) -> Payload {
-    if let Some(written) = form.pieces.as_written()
-        && room.capacity() < written.len()
-    {
-        room.reserve(written.len().max(ROOM));
-    }
-    Payload::of_pieces_in(&form.pieces, form.dialect, room)
-}
-
-fn wants_reply(command: &Command) -> bool {
-    matches!(command, Command::Admin | Command::Data { reply: true, .. })
-}
-
-/// The oldest unfinished message is done with, and those that were stopped behind it.
-fn finish(unfinished: &mut VecDeque<Pending>, finished: &mut u64) {
-    let Some(pending) = unfinished.pop_front() else {
-        return;
-    };
-    *finished += 1;
-    if let Some(outcome) = pending.outcome {
-        outcome.tell(Ok(pending.reply));
-    }
-    while unfinished.front().is_some_and(|pending| pending.stopped) {
-        unfinished.pop_front();
-        *finished += 1;
     }
 }
