@@ -91,7 +91,7 @@ async fn a_reader_pulls() {
     within(camera.close()).await;
 }
 
-/// Small pictures are expanded in less time than the large ones before them.
+/// Those that come faster than they are expanded wait, and are not lost when the writer ends.
 #[tokio::test]
 async fn pictures_come_in_order_also_the_last() {
     const COUNT: usize = 24;

@@ -9,6 +9,7 @@ use std::sync::{Arc, Mutex};
 
 use common::{ask, at, bottle, connect, next, open, until, within};
 use yarp_ports::{Answer, Port, PortOptions, Queue};
+use yarp_wire::typed::{Image, PixelCode};
 use yarp_wire::{Bottle, Value};
 
 /// What a port tells of the connection to or from another: policy, priority and thread.
@@ -215,6 +216,29 @@ async fn who_moved_ends_as_all_do() {
             gone(thread).await;
         }
     }
+}
+
+/// Who asks for pictures expands them on a thread that it has from the beginning; policies are for that.
+#[tokio::test]
+async fn one_that_asks_for_pictures_is_on_its_own_thread() {
+    let camera = open("/camera", PortOptions::new()).await;
+    let reader = open("/reader", PortOptions::new().reading(Queue::Wait(4))).await;
+    within(reader.connect(&at(&camera, "mjpeg"))).await.unwrap();
+    until(|| camera.outputs() == ["null"]).await;
+    let (policy, _, thread) = told(&reader, "/camera").await;
+    assert_eq!(policy, 0);
+    assert_eq!(set(&reader, "/camera", BATCH).await, "[ok]");
+    assert_eq!(told(&reader, "/camera").await, (3, 0, thread));
+    assert_eq!(policy_of(thread), 3);
+    assert_eq!(set(&reader, "/camera", "(qos ((tos 40)))").await, "[ok]");
+    let told = ask(&reader, &bottle("[prop] [get] /camera")).await;
+    assert!(told.contains("(tos 40)"), "{told}");
+    let image = Image::new(PixelCode::RGB, 16, 16).unwrap();
+    assert_eq!(within(camera.write(&image)).await, 1);
+    within(reader.read()).await.unwrap();
+    within(camera.close()).await;
+    until(|| reader.inputs().is_empty()).await;
+    gone(thread).await;
 }
 
 #[tokio::test]

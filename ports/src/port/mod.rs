@@ -27,7 +27,7 @@ mod counters;
 mod describe;
 mod door;
 mod encoded;
-mod expanding;
+mod expander;
 mod group;
 mod handing;
 mod inbox;

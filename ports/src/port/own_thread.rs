@@ -1,7 +1,8 @@
-//! A thread of its own for a connection that was told how to be scheduled.
+//! A thread of its own for a connection that was told how to be scheduled, or has much to do.
 //!
 //! Connections are tasks that share the threads of the runtime. One that is told a policy moves, for
-//! the rest of its life, to a thread that has that policy and serves nothing else; the same thread
+//! the rest of its life, to a thread that has that policy and serves nothing else (one that expands
+//! pictures begins on one); the same thread
 //! waits for its bytes, so that none of the others need run before it. What the connection begins
 //! there (other connections, timers) belongs to the runtime that it came from; threads that are started
 //! there do not have its priority in real time. A handler that calls tokio's `block_in_place` there has
@@ -22,7 +23,7 @@ use tokio::sync::watch;
 use tokio::task::{JoinError, JoinHandle};
 
 use super::qos::SocketHandle;
-use crate::schedule::Schedule;
+use crate::schedule::{self, Schedule};
 
 /// The thread; it ends when nobody has this any more.
 #[derive(Debug)]
@@ -36,14 +37,19 @@ pub(crate) struct OwnThread {
 }
 
 impl OwnThread {
-    /// Starts a thread that has this policy; none is left if it cannot have it.
-    pub(crate) async fn start(schedule: Schedule) -> io::Result<Arc<Self>> {
+    /// Starts a thread that has this policy, if it is to have one; none is left if it cannot have it.
+    pub(crate) async fn start(schedule: Option<Schedule>) -> io::Result<Arc<Self>> {
         let runtime = Builder::new_multi_thread()
             .worker_threads(1)
             .thread_name("yarp-connection")
             .enable_io()
             .build()?;
-        let asking = runtime.spawn(async move { schedule.take_on() });
+        let asking = runtime.spawn(async move {
+            match schedule {
+                Some(schedule) => schedule.take_on(),
+                None => Ok(schedule::thread()),
+            }
+        });
         let mut thread = Self {
             runtime: Some(runtime),
             id: 0,

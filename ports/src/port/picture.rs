@@ -32,6 +32,9 @@ pub(crate) enum PictureError {
     Jpeg(DecodeErrors),
     #[error(transparent)]
     Image(#[from] ImageError),
+    /// A defect of the library.
+    #[error("the reader of JPEG panicked")]
+    Panicked,
 }
 
 /// The part of a stream that shows the image in this payload; `None` if it is no image, or one of

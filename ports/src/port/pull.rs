@@ -1,19 +1,23 @@
 //! Connections that this port makes to read from: the writer is asked for its pictures.
+//!
+//! Each has a thread of its own from the beginning: pictures take milliseconds to become images, and others shall not
+//! wait for it. Meanwhile the system takes the next picture in.
 
 use std::io;
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::Arc;
 
-use bytes::{Bytes, BytesMut};
+use bytes::BytesMut;
+use tokio::task::yield_now;
 use yarp_wire::Limits;
 use yarp_wire::carrier::{Carrier, CarrierSpec};
-use yarp_wire::mjpeg::{self, MjpegError, PartReader};
+use yarp_wire::mjpeg::{self, MjpegError, Part, PartReader};
 
 use super::core::{Core, Entry, InputEntry};
 use super::counters::Meter;
-use super::expanding::{Expanded, Expanding};
+use super::expander::Expander;
 use super::monitor::{Chain, MonitorSide};
-use super::own_thread::Steering;
+use super::own_thread::{OwnThread, Steering};
 use super::qos::SocketHandle;
 use super::received::Received;
 use crate::error::PortError;
@@ -28,6 +32,7 @@ struct Pull {
     stream: Arc<Socket>,
     input: Inflow,
     parts: PartReader,
+    expander: Expander,
     meter: Arc<Meter>,
     monitors: Option<Arc<Chain>>,
     connection: u64,
@@ -47,7 +52,12 @@ impl Core {
         let opening = open(self, place, spec);
         let mut pull =
             stream::within(deadline, &place.name, "head of the response", opening).await?;
+        let thread = OwnThread::start(None).await.map_err(|error| {
+            let address = format!("{}:{}", place.host, place.port);
+            PortError::connect(&place.name, address, "thread for its pictures", error)
+        })?;
         let (steering, mut displaced) = Steering::new();
+        steering.give(thread.clone());
         let id = self.next_number();
         self.add_input(InputEntry {
             id,
@@ -66,16 +76,24 @@ impl Core {
             id,
             core: core.clone(),
         };
+        let mut closing = core.cancelled.clone();
+        let from = pull.from.clone();
+        let begin = move || {
+            pull.stream = pull.stream.renewed();
+            let socket = SocketHandle::of(&pull.stream);
+            pull.core.move_input(id, socket.clone());
+            let running = async move {
+                tokio::select! {
+                    end = pull.run() => end,
+                    () = displaced.ended() => Ok(()),
+                    () = closing.cancelled() => Ok(()),
+                }
+            };
+            (socket, running)
+        };
         self.own(async move {
             let _entry = entry;
-            let mut closing = core.cancelled.clone();
-            let from = pull.from.clone();
-            let end = tokio::select! {
-                end = pull.run() => end,
-                () = displaced.ended() => Ok(()),
-                () = closing.cancelled() => Ok(()),
-            };
-            if let Err(error) = end {
+            if let Some(Err(error)) = thread.run(begin).await {
                 tracing::warn!(port = %core.name, from, "dropping a connection: {error}");
             }
         });
@@ -106,6 +124,7 @@ async fn open(core: &Arc<Core>, place: &Place, spec: &CarrierSpec) -> Result<Pul
         stream,
         input: Inflow::default(),
         parts: PartReader::new(Limits::DEFAULT),
+        expander: Expander::default(),
         meter: Arc::default(),
         monitors: None,
         connection: 0,
@@ -129,49 +148,41 @@ async fn open(core: &Arc<Core>, place: &Place, spec: &CarrierSpec) -> Result<Pul
 impl Pull {
     /// Reads and delivers until the writer ends the connection.
     async fn run(mut self) -> Result<(), MjpegError> {
-        let mut expanding = Expanding::default();
-        let mut end = None;
         loop {
-            while end.is_none() && expanding.has_room() {
-                match self.parts.read(&mut self.input.bytes) {
-                    Ok(Some(part)) => expanding.push(part),
-                    Ok(None) => break,
-                    Err(MjpegError::Ended) => end = Some(Ok(())),
-                    Err(error) => end = Some(Err(error)),
-                }
-            }
-            let missing = self.parts.missing(&self.input.bytes);
-            let reads = end.is_none() && expanding.has_room();
-            tokio::select! {
-                biased;
-                Some((image, envelope)) = expanding.next() => {
-                    self.deliver(image, envelope).await;
-                }
-                read = self.input.read(&self.stream, missing), if reads => match read {
-                    Ok(0) => end = Some(Ok(())),
-                    Ok(_) => {}
-                    Err(error) => {
-                        let from = &self.from;
-                        tracing::debug!(port = %self.core.name, from, "a connection failed: {error}");
-                        end = Some(Ok(()));
+            let part = match self.parts.read(&mut self.input.bytes) {
+                Ok(Some(part)) => part,
+                Ok(None) => {
+                    let missing = self.parts.missing(&self.input.bytes);
+                    match self.input.read(&self.stream, missing).await {
+                        Ok(0) => return Ok(()),
+                        Ok(_) => continue,
+                        Err(error) => {
+                            let from = &self.from;
+                            tracing::debug!(port = %self.core.name, from, "a connection failed: {error}");
+                            return Ok(());
+                        }
                     }
-                },
-                else => return end.unwrap_or(Ok(())),
-            }
+                }
+                Err(MjpegError::Ended) => return Ok(()),
+                Err(error) => return Err(error),
+            };
+            self.deliver(&part).await;
+            // Pictures that never stop coming shall not keep it from hearing that it shall end.
+            yield_now().await;
         }
     }
 
-    /// Hands an image to the owner; a picture that is none is passed over.
-    async fn deliver(&self, image: Expanded, envelope: Option<Bytes>) {
-        let payload = match image {
-            Some(Ok(payload)) => payload,
-            Some(Err(error)) => {
+    /// Hands the image of a picture to the owner; a picture that is none is passed over.
+    async fn deliver(&mut self, part: &Part) {
+        let payload = match self.expander.expand(&part.body) {
+            Ok(payload) => payload,
+            Err(error) => {
                 let from = &self.from;
                 tracing::debug!(port = %self.core.name, from, "a picture is dropped: {error}");
                 return;
             }
-            None => return,
         };
+        let envelope = mjpeg::comment(&part.body);
         self.meter.count(payload.len(), envelope.as_deref());
         let received = Received {
             payload,

@@ -25,8 +25,8 @@ use super::own_thread::OwnThread;
 use crate::schedule::{self, Schedule};
 
 /// Why a connection gets no thread of its own.
-const STAYS: &str = "connections within a process, and those that ask for pictures, have no thread of \
-    their own; `process` of the port itself is for all threads of its process";
+const STAYS: &str = "connections within a process have no thread of their own; `process` of the port itself is for \
+    all threads of its process";
 /// What stock answers for a connection whose thread was not asked for, and for sockets that have
 /// no type of service.
 const UNKNOWN: i32 = -1;
@@ -196,7 +196,7 @@ impl Core {
             if !found.moves {
                 return Err(STAYS.to_owned());
             }
-            let thread = OwnThread::start(schedule).await.map_err(reason)?;
+            let thread = OwnThread::start(Some(schedule)).await.map_err(reason)?;
             threads.push((&found.place, schedule, thread));
         }
         for (place, schedule, thread) in threads {
@@ -241,8 +241,7 @@ impl Core {
             place: FoundAt::Input(input.id),
             socket: input.socket.clone(),
             thread: input.steering.thread(),
-            // What this port made to read from is served by the task that asked.
-            moves: moves(input.carrier) && input.carrier.push,
+            moves: moves(input.carrier),
         }));
         connections
     }
