@@ -212,4 +212,4 @@ if [ $ran = 0 ]; then
     echo "live: no suite has \"$only\" in its title" >&2
     exit 1
 fi
-echo "live: $ran suites passed against stock $peer${only:+, those with \"$only\" in their title}"
+echo "live: against stock $peer passed suites${only:+ with \"$only\" in their title}: $ran"
