@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use bytes::{Buf, BufMut, Bytes, BytesMut};
 use yarp_conformance::counting::{Counting, calls};
+use yarp_nameserver::{Server, ServerOptions};
 use yarp_ports::{Answer, Network, Port, PortOptions, Queue};
 use yarp_wire::Dialect;
 use yarp_wire::bottle::DecodeError;
@@ -59,8 +60,7 @@ enum Reading {
 }
 
 /// Allocations while messages go from one port to another, one at a time.
-async fn measure(carrier: &str, way: Way, reading: Reading) -> usize {
-    let network = Network::none().with_deadline(PATIENCE);
+async fn measure(network: &Network, carrier: &str, way: Way, reading: Reading) -> usize {
     let arrived = Arc::new(AtomicUsize::new(0));
     let options = PortOptions::new().unregistered();
     let counted = arrived.clone();
@@ -71,9 +71,9 @@ async fn measure(carrier: &str, way: Way, reading: Reading) -> usize {
             Answer::Nothing
         }),
     };
-    let reader = Port::open(&network, "/reader", options).await.unwrap();
+    let reader = Port::open(network, "/reader", options).await.unwrap();
     let options = PortOptions::new().unregistered();
-    let writer = Port::open(&network, "/writer", options).await.unwrap();
+    let writer = Port::open(network, "/writer", options).await.unwrap();
     let contact = format!("{carrier}://127.0.0.1:{}/reader", reader.number());
     writer.connect(&contact).await.unwrap();
     let mut before = 0;
@@ -147,16 +147,18 @@ fn reply(small: Small) -> Answer {
     Answer::reply(small)
 }
 
-const CARRIERS: [&str; 9] = [
+const CARRIERS: [&str; 11] = [
     "tcp",
     "fast_tcp",
     "shmem",
     "unix_stream",
     "unix_stream+ack",
     "udp",
+    "mcast",
     "local",
     "text",
     "text_ack",
+    "name_ser",
 ];
 
 const CALLS: [&str; 5] = ["tcp", "fast_tcp", "shmem", "unix_stream", "local"];
@@ -185,12 +187,16 @@ async fn fewest(most: usize, measure: impl AsyncFn() -> usize) -> usize {
 
 #[tokio::test]
 async fn in_steady_state_there_are_none() {
+    // Groups are given by a name server.
+    let options = ServerOptions::default().at("127.0.0.1", 0);
+    let server = Server::start(options).await.unwrap();
+    let network = server.network().with_deadline(PATIENCE);
     let mut found = Vec::new();
     for carrier in CARRIERS {
         for way in [Way::Write, Way::Strict, Way::IfIdle] {
             for reading in [Reading::Handler, Reading::Queue] {
                 let most = most(carrier);
-                let allocations = fewest(most, || measure(carrier, way, reading)).await;
+                let allocations = fewest(most, || measure(&network, carrier, way, reading)).await;
                 println!("{carrier} {way:?} {reading:?}: {allocations} for {MESSAGES} messages");
                 if allocations > most {
                     found.push((carrier, way, reading, allocations));
@@ -198,6 +204,7 @@ async fn in_steady_state_there_are_none() {
             }
         }
     }
+    server.close().await;
     assert!(found.is_empty(), "{found:#?}");
     // Here as well: what is counted is the process's.
     for carrier in CALLS {

@@ -16,24 +16,27 @@ const PAIRS: [(Side, Side); 4] = [
 ];
 const HEADINGS: &str = "stock>stock    ours>ours   stock>ours   ours>stock   ratios to stock>stock";
 
+/// Bytes of a small message, and of a large one.
+const SMALL: usize = 16;
+const LARGE: usize = 1_000_000;
 /// The pixels of an image of 640 x 480, which is written as an image.
 const IMAGE: usize = 640 * 480 * 3;
 
 /// Carrier, bytes per message, and messages: a writer of stock's, one of ours.
 const ROWS: [(&str, usize, u32, u32); 15] = [
-    ("tcp", 16, 20_000, 50_000),
-    ("fast_tcp", 16, 50_000, 1_000_000),
-    ("unix_stream", 16, 50_000, 1_000_000),
-    ("shmem", 16, 20_000, 200_000),
-    ("unix_stream+ack", 16, 20_000, 50_000),
-    ("text", 16, 20_000, 200_000),
-    ("text_ack", 16, 20_000, 50_000),
-    ("name_ser", 16, 20_000, 50_000),
-    ("local", 16, 50_000, 1_000_000),
-    ("tcp", 1_000_000, 1_000, 1_000),
-    ("fast_tcp", 1_000_000, 1_000, 1_000),
-    ("unix_stream", 1_000_000, 1_000, 1_000),
-    ("shmem", 1_000_000, 2_000, 4_000),
+    ("tcp", SMALL, 20_000, 50_000),
+    ("fast_tcp", SMALL, 50_000, 1_000_000),
+    ("unix_stream", SMALL, 50_000, 1_000_000),
+    ("shmem", SMALL, 20_000, 200_000),
+    ("unix_stream+ack", SMALL, 20_000, 50_000),
+    ("text", SMALL, 20_000, 200_000),
+    ("text_ack", SMALL, 20_000, 50_000),
+    ("name_ser", SMALL, 20_000, 50_000),
+    ("local", SMALL, 50_000, 1_000_000),
+    ("tcp", LARGE, 1_000, 1_000),
+    ("fast_tcp", LARGE, 1_000, 1_000),
+    ("unix_stream", LARGE, 1_000, 1_000),
+    ("shmem", LARGE, 2_000, 4_000),
     ("local", IMAGE, 50_000, 1_000_000),
     ("mjpeg", IMAGE, 1_000, 1_000),
 ];
@@ -41,20 +44,17 @@ const ROWS: [(&str, usize, u32, u32); 15] = [
 /// The carrier whose large messages are compared with a bare TCP connection.
 const BESIDE_BARE: &str = "fast_tcp";
 
-/// Large messages over these, and the place of the pair: the first is compared with the second.
-const WITHIN_A_HOST: [(&str, usize); 2] = [("unix_stream", 1), ("shmem", 0)];
-
 impl Bench {
     /// `wanted` names a carrier, or is empty for all.
     pub(crate) fn one_way(&self, wanted: &str) -> Result<(), Failure> {
         println!("{:<26}{HEADINGS}", "one way");
         let wanted = |row: &&(&str, usize, u32, u32)| wanted.is_empty() || row.0 == wanted;
-        let mut within_a_host = Vec::new();
+        let (mut unix_stream_of_ours, mut shmem_of_stock) = (None, None);
         for &(carrier, bytes, from_stock, from_ours) in ROWS.iter().filter(wanted) {
             let mut rates = [const { Vec::new() }; PAIRS.len()];
             let mut bare = Vec::new();
             for _ in 0..RUNS {
-                if carrier == BESIDE_BARE && bytes > 16 {
+                if carrier == BESIDE_BARE && bytes == LARGE {
                     bare.push(self.bare_rate(from_ours, bytes)?);
                 }
                 for ((writer, reader), rates) in PAIRS.into_iter().zip(&mut rates) {
@@ -75,7 +75,7 @@ impl Bench {
                 .filter(|rates| !rates.is_empty())
                 .map(|rates| median(rates.into_iter()))
                 .collect();
-            let counted = matches!(bytes, 16 | IMAGE);
+            let counted = matches!(bytes, SMALL | IMAGE);
             let shown: Vec<String> = rates
                 .iter()
                 .map(|rate| match counted {
@@ -89,9 +89,10 @@ impl Bench {
                 .collect();
             let label = format!("{carrier}, {bytes} bytes");
             println!("{label:<22}{:<52} {}", shown.join(""), ratios.join(" "));
-            let compared = WITHIN_A_HOST.iter().find(|(over, _)| *over == carrier);
-            if let Some((_, pair)) = compared.filter(|_| bytes == 1_000_000) {
-                within_a_host.push(rates[*pair]);
+            match (carrier, bytes) {
+                ("unix_stream", LARGE) => unix_stream_of_ours = Some(rates[1]),
+                ("shmem", LARGE) => shmem_of_stock = Some(rates[0]),
+                _ => {}
             }
             if !bare.is_empty() {
                 let bare = median(bare.into_iter());
@@ -102,11 +103,11 @@ impl Bench {
                 );
             }
         }
-        if let [ours, stock] = within_a_host[..] {
-            let [(ours_over, _), (stock_over, _)] = WITHIN_A_HOST;
+        // What one host has for large messages, whatever it is called.
+        if let (Some(ours), Some(stock)) = (unix_stream_of_ours, shmem_of_stock) {
             let ratio = ours / stock;
             println!(
-                "1000000 bytes: ours>ours over {ours_over} / stock>stock over {stock_over}: {ratio:.2}"
+                "{LARGE} bytes: ours>ours over unix_stream / stock>stock over shmem: {ratio:.2}"
             );
         }
         Ok(())
