@@ -8,6 +8,15 @@ use yarp_wire::Bottle;
 
 const PATIENCE: Duration = Duration::from_secs(20);
 
+async fn server() -> Server {
+    let options = ServerOptions::default().at("127.0.0.1", 0);
+    Server::start(options).await.unwrap()
+}
+
+fn reading() -> PortOptions {
+    PortOptions::new().reading(Queue::Wait(100))
+}
+
 async fn next(port: &Port) -> Bottle {
     let read = tokio::time::timeout(PATIENCE, port.read()).await;
     read.unwrap().unwrap().bottle().unwrap()
@@ -23,11 +32,8 @@ async fn names(network: &Network) -> Vec<String> {
 
 #[tokio::test]
 async fn readers_share_one_transmission_and_the_group_goes_with_the_last() {
-    let server = Server::start(ServerOptions::default().at("127.0.0.1", 0))
-        .await
-        .unwrap();
+    let server = server().await;
     let network = server.network();
-    let reading = || PortOptions::new().reading(Queue::Wait(100));
     let first = Port::open(&network, "/first", reading()).await.unwrap();
     let second = Port::open(&network, "/second", reading()).await.unwrap();
     let writer = Port::open(&network, "/writer", PortOptions::new())
@@ -65,11 +71,8 @@ async fn readers_share_one_transmission_and_the_group_goes_with_the_last() {
 /// Copies of what arrives have a group of their own: who reads what the owner writes does not get them.
 #[tokio::test]
 async fn those_who_look_on_share_another_group() {
-    let server = Server::start(ServerOptions::default().at("127.0.0.1", 0))
-        .await
-        .unwrap();
+    let server = server().await;
     let network = server.network();
-    let reading = || PortOptions::new().reading(Queue::Wait(100));
     let open = async |name| Port::open(&network, name, reading()).await.unwrap();
     let (looked_at, reader) = (open("/looked_at").await, open("/reader").await);
     let lookers = [open("/first").await, open("/second").await];
@@ -103,12 +106,9 @@ async fn those_who_look_on_share_another_group() {
 /// Nothing is answered on the connection itself: the writer asks the reader over another.
 #[tokio::test]
 async fn a_reader_that_lacks_a_modifier_is_not_transmitted_to() {
-    let server = Server::start(ServerOptions::default().at("127.0.0.1", 0))
-        .await
-        .unwrap();
+    let server = server().await;
     let network = server.network();
-    let reading = PortOptions::new().reading(Queue::Wait(100));
-    let reader = Port::open(&network, "/reader", reading).await.unwrap();
+    let reader = Port::open(&network, "/reader", reading()).await.unwrap();
     let writer = Port::open(&network, "/writer", PortOptions::new())
         .await
         .unwrap();

@@ -189,13 +189,8 @@ impl Core {
     }
 
     /// Calls `visit` for each outgoing connection that transmits, under no lock.
-    pub(crate) fn for_each_sender(&self, mut visit: impl FnMut(&Arc<Output>)) {
-        let outputs = self.outputs();
-        for (at, output) in outputs.iter().enumerate() {
-            if !output.logs && transmits(&outputs, at) {
-                visit(output);
-            }
-        }
+    pub(crate) fn for_each_sender(&self, visit: impl FnMut(&Arc<Output>)) {
+        transmitting(&self.outputs(), false).for_each(visit);
     }
 
     /// Connects to a reader, whose name is the answer; connections to it end first. Over a carrier
@@ -537,8 +532,16 @@ fn known_carriers() -> String {
     names.join(", ")
 }
 
-/// Whether this connection sends for itself, or for its group as the first of it.
-pub(super) fn transmits(outputs: &[Arc<Output>], at: usize) -> bool {
-    let group = outputs[at].group.as_ref();
-    group.is_none_or(|group| !outputs[..at].iter().any(|earlier| earlier.is_of(group)))
+/// Those that transmit, of copies of what arrives or of what the owner writes: of a group the first.
+pub(super) fn transmitting(
+    outputs: &[Arc<Output>],
+    logs: bool,
+) -> impl Iterator<Item = &Arc<Output>> {
+    let is_first = |at: usize, group| !outputs[..at].iter().any(|earlier| earlier.is_of(group));
+    let all = outputs.iter().enumerate();
+    all.filter(move |(at, output)| {
+        let group = output.group.as_ref();
+        output.logs == logs && group.is_none_or(|group| is_first(*at, group))
+    })
+    .map(|(_, output)| output)
 }

@@ -16,7 +16,7 @@ use yarp_wire::message::{Command, Payload, WireObject};
 use yarp_wire::{Bottle, Dialect, Limits, Vocab32};
 
 use super::PortError;
-use super::core::{Core, transmits};
+use super::core::{Core, transmitting};
 use super::encoded::Encoded;
 use super::output::Output;
 use super::received::{Received, Reply};
@@ -138,10 +138,7 @@ impl Core {
 
     fn loggers(&self) -> Vec<Arc<Output>> {
         let outputs = self.outputs_mut();
-        let transmits =
-            |(at, output): &(usize, &Arc<Output>)| output.logs && transmits(&outputs, *at);
-        let loggers = outputs.iter().enumerate().filter(transmits);
-        let loggers: Vec<_> = loggers.map(|(_, output)| output.clone()).collect();
+        let loggers: Vec<_> = transmitting(&outputs, true).cloned().collect();
         // Under the lock, under which it is also set.
         self.logged.store(!loggers.is_empty(), Ordering::Relaxed);
         loggers

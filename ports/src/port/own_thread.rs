@@ -1,10 +1,9 @@
 //! A thread of its own for a connection that was told how to be scheduled, or has much to do.
 //!
 //! Connections are tasks that share the threads of the runtime. One that is told a policy moves, for
-//! the rest of its life, to a thread that has that policy and serves nothing else (one that expands
-//! pictures begins on one); the same thread
-//! waits for its bytes, so that none of the others need run before it. What the connection begins
-//! there (other connections, timers) belongs to the runtime that it came from; threads that are started
+//! the rest of its life, to a thread that has that policy and serves nothing else; one that expands
+//! pictures begins on such a thread. The same thread waits for its bytes, so that none of the others
+//! need run before it. What the connection begins there (other connections, timers) belongs to the runtime that it came from; threads that are started
 //! there do not have its priority in real time. A handler that calls tokio's `block_in_place` there has
 //! the connection go on on another thread: it should not.
 //!

@@ -148,27 +148,32 @@ async fn open(core: &Arc<Core>, place: &Place, spec: &CarrierSpec) -> Result<Pul
 impl Pull {
     /// Reads and delivers until the writer ends the connection.
     async fn run(mut self) -> Result<(), MjpegError> {
-        loop {
-            let part = match self.parts.read(&mut self.input.bytes) {
-                Ok(Some(part)) => part,
-                Ok(None) => {
-                    let missing = self.parts.missing(&self.input.bytes);
-                    match self.input.read(&self.stream, missing).await {
-                        Ok(0) => return Ok(()),
-                        Ok(_) => continue,
-                        Err(error) => {
-                            let from = &self.from;
-                            tracing::debug!(port = %self.core.name, from, "a connection failed: {error}");
-                            return Ok(());
-                        }
-                    }
-                }
-                Err(MjpegError::Ended) => return Ok(()),
-                Err(error) => return Err(error),
-            };
+        while let Some(part) = self.next().await? {
             self.deliver(&part).await;
             // Pictures that never stop coming shall not keep it from hearing that it shall end.
             yield_now().await;
+        }
+        Ok(())
+    }
+
+    /// The next picture; `None` at the end of the connection.
+    async fn next(&mut self) -> Result<Option<Part>, MjpegError> {
+        loop {
+            match self.parts.read(&mut self.input.bytes) {
+                Ok(None) => {}
+                Err(MjpegError::Ended) => return Ok(None),
+                part => return part,
+            }
+            let missing = self.parts.missing(&self.input.bytes);
+            match self.input.read(&self.stream, missing).await {
+                Ok(0) => return Ok(None),
+                Ok(_) => {}
+                Err(error) => {
+                    let from = &self.from;
+                    tracing::debug!(port = %self.core.name, from, "a connection failed: {error}");
+                    return Ok(None);
+                }
+            }
         }
     }
 
