@@ -90,7 +90,16 @@ mod tests {
     #[test]
     fn memory_is_used_again() {
         let mut expander = Expander::default();
-        let places = [100; 3].map(|level| expanded(&mut expander, level).pixels().as_ptr());
+        // What was given back would be given to these.
+        let mut others = Vec::new();
+        let places = [100; 3].map(|level| {
+            let image = expanded(&mut expander, level);
+            let place = image.pixels().as_ptr();
+            let size = image.pixels().len();
+            drop(image);
+            others.extend([(); 4].map(|()| vec![1u8; size]));
+            place
+        });
         assert_eq!(places, [places[0]; 3]);
     }
 }
