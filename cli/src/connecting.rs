@@ -1,6 +1,6 @@
 //! Connecting ports of others, in stock's words.
 
-use yarp_ports::remote::{self, ConnectError, Connection};
+use yarp_ports::remote_admin::{self, ConnectError, Connection};
 use yarp_ports::{Network, PortError};
 use yarp_wire::Contact;
 
@@ -30,7 +30,7 @@ pub(crate) async fn connect(
         tracing::error!(target: COMPONENT, "Failure: {text}");
         return false;
     }
-    let result = remote::connect(network, source, destination, carrier).await;
+    let result = remote_admin::connect(network, source, destination, carrier).await;
     tell(source, destination, result, telling)
 }
 
@@ -40,7 +40,7 @@ pub(crate) async fn disconnect(network: &Network, source: &str, destination: &st
         tracing::error!(target: COMPONENT, "Failure: {text}");
         return false;
     }
-    let result = remote::disconnect(network, source, destination).await;
+    let result = remote_admin::disconnect(network, source, destination).await;
     tell(source, destination, result, Telling::All)
 }
 
@@ -96,7 +96,7 @@ fn tell(
         Err(ConnectError::Port(PortError::Connect { peer, .. })) => {
             format!("Cannot connect to port {peer}")
         }
-        Err(ConnectError::Port(error)) => format!("Failure: {}", error.story()),
+        Err(ConnectError::Port(error)) => format!("Failure: {}", error.error_chain()),
         Err(ConnectError::Refused { text }) => format!("Failure: {text}\r\n"),
         Err(error) => format!("Failure: {error}"),
     };
@@ -142,7 +142,7 @@ pub(crate) async fn look(
         tracing::error!(target: COMPONENT, "Failure: could not find destination port {destination}");
         return Ok(None);
     };
-    match remote::connection(network, &from, &reader.name).await {
+    match remote_admin::connection(network, &from, &reader.name).await {
         Ok(known) => Ok(known.map(|known| (known, to.carrier.unwrap_or(reader.carrier)))),
         Err(_) => {
             tracing::error!(target: COMPONENT, "Cannot connect to port {source}");

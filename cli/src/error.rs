@@ -78,8 +78,8 @@ impl Failure {
         matches!(self, Self::Output(error) if error.kind() == io::ErrorKind::BrokenPipe)
     }
 
-    /// The whole story on one line.
-    pub(crate) fn story(&self) -> String {
-        yarp_ports::story(self)
+    /// The error chain on one line.
+    pub(crate) fn error_chain(&self) -> String {
+        yarp_ports::error_chain(self)
     }
 }

@@ -115,7 +115,7 @@ fn component(target: &str, message: &str) -> String {
         "yarp.os.impl.PortCoreOutputUnit".to_owned()
     } else if target.starts_with("yarp_ports::port") {
         "yarp.os.Port".to_owned()
-    } else if target.starts_with("yarp_ports::remote") {
+    } else if target.starts_with("yarp_ports::remote_admin") {
         "yarp.os.Network".to_owned()
     } else {
         target.replace("::", ".")
@@ -148,7 +148,11 @@ mod tests {
             output,
             "yarp.os.impl.PortCoreOutputUnit",
         );
-        check("yarp_ports::remote", "Connection found", "yarp.os.Network");
+        check(
+            "yarp_ports::remote_admin",
+            "Connection found",
+            "yarp.os.Network",
+        );
         check("yarp.os.Ping", "Ping #2:", "yarp.os.Ping");
         check("yarp_devices::wam", "x", "yarp_devices.wam");
     }

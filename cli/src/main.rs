@@ -57,7 +57,7 @@ fn main() -> ExitCode {
         // Nobody reads what we would print: `yarp read /x | head`.
         Err(error) if error.is_broken_pipe() => ExitCode::FAILURE,
         Err(error) => {
-            eprintln!("[ERROR] {}", error.story());
+            eprintln!("[ERROR] {}", error.error_chain());
             ExitCode::FAILURE
         }
     }

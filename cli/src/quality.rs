@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::process::ExitCode;
 
-use yarp_ports::{Network, Place, remote};
+use yarp_ports::{Endpoint, Network, remote_admin};
 use yarp_wire::{Bottle, Value};
 
 use crate::error::Result;
@@ -12,7 +12,7 @@ use crate::text::complain;
 
 /// One end of a connection.
 pub(crate) struct End {
-    place: Place,
+    place: Endpoint,
     /// The port at the other end.
     peer: String,
 }
@@ -125,7 +125,7 @@ impl End {
         out: &mut dyn Write,
     ) -> Result<Option<Bottle>> {
         let request = Bottle::from_iter(["prop".into(), "get".into(), self.peer.as_str().into()]);
-        let answer = remote::administer(network, &self.place, &request).await?;
+        let answer = remote_admin::administer(network, &self.place, &request).await?;
         let group = answer.find(name).and_then(Value::as_list).cloned();
         if group.is_none() {
             let port = &self.place.name;
@@ -155,7 +155,7 @@ impl End {
             self.peer.as_str().into(),
             Bottle::from_iter(group).into(),
         ]);
-        let answer = remote::administer(network, &self.place, &request).await?;
+        let answer = remote_admin::administer(network, &self.place, &request).await?;
         let done = answer
             .get(0)
             .is_some_and(|word| word.to_plain_string() == "ok");

@@ -3,10 +3,10 @@
 use std::time::Duration;
 
 use yarp_ports::config::ResourceFinder;
-use yarp_ports::{Dialogue, Network, Place, Port, PortError, PortOptions, remote};
+use yarp_ports::{AdminClient, Endpoint, Network, Port, PortError, PortOptions, remote_admin};
 use yarp_wire::carrier::Carrier;
 use yarp_wire::message::{Command, WireObject};
-use yarp_wire::name_service::ELSEWHERE;
+use yarp_wire::name_service::UNSUPPORTED_PREFIX;
 use yarp_wire::{Bottle, Contact, PortName, Value};
 
 use crate::error::Result;
@@ -46,12 +46,12 @@ pub(crate) fn finder(words: &[String], file: Option<&str>) -> Result<ResourceFin
 
 /// Whether the name server of `network` answers to its name.
 pub(crate) async fn serves(network: &Network, namespace: &str) -> bool {
-    let impatient = network.with_deadline(network.deadline().min(SERVING));
+    let impatient = network.with_timeout(network.timeout().min(SERVING));
     impatient.query(namespace).await.is_ok()
 }
 
 /// Where a port is, if that is known; says so if the name server does not answer.
-pub(crate) async fn find(network: &Network, contact: &Contact) -> Result<Option<Place>> {
+pub(crate) async fn find(network: &Network, contact: &Contact) -> Result<Option<Endpoint>> {
     match network.resolve(contact).await {
         Ok(place) => Ok(Some(place)),
         Err(PortError::Unknown { .. } | PortError::NoNameServer) => Ok(None),
@@ -68,7 +68,7 @@ pub(crate) fn away(error: &PortError) {
     const COMPONENT: &str = "yarp.os.impl.NameClient";
     tracing::info!(target: COMPONENT, "No connection to nameserver");
     tracing::info!(target: COMPONENT, "*** try running: yarp detect ***");
-    tracing::error!(target: COMPONENT, "{}", error.story());
+    tracing::error!(target: COMPONENT, "{}", error.error_chain());
 }
 
 /// Opens a port; if that fails, says why in stock's words and gives nothing.
@@ -115,7 +115,7 @@ pub(crate) async fn open(
                 PortError::NameServer { .. } | PortError::Refused { .. } => "invalid address",
                 _ => return Err(error.into()),
             };
-            tracing::error!(target: "yarp.os.Network", "{}", error.story());
+            tracing::error!(target: "yarp.os.Network", "{}", error.error_chain());
             tracing::error!(target: COMPONENT, "Port {name} failed to activate ({reason})");
             Ok(None)
         }
@@ -123,10 +123,10 @@ pub(crate) async fn open(
 }
 
 /// Where the port of this name is, if it is there and says that this is its name.
-pub(crate) async fn alive(network: &Network, name: &str) -> Option<Place> {
-    let network = network.with_deadline(ALIVE);
+pub(crate) async fn alive(network: &Network, name: &str) -> Option<Endpoint> {
+    let network = network.with_timeout(ALIVE);
     let place = network.query(name).await.ok()?;
-    let lines = remote::describe(&network, &place).await.ok()?;
+    let lines = remote_admin::describe(&network, &place).await.ok()?;
     let greeting = format!("This is {name} ");
     lines.first()?.starts_with(&greeting).then_some(place)
 }
@@ -138,9 +138,9 @@ pub(crate) async fn ask_server(
 ) -> std::result::Result<Bottle, PortError> {
     let carrier = Carrier::by_name("text_ack").expect("text_ack is in the table");
     network
-        .at_each_place(|network| async move {
+        .at_each_server(|network| async move {
             let server = network.server().ok_or(PortError::NoNameServer)?;
-            let opening = Dialogue::open("the name server", server, carrier, ADMIN, &network);
+            let opening = AdminClient::open("the name server", server, carrier, ADMIN, &network);
             let payload = opening
                 .await?
                 .request(&Command::data(true), request)
@@ -153,7 +153,7 @@ pub(crate) async fn ask_server(
                 })?;
             // It is not about the request: another server of the same names may do it.
             let reason = answer.get(1).map(Value::to_plain_string);
-            let cannot = ELSEWHERE.trim_start_matches("refused: ");
+            let cannot = UNSUPPORTED_PREFIX.trim_start_matches("refused: ");
             match reason.filter(|reason| reason.starts_with(cannot)) {
                 Some(answer) => Err(PortError::Refused {
                     server: format!("{}:{}", server.0, server.1),
@@ -170,7 +170,10 @@ pub(crate) async fn ask_server(
 pub(crate) fn server_away(network: &Network, error: &PortError) {
     let namespace = network.namespace();
     let text = match network.server() {
-        Some(_) => format!("Cannot connect to port {namespace}: {}", error.story()),
+        Some(_) => format!(
+            "Cannot connect to port {namespace}: {}",
+            error.error_chain()
+        ),
         None => format!("Cannot make connection to '{namespace}'"),
     };
     tracing::error!(target: "yarp.os.Network", "{text}");

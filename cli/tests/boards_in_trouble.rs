@@ -13,11 +13,11 @@ use std::time::{Duration, Instant};
 use bytes::BytesMut;
 use common::{Home, Running};
 use yarp_devices::{Axes, ControlMode, Encoders, Mode, PositionControl};
-use yarp_ports::{Network, story};
+use yarp_ports::{Network, error_chain};
 use yarp_wire::carrier::{Carrier, Sender};
 use yarp_wire::connection::Initiator;
 use yarp_wire::message::Command;
-use yarp_wire::{Bottle, Dialect, Limits};
+use yarp_wire::{Bottle, Limits, WireVersion};
 use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions};
 
 /// Longer than anything here takes on a busy machine.
@@ -42,7 +42,7 @@ fn up(home: &Home) -> Running {
 
 fn cast(home: &Home, local: &str) -> Result<RemoteControlBoard, String> {
     let options = RemoteControlBoardOptions::new("/wam", local);
-    RemoteControlBoard::open(&network(home), options).map_err(|error| story(&error))
+    RemoteControlBoard::open(&network(home), options).map_err(|error| error_chain(&error))
 }
 
 /// A name server, an arm that stands at 0, and a client that sees it.
@@ -146,9 +146,15 @@ fn a_client_that_is_killed_in_mid_command_leaves_the_arm_to_the_others() {
     let mut bytes = BytesMut::new();
     let carrier = Carrier::by_name("tcp").unwrap();
     let sender = Sender::plain("/dies");
-    let mut initiator = Initiator::new(carrier, &sender, Dialect::V3, Limits::DEFAULT, &mut bytes);
+    let mut initiator = Initiator::new(
+        carrier,
+        &sender,
+        WireVersion::V3,
+        Limits::DEFAULT,
+        &mut bytes,
+    );
     let order = Bottle::parse("[set] [pos] 0 -20.0").unwrap();
-    let order = order.encode(Dialect::V3);
+    let order = order.encode(WireVersion::V3);
     let command = Command::Data {
         reply: true,
         envelope: None,

@@ -16,13 +16,13 @@ use yarp_wire::Bottle;
 const PATIENCE: Duration = Duration::from_secs(60);
 
 fn network(home: &Home) -> Network {
-    Network::at("127.0.0.1", home.server_port()).with_deadline(PATIENCE)
+    Network::at("127.0.0.1", home.server_port()).with_timeout(PATIENCE)
 }
 
 /// A reader that asks silent writers often.
 async fn reader(home: &Home) -> Port {
-    let options = PortOptions::new().reading(Queue::Wait(100));
-    let options = options.silence(Duration::from_millis(200));
+    let options = PortOptions::new().queue(Queue::Wait(100));
+    let options = options.datagram_timeout(Duration::from_millis(200));
     Port::open(&network(home), "/r", options).await.unwrap()
 }
 
@@ -62,7 +62,7 @@ async fn a_killed_writer_is_forgotten_and_a_silent_one_stays() {
     let _server = home.serve();
     let asked = Arc::new(AtomicUsize::new(0));
     let counted = asked.clone();
-    let options = PortOptions::new().watcher(move |change| {
+    let options = PortOptions::new().on_connection_change(move |change| {
         if change.incoming && change.began && change.from == "admin" {
             counted.fetch_add(1, Ordering::Relaxed);
         }
@@ -97,7 +97,7 @@ async fn a_writer_that_came_back_without_its_connection_is_forgotten() {
     let network = network(&home);
     let lives = Port::open(&network, "/w", PortOptions::new()).await;
     // What is left of an earlier life.
-    let mut header = TcpStream::connect(("127.0.0.1", reader.number()))
+    let mut header = TcpStream::connect(("127.0.0.1", reader.tcp_port()))
         .await
         .unwrap();
     header

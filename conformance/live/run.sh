@@ -47,7 +47,7 @@ suite() {
 python=$STOCK/bin/python
 
 cargo build --quiet --release -p yarp-cli -p yarp-conformance
-cargo build --quiet -p yarp-ports --example pictures
+cargo build --quiet -p yarp-ports --example mjpeg_images
 cargo build --quiet -p yarp-wire --example bottle --example typed --example settings
 
 suite "text of bottles" "$with_stock" "$python" conformance/live/bottle_text.py target/debug/examples/bottle
@@ -78,7 +78,7 @@ if ! command -v cvlc >/dev/null; then
         $as_root apt-get install -y -q --no-install-recommends vlc-bin vlc-plugin-base </dev/null ||
         echo "live: VLC is missing; watching pictures will fail" >&2
 fi
-suite "VLC watches an image port" python3 conformance/live/vlc.py target/debug/examples/pictures
+suite "VLC watches an image port" python3 conformance/live/vlc.py target/debug/examples/mjpeg_images
 
 for server in ours stock; do
     suite "the yarp command, server: $server" "$python" conformance/live/cli.py \
@@ -91,7 +91,7 @@ conformance/web/setup.sh
 suite "the page of the name server in a browser" "$python" conformance/web/name_server.py \
     --yarp "$ours" --with-stock "$with_stock" --out target/web
 suite "ports of ours in a browser" "$python" conformance/web/ports.py \
-    --yarp "$ours" --pictures target/debug/examples/pictures --out target/web
+    --yarp "$ours" --pictures target/debug/examples/mjpeg_images --out target/web
 for server in ours stock; do
     suite "keys of auth.conf, server: $server" "$python" conformance/live/auth.py \
         --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours" --server "$server"

@@ -15,10 +15,12 @@ use tokio::net::TcpStream;
 use tokio::runtime::Handle;
 use tokio::task::JoinSet;
 use yarp_nameserver::{Server, ServerOptions};
-use yarp_ports::{Answer, Dialogue, LinkState, Port, PortOptions, Queue, Supervision, story};
+use yarp_ports::{
+    AdminClient, Answer, ConnectionState, Port, PortOptions, Queue, ReconnectOptions, error_chain,
+};
 use yarp_wire::carrier::Carrier;
 use yarp_wire::typed::{Image, PixelCode};
-use yarp_wire::{Bottle, Dialect};
+use yarp_wire::{Bottle, WireVersion};
 
 use crate::counting;
 
@@ -223,10 +225,10 @@ struct Others {
 pub async fn run(cycles: usize) -> Result<Outcome, Failure> {
     // Only for the groups of those who write to one.
     let server = Server::start(ServerOptions::default().at("127.0.0.1", 0)).await?;
-    let network = server.network().with_deadline(PATIENCE);
+    let network = server.network().with_timeout(PATIENCE);
     let mut readers = Vec::new();
     for number in 0..READERS {
-        let options = PortOptions::new().unregistered().reading(Queue::Latest);
+        let options = PortOptions::new().unregistered().queue(Queue::Latest);
         readers.push(Port::open(&network, &format!("/reader/{number}"), options).await?);
     }
     let options = PortOptions::new().unregistered().handler(|request| {
@@ -302,7 +304,7 @@ async fn turn(
                 match working.await {
                     Ok(Ok(())) => {}
                     Ok(Err(error)) => {
-                        return Err(format!("cycle {number}: {}", story(&*error)).into());
+                        return Err(format!("cycle {number}: {}", error_chain(&*error)).into());
                     }
                     Err(_) => return Err(format!("cycle {number} got stuck").into()),
                 }
@@ -318,8 +320,14 @@ async fn turn(
 
 /// One program comes and goes; what it does depends on `number`.
 async fn cycle(number: usize, writer: &Port, reader: &Port, echo: &Port) -> Result<(), Failure> {
-    let at = |carrier: &str| format!("{carrier}://127.0.0.1:{}{}", reader.number(), reader.name());
-    let raw = || TcpStream::connect(("127.0.0.1", reader.number()));
+    let at = |carrier: &str| {
+        format!(
+            "{carrier}://127.0.0.1:{}{}",
+            reader.tcp_port(),
+            reader.name()
+        )
+    };
+    let raw = || TcpStream::connect(("127.0.0.1", reader.tcp_port()));
     match number % 25 {
         kind @ 0..12 => {
             writer.connect(&at(CARRIERS[kind])).await?;
@@ -342,20 +350,22 @@ async fn cycle(number: usize, writer: &Port, reader: &Port, echo: &Port) -> Resu
             }
         }
         18 => {
-            let address = ("127.0.0.1", reader.number());
+            let address = ("127.0.0.1", reader.tcp_port());
             let carrier = Carrier::by_name("text_ack").expect("it is in the table");
             let opening =
-                Dialogue::open(reader.name(), address, carrier, "admin", reader.network());
+                AdminClient::open(reader.name(), address, carrier, "admin", reader.network());
             opening.await?.admin(&Bottle::of("[ver]")).await?;
         }
         19 => {
-            let link = writer.supervise(&at("tcp"), Supervision::new());
-            if !link.up().await {
+            let link = writer.connect_persistent(&at("tcp"), ReconnectOptions::new());
+            if !link.connected().await {
                 return Err(format!("no link: {:?}", link.state()).into());
             }
             let mut states = link.watch();
             link.end().await;
-            states.wait_for(|state| *state == LinkState::Ended).await?;
+            states
+                .wait_for(|state| *state == ConnectionState::Closed)
+                .await?;
         }
         20 => {
             let mut stream = raw().await?;
@@ -370,7 +380,7 @@ async fn cycle(number: usize, writer: &Port, reader: &Port, echo: &Port) -> Resu
             }
         }
         21 => {
-            let contact = format!("mjpeg://127.0.0.1:{}{}", writer.number(), writer.name());
+            let contact = format!("mjpeg://127.0.0.1:{}{}", writer.tcp_port(), writer.name());
             reader.connect(&contact).await?;
             while writer.outputs().is_empty() {
                 tokio::time::sleep(Duration::from_millis(1)).await;
@@ -381,11 +391,11 @@ async fn cycle(number: usize, writer: &Port, reader: &Port, echo: &Port) -> Resu
             writer.disconnect(&writer.outputs().join(" ")).await;
         }
         kind @ 22..24 => {
-            let options = PortOptions::new().unregistered().calling();
+            let options = PortOptions::new().unregistered().rpc_client();
             let name = format!("/caller{}", writer.name());
             let port = Port::open(writer.network(), &name, options).await?;
             let carrier = ["tcp", "shmem"][kind - 22];
-            let contact = format!("{carrier}://127.0.0.1:{}{}", echo.number(), echo.name());
+            let contact = format!("{carrier}://127.0.0.1:{}{}", echo.tcp_port(), echo.name());
             port.connect(&contact).await?;
             let question = Bottle::of(number as i32);
             if port.call::<Bottle>(&question).await? != question {
@@ -410,7 +420,7 @@ async fn cycle(number: usize, writer: &Port, reader: &Port, echo: &Port) -> Resu
 
 /// A message in a frame of a browser, under a mask that changes nothing.
 fn frame(number: usize) -> Vec<u8> {
-    let content = Bottle::of(number as i32).encode(Dialect::V3);
+    let content = Bottle::of(number as i32).encode(WireVersion::V3);
     let block = [0, 0, 0, 0, b'~', b'D', 0, 1];
     let head = [0x82, 0x80 | (block.len() + content.len()) as u8, 0, 0, 0, 0];
     [&head[..], &block, &content].concat()

@@ -10,7 +10,7 @@ use bytes::{Buf, BufMut, Bytes, BytesMut};
 use yarp_conformance::counting::{Counting, calls};
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_ports::{Answer, Network, Port, PortOptions, Queue};
-use yarp_wire::Dialect;
+use yarp_wire::WireVersion;
 use yarp_wire::bottle::DecodeError;
 use yarp_wire::message::{ReadObject, WireObject};
 
@@ -27,7 +27,7 @@ const PATIENCE: Duration = Duration::from_secs(30);
 struct Small(i32);
 
 impl WireObject for Small {
-    fn write_binary(&self, out: &mut BytesMut, _dialect: Dialect) {
+    fn write_binary(&self, out: &mut BytesMut, _wire_version: WireVersion) {
         for word in [257, 1, self.0] {
             out.put_i32_le(word);
         }
@@ -40,7 +40,7 @@ impl WireObject for Small {
 }
 
 impl ReadObject for Small {
-    fn read_binary(bytes: &Bytes, _dialect: Dialect) -> Result<Self, DecodeError> {
+    fn read_binary(bytes: &Bytes, _wire_version: WireVersion) -> Result<Self, DecodeError> {
         let mut last = &bytes[bytes.len() - 4..];
         Ok(Self(last.get_i32_le()))
     }
@@ -65,7 +65,7 @@ async fn measure(network: &Network, carrier: &str, way: Way, reading: Reading) -
     let options = PortOptions::new().unregistered();
     let counted = arrived.clone();
     let options = match reading {
-        Reading::Queue => options.reading(Queue::Wait(10)),
+        Reading::Queue => options.queue(Queue::Wait(10)),
         Reading::Handler => options.handler(move |_| {
             counted.fetch_add(1, Ordering::Relaxed);
             Answer::Nothing
@@ -74,7 +74,7 @@ async fn measure(network: &Network, carrier: &str, way: Way, reading: Reading) -
     let reader = Port::open(network, "/reader", options).await.unwrap();
     let options = PortOptions::new().unregistered();
     let writer = Port::open(network, "/writer", options).await.unwrap();
-    let contact = format!("{carrier}://127.0.0.1:{}/reader", reader.number());
+    let contact = format!("{carrier}://127.0.0.1:{}/reader", reader.tcp_port());
     writer.connect(&contact).await.unwrap();
     let mut before = 0;
     for number in 0..WARM_UP + MESSAGES {
@@ -109,18 +109,18 @@ async fn measure(network: &Network, carrier: &str, way: Way, reading: Reading) -
 
 /// Allocations while requests are answered, one at a time.
 async fn measure_calls(carrier: &str, reading: Reading) -> usize {
-    let network = Network::none().with_deadline(PATIENCE);
+    let network = Network::none().with_timeout(PATIENCE);
     let options = PortOptions::new().unregistered();
     let options = match reading {
         Reading::Handler => {
             options.handler(|request| request.read().map_or(Answer::Nothing, reply))
         }
-        Reading::Queue => options.serving(),
+        Reading::Queue => options.rpc_server(),
     };
     let server = Port::open(&network, "/server", options).await.unwrap();
-    let options = PortOptions::new().unregistered().calling();
+    let options = PortOptions::new().unregistered().rpc_client();
     let client = Port::open(&network, "/client", options).await.unwrap();
-    let contact = format!("{carrier}://127.0.0.1:{}/server", server.number());
+    let contact = format!("{carrier}://127.0.0.1:{}/server", server.tcp_port());
     client.connect(&contact).await.unwrap();
     let mut before = 0;
     let answer = async || {
@@ -190,7 +190,7 @@ async fn in_steady_state_there_are_none() {
     // Groups are given by a name server.
     let options = ServerOptions::default().at("127.0.0.1", 0);
     let server = Server::start(options).await.unwrap();
-    let network = server.network().with_deadline(PATIENCE);
+    let network = server.network().with_timeout(PATIENCE);
     let mut found = Vec::new();
     for carrier in CARRIERS {
         for way in [Way::Write, Way::Strict, Way::IfIdle] {

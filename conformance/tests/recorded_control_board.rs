@@ -10,7 +10,7 @@ use yarp_conformance::board::RecordedBoard;
 use yarp_conformance::capture::{Capture, Run};
 use yarp_conformance::mask;
 use yarp_nameserver::{Server, ServerOptions};
-use yarp_wire::{Bottle, Dialect, Limits};
+use yarp_wire::{Bottle, Limits, WireVersion};
 use yarp_wrappers::{ControlBoardOptions, ControlBoardServer};
 
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -18,9 +18,9 @@ const PATIENCE: Duration = Duration::from_secs(20);
 /// The answer in a run: one bottle, and the acknowledgement after it.
 fn answer(bytes: &[u8]) -> Option<Bottle> {
     let bytes = Bytes::copy_from_slice(bytes);
-    let (bottle, length) = Bottle::decode_prefix(&bytes, Dialect::V3, Limits::DEFAULT).ok()?;
+    let (bottle, length) = Bottle::decode_prefix(&bytes, WireVersion::V3, Limits::DEFAULT).ok()?;
     assert_eq!(
-        bottle.encode(Dialect::V3),
+        bottle.encode(WireVersion::V3),
         bytes[..length],
         "a bottle has one form: two that are written alike came alike"
     );
@@ -31,7 +31,7 @@ fn answer(bytes: &[u8]) -> Option<Bottle> {
 fn question(run: &Run) -> Option<Bottle> {
     const HEAD: usize = 38;
     let bytes = Bytes::copy_from_slice(run.bytes.get(HEAD..)?);
-    Bottle::decode(&bytes, Dialect::V3, Limits::DEFAULT).ok()
+    Bottle::decode(&bytes, WireVersion::V3, Limits::DEFAULT).ok()
 }
 
 /// Reads a bottle and the eight bytes of the acknowledgement.
@@ -40,7 +40,7 @@ async fn read_answer(stream: &mut TcpStream) -> Bottle {
     let reading = async {
         loop {
             let whole =
-                Bottle::decode_prefix(&bytes.clone().freeze(), Dialect::V3, Limits::DEFAULT);
+                Bottle::decode_prefix(&bytes.clone().freeze(), WireVersion::V3, Limits::DEFAULT);
             if let Ok((_, length)) = whole
                 && bytes.len() >= length + 8
             {
@@ -98,7 +98,7 @@ async fn play(scenario: &str, positions: Vec<f64>) -> usize {
             let (got, expected) = (read_answer(&mut stream).await, mask::bottle(&expected));
             let got = mask::bottle(&got);
             assert_eq!(got.to_string(), expected.to_string(), "{asked}");
-            let bytes = |bottle: &Bottle| bottle.encode(Dialect::V3);
+            let bytes = |bottle: &Bottle| bottle.encode(WireVersion::V3);
             assert_eq!(bytes(&got), bytes(&expected), "{asked}: {got}");
             compared += 1;
         }

@@ -10,7 +10,7 @@ use yarp_conformance::capture::Capture;
 use yarp_conformance::replay;
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_ports::{Network, Port, PortOptions};
-use yarp_wire::name_service::Registering;
+use yarp_wire::name_service::RegisterRequest;
 use yarp_wire::{Bottle, Value};
 use yarp_wrappers::{ControlBoardOptions, ControlBoardServer};
 
@@ -123,14 +123,18 @@ async fn answer_probe(mut asker: TcpStream, cut: &str) {
 async fn read_state(stage: &Stage, name: &str, cut: &str, wanted: &[u8]) {
     let listener = TcpListener::bind("127.0.0.1:0").await.expect("a listener");
     let number = listener.local_addr().expect("an address").port();
-    let registering = Registering {
+    let registering = RegisterRequest {
         number: Some(number.into()),
-        ..Registering::named(name)
+        ..RegisterRequest::named(name)
     };
     let registered = stage.network.register(registering).await;
     registered.expect("a registration");
-    let connecting =
-        yarp_ports::remote::connect(&stage.network, "/fake/stateExt:o", name, Some("fast_tcp"));
+    let connecting = yarp_ports::remote_admin::connect(
+        &stage.network,
+        "/fake/stateExt:o",
+        name,
+        Some("fast_tcp"),
+    );
     let reading = async {
         let (asker, _) = listener.accept().await.expect("a question");
         answer_probe(asker, cut).await;
@@ -168,7 +172,7 @@ async fn each_reader_of_the_state_gets_the_layout_of_its_generation() {
 async fn both_generations_ask_the_same_board_at_once() {
     let stage = Stage::new().await;
     let port = async |name: &str, to: &str| {
-        let port = Port::open(&stage.network, name, PortOptions::new().calling()).await;
+        let port = Port::open(&stage.network, name, PortOptions::new().rpc_client()).await;
         let port = port.expect("a port");
         port.connect_over(to, "tcp").await.expect("a connection");
         port

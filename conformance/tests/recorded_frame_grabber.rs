@@ -7,7 +7,7 @@ use yarp_conformance::capture::Capture;
 use yarp_conformance::replay;
 use yarp_devices::camera::{CameraOptions, Pattern, Scene, SimulatedCamera};
 use yarp_nameserver::{Server, ServerOptions};
-use yarp_wire::Dialect;
+use yarp_wire::WireVersion;
 use yarp_wire::message::{ReadObject, WireObject};
 use yarp_wire::typed;
 use yarp_wrappers::frame_grabber::messages::image;
@@ -65,14 +65,14 @@ fn recorded(generation: &str) -> Vec<Bytes> {
 #[test]
 fn recorded_images_become_ours_and_ours_become_the_same_bytes() {
     let generations = [
-        ("yarp-3.12", Dialect::V3, true),
-        ("yarp-4.0", Dialect::V4, false),
+        ("yarp-3.12", WireVersion::V3, true),
+        ("yarp-4.0", WireVersion::V4, false),
     ];
-    for (generation, dialect, marked) in generations {
+    for (generation, wire_version, marked) in generations {
         let images = recorded(generation);
         assert!(images.len() >= 3, "{generation}");
         for bytes in images {
-            let received = typed::Image::read_binary(&bytes, dialect).expect("an image");
+            let received = typed::Image::read_binary(&bytes, wire_version).expect("an image");
             let ours = image::from_wire(&received).expect("colours");
             // A green ball around the middle, with a light one in it.
             assert_eq!((ours.width(), ours.height()), (32, 24));
@@ -80,7 +80,8 @@ fn recorded_images_become_ours_and_ours_become_the_same_bytes() {
             // 3.10 to 3.12 mark every image, which means nothing; ours has no mark.
             let sent = image::to_wire(&ours).expect("it can be sent");
             let mut written = BytesMut::new();
-            sent.with_mark(marked).write_binary(&mut written, dialect);
+            sent.with_mark(marked)
+                .write_binary(&mut written, wire_version);
             assert_eq!(written, bytes, "{generation}");
         }
     }

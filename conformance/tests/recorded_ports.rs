@@ -16,7 +16,7 @@ async fn network() -> (Server, Network) {
 
 /// A port as `yarp read NAME` opens it.
 async fn reader(network: &Network, name: &str) -> Port {
-    let options = PortOptions::new().reading(Queue::Wait(100));
+    let options = PortOptions::new().queue(Queue::Wait(100));
     Port::open(network, name, options).await.expect("a port")
 }
 
@@ -33,7 +33,7 @@ async fn a_reader_answers_as_stock_does() {
             let capture = Capture::load(generation, &format!("read_write_{carrier}"));
             let port = reader(&network, "/rd").await;
             let streams = capture.to(capture.number_of("/rd"));
-            let errors = replay::play_together(streams, ("127.0.0.1", port.number())).await;
+            let errors = replay::play_together(streams, ("127.0.0.1", port.tcp_port())).await;
             none(&capture.what, errors);
             let mut read = Vec::new();
             while let Some(message) = port.try_read() {
@@ -64,7 +64,7 @@ async fn a_writer_answers_as_stock_does() {
                 .await
                 .expect("a port");
             let streams = capture.to(capture.number_of("/wr"));
-            let errors = replay::play_together(streams, ("127.0.0.1", port.number())).await;
+            let errors = replay::play_together(streams, ("127.0.0.1", port.tcp_port())).await;
             none(&capture.what, errors);
             assert_eq!(port.outputs(), ["/rd"], "{}", capture.what);
             port.close().await;
@@ -84,7 +84,7 @@ async fn an_echo_server_answers_as_stock_does() {
             .handler(|request| request.bottle().map_or(Answer::Nothing, Answer::reply));
         let port = Port::open(&network, "/srv", options).await.expect("a port");
         let streams = capture.to(capture.number_of("/srv"));
-        let errors = replay::play_together(streams, ("127.0.0.1", port.number())).await;
+        let errors = replay::play_together(streams, ("127.0.0.1", port.tcp_port())).await;
         none(&capture.what, errors);
         port.close().await;
         server.close().await;
@@ -98,7 +98,7 @@ async fn administration_answers_as_stock_does() {
         let capture = Capture::load(generation, "admin");
         let port = reader(&network, "/adm").await;
         let streams = capture.to(capture.number_of("/adm"));
-        let errors = replay::play_together(streams, ("127.0.0.1", port.number())).await;
+        let errors = replay::play_together(streams, ("127.0.0.1", port.tcp_port())).await;
         none(&capture.what, errors);
         port.close().await;
         server.close().await;
@@ -112,7 +112,7 @@ async fn a_person_typing_is_answered_as_stock_does() {
         let capture = Capture::load(generation, "text_mode");
         let port = reader(&network, "/rd").await;
         let streams = capture.to(capture.number_of("/rd"));
-        let errors = replay::play_together(streams, ("127.0.0.1", port.number())).await;
+        let errors = replay::play_together(streams, ("127.0.0.1", port.tcp_port())).await;
         none(&capture.what, errors);
         port.close().await;
         server.close().await;

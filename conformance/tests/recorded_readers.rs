@@ -8,7 +8,7 @@ use yarp_conformance::capture::{Capture, Stream};
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_ports::{Port, PortOptions};
 use yarp_wire::Bottle;
-use yarp_wire::name_service::Registering;
+use yarp_wire::name_service::RegisterRequest;
 
 const PATIENCE: Duration = Duration::from_secs(20);
 
@@ -90,9 +90,9 @@ async fn compare(generation: &str, carrier: &str) {
     let network = server.network();
     let listener = TcpListener::bind("127.0.0.1:0").await.expect("a listener");
     let number = listener.local_addr().expect("an address").port();
-    let registering = Registering {
+    let registering = RegisterRequest {
         number: Some(number.into()),
-        ..Registering::named("/rd")
+        ..RegisterRequest::named("/rd")
     };
     network.register(registering).await.expect("a registration");
 

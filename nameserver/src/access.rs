@@ -1,7 +1,7 @@
 //! What a request needs of the roles in force.
 
 use yarp_ports::roles::{Peer, Right, Roles};
-use yarp_wire::name_service::{CHOOSE, Command};
+use yarp_wire::name_service::{Command, SERVER_CHOOSES};
 
 use crate::registry::bare_name;
 
@@ -25,7 +25,7 @@ pub(crate) fn refusal(
 /// The rights that a command needs, and on which ports.
 fn needed<'a>(own: &'a str, command: &'a Command) -> Vec<(Right, &'a str)> {
     match command {
-        Command::Register(asked) if asked.name == CHOOSE || asked.name.starts_with('=') => {
+        Command::Register(asked) if asked.name == SERVER_CHOOSES || asked.name.starts_with('=') => {
             vec![(Right::Administer, CHOSEN)]
         }
         Command::Register(asked) => vec![(Right::Administer, &asked.name)],

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::{Semaphore, mpsc};
 use yarp_ports::{Answer, Network};
 use yarp_wire::message::RawText;
-use yarp_wire::name_service::{Command, ELSEWHERE, Registration, Request};
+use yarp_wire::name_service::{Command, Registration, Request, UNSUPPORTED_PREFIX};
 
 use crate::registry::{Body, Claim, Effect, Look, Registry, Reply};
 use crate::server::lock;
@@ -382,7 +382,7 @@ async fn settled(body: Body, kept: Kept, request: &Request) -> Body {
 
 /// A refusal that is about this server: another one of the same names may do it.
 fn elsewhere(request: &Request, reason: &str) -> Body {
-    let said = ELSEWHERE.trim_start_matches("refused: ");
+    let said = UNSUPPORTED_PREFIX.trim_start_matches("refused: ");
     refused(request, &format!("{said}: {reason}"))
 }
 

@@ -19,7 +19,7 @@ use yarp_wire::name_service::{Command, Form, PREFIX, Request};
 use crate::registry::Registry;
 
 /// The multicast group of name servers; the UDP port is the usual TCP port, 10000.
-pub use yarp_ports::discovery::GROUP;
+pub use yarp_ports::discovery_client::GROUP;
 
 /// Longest request that is answered, in bytes.
 const LONGEST: usize = 4096;

@@ -14,7 +14,8 @@ use tokio::task::JoinHandle;
 use tokio::time::timeout;
 use yarp_ports::roles::{Peer, Roles};
 use yarp_ports::{
-    Answer, CallerLimits, Network, Port, PortError, PortOptions, Received, addresses, remote,
+    Answer, ConnectionLimits, Network, Port, PortError, PortOptions, Received, addresses,
+    remote_admin,
 };
 use yarp_wire::auth::Key;
 use yarp_wire::carrier::ALL;
@@ -61,7 +62,7 @@ pub struct ServerOptions {
     /// How much silence, and how many connections, it puts up with. Unless told otherwise: half a
     /// minute until a client has said who it is, a day between its messages, so that clients of
     /// stock may keep a connection open, and 8192 connections.
-    pub callers: CallerLimits,
+    pub callers: ConnectionLimits,
     /// The key that clients must hold, if there is one.
     pub key: Option<Key>,
     /// Who may look up, register and connect; see [`yarp_ports::roles`].
@@ -127,10 +128,10 @@ const LOOK_EVERY: Duration = Duration::from_secs(30);
 const DROP_AFTER: Duration = Duration::from_secs(3600);
 
 /// Clients of stock say who they are at once, and some keep a connection open for hours.
-const CALLERS: CallerLimits = CallerLimits {
-    header: Some(Duration::from_secs(30)),
-    message: Some(Duration::from_secs(24 * 3600)),
-    connections: Some(8192),
+const CALLERS: ConnectionLimits = ConnectionLimits {
+    handshake_timeout: Some(Duration::from_secs(30)),
+    idle_timeout: Some(Duration::from_secs(24 * 3600)),
+    max_connections: Some(8192),
 };
 
 /// Where stock's name server listens.
@@ -347,7 +348,7 @@ impl Server {
         };
         let survey = Arc::new(Survey::new(web::Settings {
             interval: options.survey,
-            network: options.network(options.port).with_deadline(PATIENCE),
+            network: options.network(options.port).with_timeout(PATIENCE),
         }));
         let pages = Web {
             registry,
@@ -356,11 +357,11 @@ impl Server {
         let mut port_options = PortOptions::new()
             .unregistered()
             .host(&options.host)
-            .number(options.port)
+            .tcp_port(options.port)
             .pages(move |request| pages.page(request))
-            .callers(options.callers)
+            .connection_limits(options.callers)
             // Each request is looked at by itself.
-            .open_to_messages()
+            .allow_any_writer()
             .handler(handler);
         if let Some(address) = options.bind {
             port_options = port_options.address(address);
@@ -370,11 +371,11 @@ impl Server {
             .with_roles(options.roles.clone());
         let port = Port::open(&network, &options.namespace, port_options).await?;
         let port = Arc::new(port);
-        if port.number() != options.port {
+        if port.tcp_port() != options.port {
             // The system has chosen, and nobody knows what yet.
-            *desk.registry() = options.registry(port.number(), kept);
+            *desk.registry() = options.registry(port.tcp_port(), kept);
         }
-        let network = options.network(port.number());
+        let network = options.network(port.tcp_port());
         let mut tasks = vec![
             tokio::spawn(see_to(waiting, port.clone(), network)),
             tokio::spawn(survey.run(desk.clone())),
@@ -404,7 +405,7 @@ impl Server {
 
     /// The TCP port that it listens on.
     pub fn port(&self) -> u16 {
-        self.port.number()
+        self.port.tcp_port()
     }
 
     /// The network of this name server.
@@ -469,7 +470,7 @@ impl ServerOptions {
             Some(address) => vec![address.to_string()],
             None => addresses::own(),
         };
-        introduce(&mut registry, &self.namespace, own);
+        register_properties(&mut registry, &self.namespace, own);
         registry.restore(Instant::now(), kept.iter().cloned());
         registry
     }
@@ -486,7 +487,7 @@ pub(crate) fn lock(registry: &Mutex<Registry>) -> MutexGuard<'_, Registry> {
 }
 
 /// The server says about its own port what any port says.
-fn introduce(registry: &mut Registry, name: &str, addresses: Vec<String>) {
+fn register_properties(registry: &mut Registry, name: &str, addresses: Vec<String>) {
     let mut carriers: Vec<String> = ALL.map(|carrier| carrier.name.to_owned()).to_vec();
     carriers.dedup();
     for (key, values) in [
@@ -529,12 +530,12 @@ fn publish(port: &Port, what: &str, name: &str) {
 /// Makes a persistent connection, unless it is there.
 async fn connect(network: Network, link: Link) {
     let (source, destination) = (&link.source, &link.destination);
-    let known = remote::connection(&network, source, &destination.name).await;
+    let known = remote_admin::connection(&network, source, &destination.name).await;
     if matches!(known, Ok(Some(_))) {
         return;
     }
     let carrier = Some(link.carrier.as_str());
-    let made = remote::connect(&network, &source.name, &destination.name, carrier).await;
+    let made = remote_admin::connect(&network, &source.name, &destination.name, carrier).await;
     if let Err(error) = made {
         let (from, to) = (&source.name, &destination.name);
         tracing::warn!(from, to, "a persistent connection was not made: {error}");
@@ -545,7 +546,7 @@ async fn connect(network: Network, link: Link) {
 async fn disconnect(network: Network, link: Link) {
     let request = yarp_wire::admin::remove(&link.destination.name);
     // A port that is gone has no connections left to end.
-    let _ = remote::administer(&network, &link.source, &request).await;
+    let _ = remote_admin::administer(&network, &link.source, &request).await;
 }
 
 /// Answers multicast detection on UDP port `number`, if the system lets us, of those who are on the

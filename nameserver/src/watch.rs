@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use tokio::task::JoinSet;
-use yarp_ports::{Dialogue, Network, PortError, remote};
+use yarp_ports::{AdminClient, Network, PortError, remote_admin};
 use yarp_wire::message::Command::Describe;
 use yarp_wire::name_service::Registration;
 
@@ -54,36 +54,36 @@ pub(crate) async fn over(desk: Arc<Desk>, every: Duration) {
 
 /// Looks at one port, at most until twice the deadline.
 pub(crate) async fn look(network: &Network, port: &Registration, deadline: Duration) -> Look {
-    meet(&network.with_deadline(deadline), port).await.0
+    meet(&network.with_timeout(deadline), port).await.0
 }
 
 /// Looks at one port, each step in the deadline of the network; gives the conversation, if somebody is
 /// there to go on with.
 ///
 /// This is the one place where it is judged whether a port is there.
-pub(crate) async fn meet(network: &Network, port: &Registration) -> (Look, Option<Dialogue>) {
+pub(crate) async fn meet(network: &Network, port: &Registration) -> (Look, Option<AdminClient>) {
     let looking = async {
-        let mut dialogue = remote::converse(network, port, ADMIN).await?;
-        let lines = dialogue.command(&Describe).await?;
-        Ok((lines, dialogue))
+        let mut client = remote_admin::open_admin_client(network, port, ADMIN).await?;
+        let lines = client.command(&Describe).await?;
+        Ok((lines, client))
     };
-    let most = 2 * network.deadline();
+    let most = 2 * network.timeout();
     let met = match tokio::time::timeout(most, looking).await {
         Ok(met) => met,
-        Err(_) => Err(PortError::Deadline {
+        Err(_) => Err(PortError::Timeout {
             peer: port.name.clone(),
             step: "its description",
             seconds: most.as_secs_f64(),
         }),
     };
     match met {
-        Ok((lines, dialogue)) => {
+        Ok((lines, client)) => {
             let look = told(port, &lines);
             let there = look.outcome == Outcome::Answered;
-            (look, there.then_some(dialogue))
+            (look, there.then_some(client))
         }
         Err(error) => {
-            let (outcome, reason) = (failed(&error), Some(error.story()));
+            let (outcome, reason) = (failed(&error), Some(error.error_chain()));
             (Look { outcome, reason }, None)
         }
     }
@@ -114,7 +114,7 @@ fn failed(error: &PortError) -> Outcome {
             io::ErrorKind::ConnectionRefused => Outcome::Refused,
             _ => Outcome::NoWay,
         },
-        PortError::Deadline {
+        PortError::Timeout {
             step: PortError::CONNECTING,
             ..
         } => Outcome::NoWay,

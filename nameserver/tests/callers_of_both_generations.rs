@@ -9,12 +9,12 @@ use bytes::BytesMut;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use yarp_nameserver::{Server, ServerOptions};
-use yarp_ports::{Answer, Dialogue, Network, Port, PortOptions, Queue, Received};
+use yarp_ports::{AdminClient, Answer, Network, Port, PortOptions, Queue, Received};
 use yarp_wire::bottle::detect;
 use yarp_wire::carrier::Carrier;
 use yarp_wire::connection::{Acceptor, Event};
 use yarp_wire::message::Command;
-use yarp_wire::{Bottle, Dialect, Limits};
+use yarp_wire::{Bottle, Limits, WireVersion};
 
 /// The most that anything here may take; nothing is right or wrong because of it.
 const DEADLINE: Duration = Duration::from_secs(60);
@@ -46,23 +46,23 @@ impl Caller {
     }
 
     /// Calls a port of ours over a carrier, and tells what generation the reply is written for.
-    async fn call(&self, port: &Port, carrier: &str) -> Dialect {
+    async fn call(&self, port: &Port, carrier: &str) -> WireVersion {
         let carrier = Carrier::by_name(carrier).unwrap();
-        let address = ("127.0.0.1", port.number());
-        let network = Network::none().with_deadline(DEADLINE);
-        let opening = Dialogue::open(port.name(), address, carrier, &self.name, &network);
-        let mut dialogue = opening.await.unwrap();
+        let address = ("127.0.0.1", port.tcp_port());
+        let network = Network::none().with_timeout(DEADLINE);
+        let opening = AdminClient::open(port.name(), address, carrier, &self.name, &network);
+        let mut client = opening.await.unwrap();
         let command = Command::Data {
             reply: true,
             envelope: None,
         };
         let request = Bottle::parse("[get] [pos]").unwrap();
-        let reply = dialogue.request(&command, &request).await.unwrap();
+        let reply = client.request(&command, &request).await.unwrap();
         let bytes = reply.bytes();
-        let dialect = detect(&bytes, Limits::DEFAULT).expect("it has floats");
-        let read = Bottle::decode(&bytes, dialect, Limits::DEFAULT).unwrap();
+        let wire_version = detect(&bytes, Limits::DEFAULT).expect("it has floats");
+        let read = Bottle::decode(&bytes, wire_version, Limits::DEFAULT).unwrap();
         assert_eq!(read.to_string(), REPLY);
-        dialect
+        wire_version
     }
 }
 
@@ -72,7 +72,7 @@ async fn answer_all(
     answer: Option<&str>,
     asked: Arc<AtomicUsize>,
 ) {
-    let mut acceptor = Acceptor::new(number, Dialect::V4, Limits::DEFAULT);
+    let mut acceptor = Acceptor::new(number, WireVersion::V4, Limits::DEFAULT);
     let (mut input, mut output) = (BytesMut::new(), BytesMut::new());
     loop {
         while let Some(event) = acceptor.poll(&mut input, &mut output).unwrap() {
@@ -99,23 +99,25 @@ async fn network() -> (Server, Network) {
     let server = Server::start(ServerOptions::default().at("127.0.0.1", 0))
         .await
         .unwrap();
-    let network = server.network().with_deadline(DEADLINE);
+    let network = server.network().with_timeout(DEADLINE);
     (server, network)
 }
 
 /// A port of ours that replies with floats.
-async fn replying(network: &Network, name: &str, dialect: Dialect) -> Port {
+async fn replying(network: &Network, name: &str, wire_version: WireVersion) -> Port {
     let handler = |_: &mut Received| Answer::reply(Bottle::parse(REPLY).unwrap());
-    let options = PortOptions::new().handler(handler).dialect(dialect);
+    let options = PortOptions::new()
+        .handler(handler)
+        .wire_version(wire_version);
     Port::open(network, name, options).await.unwrap()
 }
 
 /// What 3.5.0 and 4.0.0 answer to a request for the number of their process.
-const ANSWERS: [(&str, Dialect); 2] = [
-    ("1 \"\" 4412", Dialect::V3),
+const ANSWERS: [(&str, WireVersion); 2] = [
+    ("1 \"\" 4412", WireVersion::V3),
     (
         "[fail] \"send [help] for list of valid commands\"",
-        Dialect::V4,
+        WireVersion::V4,
     ),
 ];
 
@@ -124,7 +126,7 @@ async fn replies_are_written_as_their_reader_reads() {
     let (_server, network) = network().await;
     for (answer, reads) in ANSWERS {
         let caller = Caller::open(&network, &format!("/caller/{reads}"), Some(answer)).await;
-        for default in [Dialect::V3, Dialect::V4] {
+        for default in [WireVersion::V3, WireVersion::V4] {
             let port = replying(&network, &format!("/{reads}/{default}"), default).await;
             for carrier in ["tcp", "fast_tcp"] {
                 // On a machine that stands still for a while the answer comes too late.
@@ -153,7 +155,7 @@ async fn who_does_not_say_gets_what_the_port_answers_in() {
         name: "/unknown".to_owned(),
         asked: Arc::default(),
     };
-    for default in [Dialect::V3, Dialect::V4] {
+    for default in [WireVersion::V3, WireVersion::V4] {
         let port = replying(&network, &format!("/{default}"), default).await;
         for caller in [&silent, &strange, &ours, &program, &unknown] {
             assert_eq!(caller.call(&port, "tcp").await, default, "{}", caller.name);
@@ -167,18 +169,18 @@ async fn who_does_not_say_gets_what_the_port_answers_in() {
 async fn nobody_is_asked_who_gets_no_replies() {
     let (_server, network) = network().await;
     let caller = Caller::open(&network, "/caller", Some("[fail]")).await;
-    let options = PortOptions::new().reading(Queue::Latest);
+    let options = PortOptions::new().queue(Queue::Latest);
     let port = Port::open(&network, "/reader", options).await.unwrap();
     let carrier = Carrier::by_name("tcp").unwrap();
-    let address = ("127.0.0.1", port.number());
-    let mut dialogue = Dialogue::open("/reader", address, carrier, &caller.name, &network)
+    let address = ("127.0.0.1", port.tcp_port());
+    let mut client = AdminClient::open("/reader", address, carrier, &caller.name, &network)
         .await
         .unwrap();
     let command = Command::Data {
         reply: true,
         envelope: None,
     };
-    dialogue
+    client
         .request(&command, &Bottle::parse("1").unwrap())
         .await
         .unwrap();

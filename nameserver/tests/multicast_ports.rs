@@ -14,7 +14,7 @@ async fn server() -> Server {
 }
 
 fn reading() -> PortOptions {
-    PortOptions::new().reading(Queue::Wait(100))
+    PortOptions::new().queue(Queue::Wait(100))
 }
 
 async fn next(port: &Port) -> Bottle {

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 use yarp_nameserver::registry::Change;
 use yarp_nameserver::store::{Durability, SqliteStore, Store, StoreError};
 use yarp_nameserver::{Server, ServerOptions, StartError};
-use yarp_ports::{Dialogue, Network};
+use yarp_ports::{AdminClient, Network};
 use yarp_wire::Bottle;
 use yarp_wire::carrier::Carrier;
 use yarp_wire::message::Command;
@@ -31,11 +31,11 @@ async fn ask(network: &Network, request: &str) -> Vec<String> {
     }
     let address = network.server().unwrap();
     let carrier = Carrier::by_name("text_ack").unwrap();
-    let mut dialogue = Dialogue::open("/root", address, carrier, "admin", network)
+    let mut client = AdminClient::open("/root", address, carrier, "admin", network)
         .await
         .unwrap();
     let request = Bottle::parse(request).unwrap();
-    let answer = dialogue.request(&Command::data(true), &request).await;
+    let answer = client.request(&Command::data(true), &request).await;
     vec![answer.unwrap().to_bottle().unwrap().to_string()]
 }
 

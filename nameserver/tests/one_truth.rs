@@ -100,7 +100,7 @@ async fn put(server: &Server, state: State, number: u16) -> There {
             There::Stuck(socket.listen(64).unwrap())
         }
         State::Alive => {
-            let options = PortOptions::new().unregistered().number(number);
+            let options = PortOptions::new().unregistered().tcp_port(number);
             There::Port(Port::open(&server.network(), "/a", options).await.unwrap())
         }
     }

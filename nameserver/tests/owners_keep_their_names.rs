@@ -35,7 +35,7 @@ async fn a_port_that_lives_keeps_its_name() {
     let line = first_line(&network, "register /a tcp 127.0.0.1 9").await;
     let expected = format!(
         "refused: /a belongs to a port that is there, at 127.0.0.1:{}",
-        owner.number()
+        owner.tcp_port()
     );
     assert!(line.starts_with(&expected), "{line}");
     assert_eq!(network.query("/a").await.unwrap(), place);
@@ -72,7 +72,7 @@ async fn the_name_of_a_port_that_is_gone_is_free() {
     let next = Port::open(&network, "/a", PortOptions::new())
         .await
         .unwrap();
-    assert_ne!(next.number(), number);
+    assert_ne!(next.tcp_port(), number);
     next.close().await;
     server.close().await;
 }
@@ -87,7 +87,7 @@ async fn a_port_that_is_stuck_keeps_its_name_and_a_stranger_does_not() {
     let stranger = Port::open(&network, "/stranger", PortOptions::new().unregistered())
         .await
         .unwrap();
-    for (name, number) in [("/stuck", number), ("/b", stranger.number())] {
+    for (name, number) in [("/stuck", number), ("/b", stranger.tcp_port())] {
         let request = format!("register {name} tcp 127.0.0.1 {number}");
         let line = first_line(&network, &request).await;
         assert!(line.starts_with("registration"), "{line}");
@@ -116,7 +116,7 @@ async fn a_port_that_has_just_registered_has_time_to_listen() {
         async move { first_line(&network, "register /a").await }
     });
     tokio::time::sleep(Duration::from_millis(100)).await;
-    let options = PortOptions::new().unregistered().number(number);
+    let options = PortOptions::new().unregistered().tcp_port(number);
     let owner = Port::open(&network, "/a", options).await.unwrap();
     let line = thief.await.unwrap();
     assert!(line.starts_with("refused: "), "{line}");

@@ -30,20 +30,20 @@ async fn a_number_that_is_taken_is_stepped_over_within_the_range() {
     let port = Port::open(&network, "/p", PortOptions::new())
         .await
         .unwrap();
-    assert!(range.contains(&port.number()) && port.number() != first);
-    assert_eq!(network.query("/p").await.unwrap().port, port.number());
+    assert!(range.contains(&port.tcp_port()) && port.tcp_port() != first);
+    assert_eq!(network.query("/p").await.unwrap().port, port.tcp_port());
     // Names that were used on the way are gone.
     let names = server.registrations();
     let names: Vec<_> = names.iter().map(|held| held.name.as_str()).collect();
     assert_eq!(names, ["/p", "/root", "fallback"]);
     // The same name again: the number that it had last is free again.
-    let number = port.number();
+    let number = port.tcp_port();
     port.close().await;
     let again = Port::open(&network, "/p", PortOptions::new())
         .await
         .unwrap();
     assert!(
-        range.contains(&again.number()) && again.number() != first,
+        range.contains(&again.tcp_port()) && again.tcp_port() != first,
         "{number}"
     );
 }
@@ -60,9 +60,9 @@ async fn a_name_of_the_servers_choice_stays_when_its_number_is_taken() {
     let port = Port::open(&network, "...", PortOptions::new())
         .await
         .unwrap();
-    assert_ne!(port.number(), first);
+    assert_ne!(port.tcp_port(), first);
     let place = network.query(port.name()).await.unwrap();
-    assert_eq!(place.port, port.number());
+    assert_eq!(place.port, port.tcp_port());
 }
 
 #[tokio::test]

@@ -22,7 +22,7 @@ async fn is_back(network: &Network, port: &Port, type_name: &str) {
     let began = Instant::now();
     loop {
         if let Ok(place) = network.query(port.name()).await {
-            assert_eq!(place.port, port.number());
+            assert_eq!(place.port, port.tcp_port());
             let property = network
                 .ask(&format!("get {} type", port.name()))
                 .await
@@ -90,7 +90,7 @@ async fn stock(number: u16, process: u32) -> Port {
     };
     let options = PortOptions::new()
         .unregistered()
-        .number(number)
+        .tcp_port(number)
         .handler(handler);
     let network = Network::at("127.0.0.1", number);
     Port::open(&network, "/root", options).await.unwrap()

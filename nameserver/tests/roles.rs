@@ -2,7 +2,7 @@
 
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_ports::roles::Roles;
-use yarp_ports::{Dialogue, Network, Port, PortOptions};
+use yarp_ports::{AdminClient, Network, Port, PortOptions};
 use yarp_wire::Bottle;
 use yarp_wire::auth::Key;
 use yarp_wire::carrier::Carrier;
@@ -35,10 +35,10 @@ async fn server(text: &str) -> (Server, tempfile::TempDir) {
 async fn ask(network: &Network, name: &str, request: &str) -> String {
     let carrier = Carrier::by_name("text_ack").unwrap();
     let server = network.server().unwrap();
-    let opening = Dialogue::open("/root", server, carrier, name, network);
-    let mut dialogue = opening.await.unwrap();
+    let opening = AdminClient::open("/root", server, carrier, name, network);
+    let mut client = opening.await.unwrap();
     let request = Bottle::parse(&format!("NAME_SERVER {request}")).unwrap();
-    let payload = dialogue.request(&Command::data(true), &request).await;
+    let payload = client.request(&Command::data(true), &request).await;
     let text = payload.unwrap().to_bottle().unwrap().to_string();
     text.replace('"', "")
 }
@@ -104,7 +104,7 @@ async fn a_port_that_may_not_have_its_name_does_not_open() {
     let port = Port::open(&network, "/mine", PortOptions::new())
         .await
         .unwrap();
-    assert_eq!(network.query("/mine").await.unwrap().port, port.number());
+    assert_eq!(network.query("/mine").await.unwrap().port, port.tcp_port());
     port.close().await;
     server.close().await;
 }
@@ -118,7 +118,7 @@ async fn a_server_with_a_key_serves_those_who_hold_it() {
     let port = Port::open(&network, "/mine", PortOptions::new())
         .await
         .unwrap();
-    assert_eq!(network.query("/mine").await.unwrap().port, port.number());
+    assert_eq!(network.query("/mine").await.unwrap().port, port.tcp_port());
     for other in [None, Key::new(b"another")] {
         let refused = network.with_key(other).query("/mine").await;
         assert!(refused.is_err());

@@ -208,7 +208,7 @@ fn options() -> ServerOptions {
 async fn ask(network: &Network, request: &str) -> String {
     match network.ask(request).await {
         Ok(answer) => answer.lines().collect::<Vec<_>>().join("|"),
-        Err(error) => error.story(),
+        Err(error) => error.error_chain(),
     }
 }
 
@@ -459,7 +459,7 @@ async fn programs_go_on_with_the_next_server() {
     let place = ask(&network, "query /t/mine").await;
     one.close().await;
     until(&network, "query /t/mine", &place, true).await;
-    assert_eq!(network.places()[0].1, second);
+    assert_eq!(network.servers()[0].1, second);
     let more = Port::open(&network, "/t/more", PortOptions::new())
         .await
         .unwrap();

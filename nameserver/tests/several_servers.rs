@@ -6,7 +6,7 @@ use std::path::Path;
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_ports::config::{Configuration, Environment};
 use yarp_ports::{Network, Port, PortError, PortOptions};
-use yarp_wire::name_service::Registering;
+use yarp_wire::name_service::RegisterRequest;
 
 async fn server(namespace: &str) -> Server {
     let options = ServerOptions::default().at("127.0.0.1", 0);
@@ -45,7 +45,7 @@ async fn a_port_is_known_to_every_server_until_it_closes() {
             .unwrap();
         for server in [&a, &b] {
             let place = server.network().query(port.name()).await.unwrap();
-            assert_eq!(place.port, port.number());
+            assert_eq!(place.port, port.tcp_port());
             let ips = format!("get {} ips", port.name());
             let answer = server.network().ask(&ips).await.unwrap();
             assert!(answer.property().is_some_and(|ips| !ips.values.is_empty()));
@@ -64,9 +64,9 @@ async fn a_port_is_found_through_the_first_server_that_knows_it() {
     let (a, b) = (server("/a").await, server("/b").await);
     let network = network(a.port(), b.port());
     let register = |server: &Server, name: &str, number: u16| {
-        let asking = Registering {
+        let asking = RegisterRequest {
             number: Some(number.into()),
-            ..Registering::named(name)
+            ..RegisterRequest::named(name)
         };
         let network = server.network();
         async move { network.register(asking).await.unwrap() }
@@ -91,7 +91,7 @@ async fn one_server_that_is_away_does_not_take_the_others_along() {
         let port = Port::open(&network, "/p", PortOptions::new())
             .await
             .unwrap();
-        assert_eq!(network.query("/p").await.unwrap().port, port.number());
+        assert_eq!(network.query("/p").await.unwrap().port, port.tcp_port());
         let unknown = network.query("/none").await;
         assert!(
             matches!(unknown, Err(PortError::Unknown { .. })),

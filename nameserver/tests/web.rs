@@ -8,7 +8,7 @@ use serde_json::Value;
 use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
 use tokio::net::{TcpListener, TcpSocket, TcpStream};
 use yarp_nameserver::{Server, ServerOptions};
-use yarp_ports::{Port, PortOptions, Queue, remote};
+use yarp_ports::{Port, PortOptions, Queue, remote_admin};
 use yarp_wire::Bottle;
 
 /// The most that anything here may take; nothing is right or wrong because of it.
@@ -207,7 +207,7 @@ async fn names_come_with_place_state_program_and_type() {
     assert_eq!(names["server"]["port"], server.port());
     let alive = entry(&names, "/alive");
     assert_eq!(alive["host"], "127.0.0.1");
-    assert_eq!(alive["port"], port.number());
+    assert_eq!(alive["port"], port.tcp_port());
     assert_eq!(alive["carrier"], "tcp");
     assert_eq!(alive["type"], "yarp/vector");
     assert_eq!(alive["process"]["pid"], std::process::id());
@@ -242,12 +242,7 @@ async fn who_has_seen_the_names_is_told_when_they_change() {
 #[tokio::test]
 async fn connections_come_with_what_passes() {
     let server = eager_server().await;
-    let reader = open(
-        &server,
-        "/rd",
-        PortOptions::new().reading(Queue::Wait(1000)),
-    )
-    .await;
+    let reader = open(&server, "/rd", PortOptions::new().queue(Queue::Wait(1000))).await;
     let writer = open(&server, "/wr", PortOptions::new()).await;
     writer.connect_over("/rd", "fast_tcp").await.unwrap();
     for i in 0..5 {
@@ -300,13 +295,13 @@ async fn connections_come_with_what_passes() {
 #[tokio::test]
 async fn a_port_that_does_not_count_is_asked_for_its_lists() {
     let server = eager_server().await;
-    let reader = open(&server, "/rd", PortOptions::new().reading(Queue::Latest)).await;
+    let reader = open(&server, "/rd", PortOptions::new().queue(Queue::Latest)).await;
     let writer = open(&server, "/wr", PortOptions::new()).await;
     writer.connect_over("/rd", "udp").await.unwrap();
     for port in [&reader, &writer] {
         let place = server.network().query(port.name()).await.unwrap();
         let request = Bottle::parse("[prop] [set] counters none").unwrap();
-        let answer = remote::administer(&server.network(), &place, &request).await;
+        let answer = remote_admin::administer(&server.network(), &place, &request).await;
         assert_eq!(answer.unwrap().to_string(), "[ok]");
     }
     let told = |answer: &Value| {

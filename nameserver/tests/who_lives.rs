@@ -48,7 +48,7 @@ async fn ports_are_looked_at_and_their_states_are_told() {
     let number = |listener: &TcpListener| listener.local_addr().unwrap().port();
     let gone_number = number(&gone);
     drop(gone);
-    register(&network, "/alive", alive.number()).await;
+    register(&network, "/alive", alive.tcp_port()).await;
     register(&network, "/stuck", number(&stuck)).await;
     register(&network, "/gone", gone_number).await;
     until("gone", || state(&server, "/gone") == Some(State::Gone)).await;
@@ -70,7 +70,7 @@ async fn ports_are_looked_at_and_their_states_are_told() {
     assert_eq!(states, ["alive", "gone", "alive", "unreachable"]);
 
     // It comes back where it was.
-    let options = PortOptions::new().unregistered().number(gone_number);
+    let options = PortOptions::new().unregistered().tcp_port(gone_number);
     let back = Port::open(&network, "/gone", options).await.unwrap();
     until("back", || state(&server, "/gone") == Some(State::Alive)).await;
     back.close().await;
@@ -89,7 +89,7 @@ async fn names_are_dropped_when_their_ports_are_gone_and_not_before() {
         .unwrap();
     let stuck = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let gone = TcpListener::bind("127.0.0.1:0").await.unwrap();
-    register(&network, "/alive", alive.number()).await;
+    register(&network, "/alive", alive.tcp_port()).await;
     register(&network, "/stuck", stuck.local_addr().unwrap().port()).await;
     register(&network, "/gone", gone.local_addr().unwrap().port()).await;
     drop(gone);

@@ -59,7 +59,7 @@ pub fn wait<T: Send + 'static>(future: impl Future<Output = T> + Send + 'static)
 /// use yarp_ports::{Network, PortOptions, blocking::Port};
 /// use yarp_wire::Bottle;
 ///
-/// let port = Port::open(&Network::from_process()?, "/me", PortOptions::new().calling())?;
+/// let port = Port::open(&Network::from_process()?, "/me", PortOptions::new().rpc_client())?;
 /// port.connect("/wam/rpc:i")?;
 /// let answer: Bottle = port.call(&Bottle::parse("[get] [axes]").unwrap(), Duration::from_secs(1))?;
 /// println!("{answer}");

@@ -6,9 +6,9 @@ use std::net::SocketAddr;
 use yarp_wire::bottle::DecodeError;
 use yarp_wire::connection::ProtocolError;
 use yarp_wire::mjpeg::MjpegError;
-use yarp_wire::name::NameError;
+use yarp_wire::port_name::NameError;
 
-use crate::auth::AuthFailure;
+use crate::auth_step::AuthFailure;
 use crate::config::ConfigError;
 use crate::port::MonitorError;
 
@@ -94,7 +94,7 @@ pub enum PortError {
         text: String,
     },
     /// There is no such carrier here.
-    #[error("nothing can be sent over {carrier:?}; carriers for that are {known}")]
+    #[error("{carrier:?} cannot carry outgoing connections; expected one of {known}")]
     NoCarrier {
         /// What was asked for.
         carrier: String,
@@ -119,7 +119,7 @@ pub enum PortError {
         peer: String,
     },
     /// The other side broke the protocol.
-    #[error("{peer} broke the protocol")]
+    #[error("{peer} violated the protocol")]
     Protocol {
         /// Who.
         peer: String,
@@ -128,8 +128,8 @@ pub enum PortError {
         source: ProtocolError,
     },
     /// Pictures were asked for, and something else came.
-    #[error("{peer} sends no pictures")]
-    Pictures {
+    #[error("{peer} sends no images")]
+    Mjpeg {
         /// Who.
         peer: String,
         /// What is wrong.
@@ -138,7 +138,7 @@ pub enum PortError {
     },
     /// Something took longer than allowed.
     #[error("{peer} did not answer in {seconds} s ({step})")]
-    Deadline {
+    Timeout {
         /// Who.
         peer: String,
         /// What was waited for.
@@ -185,7 +185,7 @@ pub enum PortError {
         name: String,
     },
     /// A reply or message cannot be read.
-    #[error("what {peer} sent cannot be read")]
+    #[error("the message from {peer} cannot be decoded")]
     Unreadable {
         /// Who.
         peer: String,
@@ -218,14 +218,14 @@ impl PortError {
         matches!(self, Self::Listen { source, .. } if source.kind() == io::ErrorKind::AddrInUse)
     }
 
-    /// The whole story on one line: this error and its sources.
-    pub fn story(&self) -> String {
-        story(self)
+    /// The error chain on one line: this error and its sources.
+    pub fn error_chain(&self) -> String {
+        error_chain(self)
     }
 }
 
-/// The whole story of an error on one line: the error itself and its sources.
-pub fn story(error: &dyn std::error::Error) -> String {
+/// The error chain of an error on one line: the error itself and its sources.
+pub fn error_chain(error: &dyn std::error::Error) -> String {
     let mut text = error.to_string();
     let mut source = error.source();
     while let Some(error) = source {

@@ -1,44 +1,44 @@
 //! YARP ports on tokio: open, connect, read, write, call.
 //!
-//! [`Network`] knows the name server; [`Port`] is a port on it; [`Dialogue`] is a short
+//! [`Network`] knows the name server; [`Port`] is a port on it; [`AdminClient`] is a short
 //! conversation with a port of somebody else; [`remote`] asks ports of others to connect.
 //! [`blocking`] is the same for programs that do not write async.
 
 pub mod addresses;
-mod auth;
+mod admin_client;
+mod auth_step;
 pub mod blocking;
-mod busy;
+mod busy_poll;
 mod cancel;
 pub mod config;
-mod datagram;
-mod dialogue;
-pub mod discovery;
+pub mod discovery_client;
 mod error;
-mod keeper;
+mod lease_renewal;
 mod network;
 mod port;
-mod probe;
-pub mod remote;
+pub mod remote_admin;
 pub mod roles;
-mod schedule;
 mod shmem;
-mod stream;
-mod tcp;
-mod transport;
-mod unix;
+mod socket;
+mod tcp_stream;
+mod thread_schedule;
+mod transport_switch;
+mod udp_socket;
+mod unix_socket;
+mod version_probe;
 
-pub use auth::AuthFailure;
-pub use dialogue::Dialogue;
-pub use error::{PortError, story};
-pub use network::{Network, Place};
+pub use admin_client::AdminClient;
+pub use auth_step::AuthFailure;
+pub use error::{PortError, error_chain};
+pub use network::{Endpoint, Network};
 pub use port::{
-    AdminHandler, Answer, CallerLimits, ConnectionChange, ConnectionCounters, Envelope, Handler,
-    LinkState, Monitor, MonitorError, MonitorFactory, MonitorSetup, MonitorSide, Page, Pages,
-    Passing, Port, PortCounters, PortOptions, Queue, Received, Reply, Supervised, Supervision,
-    Traffic, Watcher,
+    AdminHandler, Answer, ConnectionChange, ConnectionCounters, ConnectionLimits,
+    ConnectionObserver, ConnectionState, Envelope, Handler, Monitor, MonitorError, MonitorFactory,
+    MonitorSetup, MonitorSide, Page, Pages, Passing, Port, PortCounters, PortOptions, Queue,
+    Received, ReconnectOptions, ReconnectingConnection, Reply, Traffic,
 };
 pub use port::{built_in as built_in_monitor, built_in_names as built_in_monitors, modifier_names};
-pub use schedule::keep_to_deadlines;
+pub use thread_schedule::request_low_timer_slack;
 
 /// Compiles the example of the README.
 #[cfg(doctest)]

@@ -9,15 +9,16 @@ use yarp_wire::Contact;
 use yarp_wire::auth::Key;
 use yarp_wire::carrier::ALL;
 use yarp_wire::name_service::{
-    Answer, AnswerReader, Command, ELSEWHERE, PREFIX, Registering, Registration, Request, Until,
+    Answer, AnswerEnd, AnswerReader, Command, PREFIX, RegisterRequest, Registration, Request,
+    UNSUPPORTED_PREFIX,
 };
 
 use crate::addresses;
 use crate::config::{Configuration, DEFAULT_NAMESPACE, NameServer, Namespace};
 use crate::error::PortError;
-use crate::keeper::Keeper;
+use crate::lease_renewal::LeasedNames;
 use crate::roles::Roles;
-use crate::stream::{self, Inflow};
+use crate::socket::{self, ReadBuffer};
 
 /// A YARP network: name servers, usually one, each with its namespace.
 ///
@@ -43,7 +44,7 @@ struct Inner {
     configuration: Option<Arc<Configuration>>,
     deadline: Duration,
     /// Keeps the names of this network's ports; shared by all copies.
-    keeper: Arc<Keeper>,
+    leased_names: Arc<LeasedNames>,
     /// What both ends of each connection must know.
     key: Option<Key>,
     /// Who may do what with the ports that are opened here.
@@ -58,44 +59,44 @@ struct Server {
     host: String,
     port: u16,
     /// All places where it may be; shared by all copies of the network.
-    places: Arc<Mutex<Places>>,
+    places: Arc<Mutex<ServerAddresses>>,
 }
 
 /// Where a namespace is served.
 #[derive(Debug)]
-struct Places {
+struct ServerAddresses {
     /// Host and TCP port, never empty.
     known: Vec<(String, u16)>,
     /// The one that answered last.
     current: usize,
 }
 
-/// Places of one namespace that are remembered; who is told of more asks those.
-const MOST_PLACES: usize = 16;
+/// ServerAddresses of one namespace that are remembered; who is told of more asks those.
+const MAX_SERVER_ADDRESSES: usize = 16;
 
 impl Server {
     fn at(namespace: &str, host: &str, port: u16, others: &[(String, u16)]) -> Self {
         let first = (host.to_owned(), port);
         let mut known = vec![first];
-        known.extend(others.iter().take(MOST_PLACES - 1).cloned());
+        known.extend(others.iter().take(MAX_SERVER_ADDRESSES - 1).cloned());
         Self {
             namespace: namespace.to_owned(),
             host: host.to_owned(),
             port,
-            places: Arc::new(Mutex::new(Places { known, current: 0 })),
+            places: Arc::new(Mutex::new(ServerAddresses { known, current: 0 })),
         }
     }
 
-    fn places(&self) -> MutexGuard<'_, Places> {
+    fn servers(&self) -> MutexGuard<'_, ServerAddresses> {
         self.places.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 /// How long connecting and asking may take, unless told otherwise; stock waits as long.
-const DEADLINE: Duration = Duration::from_secs(10);
+const DEFAULT_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Where the name server says a port is.
-pub type Place = Registration;
+pub type Endpoint = Registration;
 
 impl Network {
     /// The network whose name server is at `host:port`, in namespace `/root`.
@@ -106,10 +107,10 @@ impl Network {
             servers: vec![Server::at(DEFAULT_NAMESPACE, host, port, &[])],
             namespace: DEFAULT_NAMESPACE.to_owned(),
             configuration: None,
-            deadline: DEADLINE,
+            deadline: DEFAULT_TIMEOUT,
             key: None,
             roles: Roles::default(),
-            keeper: Arc::default(),
+            leased_names: Arc::default(),
         })
     }
 
@@ -119,10 +120,10 @@ impl Network {
             servers: Vec::new(),
             namespace: DEFAULT_NAMESPACE.to_owned(),
             configuration: None,
-            deadline: DEADLINE,
+            deadline: DEFAULT_TIMEOUT,
             key: None,
             roles: Roles::default(),
-            keeper: Arc::default(),
+            leased_names: Arc::default(),
         })
     }
 
@@ -147,8 +148,8 @@ impl Network {
             key: configuration.key().cloned(),
             roles: configuration.roles().clone(),
             configuration: Some(Arc::new(configuration)),
-            deadline: DEADLINE,
-            keeper: Arc::default(),
+            deadline: DEFAULT_TIMEOUT,
+            leased_names: Arc::default(),
         })
     }
 
@@ -157,7 +158,7 @@ impl Network {
     }
 
     /// The same network with another limit on how long connecting and asking may take.
-    pub fn with_deadline(&self, deadline: Duration) -> Self {
+    pub fn with_timeout(&self, deadline: Duration) -> Self {
         Self::from(Inner {
             deadline,
             ..Inner::clone(&self.0)
@@ -201,7 +202,7 @@ impl Network {
     }
 
     /// How long connecting and asking may take.
-    pub fn deadline(&self) -> Duration {
+    pub fn timeout(&self) -> Duration {
         self.0.deadline
     }
 
@@ -213,41 +214,41 @@ impl Network {
 
     /// Host and port of every place where the name server may be, of several the first; the one that
     /// answered last comes first.
-    pub fn places(&self) -> Vec<(String, u16)> {
+    pub fn servers(&self) -> Vec<(String, u16)> {
         let Some(server) = self.0.servers.first() else {
             return Vec::new();
         };
-        let places = server.places();
+        let places = server.servers();
         let (before, from) = places.known.split_at(places.current);
         from.iter().chain(before).cloned().collect()
     }
 
     /// The name server answers at this place.
-    fn prefer(&self, place: &(String, u16)) {
+    fn prefer(&self, endpoint: &(String, u16)) {
         let Some(server) = self.0.servers.first() else {
             return;
         };
-        let mut places = server.places();
-        if let Some(index) = places.known.iter().position(|known| known == place) {
+        let mut places = server.servers();
+        if let Some(index) = places.known.iter().position(|known| known == endpoint) {
             places.current = index;
         }
     }
 
     /// The name server is at these places, too.
-    pub(crate) fn learn(&self, others: &[(String, u16)]) {
+    pub(crate) fn add_servers(&self, others: &[(String, u16)]) {
         let Some(server) = self.0.servers.first() else {
             return;
         };
-        let mut places = server.places();
+        let mut places = server.servers();
         for other in others {
-            if places.known.len() < MOST_PLACES && !places.known.contains(other) {
+            if places.known.len() < MAX_SERVER_ADDRESSES && !places.known.contains(other) {
                 places.known.push(other.clone());
             }
         }
     }
 
-    pub(crate) fn keeper(&self) -> &Keeper {
-        &self.0.keeper
+    pub(crate) fn leased_names(&self) -> &LeasedNames {
+        &self.0.leased_names
     }
 
     /// Host and port of the name server as text.
@@ -289,7 +290,7 @@ impl Network {
                 (Ok(_), Ok(_)) => {}
                 (Ok(done), Err(_)) => result = Ok(done),
                 (Err(error), Err(PortError::NoNameServer)) => result = Err(error),
-                (Err(error), _) => tracing::warn!(namespace, "{}", error.story()),
+                (Err(error), _) => tracing::warn!(namespace, "{}", error.error_chain()),
             }
         }
         result
@@ -327,10 +328,10 @@ impl Network {
     /// connection of its own. Where the name server may be at several places, the next one is asked if
     /// one does not answer in its share of the time, or says that it cannot at the moment.
     pub async fn ask(&self, request: &str) -> Result<Answer, PortError> {
-        self.at_each_place(|network| async move {
+        self.at_each_server(|network| async move {
             let answer = network.ask_there(request).await?;
             let first = answer.lines().next();
-            match first.is_some_and(|line| line.starts_with(ELSEWHERE)) {
+            match first.is_some_and(|line| line.starts_with(UNSUPPORTED_PREFIX)) {
                 true => Err(network.refused(request, &answer)),
                 false => Ok(answer),
             }
@@ -340,23 +341,23 @@ impl Network {
 
     /// Tries something at each place where the name server may be, until it succeeds; gives what the
     /// last one said. The time is shared out evenly.
-    pub async fn at_each_place<T, F: Future<Output = Result<T, PortError>>>(
+    pub async fn at_each_server<T, F: Future<Output = Result<T, PortError>>>(
         &self,
         work: impl Fn(Self) -> F,
     ) -> Result<T, PortError> {
-        let places = self.places();
+        let places = self.servers();
         let share = u32::try_from(places.len()).unwrap_or(u32::MAX).max(1);
         let mut result = Err(PortError::NoNameServer);
-        for place in places {
-            let (host, port) = &place;
+        for endpoint in places {
+            let (host, port) = &endpoint;
             let network = self.with_server(host, *port);
-            result = work(network.with_deadline(self.0.deadline / share)).await;
+            result = work(network.with_timeout(self.0.deadline / share)).await;
             match &result {
                 Ok(_) => {
-                    self.prefer(&place);
+                    self.prefer(&endpoint);
                     break;
                 }
-                Err(error) => tracing::debug!("{}", error.story()),
+                Err(error) => tracing::debug!("{}", error.error_chain()),
             }
         }
         result
@@ -375,7 +376,7 @@ impl Network {
             }
         };
         let conversation = async {
-            let connecting = stream::connect("the name server", host, port, self);
+            let connecting = socket::connect("the name server", host, port, self);
             let stream = match connecting.await {
                 Ok(stream) => stream,
                 Err(PortError::Connect { source, .. }) => {
@@ -390,14 +391,14 @@ impl Network {
             };
             let line = format!("{PREFIX} {}\n", request.replace(['"', '\n'], ""));
             let mut out = BytesMut::from(line.as_bytes());
-            let sending = stream::write_all(&stream, &mut out);
+            let sending = socket::write_all(&stream, &mut out);
             sending.await.map_err(failed("sending"))?;
-            let mut input = Inflow::default();
+            let mut input = ReadBuffer::default();
             // A structured answer is one line; nothing marks its end.
             let structured = request.trim_start().starts_with("bot ");
             let mut reader = AnswerReader::new(match structured {
-                true => Until::FirstLine,
-                false => Until::End,
+                true => AnswerEnd::FirstLine,
+                false => AnswerEnd::End,
             });
             while !reader.is_done() {
                 let reading = input.read(&stream, 0);
@@ -424,34 +425,34 @@ impl Network {
     }
 
     /// Where a port is, as the first name server says that knows it.
-    pub async fn query(&self, name: &str) -> Result<Place, PortError> {
+    pub async fn query(&self, name: &str) -> Result<Endpoint, PortError> {
         let mut result = Err(PortError::NoNameServer);
         for network in self.each() {
             match (network.query_one(name).await, &result) {
-                (Ok(place), _) => return Ok(place),
+                (Ok(endpoint), _) => return Ok(endpoint),
                 // One that answers is worth more than one that is away.
                 (unknown @ Err(PortError::Unknown { .. }), _) => result = unknown,
                 (error, Err(PortError::NoNameServer)) => result = error,
-                (Err(error), _) => tracing::debug!("{}", error.story()),
+                (Err(error), _) => tracing::debug!("{}", error.error_chain()),
             }
         }
         result
     }
 
-    async fn query_one(&self, name: &str) -> Result<Place, PortError> {
+    async fn query_one(&self, name: &str) -> Result<Endpoint, PortError> {
         let name = name.to_owned();
         let answer = self.command(Command::Query { name: name.clone() }).await?;
         answer.registration().ok_or(PortError::Unknown { name })
     }
 
     /// Where the port that a contact means is: what it says itself, else what the name server says.
-    pub async fn resolve(&self, contact: &Contact) -> Result<Place, PortError> {
+    pub async fn resolve(&self, contact: &Contact) -> Result<Endpoint, PortError> {
         if let Some((host, port)) = &contact.address {
             let name = match contact.name.as_str() {
                 "" => format!("/{host}:{port}"),
                 name => name.to_owned(),
             };
-            return Ok(Place {
+            return Ok(Endpoint {
                 name,
                 host: host.clone(),
                 port: *port,
@@ -463,7 +464,7 @@ impl Network {
 
     /// Registers a port with every name server; what it leaves open the first one chooses, for all
     /// of them.
-    pub async fn register(&self, port: Registering) -> Result<Place, PortError> {
+    pub async fn register(&self, port: RegisterRequest) -> Result<Endpoint, PortError> {
         let mut asking = port;
         let mut result = Err(PortError::NoNameServer);
         for network in self.each() {
@@ -477,14 +478,17 @@ impl Network {
                     result = Ok(given);
                 }
                 (Err(error), Err(PortError::NoNameServer)) => result = Err(error),
-                (Err(error), _) => tracing::warn!("{}", error.story()),
+                (Err(error), _) => tracing::warn!("{}", error.error_chain()),
             }
         }
         result
     }
 
     /// Registers with the first name server alone: names for its own use, such as groups.
-    pub(crate) async fn register_one(&self, mut port: Registering) -> Result<Place, PortError> {
+    pub(crate) async fn register_one(
+        &self,
+        mut port: RegisterRequest,
+    ) -> Result<Endpoint, PortError> {
         if port.host.is_none() {
             port.host = self.own_address();
         }
@@ -513,12 +517,12 @@ impl Network {
     }
 
     /// Tells every name server what a port that listens by now can do.
-    pub(crate) async fn introduce(&self, name: &str) -> Result<(), PortError> {
-        self.with_each(|network| async move { network.introduce_one(name).await })
+    pub(crate) async fn register_properties(&self, name: &str) -> Result<(), PortError> {
+        self.with_each(|network| async move { network.register_properties_at_one(name).await })
             .await
     }
 
-    async fn introduce_one(&self, name: &str) -> Result<(), PortError> {
+    async fn register_properties_at_one(&self, name: &str) -> Result<(), PortError> {
         let mut carriers = ALL.map(|carrier| carrier.name).to_vec();
         carriers.dedup();
         let carriers = carriers.join(" ");

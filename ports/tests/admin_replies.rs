@@ -7,7 +7,7 @@ mod common;
 
 use common::{ACK, Raw, ask, bottle, connect, open, tcp_message, until, within};
 use yarp_ports::{Port, PortOptions, Queue};
-use yarp_wire::{Bottle, Dialect};
+use yarp_wire::{Bottle, WireVersion};
 
 const HELP: [&str; 20] = [
     "[help]                  # give this help",
@@ -52,14 +52,14 @@ const NOBODY: &str = "-1 \"Could not find an outgoing connection to /nobody\\r\\
     Could not find an incoming connection from /nobody\\r\\n\"";
 
 async fn port() -> Port {
-    open("/adm", PortOptions::new().reading(Queue::Latest)).await
+    open("/adm", PortOptions::new().queue(Queue::Latest)).await
 }
 
 /// Compared with 3.5.0, which does not say the last word; 4.0 does not know the question any more.
 #[tokio::test]
 async fn the_number_of_the_process_is_told() {
-    for dialect in [Dialect::V3, Dialect::V4] {
-        let port = open("/adm", PortOptions::new().dialect(dialect)).await;
+    for wire_version in [WireVersion::V3, WireVersion::V4] {
+        let port = open("/adm", PortOptions::new().wire_version(wire_version)).await;
         for request in ["[pid]", "getPid"] {
             let expected = format!("1 \"\" {} either", std::process::id());
             assert_eq!(ask(&port, &bottle(request)).await, expected);
@@ -74,11 +74,11 @@ async fn requests_over_tcp_are_answered_byte_for_byte() {
     raw.send(tcp_message(b'a', &bottle("[help]"))).await;
     let mut help = bottle("[many]");
     help.extend(HELP.map(yarp_wire::Value::from));
-    raw.expect(help.encode(Dialect::V3)).await;
+    raw.expect(help.encode(WireVersion::V3)).await;
     raw.expect(ACK).await;
     for (request, answer) in RECORDED {
         raw.send(tcp_message(b'a', &bottle(request))).await;
-        raw.expect(bottle(answer).encode(Dialect::V3)).await;
+        raw.expect(bottle(answer).encode(WireVersion::V3)).await;
         raw.expect(ACK).await;
     }
 }
@@ -109,12 +109,12 @@ async fn words_may_come_as_strings() {
 
 #[tokio::test]
 async fn connections_are_added_listed_and_removed() {
-    let reader = open("/rd", PortOptions::new().reading(Queue::Latest)).await;
+    let reader = open("/rd", PortOptions::new().queue(Queue::Latest)).await;
     let writer = open("/wr", PortOptions::new()).await;
     let mut raw = Raw::to(&writer).await;
     raw.send("CONNACK admin\r\n").await;
     raw.expect("Welcome admin\r\n").await;
-    let at = format!("tcp://127.0.0.1:{}/rd", reader.number());
+    let at = format!("tcp://127.0.0.1:{}/rd", reader.tcp_port());
     let talk = [
         ("[list] [out] \"/rd\"".to_owned(), String::new()),
         (
@@ -141,7 +141,7 @@ async fn connections_are_added_listed_and_removed() {
 
 #[tokio::test]
 async fn inputs_are_listed_and_removed() {
-    let reader = open("/rd", PortOptions::new().reading(Queue::Latest)).await;
+    let reader = open("/rd", PortOptions::new().queue(Queue::Latest)).await;
     let writer = open("/wr", PortOptions::new()).await;
     connect(&writer, &reader, "fast_tcp").await;
     until(|| reader.inputs() == ["/wr"]).await;
@@ -240,11 +240,11 @@ async fn a_port_tells_what_it_and_its_process_are() {
             "(is_input 1) (is_output 0) (is_rpc 0) (type \"yarp/bottle\")",
         ),
         (
-            PortOptions::new().serving(),
+            PortOptions::new().rpc_server(),
             "(is_input 1) (is_output 0) (is_rpc 1) (type \"\")",
         ),
         (
-            PortOptions::new().calling(),
+            PortOptions::new().rpc_client(),
             "(is_input 0) (is_output 1) (is_rpc 1) (type \"\")",
         ),
     ] {
@@ -266,7 +266,7 @@ async fn a_port_tells_what_it_and_its_process_are() {
 
 #[tokio::test]
 async fn connections_of_datagrams_are_marked() {
-    let reader = open("/rd", PortOptions::new().reading(Queue::Latest)).await;
+    let reader = open("/rd", PortOptions::new().queue(Queue::Latest)).await;
     let writer = open("/wr", PortOptions::new()).await;
     connect(&writer, &reader, "udp").await;
     until(|| reader.inputs() == ["/wr"]).await;
@@ -280,7 +280,7 @@ async fn connections_of_datagrams_are_marked() {
 
 /// The answers are those of 3.5.0.
 #[tokio::test]
-async fn what_cannot_be_had_is_refused_in_words() {
+async fn impossible_requests_are_refused_with_a_reason() {
     let port = port().await;
     let gone = open("/gone", PortOptions::new()).await;
     let at = common::at(&gone, "tcp");
@@ -324,9 +324,9 @@ async fn what_cannot_be_had_is_refused_in_words() {
 
 #[tokio::test]
 async fn a_carrier_may_stand_behind_the_reader() {
-    let reader = open("/rd", PortOptions::new().reading(Queue::Latest)).await;
+    let reader = open("/rd", PortOptions::new().queue(Queue::Latest)).await;
     let writer = open("/wr", PortOptions::new()).await;
-    let at = format!("/127.0.0.1:{}/rd", reader.number());
+    let at = format!("/127.0.0.1:{}/rd", reader.tcp_port());
     assert_eq!(
         ask(&writer, &bottle(&format!("[add] \"{at}\" fast_tcp"))).await,
         format!("0 \"Added connection from /wr to fast_tcp:/{at}\\r\\n\"")
@@ -339,11 +339,11 @@ async fn a_carrier_may_stand_behind_the_reader() {
 
 /// As in 3.5.0, the same server again is no second one.
 #[tokio::test]
-async fn who_calls_one_server_is_connected_to_no_other() {
-    let client = open("/client", PortOptions::new().calling()).await;
+async fn an_rpc_client_connects_to_one_server_only() {
+    let client = open("/client", PortOptions::new().rpc_client()).await;
     let servers = [
-        open("/one", PortOptions::new().serving()).await,
-        open("/two", PortOptions::new().serving()).await,
+        open("/one", PortOptions::new().rpc_server()).await,
+        open("/two", PortOptions::new().rpc_server()).await,
     ];
     let at = |server: usize| common::at(&servers[server], "tcp");
     let added = format!("0 \"Added connection from /client to {}\\r\\n\"", at(0));
@@ -387,7 +387,7 @@ async fn others_cannot_fill_a_port_with_properties() {
 #[tokio::test]
 async fn a_port_in_no_graph_of_ros_says_so_and_closes() {
     let port = open("/adm", PortOptions::new().host("127.0.0.1")).await;
-    let place = format!("1 \"/adm\" (TCPROS \"127.0.0.1\" {})", port.number());
+    let place = format!("1 \"/adm\" (TCPROS \"127.0.0.1\" {})", port.tcp_port());
     let process = format!("1 \"\" {} either", std::process::id());
     let talk = [
         ("publisherUpdate /me /topic ()", "1 ok"),
@@ -404,7 +404,7 @@ async fn a_port_in_no_graph_of_ros_says_so_and_closes() {
         let said = String::from_utf8(raw.ended().await).unwrap();
         assert_eq!(said, format!("{answer}\r\n"), "{request}");
     }
-    let port = open("/adm", PortOptions::new().dialect(Dialect::V4)).await;
+    let port = open("/adm", PortOptions::new().wire_version(WireVersion::V4)).await;
     let mut raw = Raw::text(&port, "me").await;
     for request in ["publisherUpdate /me", "requestTopic", "getBusInfo"] {
         raw.send(format!("a\r\n{request}\r\n")).await;
@@ -415,7 +415,7 @@ async fn a_port_in_no_graph_of_ros_says_so_and_closes() {
 
 /// As in 3.5.0, up to what comes of it.
 #[tokio::test]
-async fn prayers_are_heard() {
+async fn pray_is_answered() {
     let robot = std::env::var("YARP_ROBOT_NAME");
     let god = robot.as_deref().unwrap_or("icub");
     let port = open("/icub/head", PortOptions::new()).await;

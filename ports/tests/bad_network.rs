@@ -13,7 +13,7 @@ use yarp_ports::{Port, PortOptions, Queue};
 use yarp_wire::carrier::Carrier;
 use yarp_wire::connection::put_message;
 use yarp_wire::message::Command;
-use yarp_wire::{Bottle, Dialect, datagram, number};
+use yarp_wire::{Bottle, WireVersion, datagram, framed_number};
 
 /// Messages sent while the network is bad.
 const MESSAGES: i32 = 400;
@@ -84,7 +84,7 @@ impl Mischief {
 async fn proxy(reader: &Port, bad: watch::Receiver<bool>) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let contact = format!("udp://{}{}", listener.local_addr().unwrap(), reader.name());
-    let to = reader.number();
+    let to = reader.tcp_port();
     tokio::spawn(async move {
         loop {
             let (mut writer, _) = listener.accept().await.unwrap();
@@ -107,9 +107,9 @@ async fn proxy(reader: &Port, bad: watch::Receiver<bool>) -> String {
             writer.read_exact(&mut name[4..]).await.unwrap();
             reader.write_all(&name).await.unwrap();
             reader.read_exact(&mut magic).await.unwrap();
-            let there = number::decode(&magic).unwrap() as u16;
+            let there = framed_number::decode(&magic).unwrap() as u16;
             outside.connect(("127.0.0.1", there)).await.unwrap();
-            writer.write_all(&number::encode(own)).await.unwrap();
+            writer.write_all(&framed_number::encode(own)).await.unwrap();
             let bad = bad.clone();
             tokio::spawn(async move {
                 let mut mischief = Mischief::default();
@@ -152,7 +152,7 @@ async fn read_until(reader: &Port, last: i32) -> i32 {
 
 #[tokio::test]
 async fn a_writer_and_a_reader_survive_a_bad_network() {
-    let reader = open("/reader", PortOptions::new().reading(Queue::Wait(10_000))).await;
+    let reader = open("/reader", PortOptions::new().queue(Queue::Wait(10_000))).await;
     let writer = open("/writer", PortOptions::new()).await;
     let (set, bad) = watch::channel(true);
     let contact = proxy(&reader, bad).await;
@@ -193,7 +193,7 @@ async fn a_writer_and_a_reader_survive_a_bad_network() {
 
 #[tokio::test]
 async fn a_reader_of_a_group_survives_a_bad_network() {
-    let reader = open("/reader", PortOptions::new().reading(Queue::Wait(10_000))).await;
+    let reader = open("/reader", PortOptions::new().queue(Queue::Wait(10_000))).await;
     let socket = UdpSocket::bind("127.0.0.1:0").await.unwrap();
     // A number that nobody has now.
     let group = SocketAddrV4::new(
@@ -215,7 +215,13 @@ async fn a_reader_of_a_group_survives_a_bad_network() {
         let mut message = bytes::BytesMut::new();
         let content = content(number);
         let command = Command::data(false);
-        put_message(&mut message, carrier, &command, Some(&content), Dialect::V3);
+        put_message(
+            &mut message,
+            carrier,
+            &command,
+            Some(&content),
+            WireVersion::V3,
+        );
         datagram::split(&message, 60_000).collect()
     };
     let mut mischief = Mischief::default();
@@ -249,18 +255,24 @@ async fn a_reader_of_a_group_survives_a_bad_network() {
 /// One lost part of a message was not counted.
 #[tokio::test]
 async fn a_message_that_comes_incomplete_is_counted() {
-    let reader = open("/reader", PortOptions::new().reading(Queue::Wait(10))).await;
+    let reader = open("/reader", PortOptions::new().queue(Queue::Wait(10))).await;
     let mut header = Raw::to(&reader).await;
     header.send(b"YA\x61\x1e\0\0RP\x08\0\0\0/writer\0").await;
     let reply: [u8; 8] = header.receive(8).await.try_into().unwrap();
-    let there = number::decode(&reply).unwrap() as u16;
+    let there = framed_number::decode(&reply).unwrap() as u16;
     let socket = UdpSocket::bind("127.0.0.1:0").await.unwrap();
     socket.connect(("127.0.0.1", there)).await.unwrap();
     let mut message = bytes::BytesMut::new();
     let carrier = Carrier::by_name("udp").unwrap();
     let command = Command::data(false);
     let long = content(100);
-    put_message(&mut message, carrier, &command, Some(&long), Dialect::V3);
+    put_message(
+        &mut message,
+        carrier,
+        &command,
+        Some(&long),
+        WireVersion::V3,
+    );
     let datagrams: Vec<_> = datagram::split(&message, 40).collect();
     for (place, datagram) in datagrams.iter().enumerate() {
         if place != 1 {

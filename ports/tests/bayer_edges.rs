@@ -112,7 +112,7 @@ fn raw_pixels() -> Vec<u8> {
 
 #[tokio::test]
 async fn edges_are_followed() {
-    let reader = open("/r", PortOptions::new().reading(Queue::Wait(10))).await;
+    let reader = open("/r", PortOptions::new().queue(Queue::Wait(10))).await;
     let writer = open("/w", PortOptions::new()).await;
     let pixels = raw_pixels();
     let raw = Image::from_packed(PixelCode::MONO, WIDTH, HEIGHT, pixels.clone()).unwrap();

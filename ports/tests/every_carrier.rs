@@ -29,7 +29,7 @@ fn hard() -> Bottle {
 #[tokio::test]
 async fn messages_arrive_in_order() {
     for carrier in STREAMS {
-        let reader = open("/reader", PortOptions::new().reading(Queue::Wait(10))).await;
+        let reader = open("/reader", PortOptions::new().queue(Queue::Wait(10))).await;
         let writer = open("/writer", PortOptions::new()).await;
         connect(&writer, &reader, carrier).await;
         let writing = async {
@@ -56,7 +56,7 @@ async fn messages_arrive_in_order() {
 #[tokio::test]
 async fn envelopes_travel_with_their_message() {
     for carrier in STREAMS {
-        let reader = open("/reader", PortOptions::new().reading(Queue::Wait(10))).await;
+        let reader = open("/reader", PortOptions::new().queue(Queue::Wait(10))).await;
         let writer = open("/writer", PortOptions::new()).await;
         connect(&writer, &reader, carrier).await;
         let stamp = Stamp::new(7, 1_700_000_000.123_46);
@@ -81,7 +81,7 @@ async fn requests_are_answered() {
             }
         });
         let server = open("/server", server).await;
-        let client = open("/client", PortOptions::new().calling()).await;
+        let client = open("/client", PortOptions::new().rpc_client()).await;
         connect(&client, &server, carrier).await;
         for number in 0..100 {
             let answer: Bottle = within(client.call(&Bottle::of(number))).await.unwrap();
@@ -96,8 +96,8 @@ async fn requests_are_answered() {
 #[tokio::test]
 async fn requests_are_answered_from_a_queue() {
     for carrier in STREAMS {
-        let server = open("/server", PortOptions::new().serving()).await;
-        let client = open("/client", PortOptions::new().calling()).await;
+        let server = open("/server", PortOptions::new().rpc_server()).await;
+        let client = open("/client", PortOptions::new().rpc_client()).await;
         connect(&client, &server, carrier).await;
         let serving = async {
             for _ in 0..50 {
@@ -120,7 +120,7 @@ async fn requests_are_answered_from_a_queue() {
 /// Lines for the name server have no name of whoever sends them, no envelope, and may all be answered.
 #[tokio::test]
 async fn lines_of_the_name_server_are_messages_too() {
-    let reader = open("/reader", PortOptions::new().reading(Queue::Wait(10))).await;
+    let reader = open("/reader", PortOptions::new().queue(Queue::Wait(10))).await;
     let writer = open("/writer", PortOptions::new()).await;
     connect(&writer, &reader, "name_ser").await;
     for number in 0..100 {
@@ -134,7 +134,7 @@ async fn lines_of_the_name_server_are_messages_too() {
     let server = PortOptions::new()
         .handler(|request| Answer::reply(bottle("re").with(request.bottle().unwrap().to_string())));
     let server = open("/server", server).await;
-    let client = open("/client", PortOptions::new().calling()).await;
+    let client = open("/client", PortOptions::new().rpc_client()).await;
     connect(&client, &server, "name_ser").await;
     for number in 0..100 {
         let answer: Bottle = within(client.call(&Bottle::of(number))).await.unwrap();
@@ -146,8 +146,8 @@ async fn lines_of_the_name_server_are_messages_too() {
 #[tokio::test]
 async fn an_owner_that_does_not_answer_gives_an_empty_reply() {
     for carrier in ["tcp", "fast_tcp", "text_ack"] {
-        let reader = open("/reader", PortOptions::new().reading(Queue::Latest)).await;
-        let client = open("/client", PortOptions::new().calling()).await;
+        let reader = open("/reader", PortOptions::new().queue(Queue::Latest)).await;
+        let client = open("/client", PortOptions::new().rpc_client()).await;
         connect(&client, &reader, carrier).await;
         let answer: Bottle = within(client.call(&bottle("hello"))).await.unwrap();
         assert_eq!(answer, Bottle::new(), "{carrier}");
@@ -160,7 +160,7 @@ async fn one_message_reaches_readers_of_every_carrier() {
     let writer = open("/writer", PortOptions::new()).await;
     let mut readers = Vec::new();
     for carrier in STREAMS {
-        let options = PortOptions::new().reading(Queue::Wait(10));
+        let options = PortOptions::new().queue(Queue::Wait(10));
         let reader = open(&format!("/reader/{carrier}"), options).await;
         within(writer.connect(&at(&reader, carrier))).await.unwrap();
         readers.push(reader);

@@ -48,7 +48,7 @@ async fn half_open_connections_are_held_for_a_minute() {
             held.push(raw);
         }
     }
-    let caller = open("/caller", PortOptions::new().calling()).await;
+    let caller = open("/caller", PortOptions::new().rpc_client()).await;
     connect(&caller, &port, "tcp").await;
     let begun = Instant::now();
     let mut number = 0;

@@ -10,7 +10,7 @@ use yarp_wire::Bottle;
 
 #[tokio::test]
 async fn a_writer_that_dies_in_a_message_leaves_nothing_of_it() {
-    let reader = open("/reader", PortOptions::new().reading(Queue::Wait(10))).await;
+    let reader = open("/reader", PortOptions::new().queue(Queue::Wait(10))).await;
     let good = open("/good", PortOptions::new()).await;
     connect(&good, &reader, "tcp").await;
     let whole = [tcp_header("/bad"), tcp_message(b'D', &bottle("bad 1 2 3"))].concat();
@@ -27,7 +27,7 @@ async fn a_writer_that_dies_in_a_message_leaves_nothing_of_it() {
 
 #[tokio::test]
 async fn a_writer_that_dies_in_a_line_leaves_nothing_of_it() {
-    let reader = open("/reader", PortOptions::new().reading(Queue::Wait(10))).await;
+    let reader = open("/reader", PortOptions::new().queue(Queue::Wait(10))).await;
     let good = open("/good", PortOptions::new()).await;
     connect(&good, &reader, "text").await;
     let whole = "CONNECT /bad\r\nD\r\n(bad\r\n1 2)\r";
@@ -44,8 +44,8 @@ async fn a_writer_that_dies_in_a_line_leaves_nothing_of_it() {
 
 /// The acknowledgement of a message waited until the next had room, too.
 #[tokio::test]
-async fn what_a_writer_sent_before_it_died_arrives() {
-    let reader = open("/reader", PortOptions::new().reading(Queue::Wait(1))).await;
+async fn messages_sent_before_a_writer_dies_arrive() {
+    let reader = open("/reader", PortOptions::new().queue(Queue::Wait(1))).await;
     let mut dying = Raw::tcp(&reader, "/dying").await;
     for number in 0..5 {
         dying.send(tcp_message(b'D', &Bottle::of(number))).await;
@@ -58,8 +58,8 @@ async fn what_a_writer_sent_before_it_died_arrives() {
 }
 
 #[tokio::test]
-async fn a_caller_that_dies_while_it_waits_harms_nobody() {
-    let server = open("/server", PortOptions::new().serving()).await;
+async fn a_caller_that_dies_while_waiting_affects_no_other() {
+    let server = open("/server", PortOptions::new().rpc_server()).await;
     for _ in 0..20 {
         let mut dying = Raw::tcp(&server, "/dying").await;
         dying.send(tcp_message(b'd', &bottle("last words"))).await;
@@ -68,7 +68,7 @@ async fn a_caller_that_dies_while_it_waits_harms_nobody() {
         // Nobody is there to take it.
         request.reply(Bottle::of("x".repeat(1_000_000)));
     }
-    let client = open("/client", PortOptions::new().calling()).await;
+    let client = open("/client", PortOptions::new().rpc_client()).await;
     connect(&client, &server, "tcp").await;
     let request = bottle("hello");
     let serving = async { server.read().await.unwrap().reply(bottle("hi")) };
@@ -89,7 +89,7 @@ async fn dying_server(reply: Vec<u8>) -> String {
                 // Whoever asks for the generation gets no answer.
                 continue;
             }
-            let header = yarp_wire::number::encode(number.into());
+            let header = yarp_wire::framed_number::encode(number.into());
             let _ = stream.write_all(&header).await;
             // Wait for the request, so that the reply does not come before it.
             let mut request = [0; 4096];
@@ -108,10 +108,10 @@ async fn dying_server(reply: Vec<u8>) -> String {
 
 #[tokio::test]
 async fn a_server_that_dies_in_its_reply_is_an_error() {
-    let reply = bottle("some reply (1 2)").encode(yarp_wire::Dialect::V3);
+    let reply = bottle("some reply (1 2)").encode(yarp_wire::WireVersion::V3);
     for end in 0..reply.len() {
         let server = dying_server(reply[..end].to_vec()).await;
-        let client = open("/client", PortOptions::new().calling()).await;
+        let client = open("/client", PortOptions::new().rpc_client()).await;
         within(client.connect(&server)).await.unwrap();
         let error = within(client.call::<Bottle>(&bottle("hello")))
             .await
@@ -129,8 +129,8 @@ async fn a_server_that_dies_in_its_reply_is_an_error() {
 async fn a_reader_that_dies_is_dropped_and_the_rest_goes_on() {
     for carrier in ["tcp", "fast_tcp", "text", "text_ack"] {
         let writer = open("/writer", PortOptions::new()).await;
-        let keeps = open("/keeps", PortOptions::new().reading(Queue::Wait(1))).await;
-        let dies = open("/dies", PortOptions::new().reading(Queue::Wait(1))).await;
+        let keeps = open("/keeps", PortOptions::new().queue(Queue::Wait(1))).await;
+        let dies = open("/dies", PortOptions::new().queue(Queue::Wait(1))).await;
         within(writer.connect(&common::at(&dies, carrier)))
             .await
             .unwrap();
@@ -161,9 +161,9 @@ async fn a_handler_that_panics_ends_its_connection_only() {
         Answer::reply(bottle("ok"))
     });
     let server = open("/server", options).await;
-    let lucky = open("/lucky", PortOptions::new().calling()).await;
+    let lucky = open("/lucky", PortOptions::new().rpc_client()).await;
     connect(&lucky, &server, "tcp").await;
-    let unlucky = open("/unlucky", PortOptions::new().calling()).await;
+    let unlucky = open("/unlucky", PortOptions::new().rpc_client()).await;
     connect(&unlucky, &server, "tcp").await;
     let error = within(unlucky.call::<Bottle>(&bottle("x")))
         .await

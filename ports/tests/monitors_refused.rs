@@ -9,7 +9,7 @@ use yarp_ports::{Port, PortError, PortOptions, Queue};
 use yarp_wire::Bottle;
 
 async fn ends() -> (Port, Port) {
-    let reader = open("/r", PortOptions::new().reading(Queue::Wait(10))).await;
+    let reader = open("/r", PortOptions::new().queue(Queue::Wait(10))).await;
     (open("/w", PortOptions::new()).await, reader)
 }
 
@@ -32,7 +32,7 @@ const MISSING: [(&str, &str); 8] = [
 ];
 
 #[tokio::test]
-async fn a_writer_says_what_it_lacks_and_keeps_the_connection_there_is() {
+async fn a_writer_names_the_missing_modifier_and_keeps_its_connection() {
     let (writer, reader) = ends().await;
     common::connect(&writer, &reader, "tcp").await;
     let sends = MISSING.map(|(text, name)| (text.replace("SIDE", "send"), name));
@@ -48,9 +48,9 @@ async fn a_writer_says_what_it_lacks_and_keeps_the_connection_there_is() {
             "{modifiers}: {error:?}"
         );
         assert!(
-            error.story().contains(name),
+            error.error_chain().contains(name),
             "{modifiers}: {}",
-            error.story()
+            error.error_chain()
         );
         let answer = ask(
             &writer,
@@ -69,7 +69,7 @@ async fn a_writer_says_what_it_lacks_and_keeps_the_connection_there_is() {
 }
 
 #[tokio::test]
-async fn a_reader_answers_no_header_that_asks_for_what_it_lacks() {
+async fn a_reader_refuses_a_header_with_unknown_modifiers() {
     let (writer, reader) = ends().await;
     let receives = MISSING.map(|(text, _)| text.replace("SIDE", "recv"));
     let others = [
@@ -90,7 +90,11 @@ async fn a_reader_answers_no_header_that_asks_for_what_it_lacks() {
                 matches!(error, PortError::Declined { .. }),
                 "{carrier}: {error:?}"
             );
-            assert!(error.story().contains(&carrier), "{}", error.story());
+            assert!(
+                error.error_chain().contains(&carrier),
+                "{}",
+                error.error_chain()
+            );
         }
     }
     until(|| reader.inputs().is_empty()).await;
@@ -146,7 +150,7 @@ async fn a_reader_that_gives_up_behind_the_header_is_noticed() {
             stream.read_exact(&mut magic).await.unwrap();
             if magic == *b"YA\xe4\x1e\0\0RP" {
                 stream
-                    .write_all(&yarp_wire::number::encode(number.into()))
+                    .write_all(&yarp_wire::framed_number::encode(number.into()))
                     .await
                     .unwrap();
                 return;
@@ -157,7 +161,11 @@ async fn a_reader_that_gives_up_behind_the_header_is_noticed() {
     let (result, ()) = within(async { tokio::join!(writer.connect(&to), stock) }).await;
     let error = result.unwrap_err();
     assert!(matches!(error, PortError::Declined { .. }), "{error:?}");
-    assert!(error.story().contains("file.own"), "{}", error.story());
+    assert!(
+        error.error_chain().contains("file.own"),
+        "{}",
+        error.error_chain()
+    );
     assert!(writer.outputs().is_empty());
 }
 
@@ -169,7 +177,11 @@ async fn a_modifier_is_no_carrier() {
             .await
             .unwrap_err();
         let hint = format!("tcp+recv.{name}");
-        assert!(error.story().contains(&hint), "{}", error.story());
+        assert!(
+            error.error_chain().contains(&hint),
+            "{}",
+            error.error_chain()
+        );
     }
     let error = within(writer.connect(&at(&reader, "nonesuch")))
         .await
@@ -178,7 +190,7 @@ async fn a_modifier_is_no_carrier() {
 }
 
 #[tokio::test]
-async fn only_so_many_writers_wait_for_each_other() {
+async fn the_number_of_priority_writers_is_limited() {
     let (_writer, reader) = ends().await;
     let mut all = Vec::new();
     for number in 0..64 {

@@ -23,7 +23,7 @@ impl Admin {
 }
 
 async fn pair(carrier: &str) -> (Port, Port) {
-    let reader = open("/rd", PortOptions::new().reading(Queue::Latest)).await;
+    let reader = open("/rd", PortOptions::new().queue(Queue::Latest)).await;
     let writer = open("/wr", PortOptions::new()).await;
     connect(&writer, &reader, carrier).await;
     until(|| reader.inputs() == ["/wr"]).await;
@@ -39,7 +39,7 @@ fn of_input(service: i32) -> String {
 }
 
 #[tokio::test]
-async fn the_socket_of_a_writer_takes_what_is_asked_for() {
+async fn the_type_of_service_of_a_writer_is_set() {
     for carrier in ["tcp", "fast_tcp", "text", "udp"] {
         let (writer, _reader) = pair(carrier).await;
         let mut admin = Admin::of(&writer).await;
@@ -68,7 +68,7 @@ async fn the_socket_of_a_writer_takes_what_is_asked_for() {
 }
 
 #[tokio::test]
-async fn the_socket_of_a_reader_takes_what_is_asked_for() {
+async fn the_type_of_service_of_a_reader_is_set() {
     for carrier in ["tcp", "udp"] {
         let (_writer, reader) = pair(carrier).await;
         let mut admin = Admin::of(&reader).await;
@@ -93,7 +93,7 @@ async fn a_schedule_that_stays_as_it_is_is_no_obstacle() {
 }
 
 #[tokio::test]
-async fn where_a_schedule_cannot_be_had_nothing_else_is_changed() {
+async fn a_refused_schedule_changes_nothing_else() {
     let (writer, _reader) = pair("tcp").await;
     let mut admin = Admin::of(&writer).await;
     let no_policy = "[fail] \"cannot schedule this connection: Invalid argument (os error 22): \
@@ -113,7 +113,7 @@ async fn where_a_schedule_cannot_be_had_nothing_else_is_changed() {
 }
 
 #[tokio::test]
-async fn what_makes_no_sense_is_answered_as_in_stock() {
+async fn invalid_requests_are_answered_as_in_stock() {
     let (writer, _reader) = pair("tcp").await;
     let mut admin = Admin::of(&writer).await;
     let nobody = "[fail] \"cannot find any connection to/from /nobody\"";

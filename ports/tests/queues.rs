@@ -12,7 +12,7 @@ use yarp_ports::{Answer, Port, PortOptions, Queue};
 use yarp_wire::Bottle;
 
 async fn pair(queue: Queue, carrier: &str) -> (Port, Port) {
-    let reader = open("/reader", PortOptions::new().reading(queue)).await;
+    let reader = open("/reader", PortOptions::new().queue(queue)).await;
     let writer = open("/writer", PortOptions::new()).await;
     connect(&writer, &reader, carrier).await;
     (reader, writer)
@@ -66,7 +66,7 @@ async fn drop_newest_keeps_the_first() {
 }
 
 #[tokio::test]
-async fn strict_keeps_all_and_holds_nobody_back() {
+async fn strict_keeps_all_without_blocking() {
     for carrier in ["tcp", "fast_tcp", "text_ack"] {
         let (reader, writer) = pair(Queue::Strict, carrier).await;
         for number in 0..3000 {
@@ -80,7 +80,7 @@ async fn strict_keeps_all_and_holds_nobody_back() {
 }
 
 #[tokio::test]
-async fn strict_holds_its_writer_back_before_memory_is_used_up() {
+async fn strict_blocks_its_writer_at_the_byte_limit() {
     let (reader, writer) = pair(Queue::Strict, "tcp").await;
     let message = Bottle::of("x".repeat(8 << 20));
     for _ in 0..7 {
@@ -97,7 +97,7 @@ async fn strict_holds_its_writer_back_before_memory_is_used_up() {
     assert_eq!((reader.counters().waiting, reader.dropped()), (7, 0));
     assert_eq!(
         within(reader.read()).await.unwrap().payload.len(),
-        message.encode(yarp_wire::Dialect::V3).len()
+        message.encode(yarp_wire::WireVersion::V3).len()
     );
     assert_eq!(within(eighth).await, 1);
     for _ in 0..7 {
@@ -114,7 +114,7 @@ async fn strict_holds_its_writer_back_before_memory_is_used_up() {
 }
 
 #[tokio::test]
-async fn a_full_queue_holds_its_writer_back() {
+async fn a_full_queue_blocks_its_writer() {
     for carrier in ["tcp", "text_ack"] {
         let (reader, writer) = pair(Queue::Wait(2), carrier).await;
         for number in 0..2 {
@@ -162,19 +162,19 @@ async fn a_reader_that_is_a_little_behind_misses_nothing() {
     assert_eq!(within(writer.write(&bottle("0"))).await, 1);
     // The reader has room for none of these yet.
     for text in ["1", "2", "3"] {
-        assert_eq!(writer.write_unless_behind(&bottle(text), None, 2), 1);
+        assert_eq!(writer.try_write(&bottle(text), None, 2), 1);
     }
-    assert_eq!(writer.write_unless_behind(&bottle("4"), None, 2), 0);
+    assert_eq!(writer.try_write(&bottle("4"), None, 2), 0);
     for text in ["0", "1", "2", "3"] {
         assert_eq!(next(&reader).await, text);
     }
     within(writer.flush()).await;
-    assert_eq!(writer.write_unless_behind(&bottle("5"), None, 2), 1);
+    assert_eq!(writer.try_write(&bottle("5"), None, 2), 1);
     assert_eq!(next(&reader).await, "5");
 }
 
 #[tokio::test]
-async fn what_comes_at_a_rate_is_sent_by_who_writes_it() {
+async fn periodic_messages_are_sent_by_the_calling_thread() {
     let (told, taken) = mpsc::channel();
     let (close, closed) = oneshot::channel::<()>();
     let elsewhere = thread::spawn(move || {
@@ -187,7 +187,7 @@ async fn what_comes_at_a_rate_is_sent_by_who_writes_it() {
                 Answer::Nothing
             });
             let reader = open("/reader", note).await;
-            told.send(reader.number().to_string()).unwrap();
+            told.send(reader.tcp_port().to_string()).unwrap();
             within(closed).await.unwrap();
         });
     });
@@ -209,7 +209,7 @@ async fn what_comes_at_a_rate_is_sent_by_who_writes_it() {
 }
 
 #[tokio::test]
-async fn a_busy_reader_is_passed_over_on_request() {
+async fn a_busy_reader_is_skipped_on_request() {
     let (reader, writer) = pair(Queue::Wait(1), "tcp").await;
     assert_eq!(within(writer.write(&bottle("0"))).await, 1);
     assert_eq!(writer.write_if_idle(&bottle("1"), None), 1);
@@ -224,7 +224,7 @@ async fn a_busy_reader_is_passed_over_on_request() {
 
 #[tokio::test]
 async fn writers_share_a_queue_and_keep_their_own_order() {
-    let reader = open("/reader", PortOptions::new().reading(Queue::Wait(4))).await;
+    let reader = open("/reader", PortOptions::new().queue(Queue::Wait(4))).await;
     let mut writing = tokio::task::JoinSet::new();
     for writer in 0..4 {
         let port = open(&format!("/writer/{writer}"), PortOptions::new()).await;

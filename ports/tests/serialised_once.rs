@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use bytes::BytesMut;
 use common::{Raw, at, open, until, within};
 use yarp_ports::{PortOptions, Queue};
-use yarp_wire::Dialect;
+use yarp_wire::WireVersion;
 use yarp_wire::message::WireObject;
 use yarp_wire::typed::{Image, PixelCode};
 
@@ -18,9 +18,9 @@ struct Counted {
 }
 
 impl WireObject for Counted {
-    fn write_binary(&self, out: &mut BytesMut, dialect: Dialect) {
+    fn write_binary(&self, out: &mut BytesMut, wire_version: WireVersion) {
         self.times.fetch_add(1, Ordering::Relaxed);
-        self.image.write_binary(out, dialect);
+        self.image.write_binary(out, wire_version);
     }
 }
 
@@ -30,7 +30,7 @@ async fn for_ten_readers_of_a_large_image() {
     let mut readers = Vec::new();
     for (number, carrier) in (0..10).zip(["tcp", "fast_tcp", "unix_stream", "tcp", "udp"].repeat(2))
     {
-        let options = PortOptions::new().reading(Queue::Wait(10));
+        let options = PortOptions::new().queue(Queue::Wait(10));
         let reader = open(&format!("/reader/{number}"), options).await;
         within(writer.connect(&at(&reader, carrier))).await.unwrap();
         readers.push((reader, carrier));
@@ -65,10 +65,10 @@ async fn for_ten_readers_of_a_large_image() {
 }
 
 #[tokio::test]
-async fn for_a_reader_and_for_who_watches_pictures() {
+async fn for_a_reader_and_a_viewer() {
     // The picture was made from a second writing of its own.
     let writer = open("/writer", PortOptions::new()).await;
-    let reader = open("/reader", PortOptions::new().reading(Queue::Wait(10))).await;
+    let reader = open("/reader", PortOptions::new().queue(Queue::Wait(10))).await;
     within(writer.connect(&at(&reader, "fast_tcp")))
         .await
         .unwrap();

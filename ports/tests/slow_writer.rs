@@ -11,7 +11,7 @@ use common::{ACK, Raw, bottle, connect, open, tcp_header, tcp_message, within};
 use tokio::net::TcpStream;
 use tokio::task::JoinSet;
 use yarp_ports::{Answer, PortOptions};
-use yarp_wire::{Bottle, Dialect, number};
+use yarp_wire::{Bottle, WireVersion, framed_number};
 
 /// Writers of each kind.
 const EACH: usize = 20;
@@ -21,8 +21,8 @@ const PAUSE: Duration = Duration::from_millis(5);
 /// What a writer of one kind sends, and all that it is answered.
 fn kinds(port: u16) -> Vec<(Vec<u8>, Vec<u8>)> {
     let request = bottle("slow 1 (2 3)");
-    let reply = request.encode(Dialect::V3);
-    let header_reply = number::encode(port.into());
+    let reply = request.encode(WireVersion::V3);
+    let header_reply = framed_number::encode(port.into());
     let fast_header = {
         let mut header = tcp_header("slow");
         header[2] = 0x64;
@@ -55,12 +55,12 @@ async fn a_byte_at_a_time_from_many() {
         .handler(|message| message.bottle().map_or(Answer::Nothing, Answer::reply));
     let port = open("/port", options).await;
     let mut slow = Vec::new();
-    for (bytes, answers) in kinds(port.number()) {
+    for (bytes, answers) in kinds(port.tcp_port()) {
         for _ in 0..EACH {
             slow.push((Raw::to(&port).await, bytes.clone(), answers.clone()));
         }
     }
-    let caller = open("/caller", PortOptions::new().calling()).await;
+    let caller = open("/caller", PortOptions::new().rpc_client()).await;
     connect(&caller, &port, "tcp").await;
     let longest = slow.iter().map(|(_, bytes, _)| bytes.len()).max().unwrap();
     for at in 0..longest {
@@ -104,7 +104,7 @@ async fn a_byte_at_a_time_over_every_carrier() {
             Answer::reply(given.clone())
         });
         let port = open("/port", options).await;
-        let stream = within(TcpStream::connect(("127.0.0.1", port.number())));
+        let stream = within(TcpStream::connect(("127.0.0.1", port.tcp_port())));
         let stream = stream.await.unwrap();
         let (is_viewer, is_browser) = (
             conversation.spelled == "mjpeg",
@@ -119,7 +119,7 @@ async fn a_byte_at_a_time_over_every_carrier() {
         };
         let conversation = conversation.slowly(PAUSE);
         slow.spawn(async move { conversation.hold(stream, cut).await });
-        let caller = open("/caller", PortOptions::new().calling()).await;
+        let caller = open("/caller", PortOptions::new().rpc_client()).await;
         connect(&caller, &port, "tcp").await;
         others.push((port, caller));
     }

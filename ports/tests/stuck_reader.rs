@@ -46,7 +46,7 @@ async fn messages_reach_others_at_once() {
     let writer = open("/writer", PortOptions::new()).await;
     let _text = stuck_text(&writer, "/stuck/text").await;
     let _tcp = stuck_tcp(&writer, "/stuck/tcp").await;
-    let reader = open("/reader", PortOptions::new().reading(Queue::Wait(1))).await;
+    let reader = open("/reader", PortOptions::new().queue(Queue::Wait(1))).await;
     within(writer.connect(&common::at(&reader, "tcp")))
         .await
         .unwrap();
@@ -65,7 +65,7 @@ async fn writers_that_do_not_wait_reach_others_at_once() {
     let writer = open("/writer", PortOptions::new()).await;
     let _text = stuck_text(&writer, "/stuck/text").await;
     let _tcp = stuck_tcp(&writer, "/stuck/tcp").await;
-    let reader = open("/reader", PortOptions::new().reading(Queue::Wait(1))).await;
+    let reader = open("/reader", PortOptions::new().queue(Queue::Wait(1))).await;
     within(writer.connect(&common::at(&reader, "tcp")))
         .await
         .unwrap();
@@ -101,7 +101,7 @@ async fn stuck_after(writer: &Port, said: &[&[u8]]) -> Stuck {
 
 /// Connects `writer` to a port that is never read.
 async fn stuck_port(writer: &Port, carrier: &str) -> Stuck {
-    let stuck = open("/stuck", PortOptions::new().reading(Queue::Wait(1))).await;
+    let stuck = open("/stuck", PortOptions::new().queue(Queue::Wait(1))).await;
     connect(writer, &stuck, carrier).await;
     Stuck::Port(stuck)
 }
@@ -111,7 +111,7 @@ async fn all_reach_another<T>(writer: Port, stuck: Stuck, messages: impl Iterato
 where
     T: WireObject + ReadObject + PartialEq + std::fmt::Debug,
 {
-    let reader = open("/reader", PortOptions::new().reading(Queue::Wait(1))).await;
+    let reader = open("/reader", PortOptions::new().queue(Queue::Wait(1))).await;
     within(writer.connect(&at(&reader, "tcp"))).await.unwrap();
     for message in messages {
         let both = async {
@@ -172,7 +172,7 @@ async fn messages_reach_others_whatever_carrier_is_stuck() {
 }
 
 #[tokio::test]
-async fn pictures_reach_others_beside_a_viewer_that_is_stuck() {
+async fn a_blocked_viewer_delays_no_other() {
     let writer = open("/writer", PortOptions::new()).await;
     let request = b"GET /?action=stream HTTP/1.1\r\nHost: h\r\n\r\n";
     let stuck = stuck_after(&writer, &[request]).await;
@@ -191,7 +191,7 @@ async fn pictures_reach_others_beside_a_viewer_that_is_stuck() {
 async fn a_real_time_writer_goes_on_with_others() {
     let writer = open("/writer", PortOptions::new()).await;
     let _tcp = stuck_tcp(&writer, "/stuck").await;
-    let reader = open("/reader", PortOptions::new().reading(Queue::Wait(1))).await;
+    let reader = open("/reader", PortOptions::new().queue(Queue::Wait(1))).await;
     within(writer.connect(&common::at(&reader, "tcp")))
         .await
         .unwrap();
@@ -209,15 +209,15 @@ async fn a_real_time_writer_goes_on_with_others() {
 }
 
 #[tokio::test]
-async fn a_reader_that_takes_nothing_is_passed_over_when_it_is_far_behind() {
+async fn a_blocked_reader_is_skipped_above_the_backlog() {
     let writer = open("/writer", PortOptions::new()).await;
     let _text = stuck_text(&writer, "/stuck").await;
     for number in 0..4 {
-        assert_eq!(writer.write_unless_behind(&heavy(number), None, 3), 1);
+        assert_eq!(writer.try_write(&heavy(number), None, 3), 1);
     }
     // What the sockets hold is not behind.
     let filling = async {
-        while writer.write_unless_behind(&heavy(4), None, 3) == 1 {
+        while writer.try_write(&heavy(4), None, 3) == 1 {
             tokio::task::yield_now().await;
         }
     };
@@ -232,7 +232,7 @@ async fn inputs_and_requests_are_served_meanwhile() {
     for number in 0..20 {
         busy.write_if_idle(&heavy(number), None);
     }
-    let client = open("/client", PortOptions::new().calling()).await;
+    let client = open("/client", PortOptions::new().rpc_client()).await;
     connect(&client, &busy, "tcp").await;
     for _ in 0..20 {
         let answer: Bottle = within(client.call(&bottle("?"))).await.unwrap();
@@ -254,8 +254,8 @@ async fn a_slow_handler_holds_only_its_own_connection() {
         }))
     });
     let server = open("/server", server).await;
-    let slow = open("/slow", PortOptions::new().calling()).await;
-    let quick = open("/quick", PortOptions::new().calling()).await;
+    let slow = open("/slow", PortOptions::new().rpc_client()).await;
+    let quick = open("/quick", PortOptions::new().rpc_client()).await;
     connect(&slow, &server, "tcp").await;
     connect(&quick, &server, "tcp").await;
     let slow_call = tokio::spawn(async move { slow.call::<Bottle>(&bottle("x")).await });
@@ -271,13 +271,13 @@ async fn a_slow_handler_holds_only_its_own_connection() {
 async fn a_call_that_is_never_answered_ends_at_its_deadline() {
     let server = PortOptions::new().handler(|_| Answer::Later(Box::pin(std::future::pending())));
     let server = open("/server", server).await;
-    let client = open("/client", PortOptions::new().calling()).await;
+    let client = open("/client", PortOptions::new().rpc_client()).await;
     connect(&client, &server, "tcp").await;
     let request = bottle("x");
     let call = client.call_within::<Bottle>(&request, Duration::from_millis(20));
     let error = within(call).await.unwrap_err();
     assert!(
-        matches!(error, yarp_ports::PortError::Deadline { step: "reply", .. }),
+        matches!(error, yarp_ports::PortError::Timeout { step: "reply", .. }),
         "{error}"
     );
 }

@@ -5,7 +5,9 @@ use std::time::Duration;
 
 use tokio::task::JoinSet;
 use yarp_devices::DeviceError;
-use yarp_ports::{LinkState, Network, Port, Supervised, Supervision, remote};
+use yarp_ports::{
+    ConnectionState, Network, Port, ReconnectOptions, ReconnectingConnection, remote_admin,
+};
 use yarp_wire::message::WireObject;
 
 use crate::OpenError;
@@ -21,7 +23,7 @@ pub(crate) const WATCHING: Duration = Duration::from_millis(500);
 
 /// Sees to it that there is a port of that name.
 pub(crate) async fn there(network: &Network, name: String) -> Result<(), OpenError> {
-    match remote::exists(network, &name).await {
+    match remote_admin::exists(network, &name).await {
         Ok(true) => Ok(()),
         Ok(false) => Err(OpenError::NoRemote { name }),
         Err(source) => Err(OpenError::Port { name, source }),
@@ -48,7 +50,7 @@ pub(crate) async fn keep(
     to: &str,
     carrier: &str,
     deadline: Duration,
-) -> Result<Supervised, OpenError> {
+) -> Result<ReconnectingConnection, OpenError> {
     let failed = |reason: &str| OpenError::Connect {
         from: port.name().to_owned(),
         to: to.to_owned(),
@@ -56,17 +58,19 @@ pub(crate) async fn keep(
         source: reason.into(),
     };
     let (first, longest) = PAUSES;
-    let options = Supervision::new().pauses(first, longest).deadline(deadline);
+    let options = ReconnectOptions::new()
+        .backoff(first, longest)
+        .connect_timeout(deadline);
     let place = format!("{carrier}:/{to}");
-    let mut kept = port.supervise(&place, options);
+    let mut kept = port.connect_persistent(&place, options);
     loop {
         match kept.state() {
-            LinkState::Up => return Ok(kept),
-            LinkState::Lost { reason } => {
+            ConnectionState::Connected => return Ok(kept),
+            ConnectionState::Disconnected { reason } => {
                 kept.end().await;
                 return Err(failed(&reason));
             }
-            LinkState::Ended => return Err(failed("the port closed")),
+            ConnectionState::Closed => return Err(failed("the port closed")),
             _ => drop(kept.changed().await),
         }
     }
@@ -81,7 +85,7 @@ pub(crate) async fn fetch(
     asking: &mut JoinSet<()>,
     are_missing: impl Fn() -> bool + Send + 'static,
 ) -> Result<(), OpenError> {
-    remote::connect(network, from, to, Some(carrier))
+    remote_admin::connect(network, from, to, Some(carrier))
         .await
         .map_err(|source| OpenError::Connect {
             from: from.to_owned(),
@@ -106,7 +110,7 @@ async fn ask_again(
     loop {
         tokio::time::sleep(WATCHING).await;
         if are_missing()
-            && let Err(error) = remote::connect(&network, &from, &to, Some(&carrier)).await
+            && let Err(error) = remote_admin::connect(&network, &from, &to, Some(&carrier)).await
         {
             tracing::debug!(%from, "cannot ask for messages: {error}");
         }

@@ -1,6 +1,6 @@
 //! Opening ports: all of them, or none.
 
-use yarp_ports::{Network, Port, PortOptions, remote};
+use yarp_ports::{Network, Port, PortOptions, remote_admin};
 
 use crate::OpenError;
 
@@ -13,7 +13,7 @@ pub(crate) async fn open(
     name: String,
     options: PortOptions,
 ) -> Result<Port, OpenError> {
-    let taken = remote::exists(network, &name).await;
+    let taken = remote_admin::exists(network, &name).await;
     match taken {
         Ok(true) => return Err(OpenError::NameTaken { name }),
         Ok(false) => {}

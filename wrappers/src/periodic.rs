@@ -44,7 +44,7 @@ impl Periodic {
         let theirs = ending.clone();
         let (alive, ended) = oneshot::channel();
         let thread = thread::Builder::new().name(name.into()).spawn(move || {
-            yarp_ports::keep_to_deadlines();
+            yarp_ports::request_low_timer_slack();
             every(period, &theirs, &mut work);
             // What it holds is let go before anybody hears that this has ended.
             drop(work);

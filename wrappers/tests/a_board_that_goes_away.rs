@@ -8,7 +8,7 @@ use support::{PATIENCE, Stage, eventually};
 use yarp_devices::{
     Axes, AxisInfo, ControlMode, DeviceError, Encoders, PositionControl, VelocityControl,
 };
-use yarp_wire::Dialect;
+use yarp_wire::WireVersion;
 use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions};
 
 #[test]
@@ -62,7 +62,7 @@ fn a_server_that_is_dropped_lets_its_names_go() {
 
 #[test]
 fn when_it_comes_back_it_is_connected_again() {
-    for generation in [Dialect::V3, Dialect::V4] {
+    for generation in [WireVersion::V3, WireVersion::V4] {
         let stage = Stage::new();
         let server = stage.serve_arm();
         let options = RemoteControlBoardOptions::new("/wam", "/me").generation(generation);

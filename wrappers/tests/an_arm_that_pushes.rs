@@ -8,7 +8,7 @@ use std::cell::Cell;
 use support::{Stage, eventually};
 use yarp_devices::wam::DynamicWam;
 use yarp_devices::{Axes, AxisIndex, Device, Impedance, Interaction, Mode, VariableValue};
-use yarp_wire::Dialect;
+use yarp_wire::WireVersion;
 use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions};
 
 const BASE: AxisIndex = AxisIndex::new(0);
@@ -123,7 +123,7 @@ fn has_variables(arm: &RemoteControlBoard) {
     assert_eq!(motor.gearbox_ratio(BASE).expect("known"), -42.0);
 }
 
-fn over_the_network(generation: Dialect) {
+fn over_the_network(generation: WireVersion) {
     let stage = Stage::new();
     let server = stage.serve(
         "/wam",
@@ -141,10 +141,10 @@ fn over_the_network(generation: Dialect) {
 
 #[test]
 fn in_the_words_of_3() {
-    over_the_network(Dialect::V3);
+    over_the_network(WireVersion::V3);
 }
 
 #[test]
 fn in_the_words_of_4() {
-    over_the_network(Dialect::V4);
+    over_the_network(WireVersion::V4);
 }

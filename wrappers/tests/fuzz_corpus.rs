@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use bytes::BytesMut;
 use yarp_wire::message::WireObject;
-use yarp_wire::{Bottle, Dialect};
+use yarp_wire::{Bottle, WireVersion};
 use yarp_wrappers::control_board::messages::{Command, JointData};
 
 #[allow(unreachable_pub)]
@@ -180,41 +180,60 @@ const HEADS: [&str; 8] = [
 #[test]
 #[ignore = "writes into the source tree"]
 fn write_seeds() {
-    let write = |target: &str, number: usize, object: &dyn WireObject, dialect| {
+    let write = |target: &str, number: usize, object: &dyn WireObject, wire_version| {
         let folder = corpora().join(target);
         std::fs::create_dir_all(&folder).unwrap();
         let mut bytes = BytesMut::new();
-        object.write_binary(&mut bytes, dialect);
-        std::fs::write(folder.join(format!("seed_{dialect}_{number:02}")), bytes).unwrap();
+        object.write_binary(&mut bytes, wire_version);
+        std::fs::write(
+            folder.join(format!("seed_{wire_version}_{number:02}")),
+            bytes,
+        )
+        .unwrap();
     };
-    for dialect in [Dialect::V3, Dialect::V4] {
+    for wire_version in [WireVersion::V3, WireVersion::V4] {
         for (number, text) in REQUESTS.iter().enumerate() {
-            write("request", number, &Bottle::parse(text).unwrap(), dialect);
+            write(
+                "request",
+                number,
+                &Bottle::parse(text).unwrap(),
+                wire_version,
+            );
         }
         for (number, text) in NUMBERED.iter().enumerate() {
-            write("numbered", number, &Bottle::parse(text).unwrap(), dialect);
+            write(
+                "numbered",
+                number,
+                &Bottle::parse(text).unwrap(),
+                wire_version,
+            );
         }
         for (number, text) in CALLS.iter().enumerate() {
-            write("call", number, &Bottle::parse(text).unwrap(), dialect);
+            write("call", number, &Bottle::parse(text).unwrap(), wire_version);
         }
         for (number, text) in CAMERA.iter().enumerate() {
-            write("camera", number, &Bottle::parse(text).unwrap(), dialect);
+            write(
+                "camera",
+                number,
+                &Bottle::parse(text).unwrap(),
+                wire_version,
+            );
         }
         for (number, text) in HANDS.iter().enumerate() {
-            write("hand", number, &Bottle::parse(text).unwrap(), dialect);
+            write("hand", number, &Bottle::parse(text).unwrap(), wire_version);
         }
         for (number, text) in TOOL.iter().enumerate() {
-            write("tool", number, &Bottle::parse(text).unwrap(), dialect);
+            write("tool", number, &Bottle::parse(text).unwrap(), wire_version);
         }
         for (number, text) in HEADS.iter().enumerate() {
             let command = Command {
                 head: Bottle::parse(text).unwrap(),
                 values: vec![1.0, -2.0],
             };
-            write("streamed", number, &command, dialect);
+            write("streamed", number, &command, wire_version);
         }
         for axes in 1..3 {
-            write("state", axes, &JointData::unknown(axes), dialect);
+            write("state", axes, &JointData::unknown(axes), wire_version);
         }
     }
 }

@@ -8,8 +8,8 @@ use support::{PATIENCE, Stage};
 use yarp_devices::{
     Axes, AxisIndex, ControlMode, DeviceError, Mode, MotionControl, PositionControl,
 };
-use yarp_ports::{PortOptions, Queue, remote};
-use yarp_wire::Dialect;
+use yarp_ports::{PortOptions, Queue, remote_admin};
+use yarp_wire::WireVersion;
 use yarp_wrappers::control_board::messages::MotionEnd;
 use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions};
 
@@ -26,11 +26,11 @@ fn slow_arm(stage: &Stage, local: &str) -> RemoteControlBoard {
 
 #[test]
 fn an_end_is_announced_to_readers_and_to_who_waits() {
-    for generation in [Dialect::V3, Dialect::V4] {
+    for generation in [WireVersion::V3, WireVersion::V4] {
         let stage = Stage::new();
         let server = stage.serve_arm();
-        let reader = stage.port("/person", PortOptions::new().reading(Queue::Wait(100)));
-        let connecting = remote::connect(&stage.network, "/wam/async:o", "/person", None);
+        let reader = stage.port("/person", PortOptions::new().queue(Queue::Wait(100)));
+        let connecting = remote_admin::connect(&stage.network, "/wam/async:o", "/person", None);
         stage.runtime.block_on(connecting).expect("it can be read");
         let options = RemoteControlBoardOptions::new("/wam", "/me").generation(generation);
         let arm = RemoteControlBoard::open(&stage.network, options.deadline(PATIENCE))
@@ -58,7 +58,7 @@ fn an_end_is_announced_to_readers_and_to_who_waits() {
 /// One axis, several and all, as the words of 3.x and the calls of 4.0 have a form for each.
 #[test]
 fn relative_moves_have_numbers_too() {
-    for generation in [Dialect::V3, Dialect::V4] {
+    for generation in [WireVersion::V3, WireVersion::V4] {
         let stage = Stage::new();
         let server = stage.serve_arm();
         let options = RemoteControlBoardOptions::new("/wam", "/me").generation(generation);
@@ -151,7 +151,7 @@ fn an_end_whose_announcement_was_lost_is_asked_for() {
     let motion = arm
         .position_move_numbered(JOINT, &[50.0])
         .expect("it moves");
-    let disconnecting = remote::disconnect(&stage.network, "/wam/async:o", "/me/async:i");
+    let disconnecting = remote_admin::disconnect(&stage.network, "/wam/async:o", "/me/async:i");
     stage
         .runtime
         .block_on(disconnecting)

@@ -106,7 +106,7 @@ fn slow() -> (Slow, Arc<Taken>) {
 }
 
 fn caller(stage: &Stage, name: &str) -> Port {
-    let port = stage.port(name, PortOptions::new().calling());
+    let port = stage.port(name, PortOptions::new().rpc_client());
     let connecting = port.connect("/wam/rpc:i");
     stage.runtime.block_on(connecting).expect("it listens");
     port

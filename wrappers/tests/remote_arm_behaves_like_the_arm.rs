@@ -5,11 +5,11 @@ mod support;
 use support::{PATIENCE, Stage};
 use yarp_devices::checks::Check;
 use yarp_devices::{Device, checks};
-use yarp_wire::Dialect;
+use yarp_wire::WireVersion;
 use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions};
 
 /// Runs a check on an arm that is spoken to as `generation`.
-fn over_the_network(generation: Dialect, check: Check) {
+fn over_the_network(generation: WireVersion, check: Check) {
     let stage = Stage::new();
     let server = stage.serve_arm();
     let options = RemoteControlBoardOptions::new("/wam", "/tester").generation(generation);
@@ -45,18 +45,18 @@ macro_rules! check_each {
 }
 
 yarp_devices::each_check_of_a_board! {
-    check_each! { over_3, Dialect::V3, checks::ALL.iter(), }
+    check_each! { over_3, WireVersion::V3, checks::ALL.iter(), }
 }
 
 yarp_devices::each_check_of_a_board_of_4! {
-    check_each! { over_4, Dialect::V4, checks::ALL.iter().chain(checks::SINCE_4), }
+    check_each! { over_4, WireVersion::V4, checks::ALL.iter().chain(checks::SINCE_4), }
 }
 
 #[test]
 fn what_3_has_no_words_for_is_not_offered() {
     let stage = Stage::new();
     let server = stage.serve_arm();
-    let options = RemoteControlBoardOptions::new("/wam", "/tester").generation(Dialect::V3);
+    let options = RemoteControlBoardOptions::new("/wam", "/tester").generation(WireVersion::V3);
     let arm = RemoteControlBoard::open(&stage.network, options).expect("it can be reached");
     assert!(arm.velocity_direct().is_none() && arm.joint_brake().is_none());
     let modes = arm.control_mode().expect("it has modes");

@@ -12,7 +12,7 @@ use yarp_devices::{
 };
 use yarp_ports::{Port, PortOptions, Queue};
 use yarp_wire::typed::{Image, PixelCode};
-use yarp_wire::{Bottle, Dialect};
+use yarp_wire::{Bottle, WireVersion};
 use yarp_wrappers::{FrameGrabberServer, OpenError, RemoteFrameGrabber, RemoteFrameGrabberOptions};
 
 fn options() -> RemoteFrameGrabberOptions {
@@ -54,22 +54,22 @@ fn all_of(
 
 #[test]
 fn every_check_passes_over_3() {
-    all(options().generation(Dialect::V3), checks::CAMERA);
+    all(options().generation(WireVersion::V3), checks::CAMERA);
 }
 
 #[test]
 fn every_check_passes_over_4() {
-    all(options().generation(Dialect::V4), checks::CAMERA);
+    all(options().generation(WireVersion::V4), checks::CAMERA);
 }
 
 #[test]
 fn every_check_of_ieee_1394_passes_over_3() {
-    all_on_firewire(options().generation(Dialect::V3), checks::FIREWIRE);
+    all_on_firewire(options().generation(WireVersion::V3), checks::FIREWIRE);
 }
 
 #[test]
 fn every_check_of_ieee_1394_passes_over_4() {
-    all_on_firewire(options().generation(Dialect::V4), checks::FIREWIRE);
+    all_on_firewire(options().generation(WireVersion::V4), checks::FIREWIRE);
 }
 
 #[test]
@@ -77,7 +77,7 @@ fn images_that_are_asked_for_are_images_as_well() {
     // Without a stream nothing tells which image of the camera it is: each is a new one.
     let same = |(name, _): &&(&str, Check)| *name != "images_go_on";
     let checks: Vec<_> = checks::CAMERA.iter().filter(same).copied().collect();
-    for generation in [Dialect::V3, Dialect::V4] {
+    for generation in [WireVersion::V3, WireVersion::V4] {
         let options = options().no_stream().carrier("none").generation(generation);
         all(options.clone(), &checks);
         let same = |(name, _): &&(&str, Check)| *name != "images_go_on_when_switched_on";
@@ -91,7 +91,7 @@ fn the_generation_is_found_out() {
     let stage = Stage::new();
     let server = stage.serve_camera();
     let camera = RemoteFrameGrabber::open(&stage.network, options()).expect("it is there");
-    assert_eq!(camera.generation(), Dialect::V4);
+    assert_eq!(camera.generation(), WireVersion::V4);
     drop(camera);
     stage.runtime.block_on(server.close());
 
@@ -102,7 +102,7 @@ fn the_generation_is_found_out() {
     let rpc = stage.port("/grabber/rpc", PortOptions::new().handler(nak));
     let camera = RemoteFrameGrabber::open(&stage.network, options().no_stream());
     let camera = camera.expect("it is there");
-    assert_eq!(camera.generation(), Dialect::V3);
+    assert_eq!(camera.generation(), WireVersion::V3);
     assert!(matches!(
         camera.feature(Feature::Gain),
         Err(DeviceError::Refused { .. })
@@ -124,7 +124,7 @@ fn a_camera_that_is_not_there_is_named() {
 
 #[test]
 fn when_it_comes_back_it_is_connected_again() {
-    for generation in [Dialect::V3, Dialect::V4] {
+    for generation in [WireVersion::V3, WireVersion::V4] {
         let stage = Stage::new();
         let server = stage.serve_camera();
         let options = RemoteFrameGrabberOptions::new("/grabber", "/me")
@@ -186,9 +186,9 @@ fn a_remote_camera_can_be_served_again() {
 fn any_port_reads_the_images() {
     let stage = Stage::new();
     let server = stage.serve_camera();
-    let reader = stage.port("/viewer", PortOptions::new().reading(Queue::Latest));
+    let reader = stage.port("/viewer", PortOptions::new().queue(Queue::Latest));
     stage.runtime.block_on(async {
-        yarp_ports::remote::connect(&stage.network, "/grabber", "/viewer", Some("tcp"))
+        yarp_ports::remote_admin::connect(&stage.network, "/grabber", "/viewer", Some("tcp"))
             .await
             .expect("connected");
         let mut last = None;
@@ -237,7 +237,7 @@ async fn answer(asking: &Port, said: &str) -> String {
 fn words_of_ieee_1394_are_answered_as_stock_answers() {
     let stage = Stage::new();
     let server = stage.serve_firewire_camera();
-    let asking = stage.port("/asker", PortOptions::new().calling());
+    let asking = stage.port("/asker", PortOptions::new().rpc_client());
     stage.runtime.block_on(async {
         asking.connect("/grabber/rpc").await.expect("connected");
         for (said, expected) in [
@@ -283,7 +283,7 @@ fn nonsense_is_refused_and_the_camera_goes_on() {
     let stage = Stage::new();
     let server = stage.serve_camera();
     for to in ["/grabber/rpc", "/grabber"] {
-        let asking = stage.port("/asker", PortOptions::new().calling());
+        let asking = stage.port("/asker", PortOptions::new().rpc_client());
         stage.runtime.block_on(async {
             asking.connect(to).await.expect("connected");
             for (said, expected) in [

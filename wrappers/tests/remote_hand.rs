@@ -7,13 +7,13 @@ use support::{PATIENCE, Stage, eventually};
 use yarp_devices::hand::simulated::{SimulatedHand, SimulatedHandOptions};
 use yarp_devices::hand::{BarrettHand, HandBoard, HandOptions};
 use yarp_devices::{Axes, AxisIndex, Device, Hand, Mode};
-use yarp_wire::Dialect;
+use yarp_wire::WireVersion;
 use yarp_wrappers::control_board::messages::MotionEnd;
 use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions};
 
 const SECOND: Axes<'static> = Axes::One(AxisIndex::new(1));
 
-fn a_finger_is_moved(generation: Dialect) {
+fn a_finger_is_moved(generation: WireVersion) {
     let stage = Stage::new();
     let there = SimulatedHand::start(SimulatedHandOptions::new()).expect("it starts");
     let options = HandOptions::new(there.path())
@@ -69,10 +69,10 @@ fn a_finger_is_moved(generation: Dialect) {
 
 #[test]
 fn by_a_client_of_3() {
-    a_finger_is_moved(Dialect::V3);
+    a_finger_is_moved(WireVersion::V3);
 }
 
 #[test]
 fn by_a_client_of_4() {
-    a_finger_is_moved(Dialect::V4);
+    a_finger_is_moved(WireVersion::V4);
 }

@@ -267,7 +267,7 @@ fn a_client_that_is_gone_leaves_its_motion_to_end_and_holds_nobody_up() {
     board.initialise().unwrap();
     let server = serve(&stage, board);
     let other = remote(&stage, "/you");
-    let gone = Arc::new(stage.port("/gone", PortOptions::new().calling()));
+    let gone = Arc::new(stage.port("/gone", PortOptions::new().rpc_client()));
     stage
         .runtime
         .block_on(gone.connect("/robot/hand/rpc:i"))
@@ -340,7 +340,7 @@ fn garbage_is_answered_in_words_and_moves_nothing() {
     let board = board(&there);
     board.initialise().unwrap();
     let server = serve(&stage, board);
-    let port = stage.port("/tester", PortOptions::new().calling());
+    let port = stage.port("/tester", PortOptions::new().rpc_client());
     let ask = |port: &Port, typed: &str| {
         let typed = Bottle::parse(typed).unwrap();
         let asking = port.call::<Bottle>(&typed);

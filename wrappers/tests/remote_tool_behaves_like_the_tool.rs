@@ -61,7 +61,7 @@ fn every_check_passes() {
 fn a_person_types_the_worked_conversation() {
     let stage = Stage::new();
     let server = serve(&stage, tool());
-    let port = stage.port("/typist", PortOptions::new().calling());
+    let port = stage.port("/typist", PortOptions::new().rpc_client());
     let connected = stage
         .runtime
         .block_on(port.connect(&format!("{NAME}/rpc:i")));
@@ -240,7 +240,7 @@ fn both_versions_are_served_and_reached() {
         let options = CartesianServerOptions::new().version(version);
         let opening = CartesianServer::open(&stage.network, tool(), NAME, options);
         let server = stage.runtime.block_on(opening).expect("it can be served");
-        let asker = stage.port("/asker", PortOptions::new().calling());
+        let asker = stage.port("/asker", PortOptions::new().rpc_client());
         let asking = async {
             asker.connect(&format!("{NAME}/rpc:i")).await?;
             let request = Bottle::parse("[get] [info]").expect("a message");

@@ -10,18 +10,18 @@ use yarp_devices::wam::SimulatedWam;
 use yarp_devices::{
     AxisIndex, AxisInfo, ControlMode, Device, DeviceError, Encoders, JointType, Mode,
 };
-use yarp_ports::{Port, PortOptions, Queue, Received, remote};
-use yarp_wire::vector::Vector;
+use yarp_ports::{Port, PortOptions, Queue, Received, remote_admin};
+use yarp_wire::float_vector::Vector;
 use yarp_wire::{Bottle, Stamp};
 use yarp_wrappers::control_board::messages::JointData;
 use yarp_wrappers::{ControlBoardOptions, ControlBoardServer};
 
 /// A reader of one of the two feeds of `/wam`.
 fn reader(stage: &Stage, name: &str, feed: &str) -> Port {
-    let port = stage.port(name, PortOptions::new().reading(Queue::Wait(100)));
+    let port = stage.port(name, PortOptions::new().queue(Queue::Wait(100)));
     stage
         .runtime
-        .block_on(remote::connect(
+        .block_on(remote_admin::connect(
             &stage.network,
             feed,
             name,
@@ -118,8 +118,8 @@ fn a_reader_that_is_up_to_20_ms_behind_misses_no_state() {
     let stage = Stage::new();
     // Every 5 ms: four states may wait.
     let server = stage.serve_arm();
-    let slow = stage.port("/slow", PortOptions::new().reading(Queue::Wait(1)));
-    let connecting = remote::connect(&stage.network, "/wam/state:o", "/slow", Some("tcp"));
+    let slow = stage.port("/slow", PortOptions::new().queue(Queue::Wait(1)));
+    let connecting = remote_admin::connect(&stage.network, "/wam/state:o", "/slow", Some("tcp"));
     stage.runtime.block_on(connecting).expect("it can be read");
     // It reads nothing until many more are out.
     let other = reader(&stage, "/other", "/wam/state:o");
@@ -184,7 +184,7 @@ fn what_a_device_lacks_is_marked_and_refused() {
         Some(&[Mode::Idle, Mode::Idle][..])
     );
 
-    let caller = stage.port("/c", PortOptions::new().calling());
+    let caller = stage.port("/c", PortOptions::new().rpc_client());
     stage
         .runtime
         .block_on(caller.connect("/wam/rpc:i"))

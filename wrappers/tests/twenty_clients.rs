@@ -9,8 +9,8 @@ use std::thread;
 
 use support::{PATIENCE, Stage, eventually};
 use yarp_devices::{Axes, AxisIndex, AxisInfo, Encoders, PositionControl};
-use yarp_ports::{Answer, PortOptions, remote};
-use yarp_wire::Dialect;
+use yarp_ports::{Answer, PortOptions, remote_admin};
+use yarp_wire::WireVersion;
 use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions};
 
 const CLIENTS: usize = 20;
@@ -43,9 +43,9 @@ fn garbage(seed: u64) -> Vec<u8> {
 
 fn drives(stage: &Stage, number: usize) {
     let generation = if number.is_multiple_of(2) {
-        Dialect::V3
+        WireVersion::V3
     } else {
-        Dialect::V4
+        WireVersion::V4
     };
     let options = RemoteControlBoardOptions::new("/wam", format!("/client{number}"))
         .generation(generation)
@@ -79,7 +79,7 @@ fn all_are_served_and_nothing_moves_by_mistake() {
     let reader = stage.port("/stuck/stateExt:i", PortOptions::new().handler(never));
     stage
         .runtime
-        .block_on(remote::connect(
+        .block_on(remote_admin::connect(
             &stage.network,
             "/wam/stateExt:o",
             reader.name(),

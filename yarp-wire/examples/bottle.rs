@@ -9,7 +9,7 @@
 use std::fmt::Write as _;
 use std::io::{BufRead, Write};
 
-use yarp_wire::{Bottle, Dialect};
+use yarp_wire::{Bottle, WireVersion};
 
 fn main() -> std::io::Result<()> {
     let hexadecimal = std::env::args().any(|argument| argument == "--hex");
@@ -25,7 +25,7 @@ fn main() -> std::io::Result<()> {
                 } else {
                     out.write_all(&printed)?;
                 }
-                writeln!(out, "\t{}", to_hex(&bottle.encode(Dialect::V3)))?;
+                writeln!(out, "\t{}", to_hex(&bottle.encode(WireVersion::V3)))?;
             }
             Err(error) => writeln!(out, "error: {error}\t")?,
         }

@@ -31,7 +31,7 @@ use yarp_wire::typed::{
     Element, Image, Matrix, Pair, PixelCode, Property, Record, Sound, SoundLayout, SoundMarker,
     VectorOf,
 };
-use yarp_wire::{Bottle, Dialect, Stamp, Value, wire_struct};
+use yarp_wire::{Bottle, Stamp, Value, WireVersion, wire_struct};
 
 wire_struct! {
     /// How to take hold of something.
@@ -45,13 +45,13 @@ wire_struct! {
 type Failure = Box<dyn std::error::Error>;
 
 fn main() -> std::io::Result<()> {
-    let dialect = match std::env::args().nth(1).as_deref() {
-        Some("4.0") => Dialect::V4,
-        _ => Dialect::V3,
+    let wire_version = match std::env::args().nth(1).as_deref() {
+        Some("4.0") => WireVersion::V4,
+        _ => WireVersion::V3,
     };
     let mut out = std::io::BufWriter::new(std::io::stdout().lock());
     for line in std::io::stdin().lock().lines() {
-        match answer(&line?, dialect) {
+        match answer(&line?, wire_version) {
             Ok(answer) => writeln!(out, "{answer}")?,
             Err(error) => writeln!(out, "error: {error}")?,
         }
@@ -59,16 +59,20 @@ fn main() -> std::io::Result<()> {
     out.flush()
 }
 
-fn answer(line: &str, dialect: Dialect) -> Result<String, Failure> {
+fn answer(line: &str, wire_version: WireVersion) -> Result<String, Failure> {
     let (kind, rest) = line.split_once(' ').ok_or("expected TYPE")?;
     match rest.split_once(' ').unwrap_or((rest, "")) {
-        ("write", content) => Ok(to_hex(&write(kind, &Bottle::parse(content)?, dialect)?)),
-        ("read", hex) => Ok(read(kind, &from_hex(hex)?, dialect)?.to_string()),
+        ("write", content) => Ok(to_hex(&write(
+            kind,
+            &Bottle::parse(content)?,
+            wire_version,
+        )?)),
+        ("read", hex) => Ok(read(kind, &from_hex(hex)?, wire_version)?.to_string()),
         _ => Err("expected `write` or `read`".into()),
     }
 }
 
-fn write(kind: &str, content: &Bottle, dialect: Dialect) -> Result<Bytes, Failure> {
+fn write(kind: &str, content: &Bottle, wire_version: WireVersion) -> Result<Bytes, Failure> {
     let mut out = BytesMut::new();
     let numbers = |from| numbers(content, from);
     let object: &dyn WireObject = match kind {
@@ -86,11 +90,11 @@ fn write(kind: &str, content: &Bottle, dialect: Dialect) -> Result<Bytes, Failur
             let samples = integers(content, 2).iter().map(|s| *s as i16).collect();
             let mut sound = Sound::new(size(content, 1)?, integer(content, 0)?, samples)?;
             sound.markers = markers(content)?;
-            let layout = match dialect {
-                Dialect::V3 => SoundLayout::Pair,
-                Dialect::V4 => SoundLayout::Marked,
+            let layout = match wire_version {
+                WireVersion::V3 => SoundLayout::Pair,
+                WireVersion::V4 => SoundLayout::Marked,
             };
-            sound.laid_out(layout).write_binary(&mut out, dialect);
+            sound.laid_out(layout).write_binary(&mut out, wire_version);
             return Ok(out.freeze());
         }
         "stamp" => &stamp(content)?,
@@ -103,30 +107,30 @@ fn write(kind: &str, content: &Bottle, dialect: Dialect) -> Result<Bytes, Failur
         "bottle" => content,
         _ => return Err("no such type".into()),
     };
-    object.write_binary(&mut out, dialect);
+    object.write_binary(&mut out, wire_version);
     Ok(out.freeze())
 }
 
-fn read(kind: &str, bytes: &Bytes, dialect: Dialect) -> Result<Bottle, Failure> {
-    fn of<T: ReadObject>(bytes: &Bytes, dialect: Dialect) -> Result<T, Failure> {
-        Ok(T::read_binary(bytes, dialect)?)
+fn read(kind: &str, bytes: &Bytes, wire_version: WireVersion) -> Result<Bottle, Failure> {
+    fn of<T: ReadObject>(bytes: &Bytes, wire_version: WireVersion) -> Result<T, Failure> {
+        Ok(T::read_binary(bytes, wire_version)?)
     }
     Ok(match kind {
-        "vector_f64" => vector::<f64, f64>(bytes, dialect)?,
-        "vector_f32" => vector::<f32, f64>(bytes, dialect)?,
-        "vector_i32" => vector::<i32, i32>(bytes, dialect)?,
-        "vector_i16" => vector::<i16, i32>(bytes, dialect)?,
-        "vector_u16" => vector::<u16, i32>(bytes, dialect)?,
-        "vector_i8" => vector::<i8, i32>(bytes, dialect)?,
-        "vector_u8" => vector::<u8, i32>(bytes, dialect)?,
+        "vector_f64" => vector::<f64, f64>(bytes, wire_version)?,
+        "vector_f32" => vector::<f32, f64>(bytes, wire_version)?,
+        "vector_i32" => vector::<i32, i32>(bytes, wire_version)?,
+        "vector_i16" => vector::<i16, i32>(bytes, wire_version)?,
+        "vector_u16" => vector::<u16, i32>(bytes, wire_version)?,
+        "vector_i8" => vector::<i8, i32>(bytes, wire_version)?,
+        "vector_u8" => vector::<u8, i32>(bytes, wire_version)?,
         "matrix" => {
-            let matrix: Matrix = of(bytes, dialect)?;
+            let matrix: Matrix = of(bytes, wire_version)?;
             let mut content = values([matrix.rows() as i32, matrix.columns() as i32]);
             content.extend(values(matrix.into_values()));
             content
         }
         kind if is_image(kind) => {
-            let image: Image = of(bytes, dialect)?;
+            let image: Image = of(bytes, wire_version)?;
             let numbers = [image.width(), image.height(), image.quantum()];
             let mut content = Bottle::of(image.code().code());
             content.extend(values(numbers.map(|number| number as i32)));
@@ -135,7 +139,7 @@ fn read(kind: &str, bytes: &Bytes, dialect: Dialect) -> Result<Bottle, Failure> 
                 .with(image.packed())
         }
         "sound" => {
-            let sound: Sound = of(bytes, dialect)?;
+            let sound: Sound = of(bytes, wire_version)?;
             let mut content = values([sound.frequency(), sound.channels() as i32]);
             content.extend(values(sound.samples().iter().map(|s| i32::from(*s))));
             let markers = sound.markers.into_values().map(|marker| {
@@ -148,16 +152,16 @@ fn read(kind: &str, bytes: &Bytes, dialect: Dialect) -> Result<Bottle, Failure> 
             content.extend(values(markers));
             content
         }
-        "stamp" => of::<Stamp>(bytes, dialect)?.to_bottle(),
-        "property" => of::<Property>(bytes, dialect)?.to_bottle(),
+        "stamp" => of::<Stamp>(bytes, wire_version)?.to_bottle(),
+        "property" => of::<Property>(bytes, wire_version)?.to_bottle(),
         "pair" => {
-            let pair: Pair<Stamp, VectorOf<f64>> = of(bytes, dialect)?;
+            let pair: Pair<Stamp, VectorOf<f64>> = of(bytes, wire_version)?;
             let mut content = pair.head.to_bottle();
             content.extend(values(pair.body.0));
             content
         }
-        "grasp" => of::<Grasp>(bytes, dialect)?.to_bottle(),
-        "bottle" => of::<Bottle>(bytes, dialect)?,
+        "grasp" => of::<Grasp>(bytes, wire_version)?.to_bottle(),
+        "bottle" => of::<Bottle>(bytes, wire_version)?,
         _ => return Err("no such type".into()),
     })
 }
@@ -165,9 +169,9 @@ fn read(kind: &str, bytes: &Bytes, dialect: Dialect) -> Result<Bottle, Failure> 
 /// A vector of `T` as a bottle of `W`.
 fn vector<T: Element, W: From<T> + Into<Value>>(
     bytes: &Bytes,
-    dialect: Dialect,
+    wire_version: WireVersion,
 ) -> Result<Bottle, Failure> {
-    let vector = VectorOf::<T>::read_binary(bytes, dialect)?;
+    let vector = VectorOf::<T>::read_binary(bytes, wire_version)?;
     Ok(values(vector.0.into_iter().map(W::from)))
 }
 

@@ -12,10 +12,10 @@
 //! Source: datagrams of stock 3.5.0 and recorded traffic of 3.12.3 and 4.0.0.
 
 /// Bytes in front of the data.
-pub const HEADER: usize = 8;
+pub const HEADER_LEN: usize = 8;
 
 /// Largest datagram that stock sends, header included: what fits into UDP over IPv4, less 8.
-pub const LARGEST: usize = 65_499;
+pub const MAX_DATAGRAM_LEN: usize = 65_499;
 
 /// The number of a datagram that only wakes a reader up; it is no part of any message.
 pub const WAKE_UP: i32 = -1;
@@ -34,7 +34,7 @@ pub struct Datagram<'a> {
 #[non_exhaustive]
 pub enum DatagramError {
     /// Shorter than its header.
-    #[error("expected at least {HEADER} bytes of datagram, got {size}")]
+    #[error("expected at least {HEADER_LEN} bytes of datagram, got {size}")]
     Short {
         /// Bytes received.
         size: usize,
@@ -62,8 +62,8 @@ pub fn encode(number: i32, data: &[u8]) -> Vec<u8> {
 }
 
 /// What stands in front of `data` at place `number` of its message.
-fn header(number: i32, data: &[u8]) -> [u8; HEADER] {
-    let mut header = [0; HEADER];
+fn header(number: i32, data: &[u8]) -> [u8; HEADER_LEN] {
+    let mut header = [0; HEADER_LEN];
     header[..4].copy_from_slice(&crc32(data).to_le_bytes());
     header[4..].copy_from_slice(&number.to_le_bytes());
     header
@@ -92,8 +92,8 @@ pub fn split(message: &[u8], largest: usize) -> impl Iterator<Item = Vec<u8>> {
 }
 
 /// As [`split`] without a copy: header and data of each.
-pub fn cut(message: &[u8], largest: usize) -> impl Iterator<Item = ([u8; HEADER], &[u8])> {
-    let room = largest.saturating_sub(HEADER).max(1);
+pub fn cut(message: &[u8], largest: usize) -> impl Iterator<Item = ([u8; HEADER_LEN], &[u8])> {
+    let room = largest.saturating_sub(HEADER_LEN).max(1);
     (0..)
         .zip(message.chunks(room))
         .map(|(number, data)| (header(number, data), data))
@@ -152,7 +152,7 @@ mod tests {
         message.extend([1, 1, 0, 0, 1, 0, 0, 0, 42, 0, 0, 0]);
         let bytes = encode(0, &message);
         assert_eq!(bytes.len(), 58);
-        assert_eq!(bytes[..HEADER], [0x23, 0x14, 0xf8, 0x65, 0, 0, 0, 0]);
+        assert_eq!(bytes[..HEADER_LEN], [0x23, 0x14, 0xf8, 0x65, 0, 0, 0, 0]);
         assert_eq!(
             decode(&bytes).unwrap(),
             Datagram {
@@ -175,12 +175,12 @@ mod tests {
 
     #[test]
     fn messages_are_cut_and_numbered() {
-        let parts: Vec<_> = split(b"abcdefg", HEADER + 3).collect();
+        let parts: Vec<_> = split(b"abcdefg", HEADER_LEN + 3).collect();
         let parts: Vec<_> = parts.iter().map(|part| decode(part).unwrap()).collect();
         let numbers: Vec<_> = parts.iter().map(|part| part.number).collect();
         assert_eq!(numbers, [0, 1, 2]);
         assert_eq!(parts[2].data, b"g");
-        assert_eq!(split(b"", LARGEST).count(), 0);
+        assert_eq!(split(b"", MAX_DATAGRAM_LEN).count(), 0);
         assert_eq!(split(b"ab", 0).count(), 2);
     }
 

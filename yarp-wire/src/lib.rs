@@ -23,30 +23,30 @@ pub mod bottle;
 pub mod carrier;
 pub mod connection;
 pub mod datagram;
-pub mod dialect;
+pub mod float_vector;
+pub mod framed_number;
 pub mod http;
 pub mod limits;
 pub mod message;
 pub mod mjpeg;
-pub mod name;
 pub mod name_service;
-pub mod number;
+pub mod port_name;
 pub mod protocol;
 pub mod qos;
 pub mod settings;
 pub mod shmem;
 pub mod stamp;
 pub mod typed;
-pub mod vector;
 pub mod vocab;
 pub mod websocket;
+pub mod wire_version;
 
 pub use bottle::{Bottle, Value};
-pub use dialect::Dialect;
 pub use limits::Limits;
-pub use name::{Contact, PortName};
+pub use port_name::{Contact, PortName};
 pub use stamp::Stamp;
 pub use vocab::{Vocab32, Vocab64};
+pub use wire_version::WireVersion;
 
 /// Compiles the example of the README.
 #[cfg(doctest)]

@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_to_stay_as_it_is_is_not_asked_for() {
+    fn unchanged_values_are_not_requested() {
         let check = |text: &str, expected: Option<(Option<i64>, Option<i64>)>| {
             let wanted = Scheduling::parse(&Bottle::parse(text).unwrap());
             let wanted = wanted.map(|wanted| (wanted.policy, wanted.priority));

@@ -270,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn only_one_of_ours_answers_the_mark() {
+    fn only_this_implementation_answers_the_mark() {
         let said = connect_packet(0x1234_5678);
         assert_eq!(said, *b"\0\0\0\0\x78\x56\x34\x12");
         let mark = initiator_mark(&said).unwrap();

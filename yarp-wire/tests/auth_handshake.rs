@@ -2,7 +2,7 @@
 
 use bytes::BytesMut;
 use proptest::prelude::*;
-use yarp_wire::auth::{AuthError, Handshake, Key, NONCE, Nonce, STEP};
+use yarp_wire::auth::{AuthError, Key, KeyHandshake, NONCE_LEN, Nonce, STEP_LEN};
 
 fn key(secret: &[u8]) -> Key {
     Key::new(secret).unwrap()
@@ -10,7 +10,7 @@ fn key(secret: &[u8]) -> Key {
 
 /// Feeds what one side said to the other, `size` bytes at a time.
 fn hear(
-    side: &mut Handshake,
+    side: &mut KeyHandshake,
     said: &[u8],
     size: usize,
     output: &mut BytesMut,
@@ -37,14 +37,14 @@ fn run(
     let (mut first, mut second, mut third) = (BytesMut::new(), BytesMut::new(), BytesMut::new());
     let spoilt = |step: usize, said: &mut BytesMut| {
         if let Some(bit) = spoil
-            && bit / 8 / STEP == step
+            && bit / 8 / STEP_LEN == step
         {
-            said[bit / 8 % STEP] ^= 1 << (bit % 8);
+            said[bit / 8 % STEP_LEN] ^= 1 << (bit % 8);
         }
     };
     let [accepting, connecting] = keys.map(Key::clone);
-    let mut acceptor = Handshake::accept(accepting, [nonces[0], nonces[2]], &mut first);
-    let mut initiator = Handshake::initiate(connecting, nonces[1]);
+    let mut acceptor = KeyHandshake::accept(accepting, [nonces[0], nonces[2]], &mut first);
+    let mut initiator = KeyHandshake::initiate(connecting, nonces[1]);
     spoilt(0, &mut first);
     let through = hear(&mut initiator, &first, size, &mut second).map_err(|error| error.step)?;
     assert!(!through);
@@ -54,16 +54,16 @@ fn run(
     spoilt(2, &mut third);
     let through = hear(&mut initiator, &third, size, &mut first).map_err(|error| error.step)?;
     assert!(through);
-    assert_eq!([second.len(), third.len()], [STEP; 2]);
+    assert_eq!([second.len(), third.len()], [STEP_LEN; 2]);
     Ok(())
 }
 
 proptest! {
     #[test]
-    fn two_who_share_a_key_get_through(
+    fn peers_that_share_a_key_complete_the_handshake(
         secret in proptest::collection::vec(any::<u8>(), 1..200),
         nonces in any::<[Nonce; 3]>(),
-        size in 1..=STEP,
+        size in 1..=STEP_LEN,
     ) {
         let key = key(&secret);
         prop_assert_eq!(run([&key, &key], nonces, size, None), Ok(()));
@@ -76,33 +76,33 @@ proptest! {
     ) {
         prop_assume!(secrets[0] != secrets[1]);
         let keys = secrets.map(|secret| key(&secret));
-        prop_assert_eq!(run([&keys[0], &keys[1]], nonces, STEP, None), Err(1));
+        prop_assert_eq!(run([&keys[0], &keys[1]], nonces, STEP_LEN, None), Err(1));
     }
 
     #[test]
     fn a_single_wrong_bit_is_refused_at_its_step(
         nonces in any::<[Nonce; 3]>(),
-        bit in 0..3 * STEP * 8,
+        bit in 0..3 * STEP_LEN * 8,
     ) {
         let key = key(b"secret");
-        prop_assert_eq!(run([&key, &key], nonces, STEP, Some(bit)), Err(bit / 8 / STEP + 1));
+        prop_assert_eq!(run([&key, &key], nonces, STEP_LEN, Some(bit)), Err(bit / 8 / STEP_LEN + 1));
     }
 
     #[test]
     fn noise_never_gets_through(
-        noise in proptest::collection::vec(any::<u8>(), 0..4 * STEP),
+        noise in proptest::collection::vec(any::<u8>(), 0..4 * STEP_LEN),
         nonces in any::<[Nonce; 3]>(),
     ) {
         let key = key(b"secret");
         let mut output = BytesMut::new();
-        let mut acceptor = Handshake::accept(key.clone(), [nonces[0], nonces[2]], &mut output);
+        let mut acceptor = KeyHandshake::accept(key.clone(), [nonces[0], nonces[2]], &mut output);
         let mut input = BytesMut::from(&noise[..]);
         let expected = match noise.len() {
-            0..STEP => Ok(false),
+            0..STEP_LEN => Ok(false),
             _ => Err(AuthError { step: 2 }),
         };
         prop_assert_eq!(acceptor.poll(&mut input, &mut output), expected);
-        let mut initiator = Handshake::initiate(key, nonces[1]);
+        let mut initiator = KeyHandshake::initiate(key, nonces[1]);
         let mut input = BytesMut::from(&noise[..]);
         output.clear();
         let through = initiator.poll(&mut input, &mut output);
@@ -116,8 +116,9 @@ proptest! {
 fn the_steps_of_others_are_no_answer() {
     let key = key(b"secret");
     let (mut said, mut more) = (BytesMut::new(), BytesMut::new());
-    let mut acceptor = Handshake::accept(key.clone(), [[1; NONCE], [2; NONCE]], &mut said);
-    let mut other = Handshake::accept(key, [[3; NONCE], [4; NONCE]], &mut more);
+    let mut acceptor =
+        KeyHandshake::accept(key.clone(), [[1; NONCE_LEN], [2; NONCE_LEN]], &mut said);
+    let mut other = KeyHandshake::accept(key, [[3; NONCE_LEN], [4; NONCE_LEN]], &mut more);
     let mut output = BytesMut::new();
     let refused = Err(AuthError { step: 2 });
     assert_eq!(other.poll(&mut said.clone(), &mut output), refused);
@@ -127,11 +128,12 @@ fn the_steps_of_others_are_no_answer() {
 
 /// A peer that sends its header at once is not read further than the handshake goes.
 #[test]
-fn what_follows_is_left_alone() {
+fn bytes_after_the_handshake_are_not_consumed() {
     let key = key(b"secret");
     let (mut first, mut second) = (BytesMut::new(), BytesMut::new());
-    let mut acceptor = Handshake::accept(key.clone(), [[1; NONCE], [2; NONCE]], &mut first);
-    let mut initiator = Handshake::initiate(key, [3; NONCE]);
+    let mut acceptor =
+        KeyHandshake::accept(key.clone(), [[1; NONCE_LEN], [2; NONCE_LEN]], &mut first);
+    let mut initiator = KeyHandshake::initiate(key, [3; NONCE_LEN]);
     assert_eq!(initiator.poll(&mut first, &mut second), Ok(false));
     second.extend_from_slice(b"CONNECT /early\r\n");
     assert_eq!(acceptor.poll(&mut second, &mut first), Ok(true));

@@ -10,10 +10,10 @@ use yarp_wire::carrier::{ALL, CarrierSpec, Sender};
 use yarp_wire::connection::{Acceptor, Initiator};
 use yarp_wire::message::{Command, Index};
 use yarp_wire::{
-    Bottle, Contact, Dialect, Limits, PortName, Stamp, Value, Vocab32, Vocab64, number,
+    Bottle, Contact, Limits, PortName, Stamp, Value, Vocab32, Vocab64, WireVersion, framed_number,
 };
 
-const DIALECTS: [Dialect; 2] = [Dialect::V3, Dialect::V4];
+const DIALECTS: [WireVersion; 2] = [WireVersion::V3, WireVersion::V4];
 
 /// A value of any kind, with words as given.
 fn value(word: BoxedStrategy<Value>) -> impl Strategy<Value = Value> {
@@ -111,7 +111,10 @@ fn through_text(value: Value) -> Value {
 /// Equality that also holds for nan.
 #[track_caller]
 fn assert_same(read: &Bottle, expected: &Bottle) {
-    let (left, right) = (read.encode(Dialect::V4), expected.encode(Dialect::V4));
+    let (left, right) = (
+        read.encode(WireVersion::V4),
+        expected.encode(WireVersion::V4),
+    );
     assert_eq!(left, right, "{read:?}\n{expected:?}");
     assert_eq!(format!("{read:?}"), format!("{expected:?}"));
 }
@@ -119,18 +122,18 @@ fn assert_same(read: &Bottle, expected: &Bottle) {
 proptest! {
     #[test]
     fn binary_keeps_everything(bottle in bottle(any_word())) {
-        for dialect in DIALECTS {
-            let expected = match dialect {
-                Dialect::V3 => bottle.clone().into_iter().map(cut).collect(),
-                Dialect::V4 => bottle.clone(),
+        for wire_version in DIALECTS {
+            let expected = match wire_version {
+                WireVersion::V3 => bottle.clone().into_iter().map(cut).collect(),
+                WireVersion::V4 => bottle.clone(),
             };
-            let encoded = bottle.encode(dialect);
-            assert_same(&Bottle::decode(&encoded, dialect, Limits::DEFAULT).unwrap(), &expected);
-            let (read, betrayed) = Bottle::decode_any(&encoded, dialect, Limits::DEFAULT).unwrap();
+            let encoded = bottle.encode(wire_version);
+            assert_same(&Bottle::decode(&encoded, wire_version, Limits::DEFAULT).unwrap(), &expected);
+            let (read, detected) = Bottle::decode_any(&encoded, wire_version, Limits::DEFAULT).unwrap();
             assert_same(&read, &expected);
-            prop_assert!(betrayed.is_none_or(|betrayed| betrayed == dialect));
+            prop_assert!(detected.is_none_or(|detected| detected == wire_version));
             if let Some(detected) = detect(&encoded, Limits::DEFAULT) {
-                prop_assert_eq!(detected, dialect);
+                prop_assert_eq!(detected, wire_version);
             }
         }
     }
@@ -217,27 +220,29 @@ fn feed_all(bytes: &[u8]) {
         let _ = AdminRequest::parse(&bottle);
         let _ = bottle.to_string();
     }
-    for dialect in DIALECTS {
-        let _ = Bottle::decode(&shared, dialect, Limits::DEFAULT);
-        let _ = Bottle::decode_prefix(&shared, dialect, Limits::DEFAULT);
-        let _ = Bottle::decode_any(&shared, dialect, Limits::DEFAULT);
-        let _ = Scanner::new(dialect, Limits::DEFAULT).scan(bytes);
+    for wire_version in DIALECTS {
+        let _ = Bottle::decode(&shared, wire_version, Limits::DEFAULT);
+        let _ = Bottle::decode_prefix(&shared, wire_version, Limits::DEFAULT);
+        let _ = Bottle::decode_any(&shared, wire_version, Limits::DEFAULT);
+        let _ = Scanner::new(wire_version, Limits::DEFAULT).scan(bytes);
         for carrier in ALL {
             let mut output = BytesMut::new();
             let sender = Sender::plain("/x");
             let mut initiator =
-                Initiator::new(carrier, &sender, dialect, Limits::DEFAULT, &mut output);
+                Initiator::new(carrier, &sender, wire_version, Limits::DEFAULT, &mut output);
             initiator.send(&Command::data(true), 0, &mut output);
             initiator.send(&Command::Describe, 0, &mut output);
             let mut input = BytesMut::from(bytes);
             while let Ok(Some(_)) = initiator.poll(&mut input) {}
         }
     }
-    let mut acceptor = Acceptor::new(10002, Dialect::V3, Limits::DEFAULT);
+    let mut acceptor = Acceptor::new(10002, WireVersion::V3, Limits::DEFAULT);
     let (mut input, mut output) = (BytesMut::from(bytes), BytesMut::new());
     while let Ok(Some(_)) = acceptor.poll(&mut input, &mut output) {}
     for carrier in ALL {
-        let mut messages = carrier.protocol.messages(Dialect::V3, Limits::DEFAULT);
+        let mut messages = carrier
+            .protocol
+            .message_decoder(WireVersion::V3, Limits::DEFAULT);
         let mut input = BytesMut::from(bytes);
         while let Ok(Some(_)) = messages.read(&mut input, &mut output) {}
     }
@@ -249,5 +254,5 @@ fn feed_all(bytes: &[u8]) {
     let _ = text.parse::<PortName>();
     let _ = Sender::parse(bytes).to_string();
     let _ = text.parse::<Stamp>().map(|stamp| stamp.to_string());
-    let _ = bytes.first_chunk().and_then(number::decode);
+    let _ = bytes.first_chunk().and_then(framed_number::decode);
 }

@@ -9,9 +9,9 @@ use yarp_wire::bottle::{DecodeError, TextError, detect};
 use yarp_wire::carrier::{Carrier, Sender};
 use yarp_wire::connection::{Acceptor, Initiator, ProtocolError};
 use yarp_wire::message::{Command, CommandError, Index, IndexError};
-use yarp_wire::{Bottle, Contact, Dialect, Limits, PortName, Stamp};
+use yarp_wire::{Bottle, Contact, Limits, PortName, Stamp, WireVersion};
 
-const DIALECTS: [Dialect; 2] = [Dialect::V3, Dialect::V4];
+const DIALECTS: [WireVersion; 2] = [WireVersion::V3, WireVersion::V4];
 /// What a parser may hold beyond twice what was sent.
 const SLACK: usize = 64 * 1024;
 
@@ -35,22 +35,22 @@ fn words(numbers: &[i32]) -> Bytes {
         .collect()
 }
 
-/// Checks that no dialect reads `bytes`, whole or with any tail.
+/// Checks that no wire version reads `bytes`, whole or with any tail.
 #[track_caller]
 fn refused(bytes: &Bytes) -> DecodeError {
     let mut first = None;
-    for dialect in DIALECTS {
+    for wire_version in DIALECTS {
         let error = frugal(bytes.len(), || {
-            Bottle::decode(bytes, dialect, Limits::DEFAULT)
+            Bottle::decode(bytes, wire_version, Limits::DEFAULT)
         });
         first.get_or_insert(error.expect_err("it reads"));
         frugal(bytes.len(), || {
-            Bottle::decode_any(bytes, dialect, Limits::DEFAULT)
+            Bottle::decode_any(bytes, wire_version, Limits::DEFAULT)
         })
         .unwrap_err();
     }
     assert_eq!(frugal(bytes.len(), || detect(bytes, Limits::DEFAULT)), None);
-    first.expect("two dialects were tried")
+    first.expect("two wire_versions were tried")
 }
 
 #[test]
@@ -97,7 +97,7 @@ fn negative_lengths_are_refused_and_negative_counts_are_none() {
         }
         for list in [256, 257, 260] {
             let bytes = words(&[list, lie]);
-            let read = Bottle::decode(&bytes, Dialect::V3, Limits::DEFAULT);
+            let read = Bottle::decode(&bytes, WireVersion::V3, Limits::DEFAULT);
             assert_eq!(read, Ok(Bottle::new()));
         }
     }
@@ -120,15 +120,15 @@ fn unknown_codes_are_refused() {
         );
     }
     // Each generation refuses what only the other has.
-    let read = |bytes: &Bytes, dialect| Bottle::decode(bytes, dialect, Limits::DEFAULT);
-    assert!(read(&words(&[256, 1, 128, 0]), Dialect::V4).is_err());
-    assert!(read(&words(&[256, 1, 20, 0, 0]), Dialect::V3).is_err());
-    assert!(read(&words(&[256, 1, 18, 0, 0]), Dialect::V3).is_err());
+    let read = |bytes: &Bytes, wire_version| Bottle::decode(bytes, wire_version, Limits::DEFAULT);
+    assert!(read(&words(&[256, 1, 128, 0]), WireVersion::V4).is_err());
+    assert!(read(&words(&[256, 1, 20, 0, 0]), WireVersion::V3).is_err());
+    assert!(read(&words(&[256, 1, 18, 0, 0]), WireVersion::V3).is_err());
 }
 
 /// A bottle with something behind it was read whole before it was refused: 40 times its bytes.
 #[test]
-fn what_has_bytes_left_over_is_refused_before_it_is_read() {
+fn trailing_bytes_are_refused_before_decoding() {
     let mut bytes = BytesMut::from(&words(&[256 + 32, 1 << 20])[..]);
     bytes.extend_from_slice(&vec![7; (1 << 20) + 1]);
     let error = refused(&bytes.freeze());
@@ -149,7 +149,7 @@ fn a_message_above_the_limit_is_refused_while_it_is_short() {
         words(&[256, 1, 4, 1000]),
         words(&[256, 1, 12, i32::MAX]),
     ] {
-        let error = Bottle::decode(&bytes, Dialect::V3, limits);
+        let error = Bottle::decode(&bytes, WireVersion::V3, limits);
         assert_eq!(error, Err(DecodeError::TooLong { limit: 1000 }));
     }
 }
@@ -181,7 +181,7 @@ fn accept(bytes: &[u8], limits: Limits) -> (usize, Option<ProtocolError>) {
     let mut input = BytesMut::from(bytes);
     let mut output = BytesMut::new();
     frugal(bytes.len(), || {
-        let mut acceptor = Acceptor::new(10002, Dialect::V3, limits);
+        let mut acceptor = Acceptor::new(10002, WireVersion::V3, limits);
         let mut events = 0;
         loop {
             match acceptor.poll(&mut input, &mut output) {
@@ -248,7 +248,7 @@ fn a_sender_without_its_zero_or_with_zeros_inside_is_taken_to_the_first() {
         let mut input = BytesMut::from(&b"YA\xe4\x1e\0\0RP"[..]);
         input.extend_from_slice(&(name.len() as i32).to_le_bytes());
         input.extend_from_slice(name);
-        let mut acceptor = Acceptor::new(10002, Dialect::V3, Limits::DEFAULT);
+        let mut acceptor = Acceptor::new(10002, WireVersion::V3, Limits::DEFAULT);
         let event = acceptor.poll(&mut input, &mut BytesMut::new()).unwrap();
         let Some(yarp_wire::connection::Event::Opened { sender, .. }) = event else {
             panic!("no header");
@@ -419,7 +419,7 @@ fn await_answer(
     limits: Limits,
 ) -> Result<usize, ProtocolError> {
     let carrier = Carrier::by_name(carrier).unwrap();
-    let mut initiator = Initiator::established(carrier, Dialect::V3, limits);
+    let mut initiator = Initiator::established(carrier, WireVersion::V3, limits);
     initiator.send(command, 0, &mut BytesMut::new());
     let mut input = BytesMut::from(bytes);
     frugal(bytes.len(), || {
@@ -447,7 +447,7 @@ fn a_lying_reply_is_refused_or_waited_for() {
     ));
     for discard in [-1, i32::MAX] {
         let mut bytes = words(&[257, 1, 42]).to_vec();
-        bytes.extend_from_slice(&yarp_wire::number::encode(discard));
+        bytes.extend_from_slice(&yarp_wire::framed_number::encode(discard));
         assert!(matches!(
             reply(&bytes),
             Err(ProtocolError::Acknowledgement { .. })
@@ -496,7 +496,8 @@ fn a_header_reply_that_is_no_number_is_refused() {
     for got in [*b"GARBAGE!", *b"YA\0\0\0\0RX", *b"Welcome "] {
         let mut output = BytesMut::new();
         let sender = Sender::plain("/x");
-        let mut initiator = Initiator::new(tcp, &sender, Dialect::V3, Limits::DEFAULT, &mut output);
+        let mut initiator =
+            Initiator::new(tcp, &sender, WireVersion::V3, Limits::DEFAULT, &mut output);
         let mut input = BytesMut::from(&got[..7]);
         assert_eq!(initiator.poll(&mut input), Ok(None));
         let mut input = BytesMut::from(&got[..]);

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use yarp_wire::carrier::Carrier;
 use yarp_wire::connection::{Acceptor, Event, Initiator};
 use yarp_wire::mjpeg::{MjpegError, Part, PartReader, RESPONSE, comment, put_part, request};
-use yarp_wire::{Dialect, Limits};
+use yarp_wire::{Limits, WireVersion};
 
 fn stream(bodies: &[Vec<u8>]) -> Vec<u8> {
     let mut out = BytesMut::from(RESPONSE);
@@ -38,7 +38,7 @@ fn picture(body: &[u8]) -> Part {
 
 proptest! {
     #[test]
-    fn what_is_written_is_read(
+    fn written_parts_are_read(
         bodies in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..200), 0..4),
     ) {
         let bytes = stream(&bodies);
@@ -88,7 +88,7 @@ fn cameras_differ() {
 }
 
 #[test]
-fn lies_are_refused() {
+fn false_claims_are_refused() {
     let check = |text: &str, expected: MjpegError| {
         assert_eq!(
             parts([text.as_bytes()]),
@@ -142,7 +142,7 @@ fn requests_open_the_connection() {
     let stock = "GET /?action=stream\n\n HTTP/1.1\nHost: h\r\n\n";
     for text in [stock, &request(None, "h")] {
         for cut in 0..text.len() {
-            let mut acceptor = Acceptor::new(1, Dialect::V3, Limits::DEFAULT);
+            let mut acceptor = Acceptor::new(1, WireVersion::V3, Limits::DEFAULT);
             let (mut input, mut output) = (BytesMut::new(), BytesMut::new());
             let mut opened = None;
             for piece in [&text[..cut], &text[cut..]] {
@@ -159,7 +159,7 @@ fn requests_open_the_connection() {
             };
             assert_eq!((carrier.name, sender.name.as_str()), ("mjpeg", "null"));
             assert_eq!(output, RESPONSE);
-            let mut writing = Initiator::established(carrier, Dialect::V3, Limits::DEFAULT);
+            let mut writing = Initiator::established(carrier, WireVersion::V3, Limits::DEFAULT);
             assert_eq!(writing.poll(&mut input), Ok(None));
         }
     }

@@ -108,7 +108,7 @@ fn a_directory_is_all_its_files() {
 }
 
 #[test]
-fn what_cannot_be_included_is_said() {
+fn failed_includes_are_reported() {
     let said = |text: &'static str| {
         let files = Files::of([("f.ini", text)]);
         let problems = Settings::new().read_file("f.ini", &files).unwrap();

@@ -9,45 +9,56 @@ use bytes::Bytes;
 use typed_common::{bytes, check, refused, text, written};
 use yarp_wire::message::{Form, Payload, ReadObject};
 use yarp_wire::typed::{Matrix, Pair, Property, Sound, SoundLayout, SoundMarker, VectorOf};
-use yarp_wire::{Bottle, Dialect, Stamp, Value, wire_struct};
+use yarp_wire::{Bottle, Stamp, Value, WireVersion, wire_struct};
 
 #[test]
 fn vectors() {
     // 3.5
     check(
         &VectorOf(vec![1.0, -2.5]),
-        Dialect::V3,
+        WireVersion::V3,
         "0a010000 02000000 000000000000f03f 00000000000004c0",
     );
     let integers = "01010000 02000000 03000000 fcffffff";
-    check(&VectorOf(vec![3, -4]), Dialect::V3, integers);
-    check(&VectorOf(vec![3, -4]), Dialect::V4, integers);
+    check(&VectorOf(vec![3, -4]), WireVersion::V3, integers);
+    check(&VectorOf(vec![3, -4]), WireVersion::V4, integers);
     // 4.0
     let doubles = "14010000 02000000 000000000000f03f 0000000000000040";
-    check(&VectorOf(vec![1.0, 2.0]), Dialect::V4, doubles);
+    check(&VectorOf(vec![1.0, 2.0]), WireVersion::V4, doubles);
     let singles = VectorOf(vec![1.5f32]);
-    check(&singles, Dialect::V4, "0a010000 01000000 0000c03f");
-    check(&singles, Dialect::V3, "80010000 01000000 0000c03f");
-    for dialect in [Dialect::V3, Dialect::V4] {
+    check(&singles, WireVersion::V4, "0a010000 01000000 0000c03f");
+    check(&singles, WireVersion::V3, "80010000 01000000 0000c03f");
+    for wire_version in [WireVersion::V3, WireVersion::V4] {
         check(
             &VectorOf(vec![-1i16, 2]),
-            dialect,
+            wire_version,
             "40010000 02000000 ffff0200",
         );
-        check(&VectorOf(vec![65535u16]), dialect, "40010000 01000000 ffff");
-        check(&VectorOf(vec![-1i8, 2]), dialect, "20010000 02000000 ff02");
-        check(&VectorOf(vec![255u8]), dialect, "20010000 01000000 ff");
+        check(
+            &VectorOf(vec![65535u16]),
+            wire_version,
+            "40010000 01000000 ffff",
+        );
+        check(
+            &VectorOf(vec![-1i8, 2]),
+            wire_version,
+            "20010000 02000000 ff02",
+        );
+        check(&VectorOf(vec![255u8]), wire_version, "20010000 01000000 ff");
     }
 }
 
 #[test]
 fn empty_vectors_and_other_numbers_are_refused_as_in_stock() {
     let empty = "0a010000 00000000";
-    assert_eq!(written(&VectorOf::<f64>(vec![]), Dialect::V3), bytes(empty));
-    refused::<VectorOf<f64>>(Dialect::V3, empty);
-    refused::<VectorOf<f64>>(Dialect::V3, "01010000 01000000 05000000");
-    refused::<VectorOf<f64>>(Dialect::V4, "0a010000 01000000 0000c03f");
-    refused::<VectorOf<i32>>(Dialect::V3, "00010000 01000000 01000000 05000000");
+    assert_eq!(
+        written(&VectorOf::<f64>(vec![]), WireVersion::V3),
+        bytes(empty)
+    );
+    refused::<VectorOf<f64>>(WireVersion::V3, empty);
+    refused::<VectorOf<f64>>(WireVersion::V3, "01010000 01000000 05000000");
+    refused::<VectorOf<f64>>(WireVersion::V4, "0a010000 01000000 0000c03f");
+    refused::<VectorOf<i32>>(WireVersion::V3, "00010000 01000000 01000000 05000000");
 }
 
 #[test]
@@ -56,7 +67,7 @@ fn matrices() {
     // 3.5
     check(
         &matrix,
-        Dialect::V3,
+        WireVersion::V3,
         "00010000 03000000 01000000 02000000 01000000 03000000 0a010000 06000000
          000000000000e03f 000000000000f83f 0000000000000440
          0000000000002540 0000000000002740 0000000000002940",
@@ -64,7 +75,7 @@ fn matrices() {
     let small = Matrix::new(1, 2, vec![1.0, 2.0]).unwrap();
     check(
         &small,
-        Dialect::V4,
+        WireVersion::V4,
         "00010000 03000000 01000000 01000000 01000000 02000000 14010000 02000000
          000000000000f03f 0000000000000040",
     );
@@ -76,8 +87,8 @@ fn matrices() {
     );
     // 3.5 writes an empty matrix and refuses to read it.
     let empty = "00010000 03000000 01000000 00000000 01000000 00000000 0a010000 00000000";
-    assert_eq!(written(&Matrix::default(), Dialect::V3), bytes(empty));
-    refused::<Matrix>(Dialect::V3, empty);
+    assert_eq!(written(&Matrix::default(), WireVersion::V3), bytes(empty));
+    refused::<Matrix>(WireVersion::V3, empty);
 }
 
 /// Two channels of three samples at 8 kHz.
@@ -97,16 +108,19 @@ fn sounds_up_to_3_8() {
     );
     let sound = sound();
     assert_eq!(
-        written(&sound.laid_out(SoundLayout::Pair), Dialect::V3),
+        written(&sound.laid_out(SoundLayout::Pair), WireVersion::V3),
         bytes(&pair)
     );
-    assert_eq!(Sound::read_binary(&bytes(&pair), Dialect::V3), Ok(sound));
+    assert_eq!(
+        Sound::read_binary(&bytes(&pair), WireVersion::V3),
+        Ok(sound)
+    );
     // 3.5, a sound as made.
     let empty = "00010000 02000000 00010000 04000000 09000000 6d617400 09000000 6d6f3136
         01010000 05000000 02000000 00000000 02000000 00000000 00000000 0c000000 00000000
         01010000 01000000 00000000";
     assert!(
-        Sound::read_binary(&bytes(empty), Dialect::V3)
+        Sound::read_binary(&bytes(empty), WireVersion::V3)
             .unwrap()
             .is_empty()
     );
@@ -121,15 +135,15 @@ fn sounds_from_3_9_on() {
         format!("00010000 06000000 01000000 {head} 40010000 06000000 {SAMPLES} 00010000 {markers}")
     };
     let mut sound = sound();
-    check(&sound, Dialect::V3, &list);
-    check(&sound, Dialect::V4, &marked("00000000"));
+    check(&sound, WireVersion::V3, &list);
+    check(&sound, WireVersion::V4, &marked("00000000"));
     assert_eq!(text(&sound), "3 2 2 8000 (1 2 -297 257 258 -41) ()\n");
     assert_eq!(
-        written(&sound.laid_out(SoundLayout::Raw), Dialect::V3),
+        written(&sound.laid_out(SoundLayout::Raw), WireVersion::V3),
         bytes(&raw)
     );
     assert_eq!(
-        Sound::read_binary(&bytes(&raw), Dialect::V3).as_ref(),
+        Sound::read_binary(&bytes(&raw), WireVersion::V3).as_ref(),
         Ok(&sound)
     );
     let marker = SoundMarker {
@@ -140,7 +154,7 @@ fn sounds_from_3_9_on() {
     sound.markers.insert("m".into(), marker);
     check(
         &sound,
-        Dialect::V4,
+        WireVersion::V4,
         &marked(
             "01000000 00010000 04000000 01000000 6d 04000000 776f7264 01000000 0200000000000000",
         ),
@@ -153,12 +167,12 @@ fn stamps() {
     // 3.5
     check(
         &stamp,
-        Dialect::V3,
+        WireVersion::V3,
         "00010000 02000000 01000000 07000000 0a000000 000000000000f83f",
     );
     check(
         &stamp,
-        Dialect::V4,
+        WireVersion::V4,
         "00010000 02000000 01000000 07000000 14000000 000000000000f83f",
     );
     // 3.5
@@ -169,8 +183,11 @@ fn stamps() {
     // A stamp with the name of a frame, which stock calls a header.
     let framed =
         "00010000 03000000 01000000 07000000 0a000000 000000000000f83f 04000000 01000000 66";
-    assert_eq!(Stamp::read_binary(&bytes(framed), Dialect::V3), Ok(stamp));
-    refused::<Stamp>(Dialect::V3, "01010000 02000000 07000000 02000000");
+    assert_eq!(
+        Stamp::read_binary(&bytes(framed), WireVersion::V3),
+        Ok(stamp)
+    );
+    refused::<Stamp>(WireVersion::V3, "01010000 02000000 07000000 02000000");
 }
 
 #[test]
@@ -186,7 +203,7 @@ fn properties() {
     // 3.5
     check(
         &property,
-        Dialect::V3,
+        WireVersion::V3,
         "00010000 04000000
          00010000 02000000 04000000 05000000 616c706861 01000000 01000000
          00010000 02000000 04000000 04000000 62657461 0a000000 000000000000f83f
@@ -196,7 +213,7 @@ fn properties() {
          00010000 04000000 04000000 04000000 6c697374 04000000 01000000 78
            04000000 03000000 79207a 01010000 02000000 01000000 02000000",
     );
-    check(&Property::new(), Dialect::V3, "00010000 00000000");
+    check(&Property::new(), WireVersion::V3, "00010000 00000000");
     assert_eq!(property.find("list").and_then(Value::as_str), Some("x"));
     assert_eq!(
         property
@@ -221,7 +238,7 @@ fn pairs() {
             head: Stamp::new(7, 1.5),
             body: VectorOf(vec![1.0, -2.5]),
         },
-        Dialect::V3,
+        WireVersion::V3,
         "00010000 02000000 00010000 02000000 01000000 07000000 0a000000 000000000000f83f
          0a010000 02000000 000000000000f03f 00000000000004c0",
     );
@@ -230,7 +247,7 @@ fn pairs() {
             head: Bottle::parse("1 2").unwrap(),
             body: Bottle::parse("a (b)").unwrap(),
         },
-        Dialect::V3,
+        WireVersion::V3,
         "00010000 02000000 01010000 02000000 01000000 02000000
          00010000 02000000 04000000 01000000 61 04010000 01000000 01000000 62",
     );
@@ -263,10 +280,15 @@ fn structs_of_ones_own() {
             bent: true,
         }],
     };
-    for dialect in [Dialect::V3, Dialect::V4] {
-        let message = Bottle::parse("cup 2.5 ((3 true))").unwrap().encode(dialect);
-        assert_eq!(written(&grasp, dialect), message);
-        assert_eq!(Grasp::read_binary(&message, dialect).as_ref(), Ok(&grasp));
+    for wire_version in [WireVersion::V3, WireVersion::V4] {
+        let message = Bottle::parse("cup 2.5 ((3 true))")
+            .unwrap()
+            .encode(wire_version);
+        assert_eq!(written(&grasp, wire_version), message);
+        assert_eq!(
+            Grasp::read_binary(&message, wire_version).as_ref(),
+            Ok(&grasp)
+        );
     }
     assert_eq!(text(&grasp), "cup 2.5 ((3 true))\n");
     let typed = Payload::new(Bytes::from_static(b"cup 2 ((3 1))"), Form::Text);
@@ -278,8 +300,8 @@ fn structs_of_ones_own() {
         "cup 2.5 (3)",
         "cup [ok] ()",
     ] {
-        let message = Bottle::parse(other).unwrap().encode(Dialect::V3);
-        let error = Grasp::read_binary(&message, Dialect::V3)
+        let message = Bottle::parse(other).unwrap().encode(WireVersion::V3);
+        let error = Grasp::read_binary(&message, WireVersion::V3)
             .unwrap_err()
             .to_string();
         assert!(error.contains("Grasp name: String force: f64"), "{error}");

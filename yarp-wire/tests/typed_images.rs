@@ -6,7 +6,7 @@ mod typed_common;
 
 use bytes::Bytes;
 use typed_common::{bytes, check, refused, text, written};
-use yarp_wire::Dialect;
+use yarp_wire::WireVersion;
 use yarp_wire::message::{Form, Payload, Pieces, ReadObject, WireObject};
 use yarp_wire::typed::{IMAGE_HEADER, Image, PixelCode};
 
@@ -18,8 +18,8 @@ const RED_GREEN: &str = "00010000 04000000 09000000 6d617400 09000000 72676200 0
 fn images() {
     let image = Image::from_packed(PixelCode::RGB, 2, 1, vec![255, 0, 0, 0, 255, 0]).unwrap();
     // 3.5; the form in 4.0 is the same.
-    check(&image, Dialect::V3, RED_GREEN);
-    check(&image, Dialect::V4, RED_GREEN);
+    check(&image, WireVersion::V3, RED_GREEN);
+    check(&image, WireVersion::V4, RED_GREEN);
     assert_eq!(
         text(&image),
         "[mat] [rgb] (3 8 8 2 1) {255 0 0 0 255 0 0 0}\n"
@@ -28,7 +28,7 @@ fn images() {
     assert_eq!(image.pixel(2, 0), None);
     assert_eq!(image.row(1), None);
     let mut pieces = Pieces::new();
-    image.write_pieces(&mut pieces, Dialect::V3);
+    image.write_pieces(&mut pieces, WireVersion::V3);
     assert_eq!(pieces.to_vec().concat(), bytes(RED_GREEN));
 }
 
@@ -46,13 +46,13 @@ fn a_bottom_up_image_has_a_mark() {
         03000000 06000000 0100 0100 01000000 02000000 0c000000 06000000 040506 010203";
     let image = Image::from_padded(PixelCode::RGB, 1, 2, 1, vec![4, 5, 6, 1, 2, 3]).unwrap();
     let image = image.with_mark(true);
-    check(&image, Dialect::V3, hex);
+    check(&image, WireVersion::V3, hex);
     assert_eq!(image.flipped().packed(), [1, 2, 3, 4, 5, 6].as_slice());
     assert!(!image.flipped().is_marked());
     // A 4.0 reader would take the mark for a quantum of 65537.
     let plain = hex.replace("0100 0100", "0100 0000");
-    assert_eq!(written(&image, Dialect::V4), bytes(&plain));
-    assert_eq!(Image::read_binary(&bytes(hex), Dialect::V4), Ok(image));
+    assert_eq!(written(&image, WireVersion::V4), bytes(&plain));
+    assert_eq!(Image::read_binary(&bytes(hex), WireVersion::V4), Ok(image));
 }
 
 #[test]
@@ -76,11 +76,11 @@ fn images_without_pixels() {
         ),
     ] {
         let hex = format!("00010000 04000000 09000000 6d617400 09000000 {hex} 0c000000 00000000");
-        let image = Image::read_binary(&bytes(&hex), Dialect::V3).unwrap();
+        let image = Image::read_binary(&bytes(&hex), WireVersion::V3).unwrap();
         assert_eq!((image.width(), image.height()), (width, height));
         assert_eq!(image.rows().count(), 0);
-        assert_eq!(written(&image, Dialect::V3), bytes(&hex));
-        assert_eq!(written(&image.flipped(), Dialect::V3), bytes(&hex));
+        assert_eq!(written(&image, WireVersion::V3), bytes(&hex));
+        assert_eq!(written(&image.flipped(), WireVersion::V3), bytes(&hex));
     }
 }
 
@@ -118,22 +118,22 @@ fn pixels_of_every_code() {
 
 #[test]
 fn a_known_code_has_pixels_of_its_size() {
-    refused::<Image>(Dialect::V3, &RED_GREEN.replace("72676200", "72676261"));
+    refused::<Image>(WireVersion::V3, &RED_GREEN.replace("72676200", "72676261"));
 }
 
 #[test]
-fn a_pixel_code_nobody_knows_is_kept() {
+fn an_unknown_pixel_code_is_kept() {
     let hex = RED_GREEN.replace("72676200", "78787878");
-    let image = Image::read_binary(&bytes(&hex), Dialect::V3).unwrap();
+    let image = Image::read_binary(&bytes(&hex), WireVersion::V3).unwrap();
     assert_eq!(image.code().to_string(), "xxxx");
     assert_eq!(image.pixel(1, 0), Some(&[0, 255, 0][..]));
-    assert_eq!(written(&image, Dialect::V3), bytes(&hex));
+    assert_eq!(written(&image, WireVersion::V3), bytes(&hex));
 }
 
 #[test]
 fn pixels_are_shared_with_the_message() {
     let message = bytes(RED_GREEN);
-    let image = Image::read_binary(&message, Dialect::V3).unwrap();
+    let image = Image::read_binary(&message, WireVersion::V3).unwrap();
     let at = message[IMAGE_HEADER..].as_ptr();
     assert_eq!(image.pixels().as_ptr(), at);
     let even = Image::from_packed(PixelCode::MONO, 8, 1, vec![7; 8]).unwrap();
@@ -172,7 +172,7 @@ fn recorded_pixels() -> Vec<u8> {
 }
 
 #[test]
-fn recorded_images_of_both_generations() {
+fn recorded_images_of_both_wire_versions() {
     let header = |quantum| {
         format!(
             "00010000 04000000 09000000 6d617400 09000000 72676200 01010000 05000000
@@ -180,21 +180,24 @@ fn recorded_images_of_both_generations() {
         )
     };
     let pixels = Bytes::from(recorded_pixels());
-    for (dialect, quantum, marked) in [
-        (Dialect::V3, "0800 0100", true),
-        (Dialect::V4, "08000000", false),
+    for (wire_version, quantum, marked) in [
+        (WireVersion::V3, "0800 0100", true),
+        (WireVersion::V4, "08000000", false),
     ] {
         let message = Bytes::from([bytes(&header(quantum)), pixels.clone()].concat());
-        let image = Image::read_binary(&message, dialect).unwrap();
+        let image = Image::read_binary(&message, wire_version).unwrap();
         assert_eq!((image.width(), image.height()), (32, 24));
         assert_eq!((image.quantum(), image.stride()), (8, 96));
         // 3.12 marks every image, though its rows come from the top as in 4.0.
         assert_eq!(image.is_marked(), marked);
         assert_eq!(image.pixels(), &pixels);
         assert_eq!(image.pixel(4, 0), Some(&[0, 255, 0][..]));
-        assert_eq!(written(&image, dialect), message);
+        assert_eq!(written(&image, wire_version), message);
         // Nothing in an image betrays the generation, so either reading has to do.
-        assert_eq!(Image::read_binary(&message, dialect.other()), Ok(image));
+        assert_eq!(
+            Image::read_binary(&message, wire_version.other()),
+            Ok(image)
+        );
     }
 }
 

@@ -4,7 +4,7 @@ mod counting;
 
 use bytes::Bytes;
 use counting::most_held;
-use yarp_wire::Dialect;
+use yarp_wire::WireVersion;
 use yarp_wire::message::ReadObject;
 use yarp_wire::typed::{Image, ImageError, Matrix, Pair, PixelCode, Sound, VectorOf};
 
@@ -16,11 +16,11 @@ fn bytes(words: &[i32], rest: usize) -> Bytes {
     words.chain(std::iter::repeat_n(0, rest)).collect()
 }
 
-/// Checks that no dialect reads the message, and that trying costs nothing.
+/// Checks that no wire version reads the message, and that trying costs nothing.
 #[track_caller]
 fn refused<T: ReadObject>(message: &Bytes) {
-    for dialect in [Dialect::V3, Dialect::V4] {
-        let (result, held) = most_held(|| T::read_binary(message, dialect).is_err());
+    for wire_version in [WireVersion::V3, WireVersion::V4] {
+        let (result, held) = most_held(|| T::read_binary(message, wire_version).is_err());
         assert!(result, "it reads");
         assert!(
             held <= message.len() + SLACK,
@@ -46,7 +46,7 @@ fn image(code: &str, numbers: [i32; 6], rest: usize) -> Bytes {
 fn an_image_header_agrees_with_itself() {
     let right = [1, 16, 8, 3, 2, 16];
     let good = image("mono", right, 16);
-    assert!(Image::read_binary(&good, Dialect::V3).is_ok());
+    assert!(Image::read_binary(&good, WireVersion::V3).is_ok());
     for at in 0..6 {
         for lie in [0, 2, 5, 9].into_iter().chain(LIES) {
             let mut wrong = right;
@@ -98,7 +98,7 @@ fn a_quantum_that_fits_no_header_is_refused() {
 fn a_high_image_without_width_costs_nothing() {
     let flat = image("mono", [1, 0, 8, 0, i32::MAX, 0], 0);
     let (rows, held) = most_held(|| {
-        let image = Image::read_binary(&flat, Dialect::V3).unwrap();
+        let image = Image::read_binary(&flat, WireVersion::V3).unwrap();
         image.flipped().rows().count() + image.packed().len()
     });
     assert_eq!(rows, 0);

@@ -1,4 +1,4 @@
-//! Any typed message survives both dialects and stands in front of others; no bytes at all make
+//! Any typed message survives both wire versions and stands in front of others; no bytes at all make
 //! a reader panic.
 
 use std::fmt::Debug;
@@ -11,9 +11,9 @@ use yarp_wire::message::{Pieces, ReadObject, WireObject};
 use yarp_wire::typed::{
     Image, Matrix, Pair, PixelCode, Property, ReadPrefix, Sound, SoundLayout, SoundMarker, VectorOf,
 };
-use yarp_wire::{Bottle, Dialect, Stamp};
+use yarp_wire::{Bottle, Stamp, WireVersion};
 
-const DIALECTS: [Dialect; 2] = [Dialect::V3, Dialect::V4];
+const DIALECTS: [WireVersion; 2] = [WireVersion::V3, WireVersion::V4];
 const LAYOUTS: [SoundLayout; 4] = [
     SoundLayout::Pair,
     SoundLayout::Raw,
@@ -21,29 +21,29 @@ const LAYOUTS: [SoundLayout; 4] = [
     SoundLayout::Marked,
 ];
 
-fn written(object: &dyn WireObject, dialect: Dialect) -> Bytes {
+fn written(object: &dyn WireObject, wire_version: WireVersion) -> Bytes {
     let mut out = BytesMut::new();
-    object.write_binary(&mut out, dialect);
+    object.write_binary(&mut out, wire_version);
     out.freeze()
 }
 
 /// Checks that the object is read from what it wrote, also in front of other bytes, and from no
 /// part of it.
-fn survives<T>(object: &T, dialect: Dialect) -> Result<(), TestCaseError>
+fn survives<T>(object: &T, wire_version: WireVersion) -> Result<(), TestCaseError>
 where
     T: WireObject + ReadObject + ReadPrefix + PartialEq + Debug,
 {
-    let bytes = written(object, dialect);
-    let whole = T::read_binary(&bytes, dialect);
+    let bytes = written(object, wire_version);
+    let whole = T::read_binary(&bytes, wire_version);
     prop_assert_eq!(whole.as_ref(), Ok(object));
     for end in (0..bytes.len()).step_by(bytes.len() / 50 + 1) {
-        prop_assert!(T::read_binary(&bytes.slice(..end), dialect).is_err());
+        prop_assert!(T::read_binary(&bytes.slice(..end), wire_version).is_err());
     }
     let mut longer = BytesMut::from(&bytes[..]);
     longer.extend_from_slice(b"tail");
     let mut longer = longer.freeze();
-    prop_assert!(T::read_binary(&longer, dialect).is_err());
-    let front = T::take(&mut longer, dialect);
+    prop_assert!(T::read_binary(&longer, wire_version).is_err());
+    let front = T::take(&mut longer, wire_version);
     prop_assert_eq!(front.as_ref(), Ok(object));
     prop_assert_eq!(&longer[..], b"tail");
     Ok(())
@@ -114,23 +114,23 @@ fn property() -> impl Strategy<Value = Property> {
 
 /// Reads `bytes` as everything there is.
 fn read_all(bytes: &Bytes) {
-    for dialect in DIALECTS {
-        let _ = VectorOf::<f64>::read_binary(bytes, dialect);
-        let _ = VectorOf::<f32>::read_binary(bytes, dialect);
-        let _ = VectorOf::<i32>::read_binary(bytes, dialect);
-        let _ = VectorOf::<u16>::read_binary(bytes, dialect);
-        let _ = VectorOf::<i8>::read_binary(bytes, dialect);
-        let _ = Matrix::read_binary(bytes, dialect);
-        let _ = Stamp::read_binary(bytes, dialect);
-        let _ = Property::read_binary(bytes, dialect);
-        let _ = Pair::<Bottle, Image>::read_binary(bytes, dialect);
-        let _ = Pair::<Stamp, VectorOf<f64>>::read_binary(bytes, dialect);
-        if let Ok(image) = Image::read_binary(bytes, dialect) {
-            use_image(&image, dialect, bytes);
+    for wire_version in DIALECTS {
+        let _ = VectorOf::<f64>::read_binary(bytes, wire_version);
+        let _ = VectorOf::<f32>::read_binary(bytes, wire_version);
+        let _ = VectorOf::<i32>::read_binary(bytes, wire_version);
+        let _ = VectorOf::<u16>::read_binary(bytes, wire_version);
+        let _ = VectorOf::<i8>::read_binary(bytes, wire_version);
+        let _ = Matrix::read_binary(bytes, wire_version);
+        let _ = Stamp::read_binary(bytes, wire_version);
+        let _ = Property::read_binary(bytes, wire_version);
+        let _ = Pair::<Bottle, Image>::read_binary(bytes, wire_version);
+        let _ = Pair::<Stamp, VectorOf<f64>>::read_binary(bytes, wire_version);
+        if let Ok(image) = Image::read_binary(bytes, wire_version) {
+            use_image(&image, wire_version, bytes);
         }
-        if let Ok(sound) = Sound::read_binary(bytes, dialect) {
+        if let Ok(sound) = Sound::read_binary(bytes, wire_version) {
             for layout in LAYOUTS {
-                written(&sound.laid_out(layout), dialect);
+                written(&sound.laid_out(layout), wire_version);
             }
             assert!((0..sound.channels().min(9)).all(|n| sound.channel(n).is_some()));
         }
@@ -138,60 +138,63 @@ fn read_all(bytes: &Bytes) {
 }
 
 /// Whatever was read as an image holds together.
-fn use_image(image: &Image, dialect: Dialect, bytes: &Bytes) {
+fn use_image(image: &Image, wire_version: WireVersion, bytes: &Bytes) {
     let rows: usize = image.rows().map(<[u8]>::len).sum();
     assert_eq!(rows, image.packed().len());
     assert_eq!(image.flipped().pixels().len(), image.pixels().len());
     assert!(image.pixel(image.width(), 0).is_none());
-    assert_eq!(written(image, dialect).len(), bytes.len());
-    let again = written(image, Dialect::V3);
-    assert_eq!(Image::read_binary(&again, Dialect::V3).as_ref(), Ok(image));
+    assert_eq!(written(image, wire_version).len(), bytes.len());
+    let again = written(image, WireVersion::V3);
+    assert_eq!(
+        Image::read_binary(&again, WireVersion::V3).as_ref(),
+        Ok(image)
+    );
 }
 
 fn in_pieces(image: &Image) -> Vec<u8> {
     let mut pieces = Pieces::new();
-    image.write_pieces(&mut pieces, Dialect::V3);
+    image.write_pieces(&mut pieces, WireVersion::V3);
     pieces.to_vec().concat()
 }
 
 proptest! {
     #[test]
     fn vectors(doubles in vec(finite(), 1..30), shorts in vec(any::<i16>(), 1..30), bytes in vec(any::<u8>(), 1..30)) {
-        for dialect in DIALECTS {
-            survives(&VectorOf(doubles.clone()), dialect)?;
-            survives(&VectorOf(shorts.clone()), dialect)?;
-            survives(&VectorOf(bytes.clone()), dialect)?;
+        for wire_version in DIALECTS {
+            survives(&VectorOf(doubles.clone()), wire_version)?;
+            survives(&VectorOf(shorts.clone()), wire_version)?;
+            survives(&VectorOf(bytes.clone()), wire_version)?;
         }
     }
 
     #[test]
     fn bottles_of_their_own(matrix in matrix(), stamp in stamp(), property in property()) {
-        for dialect in DIALECTS {
-            survives(&matrix, dialect)?;
-            survives(&stamp, dialect)?;
-            survives(&property, dialect)?;
-            survives(&Pair { head: stamp, body: matrix.clone() }, dialect)?;
+        for wire_version in DIALECTS {
+            survives(&matrix, wire_version)?;
+            survives(&stamp, wire_version)?;
+            survives(&property, wire_version)?;
+            survives(&Pair { head: stamp, body: matrix.clone() }, wire_version)?;
         }
     }
 
     #[test]
     fn images(image in image()) {
-        survives(&image, Dialect::V3)?;
-        survives(&image.clone().with_mark(false), Dialect::V4)?;
-        prop_assert_eq!(in_pieces(&image), written(&image, Dialect::V3));
+        survives(&image, WireVersion::V3)?;
+        survives(&image.clone().with_mark(false), WireVersion::V4)?;
+        prop_assert_eq!(in_pieces(&image), written(&image, WireVersion::V3));
         prop_assert_eq!(image.flipped().flipped().packed(), image.packed());
         let packed = image.clone().with_quantum(1).unwrap();
         prop_assert_eq!(packed.pixels(), &image.packed());
-        let bottle = Bottle::read_binary(&written(&image, Dialect::V3), Dialect::V3).unwrap();
+        let bottle = Bottle::read_binary(&written(&image, WireVersion::V3), WireVersion::V3).unwrap();
         prop_assert_eq!(bottle.len(), 4);
     }
 
     #[test]
     fn sounds(sound in sound()) {
-        survives(&sound, Dialect::V4)?;
+        survives(&sound, WireVersion::V4)?;
         for layout in LAYOUTS {
-            let bytes = written(&sound.laid_out(layout), Dialect::V3);
-            let mut read = Sound::read_binary(&bytes, Dialect::V3).unwrap();
+            let bytes = written(&sound.laid_out(layout), WireVersion::V3);
+            let mut read = Sound::read_binary(&bytes, WireVersion::V3).unwrap();
             if layout != SoundLayout::Marked {
                 read.markers = sound.markers.clone();
             }
@@ -218,7 +221,7 @@ proptest! {
     fn messages_with_bytes_changed(image in image(), sound in sound(), changes in vec((any::<prop::sample::Index>(), any::<u8>()), 1..4)) {
         for layout in LAYOUTS {
             for object in [&image as &dyn WireObject, &sound.laid_out(layout)] {
-                let mut bytes = written(object, Dialect::V3).to_vec();
+                let mut bytes = written(object, WireVersion::V3).to_vec();
                 for (at, byte) in &changes {
                     let at = at.index(bytes.len().min(80));
                     bytes[at] = *byte;

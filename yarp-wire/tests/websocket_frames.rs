@@ -6,7 +6,7 @@ use yarp_wire::carrier::Carrier;
 use yarp_wire::connection::{Acceptor, Event, Message, Progress, ProtocolError};
 use yarp_wire::message::Command;
 use yarp_wire::websocket::{FrameReader, WebSocketError, put_frame_head};
-use yarp_wire::{Bottle, Dialect, Limits};
+use yarp_wire::{Bottle, Limits, WireVersion};
 
 const REQUEST: &str = "GET /?ws HTTP/1.1\r\nHost: h\r\nUpgrade: WebSocket\r\n\
     Connection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\
@@ -72,13 +72,13 @@ proptest! {
     #[test]
     fn any_bytes_are_survived(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
         let _ = read([&bytes[..]]);
-        let mut acceptor = Acceptor::new(1, Dialect::V3, Limits::DEFAULT);
+        let mut acceptor = Acceptor::new(1, WireVersion::V3, Limits::DEFAULT);
         let (mut input, mut output) = (BytesMut::from(REQUEST), BytesMut::new());
         input.extend_from_slice(&bytes);
         while let Ok(Some(_)) = acceptor.poll(&mut input, &mut output) {}
         input = BytesMut::from(REQUEST);
         input.extend(frame(0x82, &bytes));
-        acceptor = Acceptor::new(1, Dialect::V3, Limits::DEFAULT);
+        acceptor = Acceptor::new(1, WireVersion::V3, Limits::DEFAULT);
         while let Ok(Some(_)) = acceptor.poll(&mut input, &mut output) {}
     }
 }
@@ -132,7 +132,7 @@ fn block(letter: u8) -> [u8; 8] {
 #[test]
 fn messages_are_read_and_answered() {
     let question = Bottle::parse("how \"much\" 1").unwrap();
-    let content = question.encode(Dialect::V3);
+    let content = question.encode(WireVersion::V3);
     let stream = [
         &block(b'd')[..],
         &content,
@@ -147,7 +147,7 @@ fn messages_are_read_and_answered() {
             bytes.extend(frame(0x81, piece));
         }
         for step in [1, 7, bytes.len()] {
-            let mut acceptor = Acceptor::new(1, Dialect::V3, Limits::DEFAULT);
+            let mut acceptor = Acceptor::new(1, WireVersion::V3, Limits::DEFAULT);
             let (mut input, mut output) = (BytesMut::new(), BytesMut::new());
             let mut messages = Vec::new();
             for piece in bytes.chunks(step) {
@@ -161,7 +161,7 @@ fn messages_are_read_and_answered() {
                             assert_eq!(output.split(), RESPONSE);
                         }
                         Event::Message(message) => messages.push(message),
-                        Event::Browser(request) => panic!("{request:?}"),
+                        Event::HttpRequest(request) => panic!("{request:?}"),
                     }
                 }
             }
@@ -173,13 +173,13 @@ fn messages_are_read_and_answered() {
             let head = [0x82, content.len() as u8];
             assert_eq!(output.split(), [&head[..], &content].concat());
             // The page reads from now on: block and payload are a frame each.
-            let mut writing = acceptor.reversed().unwrap();
+            let mut writing = acceptor.into_initiator().unwrap();
             writing.send(&Command::data(false), content.len(), &mut output);
             let expected = [&[0x82, 8][..], &block(b'D'), &head].concat();
             assert_eq!(output.split(), expected);
             let mut input = BytesMut::from(&frame(0x89, b"hi")[..]);
             assert_eq!(writing.poll(&mut input), Ok(None));
-            assert_eq!(writing.said(), b"\x8a\x02hi".as_slice());
+            assert_eq!(writing.take_output(), b"\x8a\x02hi".as_slice());
             writing.send(&Command::data(true), content.len(), &mut output);
             input.extend(frame(0x82, &content));
             let reply = writing.poll(&mut input).unwrap();
@@ -193,27 +193,27 @@ fn messages_are_read_and_answered() {
 
 /// The answers of a page that read crossed the goodbye of its port, and were answered in turn.
 #[test]
-fn nothing_is_said_behind_a_goodbye() {
-    let mut acceptor = Acceptor::new(1, Dialect::V3, Limits::DEFAULT);
+fn nothing_is_sent_after_a_close_frame() {
+    let mut acceptor = Acceptor::new(1, WireVersion::V3, Limits::DEFAULT);
     let (mut input, mut output) = (BytesMut::from(REQUEST), BytesMut::new());
     input.extend(frame(0x82, &block(b'r')));
     while acceptor.poll(&mut input, &mut output).unwrap().is_some() {}
-    let mut writing = acceptor.reversed().unwrap();
+    let mut writing = acceptor.into_initiator().unwrap();
     output.clear();
     writing.send(&Command::Quit, 0, &mut output);
     assert!(output.ends_with(b"\x88\x02\x03\xe8"));
     input.extend(frame(0x89, b"hi"));
     assert_eq!(writing.poll(&mut input), Ok(None));
-    assert_eq!(writing.said(), b"".as_slice());
+    assert_eq!(writing.take_output(), b"".as_slice());
     input.extend(frame(0x88, b"\x03\xe8"));
     let closed = ProtocolError::WebSocket(WebSocketError::Closed);
     assert_eq!(writing.poll(&mut input), Err(closed));
-    assert_eq!(writing.said(), b"".as_slice());
+    assert_eq!(writing.take_output(), b"".as_slice());
 }
 
 #[test]
 fn a_close_frame_is_the_command_to_quit() {
-    let mut acceptor = Acceptor::new(1, Dialect::V3, Limits::DEFAULT);
+    let mut acceptor = Acceptor::new(1, WireVersion::V3, Limits::DEFAULT);
     let (mut input, mut output) = (BytesMut::from(REQUEST), BytesMut::new());
     input.extend(frame(0x88, b""));
     acceptor.poll(&mut input, &mut output).unwrap().unwrap();
@@ -233,7 +233,7 @@ fn a_request_without_a_key_is_refused() {
         REQUEST.replace("dGhl", "dG"),
         "GET /?ws HTTP/1.1\r\n\r\n".to_owned(),
     ] {
-        let mut acceptor = Acceptor::new(1, Dialect::V3, Limits::DEFAULT);
+        let mut acceptor = Acceptor::new(1, WireVersion::V3, Limits::DEFAULT);
         let (mut input, mut output) = (BytesMut::from(&text[..]), BytesMut::new());
         let error = acceptor.poll(&mut input, &mut output).unwrap_err();
         assert_eq!(error, ProtocolError::WebSocket(WebSocketError::Handshake));
@@ -245,10 +245,10 @@ fn a_request_without_a_key_is_refused() {
 /// A message was lost if a malformed frame came in the same packet, and not if it came later.
 #[test]
 fn a_message_before_a_malformed_frame_is_read() {
-    let mut acceptor = Acceptor::new(1, Dialect::V3, Limits::DEFAULT);
+    let mut acceptor = Acceptor::new(1, WireVersion::V3, Limits::DEFAULT);
     let (mut input, mut output) = (BytesMut::from(REQUEST), BytesMut::new());
     acceptor.poll(&mut input, &mut output).unwrap().unwrap();
-    let content = Bottle::of("good").encode(Dialect::V3);
+    let content = Bottle::of("good").encode(WireVersion::V3);
     input.extend(frame(0x82, &[&block(b'D')[..], &content].concat()));
     input.extend(frame(0xc2, b""));
     let event = acceptor.poll(&mut input, &mut output).unwrap();
@@ -261,9 +261,9 @@ fn a_message_before_a_malformed_frame_is_read() {
 }
 
 #[test]
-fn a_goodbye_is_told_once() {
+fn a_close_frame_is_reported_once() {
     // It was told for ever, to whoever went on asking.
-    let mut acceptor = Acceptor::new(1, Dialect::V3, Limits::DEFAULT);
+    let mut acceptor = Acceptor::new(1, WireVersion::V3, Limits::DEFAULT);
     let (mut input, mut output) = (BytesMut::from(REQUEST), BytesMut::new());
     input.extend(frame(0x88, b""));
     let mut events = Vec::new();

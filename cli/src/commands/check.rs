@@ -47,7 +47,7 @@ pub(super) async fn run(_args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         Network::none().with_key(network.key().cloned())
     };
     let mut interrupt = Interrupt::listen();
-    let options = PortOptions::new().reading(Queue::Wait(1));
+    let options = PortOptions::new().queue(Queue::Wait(1));
     let Some(reader) = open(&network, 1, options).await? else {
         return broken(out);
     };

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::sync::Semaphore;
-use yarp_ports::{Network, Place, remote};
+use yarp_ports::{Endpoint, Network, remote_admin};
 
 use crate::error::Result;
 use crate::session;
@@ -30,9 +30,9 @@ const PATIENCE: Duration = Duration::from_secs(2);
 const TOGETHER: usize = 256;
 
 /// Whether a port listens; waits until there is room to test it.
-async fn test(room: Arc<Semaphore>, network: Network, place: Place) -> bool {
+async fn test(room: Arc<Semaphore>, network: Network, place: Endpoint) -> bool {
     let _room = room.acquire().await;
-    remote::listens(&network, &place).await
+    remote_admin::listens(&network, &place).await
 }
 
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
@@ -74,7 +74,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             "No timeout; to specify one, do \"yarp clean --timeout NN.N\""
         )?,
     }
-    let patient = network.with_deadline(timeout.unwrap_or(PATIENCE));
+    let patient = network.with_timeout(timeout.unwrap_or(PATIENCE));
     let room = Arc::new(Semaphore::new(TOGETHER));
     // Many at once, told in their order.
     let tests: Vec<_> = places

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use yarp_ports::config::{self, Configuration, NameServer};
-use yarp_ports::discovery::Discovery;
+use yarp_ports::discovery_client::Discovery;
 use yarp_ports::{Network, addresses};
 
 use crate::error::Result;
@@ -90,7 +90,7 @@ async fn scan(configuration: &Configuration, namespace: &str) -> Option<NameServ
     let discovery = Discovery::of(namespace)
         .port(configuration.default_port())
         .interfaces(own)
-        .patience(1, ROUND);
+        .rounds(1, ROUND);
     for round in 1..=ROUNDS {
         tracing::info!(target: SCANNER, "Polling for name server (using multicast), try {round} of max {ROUNDS}");
         match discovery.run().await {

@@ -102,7 +102,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let hosted = match opened {
         Ok(hosted) => hosted,
         Err(error) => {
-            tracing::error!(target: COMPONENT, "{}", yarp_ports::story(&error));
+            tracing::error!(target: COMPONENT, "{}", yarp_ports::error_chain(&error));
             tracing::error!(target: COMPONENT, "yarpdev: ***ERROR*** device not available.");
             return Ok(ExitCode::FAILURE);
         }
@@ -190,7 +190,7 @@ async fn serve(
     if let Some(machine) = hosted.machine().filter(|_| parks) {
         tracing::info!(target: COMPONENT, "parking");
         if let Err(error) = park(machine).await {
-            tracing::warn!(target: COMPONENT, "cannot park: {}", yarp_ports::story(&error));
+            tracing::warn!(target: COMPONENT, "cannot park: {}", yarp_ports::error_chain(&error));
         }
     }
     // Before the device: whoever waits for it knows that it ends.

@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::process::ExitCode;
 
-use yarp_ports::{PortError, remote};
+use yarp_ports::{PortError, remote_admin};
 
 use super::code;
 use crate::connecting;
@@ -29,7 +29,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     match &args.ports[..] {
         [port] => {
             let network = session::network()?;
-            match remote::exists(&network, port).await {
+            match remote_admin::exists(&network, port).await {
                 Ok(exists) => Ok(code(exists)),
                 Err(PortError::NoNameServer) => Ok(ExitCode::FAILURE),
                 Err(error) => {

@@ -134,7 +134,7 @@ async fn pass_on(newest: &Newest, writer: &Port, interrupt: &mut Interrupt) {
         stamp = stamp.next(wall_clock());
         let bottles = newest.bottles().clone();
         let all: Bottle = bottles.iter().flat_map(|one| one.iter().cloned()).collect();
-        writer.write_unless_behind(&all, Some(stamp.into()), BACKLOG);
+        writer.try_write(&all, Some(stamp.into()), BACKLOG);
     }
 }
 

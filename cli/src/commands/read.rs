@@ -56,7 +56,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let wishes = Wishes::parse(args.words);
     let network = session::network()?;
     let mut interrupt = Interrupt::listen();
-    let mut options = PortOptions::new().reading(Queue::Wait(QUEUE)).input_only();
+    let mut options = PortOptions::new().queue(Queue::Wait(QUEUE)).input_only();
     if let Some(type_name) = &wishes.type_name {
         options = options.type_name(type_name);
     }

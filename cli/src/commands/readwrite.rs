@@ -42,7 +42,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     };
     let network = session::network()?;
     let mut interrupt = Interrupt::listen();
-    let options = PortOptions::new().reading(Queue::Wait(QUEUE)).input_only();
+    let options = PortOptions::new().queue(Queue::Wait(QUEUE)).input_only();
     let Some(reader) = session::open(&network, reader, options).await? else {
         return Ok(ExitCode::FAILURE);
     };

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use bytes::{BufMut, BytesMut};
 use yarp_ports::{Envelope, PortOptions, Queue, Received};
-use yarp_wire::Dialect;
+use yarp_wire::WireVersion;
 use yarp_wire::message::{Form, Payload, WireObject};
 
 use crate::error::Result;
@@ -42,7 +42,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     };
     let network = session::network()?;
     let mut interrupt = Interrupt::listen();
-    let options = PortOptions::new().reading(Queue::Wait(QUEUE));
+    let options = PortOptions::new().queue(Queue::Wait(QUEUE));
     let Some(port) = session::open(&network, name, options).await? else {
         complain(out, &format!("Failed to open port: {name}"))?;
         return Ok(ExitCode::FAILURE);
@@ -78,10 +78,11 @@ fn envelope(message: &Received) -> Option<Envelope> {
 struct Same(Payload);
 
 impl WireObject for Same {
-    fn write_binary(&self, out: &mut BytesMut, dialect: Dialect) {
-        let as_it_came = matches!(self.0.form(), Form::Binary(_)) && self.0.dialect() == dialect;
+    fn write_binary(&self, out: &mut BytesMut, wire_version: WireVersion) {
+        let as_it_came =
+            matches!(self.0.form(), Form::Binary(_)) && self.0.wire_version() == wire_version;
         match self.0.to_bottle() {
-            Ok(bottle) if !as_it_came => bottle.write_binary(out, dialect),
+            Ok(bottle) if !as_it_came => bottle.write_binary(out, wire_version),
             _ => out.put_slice(&self.0.bytes()),
         }
     }
@@ -101,11 +102,11 @@ mod tests {
     use yarp_wire::Bottle;
 
     #[test]
-    fn payloads_go_on_in_any_dialect() {
+    fn payloads_go_on_in_any_wire_version() {
         let bottle = Bottle::parse("hello 1.5 (a b)").unwrap();
-        for from in [Dialect::V3, Dialect::V4] {
+        for from in [WireVersion::V3, WireVersion::V4] {
             let payload = Payload::new(bottle.encode(from), Form::Binary(from));
-            for to in [Dialect::V3, Dialect::V4] {
+            for to in [WireVersion::V3, WireVersion::V4] {
                 let mut out = BytesMut::new();
                 Same(payload.clone()).write_binary(&mut out, to);
                 assert_eq!(out.freeze(), bottle.encode(to), "{from} to {to}");

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::process::ExitCode;
 use std::time::Duration;
 
-use yarp_ports::{Dialogue, Network, PortError, PortOptions};
+use yarp_ports::{AdminClient, Network, PortError, PortOptions};
 use yarp_wire::carrier::{Carrier, CarrierSpec};
 use yarp_wire::message::Command;
 use yarp_wire::{Bottle, Contact, Value, Vocab32};
@@ -106,7 +106,7 @@ fn cannot_connect(out: &mut dyn Write) -> Result<ExitCode> {
 
 /// A connection from us to the port, reported as that of a port if we call ourselves one.
 struct Connection {
-    dialogue: Dialogue,
+    client: AdminClient,
     from: String,
     to: String,
 }
@@ -123,9 +123,9 @@ impl Connection {
             return Ok(None);
         };
         let address = (place.host.as_str(), place.port);
-        let patient = network.with_deadline(session::FOREVER);
-        let opening = Dialogue::open(&place.name, address, carrier, own, &patient);
-        let Ok(Ok(dialogue)) = tokio::time::timeout(CONNECTING, opening).await else {
+        let patient = network.with_timeout(session::FOREVER);
+        let opening = AdminClient::open(&place.name, address, carrier, own, &patient);
+        let Ok(Ok(client)) = tokio::time::timeout(CONNECTING, opening).await else {
             return Ok(None);
         };
         if own.starts_with('/') {
@@ -135,7 +135,7 @@ impl Connection {
             );
         }
         Ok(Some(Self {
-            dialogue,
+            client,
             from: own.to_owned(),
             to: place.name,
         }))
@@ -146,7 +146,7 @@ impl Connection {
         command: &Command,
         request: &Bottle,
     ) -> std::result::Result<Bottle, PortError> {
-        let payload = self.dialogue.request(command, request).await?;
+        let payload = self.client.request(command, request).await?;
         payload.to_bottle().map_err(|source| PortError::Unreadable {
             peer: self.to.clone(),
             source,
@@ -179,7 +179,7 @@ fn print(reply: &Bottle, out: &mut dyn Write) -> Result<()> {
 async fn client(name: &str, out: &mut dyn Write) -> Result<ExitCode> {
     let network = session::network()?;
     let mut interrupt = Interrupt::listen();
-    let options = PortOptions::new().calling();
+    let options = PortOptions::new().rpc_client();
     let Some(port) = session::open(&network, name, options).await? else {
         return Ok(ExitCode::FAILURE);
     };
@@ -194,7 +194,7 @@ async fn client(name: &str, out: &mut dyn Write) -> Result<ExitCode> {
                     Ok(reply) => writeln!(out, "{reply}")?,
                     // Stock ends so as well: there is nobody to ask, or no more.
                     Err(error) => {
-                        tracing::warn!(target: "yarp.companion", "{}", error.story());
+                        tracing::warn!(target: "yarp.companion", "{}", error.error_chain());
                         break;
                     }
                 }

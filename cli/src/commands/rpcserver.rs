@@ -57,7 +57,7 @@ pub(super) async fn run(mut args: Args, out: &mut dyn Write) -> Result<ExitCode>
     };
     let network = session::network()?;
     let mut interrupt = Interrupt::listen();
-    let Some(port) = session::open(&network, name, PortOptions::new().serving()).await? else {
+    let Some(port) = session::open(&network, name, PortOptions::new().rpc_server()).await? else {
         return Ok(ExitCode::FAILURE);
     };
     let mut lines = Lines::open();

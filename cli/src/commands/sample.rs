@@ -53,7 +53,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     };
     let network = session::network()?;
     let mut interrupt = Interrupt::listen();
-    let reading = PortOptions::new().reading(Queue::Latest);
+    let reading = PortOptions::new().queue(Queue::Latest);
     let Some(port) = session::open(&network, &output, reading).await? else {
         complain(out, "Failed to open output port")?;
         return Ok(ExitCode::FAILURE);

@@ -14,7 +14,7 @@ use yarp_nameserver::shared::{EtcdTruth, Truth as _};
 use yarp_nameserver::store::{Durability, SqliteStore};
 use yarp_nameserver::{Server, ServerOptions, StartError};
 use yarp_ports::config::{self, Configuration, Mode, NameServer, Namespace};
-use yarp_ports::{PortError, addresses, story};
+use yarp_ports::{PortError, addresses, error_chain};
 
 use super::words::{take_flag, take_value};
 use crate::error::Result;
@@ -172,7 +172,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     });
     if !args.silent {
         let database = chosen.as_ref().ok().map(|(_, database)| database);
-        introduce(&args, database, &configuration, out)?;
+        register_properties(&args, database, &configuration, out)?;
     }
     let (place, database) = match chosen {
         Ok(chosen) => chosen,
@@ -212,12 +212,12 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         (
             "--header-within",
             &args.header_within,
-            &mut options.callers.header,
+            &mut options.callers.handshake_timeout,
         ),
         (
             "--message-within",
             &args.message_within,
-            &mut options.callers.message,
+            &mut options.callers.idle_timeout,
         ),
     ];
     for (option, text, time) in times {
@@ -231,14 +231,14 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     }
     let connections = args.connections.as_deref().unwrap_or_default();
     match connections.parse() {
-        Ok(most) if most > 0 => options.callers.connections = Some(most),
+        Ok(most) if most > 0 => options.callers.max_connections = Some(most),
         _ => {
             eprintln!("--connections {connections}: expected a number, 1 or more");
             complain(out, "Aborting.")?;
             return Ok(ExitCode::FAILURE);
         }
     }
-    let most = options.callers.connections.as_mut();
+    let most = options.callers.max_connections.as_mut();
     if let (Some(most), Some(allowed)) = (most, allow_many_connections()) {
         *most = allowed.min(*most);
     }
@@ -249,7 +249,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         Err(error) => {
             match &error {
                 StartError::Port(error) => failed(&held.name, &place, error),
-                error => tracing::error!(target: "yarp.serversql.Server", "{}", story(error)),
+                error => tracing::error!(target: "yarp.serversql.Server", "{}", error_chain(error)),
             }
             complain(out, "Name server failed to open")?;
             return Ok(ExitCode::FAILURE);
@@ -405,7 +405,7 @@ fn allow_many_connections() -> Option<usize> {
         .map(|allowed| allowed.saturating_sub(OWN_DESCRIPTORS).max(allowed / 2))
 }
 
-fn introduce(
+fn register_properties(
     args: &Args,
     database: Option<&Database>,
     configuration: &Configuration,
@@ -533,7 +533,7 @@ pub(super) fn failed(namespace: &str, place: &NameServer, error: &PortError) {
         PortError::Listen { source, .. } if source.kind() == ErrorKind::AddrInUse => {
             "address conflict".to_owned()
         }
-        error => error.story(),
+        error => error.error_chain(),
     };
     tracing::error!(
         target: "yarp.os.Port",

@@ -45,7 +45,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     };
     let network = session::network()?;
     let mut interrupt = Interrupt::listen();
-    let reading = PortOptions::new().reading(Queue::Latest).input_only();
+    let reading = PortOptions::new().queue(Queue::Latest).input_only();
     let Some(port) = session::open(&network, "...", reading).await? else {
         return Ok(ExitCode::from(FAILED));
     };

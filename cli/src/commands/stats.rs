@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use tokio::time::{Instant, interval_at};
 use yarp_ports::{Answer, PortOptions, Received};
-use yarp_wire::Dialect;
+use yarp_wire::WireVersion;
 
 use super::words::Options;
 use crate::connecting::{self, Telling};
@@ -148,7 +148,7 @@ fn summary(seconds: u32, messages: u64, bytes: u64) -> String {
 impl Arrived {
     fn add(&self, received: &Received) {
         // What cannot be read is no message.
-        if let Ok(binary) = received.payload.to_binary(Dialect::V3) {
+        if let Ok(binary) = received.payload.to_binary(WireVersion::V3) {
             self.messages.fetch_add(1, Ordering::Relaxed);
             self.bytes.fetch_add(binary.len() as u64, Ordering::Relaxed);
         }

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::process::ExitCode;
 use std::time::Duration;
 
-use yarp_ports::{Dialogue, Network, Place, PortError};
+use yarp_ports::{AdminClient, Endpoint, Network, PortError};
 use yarp_wire::carrier::Carrier;
 use yarp_wire::message::Command;
 use yarp_wire::{Bottle, Contact};
@@ -47,21 +47,21 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     };
     let asked = ask(&network, &place).await;
     if let Err(error) = asked {
-        tracing::warn!(target: "yarp.companion", "{}", error.story());
+        tracing::warn!(target: "yarp.companion", "{}", error.error_chain());
     }
     Ok(ExitCode::SUCCESS)
 }
 
-async fn ask(network: &Network, place: &Place) -> std::result::Result<(), PortError> {
+async fn ask(network: &Network, place: &Endpoint) -> std::result::Result<(), PortError> {
     let carrier = Carrier::by_name("text_ack").expect("text_ack is in the table");
     let address = (place.host.as_str(), place.port);
-    let network = network.with_deadline(network.deadline().min(DEADLINE));
-    let mut dialogue = Dialogue::open(&place.name, address, carrier, SENDER, &network).await?;
+    let network = network.with_timeout(network.timeout().min(DEADLINE));
+    let mut client = AdminClient::open(&place.name, address, carrier, SENDER, &network).await?;
     if place.name.contains("/quit") {
         let request = Bottle::of("quit");
-        dialogue.request(&Command::data(true), &request).await?;
+        client.request(&Command::data(true), &request).await?;
     } else {
-        dialogue.command(&Command::Interrupt).await?;
+        client.command(&Command::Interrupt).await?;
     }
     Ok(())
 }

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use tokio::time::Instant;
-use yarp_ports::{Network, PortError, remote};
+use yarp_ports::{Network, PortError, remote_admin};
 use yarp_wire::Contact;
 
 use crate::error::Result;
@@ -58,7 +58,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         match is_there(&network, &args.ports).await {
             Ok(true) => return Ok(ExitCode::SUCCESS),
             Ok(false) => {}
-            Err(error) if complained => tracing::debug!("{}", error.story()),
+            Err(error) if complained => tracing::debug!("{}", error.error_chain()),
             Err(error) => {
                 session::away(&error);
                 complained = true;
@@ -77,12 +77,12 @@ async fn is_there(network: &Network, ports: &[String]) -> std::result::Result<bo
         return Ok(false);
     };
     let Some(destination) = ports.get(1) else {
-        return Ok(remote::listens(network, &first).await);
+        return Ok(remote_admin::listens(network, &first).await);
     };
     let Some(destination) = resolve(destination).await? else {
         return Ok(false);
     };
     // A writer that does not answer is not connected yet.
-    let known = remote::connection(network, &first, &destination.name).await;
+    let known = remote_admin::connection(network, &first, &destination.name).await;
     Ok(matches!(known, Ok(Some(_))))
 }

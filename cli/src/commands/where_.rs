@@ -65,7 +65,7 @@ pub(super) async fn run(_args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     writeln!(out, "If there is a long delay, try:\n  yarp conf --clean")?;
     if session::serves(&network, namespace).await {
         // Of several servers of the same names, the one that answers.
-        let places = network.places();
+        let places = network.servers();
         let (host, port) = places
             .first()
             .map_or((host, port), |place| (&place.0, &place.1));

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::process::ExitCode;
 use std::time::Duration;
 
-use yarp_ports::{Dialogue, Network, Port, PortOptions};
+use yarp_ports::{AdminClient, Network, Port, PortOptions};
 use yarp_wire::carrier::Carrier;
 use yarp_wire::message::Command;
 use yarp_wire::{Bottle, Contact, Value};
@@ -146,14 +146,14 @@ async fn administer(network: &Network, port: &Port, targets: &[String]) -> Resul
         };
         let carrier = Carrier::by_name("text_ack").expect("text_ack is in the table");
         let address = (place.host.as_str(), place.port);
-        let opening = Dialogue::open(&place.name, address, carrier, port.name(), network);
+        let opening = AdminClient::open(&place.name, address, carrier, port.name(), network);
         dialogues.push(opening.await?);
     }
     let mut lines = Lines::open();
     while let Some(line) = lines.next().await {
-        for dialogue in &mut dialogues {
+        for client in &mut dialogues {
             // The answer of an administration is for `rpc` to print.
-            dialogue
+            client
                 .request(&Command::Admin, &Form::Bottle.message(&line))
                 .await?;
         }

@@ -16,7 +16,7 @@
 use std::process::ExitCode;
 use std::time::Duration;
 
-use yarp_ports::{Answer, LinkState, Network, Port, PortOptions, Queue, Supervision};
+use yarp_ports::{Answer, ConnectionState, Network, Port, PortOptions, Queue, ReconnectOptions};
 use yarp_wire::Bottle;
 
 type Failure = Box<dyn std::error::Error>;
@@ -58,7 +58,7 @@ async fn serve() -> Result<(), Failure> {
     let echo = PortOptions::new()
         .handler(|message| message.bottle().map_or(Answer::Nothing, Answer::reply));
     let server = Port::open(&network, "/hosts/server", echo).await?;
-    let options = PortOptions::new().reading(Queue::Wait(10));
+    let options = PortOptions::new().queue(Queue::Wait(10));
     let reader = Port::open(&network, "/hosts/reader", options).await?;
     println!("ready");
     let reading = async {
@@ -78,22 +78,22 @@ async fn serve() -> Result<(), Failure> {
 }
 
 async fn watch(reader: &str, carrier: &str) -> Result<(), Failure> {
-    let network = Network::from_process()?.with_deadline(DEADLINE);
+    let network = Network::from_process()?.with_timeout(DEADLINE);
     let watch = Port::open(&network, "/hosts/watch", PortOptions::new()).await?;
     let plain = Port::open(&network, "/hosts/plain", PortOptions::new()).await?;
-    let caller = Port::open(&network, "/hosts/caller", PortOptions::new().calling()).await?;
+    let caller = Port::open(&network, "/hosts/caller", PortOptions::new().rpc_client()).await?;
     plain.connect_over(reader, carrier).await?;
     caller.connect("/hosts/server").await?;
-    let supervision = Supervision::new()
-        .pauses(Duration::from_millis(100), Duration::from_secs(1))
-        .deadline(DEADLINE)
-        .silence(SILENCE);
-    let mut link = watch.supervise(&format!("{carrier}:/{reader}"), supervision);
+    let supervision = ReconnectOptions::new()
+        .backoff(Duration::from_millis(100), Duration::from_secs(1))
+        .connect_timeout(DEADLINE)
+        .peer_timeout(SILENCE);
+    let mut link = watch.connect_persistent(&format!("{carrier}:/{reader}"), supervision);
     let telling = async {
         loop {
             match link.changed().await {
-                LinkState::Up => println!("link up"),
-                LinkState::Lost { reason } => println!("link lost: {reason}"),
+                ConnectionState::Connected => println!("link up"),
+                ConnectionState::Disconnected { reason } => println!("link lost: {reason}"),
                 _ => {}
             }
         }

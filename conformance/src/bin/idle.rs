@@ -91,7 +91,7 @@ impl Memory {
 }
 
 async fn measure(connections: usize, ports: usize) -> Result<(), Failure> {
-    let network = Network::none().with_deadline(PATIENCE);
+    let network = Network::none().with_timeout(PATIENCE);
     let mut most = 0.0_f64;
     let mut held = Vec::new();
     let mut others = Vec::new();
@@ -104,9 +104,9 @@ async fn measure(connections: usize, ports: usize) -> Result<(), Failure> {
         ("shmem", "a writer connected over shmem"),
     ] {
         let before = Memory::now()?;
-        let options = PortOptions::new().unregistered().reading(Queue::Latest);
+        let options = PortOptions::new().unregistered().queue(Queue::Latest);
         let port = Port::open(&network, "/idle/reader", options).await?;
-        others.push(Other::start(carrier, port.number(), connections)?);
+        others.push(Other::start(carrier, port.tcp_port(), connections)?);
         while port.inputs().len() < connections {
             tokio::time::sleep(Duration::from_millis(10)).await;
         }
@@ -134,7 +134,7 @@ async fn measure(connections: usize, ports: usize) -> Result<(), Failure> {
     others.push(server);
     let before = Memory::now()?;
     for port in 0..ports {
-        let options = PortOptions::new().unregistered().reading(Queue::Latest);
+        let options = PortOptions::new().unregistered().queue(Queue::Latest);
         held.push(Port::open(&network, &format!("/idle/port/{port}"), options).await?);
     }
     Memory::now()?.per(&before, ports, "a port that nobody uses");
@@ -210,15 +210,18 @@ impl Drop for Other {
 
 /// The other ends: writers over a carrier to port `number`, or readers, whose numbers it prints.
 async fn other(what: &str, number: &str, count: &str) -> Result<(), Failure> {
-    let network = Network::none().with_deadline(PATIENCE);
+    let network = Network::none().with_timeout(PATIENCE);
     let mut held = Vec::new();
     if what == "readers" {
         for reader in 0..count.parse()? {
-            let options = PortOptions::new().unregistered().reading(Queue::Latest);
+            let options = PortOptions::new().unregistered().queue(Queue::Latest);
             let port = Port::open(&network, &format!("/idle/reader/{reader}"), options).await?;
             held.push(port);
         }
-        let numbers: Vec<_> = held.iter().map(|port| port.number().to_string()).collect();
+        let numbers: Vec<_> = held
+            .iter()
+            .map(|port| port.tcp_port().to_string())
+            .collect();
         println!("ready {}", numbers.join(" "));
     } else {
         for writer in 0..count.parse()? {

@@ -403,7 +403,7 @@ mod tests {
             gained
         );
         prop_assert!(moved.abs() <= fastest * dt + 1e-6, "jump {}", moved);
-        // Position and velocity tell the same story, also where a limit cuts the position off.
+        // Position and velocity tell the same error chain, also where a limit cuts the position off.
         let expected = (before.velocity + after.velocity) / 2.0 * dt;
         prop_assert!(
             (moved - expected).abs() <= hardest * 1.0001 * dt * dt + 1e-6,

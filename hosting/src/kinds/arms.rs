@@ -39,7 +39,7 @@ pub(super) async fn on_a_bus(opening: Opening<'_>) -> Outcome {
 
 fn meeting(parameters: &Parameters) -> Result<Meeting, HostError> {
     let usual = vec![ARM_PORT.into(), PACKET_PORT.into()];
-    let ports = parameters.row::<usize>("ports")?.unwrap_or(usual);
+    let ports = parameters.list::<usize>("ports")?.unwrap_or(usual);
     let ports: Option<Vec<u16>> = ports.iter().map(|port| (*port).try_into().ok()).collect();
     let Some([arm, packets]) = ports.as_deref() else {
         let expected = "two TCP ports, for commands and for packets, as in (4321 4323)";

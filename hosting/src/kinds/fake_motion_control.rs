@@ -98,7 +98,7 @@ fn row<T: Expected>(
     joints: usize,
     usual: Vec<T>,
 ) -> Result<Vec<T>, HostError> {
-    match parameters.row(name)? {
+    match parameters.list(name)? {
         None => Ok(usual),
         Some(values) if values.len() == joints => Ok(values),
         Some(_) => {

@@ -37,7 +37,7 @@ pub(super) async fn open_remote(opening: Opening<'_>) -> Outcome {
     let parameters = opening.parameters;
     let mapping = Mapping::read(parameters)?.ok_or_else(|| missing(parameters))?;
     let prefix: PortName = parameters.need("localPortPrefix")?;
-    let remotes = parameters.row::<PortName>("remoteControlBoards")?;
+    let remotes = parameters.list::<PortName>("remoteControlBoards")?;
     let remotes = remotes.filter(|remotes| !remotes.is_empty());
     let remotes = remotes.ok_or_else(|| {
         parameters.refuse(
@@ -112,8 +112,8 @@ enum Joints {
 impl Mapping {
     /// What the parameters say, if they say anything about it.
     pub(super) fn read(parameters: &Parameters) -> Result<Option<Self>, HostError> {
-        let names = parameters.row::<String>("axesNames")?;
-        let networks = parameters.row::<String>("networks")?;
+        let names = parameters.list::<String>("axesNames")?;
+        let networks = parameters.list::<String>("networks")?;
         let joints = match (names, networks) {
             (Some(_), Some(_)) => {
                 return Err(parameters
@@ -210,7 +210,7 @@ fn stretches(parameters: &Parameters, names: Vec<String>) -> Result<Joints, Host
     for (number, network) in names.iter().enumerate() {
         let four = "first and last joint of this board, first and last joint of the device";
         let refuse = |expected: &str| HostError::from(parameters.refuse(network, expected));
-        let row = parameters.row::<usize>(network)?;
+        let row = parameters.list::<usize>(network)?;
         let Some([first, last, their_first, their_last]) = row.as_deref() else {
             return Err(refuse(four));
         };

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use tokio::task::JoinSet;
 use yarp_devices::{Device, DeviceError};
-use yarp_ports::{Network, story};
+use yarp_ports::{Network, error_chain};
 
 use super::parameters::find;
 use super::{Action, ActionKind, DeviceEntry, Param, ParamValue, Phase, Robot};
@@ -147,7 +147,7 @@ impl RunningRobot {
             .parameters(entry)
             .map_err(|error| error.to_string())?;
         let device = open(network, &entry.kind, &parameters).await;
-        let device = device.map_err(|error| story(&error))?;
+        let device = device.map_err(|error| error_chain(&error))?;
         for (name, origin) in parameters.unused() {
             tracing::warn!(
                 "{origin}: device {} has no use for parameter {name}",
@@ -210,7 +210,7 @@ impl RunningRobot {
         action: &Action,
         moving: &mut JoinSet<Result<(), String>>,
     ) -> Result<(), String> {
-        let said = |error: crate::HostError| story(&error);
+        let said = |error: crate::HostError| error_chain(&error);
         match action.kind {
             ActionKind::Attach => {
                 let others = self.others(&action.params)?;
@@ -233,7 +233,7 @@ impl RunningRobot {
                         _ => calibrate(board).await,
                     };
                     done.map_err(|error| {
-                        format!("{origin}: cannot {kind} {name}: {}", story(&error))
+                        format!("{origin}: cannot {kind} {name}: {}", error_chain(&error))
                     })
                 });
                 Ok(())
@@ -339,7 +339,7 @@ impl RunningRobot {
             match ended {
                 Ok((_, Ok(()))) => {}
                 Ok((name, Err(error))) => {
-                    tracing::error!("cannot park {name}: {}", story(&error));
+                    tracing::error!("cannot park {name}: {}", error_chain(&error));
                     well = false;
                 }
                 // The others are on their way still.

@@ -232,11 +232,16 @@ impl Reader<'_> {
     }
 
     fn device(&self, page: &Page<'_>, value: &Held<'_>) -> Result<DeviceEntry, RobotError> {
-        const WHAT: &str = "[[device]]";
-        let table = page.table(value, WHAT)?;
+        const DESCRIPTION: &str = "[[device]]";
+        let table = page.table(value, DESCRIPTION)?;
         let origin = page.at(value);
-        page.only(table, &["name", "type", "params", "extern", "action"], WHAT)?;
-        let text = |key, expected| page.text(page.need(table, key, &origin, WHAT)?, expected);
+        page.only(
+            table,
+            &["name", "type", "params", "extern", "action"],
+            DESCRIPTION,
+        )?;
+        let text =
+            |key, expected| page.text(page.need(table, key, &origin, DESCRIPTION)?, expected);
         let name = text("name", "the name of the device")?;
         let kind = text("type", "the kind of the device")?;
         let outside = match table.get("extern") {
@@ -278,25 +283,25 @@ impl Reader<'_> {
     }
 
     fn action(&self, page: &Page<'_>, value: &Held<'_>) -> Result<Action, RobotError> {
-        const WHAT: &str = "an action";
-        let table = page.table(value, WHAT)?;
+        const DESCRIPTION: &str = "an action";
+        let table = page.table(value, DESCRIPTION)?;
         let origin = page.at(value);
-        page.only(table, &["phase", "level", "type", "params"], WHAT)?;
+        page.only(table, &["phase", "level", "type", "params"], DESCRIPTION)?;
         let params = match table.get("params") {
             Some(params) => self.params(page, params, None)?,
             None => Vec::new(),
         };
-        let level = page.need(table, "level", &origin, WHAT)?;
+        let level = page.need(table, "level", &origin, DESCRIPTION)?;
         Ok(Action {
             phase: word(
                 page,
-                page.need(table, "phase", &origin, WHAT)?,
+                page.need(table, "phase", &origin, DESCRIPTION)?,
                 Phase::WORDS,
                 Phase::of,
             )?,
             kind: word(
                 page,
-                page.need(table, "type", &origin, WHAT)?,
+                page.need(table, "type", &origin, DESCRIPTION)?,
                 ActionKind::WORDS,
                 ActionKind::of,
             )?,
@@ -342,18 +347,18 @@ impl Reader<'_> {
 }
 
 fn read_robot(page: &Page<'_>, value: &Held<'_>) -> Result<Robot, RobotError> {
-    const WHAT: &str = "[robot]";
-    let table = page.table(value, WHAT)?;
+    const DESCRIPTION: &str = "[robot]";
+    let table = page.table(value, DESCRIPTION)?;
     let known = [
         "name",
         "build",
         "portprefix",
         "reverse-shutdown-action-order",
     ];
-    page.only(table, &known, WHAT)?;
+    page.only(table, &known, DESCRIPTION)?;
     let at = page.at(value);
     let name = page.text(
-        page.need(table, "name", &at, WHAT)?,
+        page.need(table, "name", &at, DESCRIPTION)?,
         "the name of the robot",
     )?;
     let build = table.get("build");

@@ -7,7 +7,7 @@ use tokio::runtime::{Builder, Runtime};
 use yarp_hosting::robot::{Progress, ReadOptions, Robot, RunningRobot};
 use yarp_hosting::{Hosted, open};
 use yarp_nameserver::{Server, ServerOptions};
-use yarp_ports::{Network, story};
+use yarp_ports::{Network, error_chain};
 use yarp_wire::settings::{NoSource, Origin, Parameters, Settings};
 use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions};
 
@@ -64,6 +64,6 @@ impl Stage {
         let opened = self
             .runtime
             .block_on(open(&self.network, kind, &parameters));
-        opened.map_err(|error| story(&error))
+        opened.map_err(|error| error_chain(&error))
     }
 }

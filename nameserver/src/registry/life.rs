@@ -7,7 +7,7 @@
 use std::fmt;
 use std::time::{Duration, Instant};
 
-use yarp_wire::name_service::{Holder, Registering, Registration, plain_text};
+use yarp_wire::name_service::{LeaseHolder, RegisterRequest, Registration, plain_text};
 
 use super::limits::Refusal;
 use super::lookup::is_below;
@@ -170,7 +170,7 @@ impl Registry {
     /// Whether `asked` may have its name.
     ///
     /// A group and a topic have no owner that could be asked: they are given away as in stock.
-    pub fn claim(&self, now: Instant, asked: &Registering) -> Claim {
+    pub fn claim(&self, now: Instant, asked: &RegisterRequest) -> Claim {
         let Some(entry) = self.ports.get(&asked.name) else {
             return Claim::Free;
         };
@@ -300,7 +300,7 @@ impl Registry {
     /// `lease NAME HOST NUMBER ...`: these ports are there. The answer tells how long that holds,
     /// which server it is, who of them is registered no longer (`lost`) or elsewhere (`taken`), and
     /// where other servers of the same names are (`also HOST PORT`).
-    pub(super) fn lease(&mut self, now: Instant, holders: &[Holder]) -> Body {
+    pub(super) fn lease(&mut self, now: Instant, holders: &[LeaseHolder]) -> Body {
         let (incarnation, lease) = (self.settings.incarnation, self.settings.lease);
         let first = format!("lease {} server {incarnation}", lease.as_secs());
         let mut lines = vec![first];

@@ -37,7 +37,7 @@ use std::ops::RangeInclusive;
 use std::time::{Duration, Instant};
 
 use yarp_wire::name_service::{
-    Command, DEFAULT_NAMESPACE, DEFAULT_PORT, Form, Registering, Registration, Request,
+    Command, DEFAULT_NAMESPACE, DEFAULT_PORT, Form, RegisterRequest, Registration, Request,
 };
 
 use allocator::{Groups, Names, Numbers};
@@ -149,11 +149,11 @@ impl Registry {
         };
         // Nobody asks how old these two are.
         let now = Instant::now();
-        let own = |name: &str, carrier: &str, host: &str, port| Registering {
+        let own = |name: &str, carrier: &str, host: &str, port| RegisterRequest {
             carrier: Some(carrier.to_owned()),
             host: Some(host.to_owned()),
             number: Some(i64::from(port)),
-            ..Registering::named(name)
+            ..RegisterRequest::named(name)
         };
         let Settings {
             name,

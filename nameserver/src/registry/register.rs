@@ -4,7 +4,7 @@ use std::collections::HashSet;
 use std::net::{IpAddr, Ipv4Addr};
 use std::time::Instant;
 
-use yarp_wire::name_service::{CHOOSE, Form, Registering, Registration};
+use yarp_wire::name_service::{Form, RegisterRequest, Registration, SERVER_CHOOSES};
 
 use super::life::Life;
 use super::limits::{self, Refusal};
@@ -17,7 +17,7 @@ impl Registry {
         now: Instant,
         form: Form,
         from: Option<IpAddr>,
-        asked: &Registering,
+        asked: &RegisterRequest,
     ) -> Reply {
         let mut effects = Vec::new();
         let body = match self.admit(now, from, asked, &mut effects) {
@@ -32,7 +32,7 @@ impl Registry {
         &mut self,
         now: Instant,
         from: Option<IpAddr>,
-        asked: &Registering,
+        asked: &RegisterRequest,
         effects: &mut Vec<Effect>,
     ) -> Result<Registration, Refusal> {
         let carrier = asked.carrier.as_deref().unwrap_or("tcp");
@@ -97,7 +97,11 @@ impl Registry {
     }
 
     /// The number that the port brings itself; none if one is to be chosen.
-    fn wanted_number(&self, carrier: &str, asked: &Registering) -> Result<Option<u16>, Refusal> {
+    fn wanted_number(
+        &self,
+        carrier: &str,
+        asked: &RegisterRequest,
+    ) -> Result<Option<u16>, Refusal> {
         match asked.number {
             Some(found) => match u16::try_from(found) {
                 Ok(number) if number > 0 => Ok(Some(number)),
@@ -112,7 +116,7 @@ impl Registry {
     /// The name itself, or an invented one for `...` and `=suffix`.
     fn name_for(&mut self, asked: &str) -> Result<String, Refusal> {
         let suffix = match asked {
-            CHOOSE => Some(""),
+            SERVER_CHOOSES => Some(""),
             _ => asked.strip_prefix('=').map(|_| asked),
         };
         let Some(suffix) = suffix else {

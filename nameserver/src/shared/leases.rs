@@ -10,7 +10,7 @@ use std::time::Duration;
 use tokio::task::JoinSet;
 use tokio::time::{MissedTickBehavior, interval};
 use yarp_ports::Network;
-use yarp_wire::name_service::{Command, Holder, Request};
+use yarp_wire::name_service::{Command, LeaseHolder, Request};
 
 use crate::registry::Registry;
 use crate::server::lock;
@@ -24,11 +24,11 @@ const TOGETHER: usize = 64;
 
 /// Ports that have said that they are there since the last round.
 #[derive(Debug, Default)]
-pub(crate) struct Leases(Mutex<BTreeMap<String, Holder>>);
+pub(crate) struct Leases(Mutex<BTreeMap<String, LeaseHolder>>);
 
 impl Leases {
     /// Takes note of ports that are registered where they say.
-    pub(crate) fn note(&self, registry: &Registry, holders: &[Holder]) {
+    pub(crate) fn note(&self, registry: &Registry, holders: &[LeaseHolder]) {
         let known = holders.iter().filter(|holder| {
             let place = registry.find(&holder.name);
             place.is_some_and(|place| (&place.host, place.port) == (&holder.host, holder.number))
@@ -37,7 +37,7 @@ impl Leases {
         held.extend(known.map(|holder| (holder.name.clone(), holder.clone())));
     }
 
-    fn take(&self) -> Vec<Holder> {
+    fn take(&self) -> Vec<LeaseHolder> {
         let mut held = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         std::mem::take(&mut *held).into_values().collect()
     }
@@ -55,7 +55,7 @@ impl Leases {
             }
             let mut telling = JoinSet::new();
             for (host, port) in others {
-                let network = network.with_server(&host, port).with_deadline(PATIENCE);
+                let network = network.with_server(&host, port).with_timeout(PATIENCE);
                 let holders = holders.clone();
                 telling.spawn(async move {
                     for some in holders.chunks(TOGETHER) {

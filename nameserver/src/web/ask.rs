@@ -1,7 +1,7 @@
 //! One port, asked for its connections and for what it is part of.
 
 use serde::Serialize;
-use yarp_ports::{Dialogue, PortCounters, PortError, Traffic};
+use yarp_ports::{AdminClient, PortCounters, PortError, Traffic};
 use yarp_wire::admin::{self, Direction};
 use yarp_wire::{Bottle, Value};
 
@@ -54,8 +54,8 @@ pub(super) struct Process {
 }
 
 /// Asks a port; none if it does not say. `process` says whether to ask for that, too.
-pub(super) async fn ask(dialogue: &mut Dialogue, name: &str, process: bool) -> Option<Told> {
-    match try_ask(dialogue, name, process).await {
+pub(super) async fn ask(client: &mut AdminClient, name: &str, process: bool) -> Option<Told> {
+    match try_ask(client, name, process).await {
         Ok(told) => Some(told),
         Err(error) => {
             tracing::debug!("{name} does not tell of its connections: {error}");
@@ -64,14 +64,14 @@ pub(super) async fn ask(dialogue: &mut Dialogue, name: &str, process: bool) -> O
     }
 }
 
-async fn try_ask(dialogue: &mut Dialogue, name: &str, process: bool) -> Result<Told, PortError> {
-    let answer = dialogue.admin(&admin::property("counters")).await?;
+async fn try_ask(client: &mut AdminClient, name: &str, process: bool) -> Result<Told, PortError> {
+    let answer = client.admin(&admin::property("counters")).await?;
     let links = match PortCounters::from_bottle(&answer) {
         Some(counters) => counted(counters),
-        None => listed(dialogue).await?,
+        None => listed(client).await?,
     };
     let process = match process {
-        true => process_in(&dialogue.admin(&admin::property(name)).await?),
+        true => process_in(&client.admin(&admin::property(name)).await?),
         false => None,
     };
     Ok(Told { links, process })
@@ -93,10 +93,10 @@ fn counted(counters: PortCounters) -> Vec<Link> {
 }
 
 /// The connections of a port of stock.
-async fn listed(dialogue: &mut Dialogue) -> Result<Vec<Link>, PortError> {
+async fn listed(client: &mut AdminClient) -> Result<Vec<Link>, PortError> {
     let mut links = Vec::new();
     for (direction, incoming) in [(Direction::Out, false), (Direction::In, true)] {
-        let names = dialogue.admin(&admin::list(direction, None)).await?;
+        let names = client.admin(&admin::list(direction, None)).await?;
         let found = names.iter().map(|name| Link {
             peer: name.to_plain_string(),
             incoming,
@@ -109,7 +109,7 @@ async fn listed(dialogue: &mut Dialogue) -> Result<Vec<Link>, PortError> {
     let outputs = links.iter_mut().filter(|link| !link.incoming);
     for link in outputs.take(MOST_DETAILS) {
         let request = admin::list(Direction::Out, Some(&link.peer));
-        let answer = dialogue.admin(&request).await?;
+        let answer = client.admin(&request).await?;
         link.carrier = text_at(&answer, "carrier");
     }
     Ok(links)

@@ -7,7 +7,7 @@ use std::time::Duration;
 use tokio::sync::{Notify, watch};
 use tokio::task::{JoinError, JoinSet};
 use tokio::time::Instant;
-use yarp_ports::{Network, Place};
+use yarp_ports::{Endpoint, Network};
 use yarp_wire::name_service::Registration;
 
 use super::ask::{self, Counted, Process, Told};
@@ -43,13 +43,13 @@ pub(crate) struct Survey {
 }
 
 /// A port that was asked, and what it said, if it did.
-type Done = (Place, Option<Told>);
+type Done = (Endpoint, Option<Told>);
 
 /// What is known of one port.
 #[derive(Debug)]
 pub(super) struct Heard {
     /// Where it was asked; another place is another port.
-    place: Place,
+    place: Endpoint,
     pub(super) process: Option<Process>,
     pub(super) links: Vec<Measured>,
     /// When the links were told.
@@ -132,7 +132,7 @@ impl Survey {
     }
 
     /// Asks each port whose turn it is.
-    async fn round(&self, desk: &Arc<Desk>, places: Vec<Place>, interval: Duration) {
+    async fn round(&self, desk: &Arc<Desk>, places: Vec<Endpoint>, interval: Duration) {
         let waiting = self.due(places);
         let mut asking = JoinSet::new();
         for (place, process) in waiting {
@@ -142,12 +142,12 @@ impl Survey {
             let network = self.settings.network.clone();
             let desk = desk.clone();
             asking.spawn(async move {
-                let (look, dialogue) = meet(&network, &place).await;
+                let (look, client) = meet(&network, &place).await;
                 desk.note(&place, look);
-                let most = network.deadline() * STEPS;
-                let told = match dialogue {
-                    Some(mut dialogue) => {
-                        let asking = ask::ask(&mut dialogue, &place.name, process);
+                let most = network.timeout() * STEPS;
+                let told = match client {
+                    Some(mut client) => {
+                        let asking = ask::ask(&mut client, &place.name, process);
                         tokio::time::timeout(most, asking).await
                     }
                     None => Ok(None),
@@ -163,7 +163,7 @@ impl Survey {
 
     /// Forgets ports that went, and gives those whose turn it is, each with whether its process is
     /// still to be asked for.
-    fn due(&self, places: Vec<Place>) -> Vec<(Place, bool)> {
+    fn due(&self, places: Vec<Endpoint>) -> Vec<(Endpoint, bool)> {
         let now = Instant::now();
         let mut heard = self.heard();
         let mut kept = HashMap::with_capacity(places.len());
@@ -196,7 +196,12 @@ impl Survey {
 }
 
 impl Heard {
-    fn after(before: Option<Self>, place: Place, told: Option<Told>, interval: Duration) -> Self {
+    fn after(
+        before: Option<Self>,
+        place: Endpoint,
+        told: Option<Told>,
+        interval: Duration,
+    ) -> Self {
         let at = Instant::now();
         let told = match told {
             Some(told) => told,

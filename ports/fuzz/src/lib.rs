@@ -12,7 +12,7 @@ use yarp_ports::roles::{Peer, Right, RoleTable};
 use yarp_ports::{MonitorSetup, MonitorSide, Passing, built_in_monitor};
 use yarp_wire::message::{Form, Payload, Pieces, ReadObject, WireObject};
 use yarp_wire::typed::{Image, PixelCode};
-use yarp_wire::{Bottle, Dialect, Limits};
+use yarp_wire::{Bottle, Limits, WireVersion};
 
 /// An answer to `[prop] [get] counters`, as text.
 pub fn counters(data: &[u8]) {
@@ -55,7 +55,7 @@ pub fn configuration(data: &[u8]) {
 /// Bytes as what arrives at each of the monitors that expand or convert: no message becomes larger
 /// than it may, and what monitors make can be read.
 pub fn monitors(data: &[u8]) {
-    for form in [Form::Binary(Dialect::V3), Form::Text] {
+    for form in [Form::Binary(WireVersion::V3), Form::Text] {
         let payload = Payload::new(data.to_vec().into(), form);
         for name in [
             "bottle_compression_zlib",
@@ -85,8 +85,8 @@ pub fn monitors(data: &[u8]) {
     let raw = Image::from_padded(PixelCode::MONO, width, height, 1, pixels);
     let mut pieces = Pieces::new();
     let image = raw.expect("an image");
-    image.write_pieces(&mut pieces, Dialect::V3);
-    bayer(Payload::of_pieces(&pieces, Dialect::V3));
+    image.write_pieces(&mut pieces, WireVersion::V3);
+    bayer(Payload::of_pieces(&pieces, WireVersion::V3));
 }
 
 fn bayer(payload: Payload) {

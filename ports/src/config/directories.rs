@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn other_systems_have_other_habits() {
+    fn other_platforms_have_other_directories() {
         let held = of(Platform::MacOs, &[("HOME", "/Users/me")]);
         assert_eq!(
             held.config_home,

@@ -26,24 +26,24 @@
 //! [`Configuration::load`] is a function of an [`Environment`] and a way to read files;
 //! [`Configuration::from_process`] gives it those of the process. Checked against stock 3.5.0.
 
+mod auth_conf;
 mod directories;
 mod environment;
-mod key;
 mod name_server;
 mod namespaces;
-mod naming;
-mod resources;
+mod port_naming;
+mod resource_finder;
 pub(crate) mod section;
 
 use std::io;
 use std::path::{Path, PathBuf};
 
+pub use auth_conf::parse_key;
 pub use directories::Directories;
 pub use environment::{Environment, Platform};
-pub use key::parse_key;
 pub use name_server::{Mode, NameServer};
 pub use namespaces::{DEFAULT_NAMESPACE, file_name, parse_namespaces, print_namespaces};
-pub use resources::{Disk, ResourceFinder};
+pub use resource_finder::{Disk, ResourceFinder};
 use yarp_wire::auth::Key;
 
 use crate::roles::{self, Roles};
@@ -187,7 +187,7 @@ impl Configuration {
         let namespaces = names.into_iter().map(namespace).collect::<Result<_, _>>()?;
         let default_port = environment.port("YARP_PORT_RANGE")?;
         let mut key = None;
-        for file in directories.resources(&environment, key::FILE) {
+        for file in directories.resources(&environment, auth_conf::FILE) {
             if let Some(text) = find(&file)? {
                 key = Some(parse_key(&file, &text)?);
                 break;

@@ -11,7 +11,7 @@
 
 use std::path::Path;
 
-use yarp_wire::settings::without_remark;
+use yarp_wire::settings::strip_comment;
 use yarp_wire::{Bottle, Value};
 
 use super::ConfigError;
@@ -47,7 +47,7 @@ pub(crate) fn parse(file: &Path, text: &str) -> Result<Vec<Section>, ConfigError
             expected,
             found: whole.trim().to_owned(),
         };
-        let text = without_remark(whole);
+        let text = strip_comment(whole);
         if let Some(head) = text.strip_prefix('[') {
             let (name, _) = head.split_once(']').ok_or_else(|| wrong("`[NAME]`"))?;
             let words: Vec<_> = name.split_whitespace().collect();
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn what_means_something_else_elsewhere_is_refused() {
+    fn substitution_and_inclusion_are_refused() {
         for (text, expected) in [
             ("[A]\nkey $HOME", "f:2: expected no `$`"),
             ("[include \"x\"]", "f:1: expected `[NAME]` with one word"),

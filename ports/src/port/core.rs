@@ -6,30 +6,30 @@ use std::time::Duration;
 
 use tokio::task::JoinSet;
 use yarp_wire::carrier::{Carrier, Transport};
-use yarp_wire::{Bottle, Contact, Dialect, admin};
+use yarp_wire::{Bottle, Contact, WireVersion, admin};
 
-use super::call::Slots;
 use super::counters::{Ended, Meter};
-use super::group::Group;
-use super::inbox::Inbox;
-use super::local;
-use super::log;
+use super::dedicated_thread::ConnectionControl;
+use super::in_process;
+use super::log_modifier;
 use super::monitor::{Arbiter, Attached, Chain, MonitorError, MonitorSide, is_modifier};
-use super::options::{ConnectionChange, Input, Outputs, PortOptions};
+use super::multicast_group::Group;
 use super::output::{Output, Target};
-use super::own_thread::Steering;
-use super::qos::SocketHandle;
-use super::received::Answer;
+use super::port_options::{ConnectionChange, Input, Outputs, PortOptions};
+use super::receive_queue::ReceiveQueue;
+use super::received_message::Answer;
+use super::reply_channel::ReplyPool;
+use super::socket_qos::SocketHandle;
 use crate::cancel::{Cancel, Cancelled, join};
-use crate::datagram;
 use crate::error::{PortError, resolve};
-use crate::network::{Network, Place};
-use crate::probe;
-use crate::remote;
+use crate::network::{Endpoint, Network};
+use crate::remote_admin;
 use crate::roles::{self, Peer, Right};
+use crate::udp_socket;
+use crate::version_probe;
 
 /// How long a goodbye to a reader may take.
-pub(crate) const GOODBYE: Duration = Duration::from_secs(1);
+pub(crate) const CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
 
 pub(crate) struct Core {
     pub(crate) name: String,
@@ -37,7 +37,7 @@ pub(crate) struct Core {
     pub(crate) number: u16,
     pub(crate) network: Network,
     pub(crate) options: PortOptions,
-    pub(crate) inbox: Option<Inbox>,
+    pub(crate) receive_queue: Option<ReceiveQueue>,
     pub(crate) cancelled: Cancelled,
     /// Given when the port begins to close; `cancelled` follows when its peers have been told.
     pub(crate) closing: Cancelled,
@@ -49,7 +49,7 @@ pub(crate) struct Core {
     properties: Mutex<Vec<(String, Bottle)>>,
     next_input: AtomicU64,
     /// Where connections wait for the answers of the owner.
-    pub(super) slots: Slots<Answer>,
+    pub(super) slots: ReplyPool<Answer>,
     ended: Mutex<Ended>,
     /// Whether there may be connections that carry copies of what arrives.
     pub(super) logged: AtomicBool,
@@ -74,7 +74,7 @@ pub(crate) struct InputEntry {
     /// What its messages pass, if anything.
     pub(super) monitors: Option<Arc<Chain>>,
     /// Ends it, or has it move to a thread of its own.
-    pub(super) steering: Steering,
+    pub(super) control: ConnectionControl,
 }
 
 /// A place in the port's list of connections, given back on drop, also by a handler's panic.
@@ -98,8 +98,8 @@ impl Core {
         options: PortOptions,
         cancelled: Cancelled,
     ) -> Self {
-        let inbox = match options.input {
-            Input::Queue(queue, _) => Some(Inbox::new(queue)),
+        let receive_queue = match options.input {
+            Input::Queue(queue, _) => Some(ReceiveQueue::new(queue)),
             _ => None,
         };
         let (close, closing) = Cancel::new();
@@ -109,7 +109,7 @@ impl Core {
             number,
             network,
             options,
-            inbox,
+            receive_queue,
             cancelled,
             closing,
             close,
@@ -118,7 +118,7 @@ impl Core {
             inputs: Mutex::default(),
             properties: Mutex::default(),
             next_input: AtomicU64::new(1),
-            slots: Slots::default(),
+            slots: ReplyPool::default(),
             ended: Mutex::default(),
             logged: AtomicBool::new(false),
             pulls: Mutex::default(),
@@ -137,8 +137,9 @@ impl Core {
         let lock = || self.outputs.lock().unwrap_or_else(PoisonError::into_inner);
         let mut outputs = lock();
         // The end is told after the beginning.
-        let has_ended =
-            |output: &Output| output.outbox.is_closed() && output.reported.load(Ordering::Acquire);
+        let has_ended = |output: &Output| {
+            output.send_queue.is_closed() && output.reported.load(Ordering::Acquire)
+        };
         if !outputs.iter().any(|output| has_ended(output)) {
             return outputs;
         }
@@ -166,7 +167,7 @@ impl Core {
     fn count_ended(&self, outputs: &[Arc<Output>]) {
         let mut ended = self.ended();
         for output in outputs {
-            ended.sent.add(output.outbox.depth().traffic);
+            ended.sent.add(output.send_queue.depth().traffic);
         }
     }
 
@@ -221,7 +222,7 @@ impl Core {
         if peer_asks {
             self.check_right(&found, Right::Read).await?;
         }
-        let logs = spec.as_ref().map_or(Ok(false), log::is_wanted)?;
+        let logs = spec.as_ref().map_or(Ok(false), log_modifier::is_wanted)?;
         if self.options.outputs == Outputs::None && !logs {
             return Err(PortError::OutputsNotAllowed {
                 name: self.name.clone(),
@@ -250,19 +251,19 @@ impl Core {
             });
         }
         if carrier.transport == Transport::Local {
-            let output = local::connect(self, &found, &spec, carrier)?;
+            let output = in_process::connect(self, &found, &spec, carrier)?;
             let mut output = output.with_monitors(monitors);
             output.logs = logs;
             self.add_output(output);
             return Ok(found.name);
         }
         let address = (found.host.as_str(), found.port);
-        let dialect = match self.options.readers {
-            Some(dialect) => Some(dialect),
-            None if carrier.protocol.payloads().are_binary() => {
-                probe::generation(&found.name, address, &self.network).await
+        let wire_version = match self.options.peer_version {
+            Some(wire_version) => Some(wire_version),
+            None if carrier.protocol.payload_kind().are_binary() => {
+                version_probe::peer_version(&found.name, address, &self.network).await
             }
-            None => Some(Dialect::default()),
+            None => Some(WireVersion::default()),
         };
         let group = match carrier.transport {
             Transport::Group => Some(self.group(&found, logs).await?),
@@ -273,7 +274,7 @@ impl Core {
             to: &found,
             spec: &spec,
             carrier,
-            dialect: dialect.unwrap_or(self.options.dialect),
+            wire_version: wire_version.unwrap_or(self.options.wire_version),
             group: group.as_ref(),
             network: &self.network,
         };
@@ -292,18 +293,23 @@ impl Core {
     }
 
     /// Whether the roles give the port at `place` this right on ours.
-    async fn check_right(&self, place: &Place, right: Right) -> Result<(), PortError> {
+    async fn check_right(&self, endpoint: &Endpoint, right: Right) -> Result<(), PortError> {
         let roles = self.network.roles();
         roles.refresh();
         let address = match roles.are_any() {
-            true => resolve(&place.host, place.port).await,
+            true => resolve(&endpoint.host, endpoint.port).await,
             false => return Ok(()),
         };
         let address = address.map_err(|source| {
-            PortError::connect(&place.name, &place.host, "address of the host", source)
+            PortError::connect(
+                &endpoint.name,
+                &endpoint.host,
+                "address of the host",
+                source,
+            )
         })?;
         let peer = Peer {
-            name: &place.name,
+            name: &endpoint.name,
             address: address.ip(),
         };
         match roles.rights(&self.name, peer).has(right) {
@@ -334,7 +340,7 @@ impl Core {
             .extract_if(.., |output| output.to == name)
             .collect();
         self.count_ended(&gone);
-        say_goodbye(&gone).await;
+        close_outputs(&gone).await;
         for output in &gone {
             self.report_output(output, false);
         }
@@ -346,8 +352,8 @@ impl Core {
 
     /// The multicast group of this port in the network of a reader, for what the owner writes or for copies of what
     /// arrives, asked for when it is first needed.
-    async fn group(&self, reader: &Place, logs: bool) -> Result<Group, PortError> {
-        let way = datagram::way_to(&reader.host, reader.port).await;
+    async fn group(&self, reader: &Endpoint, logs: bool) -> Result<Group, PortError> {
+        let way = udp_socket::local_address_towards(&reader.host, reader.port).await;
         let local = way.map_err(|error| {
             let step = "interface that leads to the reader";
             PortError::connect(&reader.name, &reader.host, step, error)
@@ -382,7 +388,7 @@ impl Core {
         let inputs = self.inputs();
         let mut found = false;
         for entry in inputs.iter().filter(|entry| entry.from == name) {
-            entry.steering.end();
+            entry.control.end();
             found = true;
         }
         found
@@ -390,7 +396,7 @@ impl Core {
 
     /// Asks the ports that write to this one to end their connections, as stock does at the end:
     /// by itself a writer learns of the end only when it writes next.
-    pub(crate) async fn dismiss_sources(&self) {
+    pub(crate) async fn disconnect_sources(&self) {
         let sources: Vec<_> = self
             .inputs()
             .iter()
@@ -398,18 +404,18 @@ impl Core {
             .filter(|entry| entry.carrier.push)
             .map(|entry| entry.from.clone())
             .collect();
-        let network = self.network.with_deadline(GOODBYE);
+        let network = self.network.with_timeout(CLOSE_TIMEOUT);
         let asking: JoinSet<()> = sources
             .into_iter()
             .filter(|source| is_port(source))
             .map(|source| {
                 let (network, request) = (network.clone(), admin::remove(&self.name));
                 let asking = async move {
-                    let place = network.query(&source).await?;
-                    remote::administer(&network, &place, &request).await
+                    let endpoint = network.query(&source).await?;
+                    remote_admin::administer(&network, &endpoint, &request).await
                 };
                 // One that does not answer will notice by itself.
-                async move { drop(tokio::time::timeout(GOODBYE, asking).await) }
+                async move { drop(tokio::time::timeout(CLOSE_TIMEOUT, asking).await) }
             })
             .collect();
         join(asking).await;
@@ -433,7 +439,7 @@ impl Core {
             if same().any(|other| other.id > entry.id) {
                 return false;
             }
-            same().for_each(|other| other.steering.end());
+            same().for_each(|other| other.control.end());
         }
         inputs.push(entry);
         drop(inputs);
@@ -497,7 +503,7 @@ impl Core {
             };
             tracing::info!(port = %self.name, "{what} from {from} to {to}{using}");
         }
-        if let Some(watcher) = &self.options.watcher {
+        if let Some(watcher) = &self.options.on_connection_change {
             watcher(&ConnectionChange {
                 from: from.to_owned(),
                 to: to.to_owned(),
@@ -510,11 +516,11 @@ impl Core {
 }
 
 /// Ends connections, all at once: each may take its time.
-pub(super) async fn say_goodbye(outputs: &[Arc<Output>]) {
+pub(super) async fn close_outputs(outputs: &[Arc<Output>]) {
     let goodbyes: JoinSet<()> = outputs
         .iter()
         .cloned()
-        .map(|output| async move { output.close(GOODBYE).await })
+        .map(|output| async move { output.close(CLOSE_TIMEOUT).await })
         .collect();
     join(goodbyes).await;
 }

@@ -22,7 +22,7 @@ use std::time::SystemTime;
 
 use yarp_wire::{Bottle, Stamp, Value};
 
-use super::admin::pair;
+use super::admin_commands::pair;
 use super::core::Core;
 
 /// What a port has counted since it was opened.
@@ -190,27 +190,27 @@ impl ConnectionCounters {
 /// A copy, so that the buffer that it arrived in is free for the next message; not read before
 /// somebody asks.
 #[derive(Debug)]
-pub(crate) struct Newest {
+pub(crate) struct LatestEnvelope {
     length: usize,
-    text: [u8; Self::LONGEST],
+    text: [u8; Self::MAX_ENVELOPE_LEN],
 }
 
-impl Default for Newest {
+impl Default for LatestEnvelope {
     fn default() -> Self {
         Self {
             length: 0,
-            text: [0; Self::LONGEST],
+            text: [0; Self::MAX_ENVELOPE_LEN],
         }
     }
 }
 
-impl Newest {
+impl LatestEnvelope {
     /// A count of 32 bits, a blank and a time of 15 digits with sign and exponent take 34.
-    const LONGEST: usize = 40;
+    const MAX_ENVELOPE_LEN: usize = 40;
 
     pub(crate) fn keep(&mut self, envelope: &[u8]) {
         self.length = match envelope.len() {
-            length if length <= Self::LONGEST => length,
+            length if length <= Self::MAX_ENVELOPE_LEN => length,
             _ => 0,
         };
         self.text[..self.length].copy_from_slice(&envelope[..self.length]);
@@ -228,7 +228,7 @@ pub(crate) struct Meter {
     messages: AtomicU64,
     bytes: AtomicU64,
     dropped: AtomicU64,
-    newest: Mutex<Newest>,
+    newest: Mutex<LatestEnvelope>,
 }
 
 impl Meter {
@@ -301,7 +301,7 @@ impl Core {
             });
         }
         for output in outputs.iter() {
-            let depth = output.outbox.depth();
+            let depth = output.send_queue.depth();
             sent.add(depth.traffic);
             connections.push(ConnectionCounters {
                 peer: output.to.clone(),
@@ -317,7 +317,10 @@ impl Core {
         PortCounters {
             received,
             sent,
-            waiting: self.inbox.as_ref().map_or(0, |inbox| inbox.waiting()),
+            waiting: self
+                .receive_queue
+                .as_ref()
+                .map_or(0, |receive_queue| receive_queue.waiting()),
             connections,
         }
     }
@@ -337,7 +340,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_a_port_tells_is_read_again() {
+    fn counters_survive_a_round_trip() {
         let told = "(port (received (messages 3) (bytes 36) (dropped 1)) \
             (sent (messages 2) (bytes 24) (dropped 0)) (waiting 1)) \
             (in (from \"/a b\") (carrier tcp) (messages 3) (bytes 36) (dropped 1) (age 0.5)) \
@@ -355,7 +358,7 @@ mod tests {
     }
 
     #[test]
-    fn what_others_tell_is_no_trouble() {
+    fn invalid_counters_of_other_ports_are_tolerated() {
         let read = |text: &str| PortCounters::from_bottle(&Bottle::parse(text).unwrap());
         assert_eq!(read(""), None);
         assert_eq!(read("[fail] \"what?\""), None);
@@ -367,7 +370,7 @@ mod tests {
     #[test]
     fn only_stamps_have_an_age() {
         let check = |envelope: &str, expected: Option<Stamp>| {
-            let mut newest = Newest::default();
+            let mut newest = LatestEnvelope::default();
             newest.keep(b"1 2.5");
             newest.keep(envelope.as_bytes());
             assert_eq!(newest.stamp(), expected, "{envelope}");

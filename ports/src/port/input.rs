@@ -1,8 +1,8 @@
 //! One incoming connection: its life, from the first byte to the end.
 
-mod datagrams;
-mod messages;
-mod opening;
+mod accept_handshake;
+mod datagram_input;
+mod message_handling;
 
 use std::io;
 use std::net::{IpAddr, SocketAddrV4};
@@ -15,23 +15,23 @@ use yarp_wire::Limits;
 use yarp_wire::carrier::Sender;
 use yarp_wire::connection::{Acceptor, Event, ProtocolError};
 
-use self::datagrams::Datagrams;
-use self::messages::Step;
-use super::callers::{Caller, Farewell};
-use super::core::{Core, Entry, GOODBYE};
+use self::datagram_input::Datagrams;
+use self::message_handling::Step;
+use super::core::{CLOSE_TIMEOUT, Core, Entry};
 use super::counters::Meter;
+use super::dedicated_thread::{ConnectionControl, ControlReceiver, DedicatedThread};
+use super::idle_connections::{CloseSignal, ConnectionGuard};
 use super::monitor::{Chain, MonitorError};
-use super::output::{Output, Way};
-use super::own_thread::{OwnThread, Steered, Steering};
-use super::qos::SocketHandle;
-use crate::auth;
-use crate::busy::{BusyPoll, Expecting};
+use super::output::{Output, OutputTransport};
+use super::socket_qos::SocketHandle;
+use crate::auth_step;
+use crate::busy_poll::{BusyPoll, Expecting};
 use crate::cancel::Cancelled;
-use crate::datagram;
-use crate::error::story;
+use crate::error::error_chain;
 use crate::roles::{self, Peer, Right, Rights};
-use crate::stream::{self, Inflow, Socket};
-use crate::tcp::Tcp;
+use crate::socket::{self, ReadBuffer, Socket};
+use crate::tcp_stream::Tcp;
+use crate::udp_socket;
 
 /// Serves a connection until it ends, is displaced, has been silent for too long, or the port closes.
 ///
@@ -41,58 +41,58 @@ pub(super) async fn serve(
     stream: TcpStream,
     address: IpAddr,
     number: u64,
-    caller: Option<(Caller, Farewell)>,
-) -> Understood {
+    guard: Option<(ConnectionGuard, CloseSignal)>,
+) -> WasValid {
     let begun = Instant::now();
-    let (caller, mut farewell) = caller.unzip();
+    let (guard, mut close_signal) = guard.unzip();
     let mut closing = core.cancelled.clone();
     let stream = Socket::Tcp(Tcp::new(stream));
     core.network.roles().refresh_if_due(Instant::now());
     if let Some(key) = core.network.key() {
         let known = tokio::select! {
-            known = auth::accept(&stream, key) => known,
-            () = closing.cancelled() => return Understood(true),
+            known = auth_step::accept(&stream, key) => known,
+            () = closing.cancelled() => return WasValid(true),
         };
         if let Err(error) = known {
-            let text = story(&error);
+            let text = error_chain(&error);
             tracing::warn!(port = %core.name, %address, "Authentication of {address} failed: {text}");
-            return Understood(false);
+            return WasValid(false);
         }
     }
-    let (steering, steered) = Steering::new();
+    let (control, control_receiver) = ConnectionControl::new();
     let mut connection = Connection {
-        acceptor: Acceptor::new(core.number, core.options.dialect, Limits::DEFAULT),
+        acceptor: Acceptor::new(core.number, core.options.wire_version, Limits::DEFAULT),
         core: core.clone(),
         stream: Arc::new(stream),
-        input: Inflow::default(),
+        input: ReadBuffer::default(),
         output: BytesMut::new(),
-        greeting: 0,
+        header_reply_len: 0,
         number,
         entry: None,
-        steering: Some(steering),
-        steered,
+        control: Some(control),
+        control_receiver,
         moved: false,
         datagrams: None,
         sender: Sender::plain(""),
         from: "".into(),
         address,
-        busy: BusyPoll::new(core.inbox.is_some()),
+        busy: BusyPoll::new(core.receive_queue.is_some()),
         meter: Arc::default(),
         monitors: None,
         closing: core.cancelled.clone(),
         rights: (0, Rights::ALL),
-        caller,
-        is_understood: false,
+        guard,
+        was_valid: false,
     };
-    let end = connection.attend(&mut farewell).await;
-    let understood = Understood(match end {
+    let end = connection.run_until_closed(&mut close_signal).await;
+    let understood = WasValid(match end {
         End::Broken(_) | End::Failed(_) => false,
         // The next one of the same name may have taken its place before it was found to be garbage.
-        End::Closed => connection.is_understood || begun.elapsed() >= IN_PASSING,
+        End::Closed => connection.was_valid || begun.elapsed() >= MIN_CONNECTION_LIFETIME,
         _ => true,
     });
     match end {
-        End::Moved(thread) => Box::pin(connection.move_to(&thread, farewell)).await,
+        End::Moved(thread) => Box::pin(connection.move_to(&thread, close_signal)).await,
         end => connection.end(end),
     }
     understood
@@ -100,13 +100,13 @@ pub(super) async fn serve(
 
 /// Whether a connection was of use: it was not garbage that came, it did not break, and it did not go again at once
 /// without a word.
-pub(super) struct Understood(pub(super) bool);
+pub(super) struct WasValid(pub(super) bool);
 
 /// Whoever stays for so long means something by it.
-const IN_PASSING: Duration = Duration::from_secs(1);
+const MIN_CONNECTION_LIFETIME: Duration = Duration::from_secs(1);
 
 /// How long the answer to a header waits for that to the first message, if both have come.
-const GREETING: Duration = Duration::from_millis(1);
+const FIRST_REPLY_DELAY: Duration = Duration::from_millis(1);
 
 /// How a connection ended.
 pub(super) enum End {
@@ -122,7 +122,7 @@ pub(super) enum End {
     /// Nothing came any more, and the peer is not there.
     Gone(String),
     /// It goes on on this thread.
-    Moved(Arc<OwnThread>),
+    Moved(Arc<DedicatedThread>),
 }
 
 impl From<io::Error> for End {
@@ -135,17 +135,17 @@ pub(super) struct Connection {
     pub(super) core: Arc<Core>,
     stream: Arc<Socket>,
     acceptor: Acceptor,
-    input: Inflow,
+    input: ReadBuffer,
     pub(super) output: BytesMut,
     /// How much of the output answers the header, as long as it has not been sent.
-    greeting: usize,
+    header_reply_len: usize,
     /// Its number in the port's list.
     pub(super) number: u64,
     /// The place in the port's list, once the header is done with.
     entry: Option<Entry>,
     /// Goes to the port's list with the entry.
-    steering: Option<Steering>,
-    steered: Steered,
+    control: Option<ConnectionControl>,
+    control_receiver: ControlReceiver,
     /// It is on a thread of its own already.
     moved: bool,
     /// What its messages come on, if they come as datagrams.
@@ -163,9 +163,9 @@ pub(super) struct Connection {
     /// What the peer may do, by the roles of this generation.
     rights: (u64, Rights),
     /// Its place among the callers, if the port keeps a list of them.
-    caller: Option<Caller>,
+    guard: Option<ConnectionGuard>,
     /// Something that came made sense.
-    is_understood: bool,
+    was_valid: bool,
 }
 
 /// What is to happen after a message.
@@ -182,18 +182,19 @@ pub(super) enum Next {
 
 impl Connection {
     /// Serves until the end, or until the connection shall move.
-    async fn attend(&mut self, farewell: &mut Option<Farewell>) -> End {
-        let (mut steered, mut closing) = (self.steered.clone(), self.closing.clone());
+    async fn run_until_closed(&mut self, close_signal: &mut Option<CloseSignal>) -> End {
+        let (mut control_receiver, mut closing) =
+            (self.control_receiver.clone(), self.closing.clone());
         // A message that is being answered when the port closes gets its answer, if it is not long.
         let out_of_patience = async {
             closing.cancelled().await;
-            tokio::time::sleep(GOODBYE).await;
+            tokio::time::sleep(CLOSE_TIMEOUT).await;
         };
         tokio::select! {
             end = self.run() => end,
-            () = steered.ended() => End::Closed,
+            () = control_receiver.ended() => End::Closed,
             // Whatever comes of it: the place is given to somebody else.
-            _ = async { farewell.as_mut().expect("it is there").await }, if farewell.is_some() => {
+            _ = async { close_signal.as_mut().expect("it is there").await }, if close_signal.is_some() => {
                 End::Closed
             }
             () = out_of_patience => End::Closed,
@@ -201,12 +202,12 @@ impl Connection {
     }
 
     /// Goes on on a thread of its own, until the end.
-    async fn move_to(mut self, thread: &OwnThread, mut farewell: Option<Farewell>) {
+    async fn move_to(mut self, thread: &DedicatedThread, mut close_signal: Option<CloseSignal>) {
         self.moved = true;
         let begin = move || {
             let socket = self.renew();
             let running = async move {
-                let end = self.attend(&mut farewell).await;
+                let end = self.run_until_closed(&mut close_signal).await;
                 self.end(end);
             };
             (socket, running)
@@ -220,11 +221,11 @@ impl Connection {
         let socket = match &mut self.datagrams {
             None => SocketHandle::of(&self.stream),
             Some(datagrams) => {
-                datagrams.socket = datagram::renewed(&datagrams.socket);
+                datagrams.socket = udp_socket::renewed(&datagrams.socket);
                 SocketHandle::of(&datagrams.socket)
             }
         };
-        self.goes_on_over(socket.clone());
+        self.set_socket(socket.clone());
         socket
     }
 
@@ -249,7 +250,7 @@ impl Connection {
             }
             End::Reversed => self.into_output(),
             End::Gone(reason) => {
-                tracing::info!(%port, from, "a silent writer is gone: {reason}");
+                tracing::info!(%port, from, "closing the connection of an unreachable datagram writer: {reason}");
             }
         }
     }
@@ -264,9 +265,9 @@ impl Connection {
             loop {
                 let next = match self.acceptor.poll(&mut self.input.bytes, &mut self.output) {
                     // The commonest first: it makes no future.
-                    Ok(Some(Event::Message(message))) => match self.message_at_once(message) {
+                    Ok(Some(Event::Message(message))) => match self.handle_now(message) {
                         Step::Done(next) => next,
-                        left => self.rest_of(left).await,
+                        left => self.handle_rest(left).await,
                     },
                     Ok(Some(Event::Opened {
                         carrier,
@@ -275,12 +276,12 @@ impl Connection {
                     })) => {
                         let next = self.begin(carrier, sender, group);
                         if self.may_want_replies(&next, carrier) {
-                            Box::pin(self.ask_generation()).await;
+                            Box::pin(self.probe_caller_version()).await;
                         }
                         next
                     }
-                    Ok(Some(Event::Browser(request))) => {
-                        self.is_understood = true;
+                    Ok(Some(Event::HttpRequest(request))) => {
+                        self.was_valid = true;
                         Box::pin(self.browse(request)).await
                     }
                     Ok(None) => break,
@@ -291,30 +292,30 @@ impl Connection {
                 };
                 match next {
                     Next::Go => {}
-                    Next::UnixSocket => match Box::pin(self.go_unix()).await {
+                    Next::UnixSocket => match Box::pin(self.switch_to_unix_socket()).await {
                         Ok(()) => {}
                         Err(error) => return error.into(),
                     },
-                    Next::SharedMemory => match self.go_shared().await {
+                    Next::SharedMemory => match self.switch_to_shared_memory().await {
                         Ok(()) => {}
                         Err(error) => return error.into(),
                     },
                     Next::Datagrams(group) => return Box::pin(self.run_watched(group)).await,
                     Next::Stop(end) => {
                         // The last words; the peer may be gone.
-                        let _ = stream::write_all(&self.stream, &mut self.output).await;
+                        let _ = socket::write_all(&self.stream, &mut self.output).await;
                         return end;
                     }
                 }
             }
             let expecting = match self.output.is_empty() {
                 true => Expecting::Anything,
-                false => Expecting::Turn,
+                false => Expecting::Answer,
             };
-            if let Err(error) = stream::write_all(&self.stream, &mut self.output).await {
+            if let Err(error) = socket::write_all(&self.stream, &mut self.output).await {
                 return error.into();
             }
-            self.greeting = 0;
+            self.header_reply_len = 0;
             let missing = self.acceptor.missing(&self.input.bytes);
             self.busy.misses(missing);
             if missing == 0
@@ -333,7 +334,7 @@ impl Connection {
                 biased;
                 () = self.closing.cancelled() => return End::Closed,
                 read = self.input.read(&self.stream, missing) => read,
-                thread = self.steered.thread(), if !self.moved => return End::Moved(thread),
+                thread = self.control_receiver.thread(), if !self.moved => return End::Moved(thread),
             };
             match read {
                 Ok(0) => return End::Closed,
@@ -344,7 +345,7 @@ impl Connection {
     }
 
     /// The connection goes on over another socket.
-    fn goes_on_over(&self, socket: SocketHandle) {
+    fn set_socket(&self, socket: SocketHandle) {
         if let Some(entry) = &self.entry {
             self.core.move_input(entry.id, socket);
         }
@@ -356,7 +357,7 @@ impl Connection {
         let generation = roles.generation();
         if self.rights.0 != generation {
             let mut rights = roles.rights(&self.core.name, self.peer());
-            if self.core.options.judges_itself {
+            if self.core.options.allows_any_writer {
                 rights = rights.and(Right::Write.into());
             }
             self.rights = (generation, rights);
@@ -385,32 +386,32 @@ impl Connection {
             done = &mut waiting => return done,
             () = std::future::ready(()) => {}
         }
-        if let Some(caller) = &mut self.caller {
-            caller.waits(Instant::now());
+        if let Some(guard) = &mut self.guard {
+            guard.set_busy(Instant::now());
         }
         let done = tokio::select! {
             biased;
             done = &mut waiting => done,
-            () = self.say_so_far() => waiting.await,
+            () = self.send_output() => waiting.await,
         };
-        self.spoke();
+        self.record_activity();
         done
     }
 
     /// Sends what was said so far; only the answer to a header waits a moment for that to the message
     /// which came along with it: who has sent both looks for nothing but the latter.
-    async fn say_so_far(&mut self) {
-        if self.greeting > 0 && self.output.len() == self.greeting {
-            tokio::time::sleep(GREETING).await;
+    async fn send_output(&mut self) {
+        if self.header_reply_len > 0 && self.output.len() == self.header_reply_len {
+            tokio::time::sleep(FIRST_REPLY_DELAY).await;
         }
         // A peer that is gone is noticed when it is read from.
-        let _ = stream::write_all(&self.stream, &mut self.output).await;
+        let _ = socket::write_all(&self.stream, &mut self.output).await;
     }
 
     /// The peer is not silent.
-    fn spoke(&mut self) {
-        if let Some(caller) = &mut self.caller {
-            caller.spoke(Instant::now());
+    fn record_activity(&mut self) {
+        if let Some(guard) = &mut self.guard {
+            guard.set_active(Instant::now());
         }
     }
 
@@ -419,20 +420,20 @@ impl Connection {
         let most = self
             .core
             .options
-            .callers
-            .and_then(|limits| limits.connections);
+            .connection_limits
+            .and_then(|limits| limits.max_connections);
         if most.is_some_and(|most| self.core.outputs().len() >= most) {
             tracing::warn!(port = %self.core.name, from = self.sender.name, "too many read from here");
             return;
         }
-        let Some(initiator) = self.acceptor.reversed() else {
+        let Some(initiator) = self.acceptor.into_initiator() else {
             return;
         };
         let output = Output::start(
             &self.sender.name,
             initiator.carrier().name.to_owned(),
             // Perhaps it is on a thread that ends with it.
-            Way::Stream(
+            OutputTransport::Stream(
                 match self.moved {
                     true => self.stream.renewed(),
                     false => self.stream,

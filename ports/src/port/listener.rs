@@ -8,27 +8,27 @@ use std::time::{Duration, Instant};
 use socket2::SockRef;
 use tokio::net::TcpListener;
 use tokio::task::JoinSet;
-use yarp_wire::name_service::Registering;
+use yarp_wire::name_service::RegisterRequest;
 
-use super::callers::Callers;
+use super::accept_throttle::{self, AcceptThrottle};
 use super::core::Core;
-use super::door::{self, Door};
-use super::input::{self, Understood};
-use super::options::PortOptions;
+use super::idle_connections::ConnectionTable;
+use super::input::{self, WasValid};
+use super::port_options::PortOptions;
 use crate::cancel::join;
 use crate::error::PortError;
-use crate::network::{Network, Place};
-use crate::stream;
+use crate::network::{Endpoint, Network};
+use crate::socket;
 
 /// Other numbers that are asked for when the one that was given is taken by somebody whom the name
 /// server does not know.
-const OTHER_NUMBERS: usize = 32;
+const MAX_BIND_ATTEMPTS: usize = 32;
 
 /// Newcomers that the system keeps while they wait: of a port that lives from them, of others (stock keeps one), and of those
 /// in a flood of garbage. Who finds no place tries again, after a second at first.
-const MANY_WAITING: i32 = 1024;
-const WAITING: i32 = 128;
-const FEW_WAITING: i32 = 16;
+const LIMITED_PORT_BACKLOG: i32 = 1024;
+const DEFAULT_BACKLOG: i32 = 128;
+const THROTTLED_BACKLOG: i32 = 16;
 
 /// Listens at all addresses of this machine, or at the one that was asked for.
 pub(super) fn bind(
@@ -41,9 +41,9 @@ pub(super) fn bind(
         let socket = tokio::net::TcpSocket::new_v4()?;
         socket.set_reuseaddr(true)?;
         socket.bind((address, number).into())?;
-        let waiting = match options.callers {
-            Some(_) => MANY_WAITING,
-            None => WAITING,
+        let waiting = match options.connection_limits {
+            Some(_) => LIMITED_PORT_BACKLOG,
+            None => DEFAULT_BACKLOG,
         };
         socket.listen(waiting as u32)
     };
@@ -58,24 +58,24 @@ pub(super) fn bind(
 ///
 /// A server gives a name the number that it had before, so the numbers are asked for under invented
 /// names. Numbers that the server would not give are left alone: they may not be reachable.
-pub(super) async fn elsewhere(
+pub(super) async fn bind_other_port(
     network: &Network,
     name: &str,
     options: &PortOptions,
     taken: PortError,
-) -> Result<(Place, TcpListener), PortError> {
+) -> Result<(Endpoint, TcpListener), PortError> {
     let mut result = Err(taken);
     let mut invented = Vec::new();
-    while result.is_err() && invented.len() < OTHER_NUMBERS {
-        let Ok(given) = network.register_one(Registering::named("...")).await else {
+    while result.is_err() && invented.len() < MAX_BIND_ATTEMPTS {
+        let Ok(given) = network.register_one(RegisterRequest::named("...")).await else {
             break;
         };
         invented.push(given.name);
         if let Ok(listener) = bind(name, given.port, options) {
-            let asking = Registering {
+            let asking = RegisterRequest {
                 number: Some(given.port.into()),
                 type_name: options.type_name.clone(),
-                ..Registering::named(name)
+                ..RegisterRequest::named(name)
             };
             // Else the server would look for us at the old place first. The name was ours until
             // now, so that it is none of those invented.
@@ -83,7 +83,7 @@ pub(super) async fn elsewhere(
             result = network
                 .register(asking)
                 .await
-                .map(|place| (place, listener));
+                .map(|endpoint| (endpoint, listener));
         }
     }
     for name in &invented {
@@ -98,11 +98,11 @@ fn is_out_of_descriptors(error: &io::Error) -> bool {
 }
 
 /// Says, once, that anybody can come: ports listen at all addresses of the machine.
-pub(super) fn tell_of_openness() {
-    static TOLD: Once = Once::new();
-    TOLD.call_once(|| {
+pub(super) fn log_missing_key() {
+    static LOGGED: Once = Once::new();
+    LOGGED.call_once(|| {
         tracing::debug!(
-            "no auth.conf with a key: whoever reaches a port of this process can use it"
+            "no auth.conf with a key: any host that reaches a port of this process can use it"
         );
     });
 }
@@ -111,70 +111,70 @@ pub(super) fn tell_of_openness() {
 pub(super) async fn listen(core: Arc<Core>, listener: TcpListener) {
     let mut connections = JoinSet::new();
     let mut cancelled = core.cancelled.clone();
-    let callers = core.options.callers.map(Callers::new);
+    let table = core.options.connection_limits.map(ConnectionTable::new);
     let silence = tokio::time::sleep(Duration::ZERO);
     tokio::pin!(silence);
-    let mut door = Door::new(Instant::now());
-    let (mut is_open, mut is_narrow) = (true, false);
+    let mut throttle = AcceptThrottle::new(Instant::now());
+    let (mut is_open, mut is_throttling) = (true, false);
     let closed = tokio::time::sleep(Duration::ZERO);
     tokio::pin!(closed);
-    let prepared = stream::prepare_all(&listener);
+    let prepared = socket::prepare_all(&listener);
     loop {
         tokio::select! {
             accepted = listener.accept(), if is_open => match accepted {
                 Ok((stream, peer)) => {
                     if !prepared {
                         // Without it small messages are late, but they come.
-                        let _ = stream::prepare(&stream);
+                        let _ = socket::prepare(&stream);
                     }
-                    let caller = match &callers {
+                    let guard = match &table {
                         None => None,
-                        Some(callers) => match callers.admit(Instant::now()) {
+                        Some(table) => match table.admit(Instant::now()) {
                             // Everybody waits for an answer.
                             None => continue,
-                            place => place,
+                            endpoint => endpoint,
                         },
                     };
                     let number = core.next_number();
-                    connections.spawn(input::serve(core.clone(), stream, peer.ip(), number, caller));
+                    connections.spawn(input::serve(core.clone(), stream, peer.ip(), number, guard));
                     let now = Instant::now();
-                    let narrow = callers.is_none() && door.is_narrow(now);
-                    if narrow != is_narrow {
-                        is_narrow = narrow;
-                        if narrow {
+                    let throttling = table.is_none() && throttle.is_throttling(now);
+                    if throttling != is_throttling {
+                        is_throttling = throttling;
+                        if throttling {
                             tracing::warn!(
                                 port = %core.name, address = %peer.ip(),
-                                "garbage comes in a flood, lastly from {}: newcomers are let in one by one for a while",
+                                "too many invalid connections, last from {}; throttling accepts",
                                 peer.ip(),
                             );
                         }
-                        let waiting = if narrow { FEW_WAITING } else { WAITING };
+                        let waiting = if throttling { THROTTLED_BACKLOG } else { DEFAULT_BACKLOG };
                         // As many as before may wait, if the system does not want so.
                         let _ = SockRef::from(&listener).listen(waiting);
                     }
-                    if narrow {
+                    if throttling {
                         is_open = false;
-                        closed.as_mut().reset((now + door::PAUSE).into());
+                        closed.as_mut().reset((now + accept_throttle::ACCEPT_INTERVAL).into());
                     }
                 }
                 Err(error) => {
                     tracing::warn!(port = %core.name, "cannot accept: {error}");
-                    if let Some(callers) = &callers && is_out_of_descriptors(&error) {
-                        callers.make_room();
+                    if let Some(table) = &table && is_out_of_descriptors(&error) {
+                        table.evict_one();
                     }
                     // Most likely out of descriptors: give others time to free some.
                     tokio::time::sleep(Duration::from_millis(50)).await;
                 }
             },
-            () = &mut silence, if callers.is_some() => {
-                let next = callers.as_ref().map(|callers| callers.end_silent(Instant::now()));
+            () = &mut silence, if table.is_some() => {
+                let next = table.as_ref().map(|table| table.close_idle(Instant::now()));
                 let next = next.unwrap_or_else(Instant::now);
                 silence.as_mut().reset(next.into());
             }
             () = &mut closed, if !is_open => is_open = true,
             Some(ended) = connections.join_next(), if !connections.is_empty() => {
-                if let Ok(Understood(false)) = ended {
-                    door.broke(Instant::now());
+                if let Ok(WasValid(false)) = ended {
+                    throttle.record_failure(Instant::now());
                 }
             }
             () = cancelled.cancelled() => break,

@@ -17,36 +17,36 @@
 //! | `monitor` | what messages pass on their way |
 //! | `qos`, `own_thread` | how urgent the packets and the thread of a connection are |
 
-mod admin;
-mod batch;
-mod browser;
-mod call;
-mod callers;
+mod accept_throttle;
+mod admin_commands;
 mod core;
 mod counters;
-mod describe;
-mod door;
-mod encoded;
-mod expander;
-mod group;
-mod handing;
-mod inbox;
+mod datagram_liveness;
+pub(crate) mod dedicated_thread;
+mod dispatch;
+mod encode_once;
+mod http_server;
+mod idle_connections;
+mod in_process;
 mod input;
+mod jpeg;
+mod jpeg_decoder;
 mod listener;
-mod local;
-mod log;
+mod log_modifier;
+mod mjpeg_client;
 mod monitor;
-mod options;
-mod outbox;
+mod multicast_group;
 mod output;
-pub(crate) mod own_thread;
-mod picture;
-mod prayer;
-mod pull;
-mod qos;
-mod received;
-mod silent;
-mod supervised;
+mod port_options;
+mod pray_command;
+mod receive_queue;
+mod received_message;
+mod reconnecting;
+mod reply_channel;
+mod send_queue;
+mod socket_qos;
+mod text_commands;
+mod write_batch;
 
 use std::sync::Arc;
 use std::task::Poll;
@@ -56,28 +56,30 @@ use bytes::Bytes;
 use smallvec::SmallVec;
 use tokio::task::JoinHandle;
 use yarp_wire::message::{Command, Payload, ReadObject, WireObject};
-use yarp_wire::name_service::Registering;
+use yarp_wire::name_service::RegisterRequest;
 use yarp_wire::{Contact, PortName, Stamp};
 
 use self::core::Core;
-use self::encoded::{Encoded, Form};
+use self::encode_once::{Encoded, Form};
 use self::monitor::Outgoing;
 use self::output::Output;
 use crate::cancel::Cancel;
 use crate::error::PortError;
-use crate::keeper::Keeper;
+use crate::lease_renewal::LeasedNames;
 use crate::network::Network;
 
-pub use callers::CallerLimits;
 pub use counters::{ConnectionCounters, PortCounters, Traffic};
-pub use inbox::Queue;
+pub use idle_connections::ConnectionLimits;
 pub use monitor::{
     Monitor, MonitorError, MonitorFactory, MonitorSetup, MonitorSide, Passing, built_in,
     built_in_names, modifier_names,
 };
-pub use options::{AdminHandler, ConnectionChange, Handler, Page, Pages, PortOptions, Watcher};
-pub use received::{Answer, Received, Reply};
-pub use supervised::{LinkState, Supervised, Supervision};
+pub use port_options::{
+    AdminHandler, ConnectionChange, ConnectionObserver, Handler, Page, Pages, PortOptions,
+};
+pub use receive_queue::Queue;
+pub use received_message::{Answer, Received, Reply};
+pub use reconnecting::{ConnectionState, ReconnectOptions, ReconnectingConnection};
 
 /// A port that is open.
 ///
@@ -87,7 +89,7 @@ pub use supervised::{LinkState, Supervised, Supervision};
 /// use yarp_wire::Bottle;
 ///
 /// let network = Network::from_process()?;
-/// let reader = Port::open(&network, "/reader", PortOptions::new().reading(Queue::Latest)).await?;
+/// let reader = Port::open(&network, "/reader", PortOptions::new().queue(Queue::Latest)).await?;
 /// let writer = Port::open(&network, "/writer", PortOptions::new()).await?;
 /// writer.connect("/reader").await?;
 /// writer.write(&Bottle::of("hello")).await;
@@ -122,18 +124,18 @@ impl Port {
         mut options: PortOptions,
     ) -> Result<Self, PortError> {
         let name = network.full_name(name);
-        if options.number.is_none() {
-            options.number = network.fixed_number(&name)?;
+        if options.tcp_port.is_none() {
+            options.tcp_port = network.fixed_number(&name)?;
         }
         if name != "..." {
             name.parse::<PortName>()?;
         }
         let mut registered = None;
         let (name, host, number) = if options.registered {
-            let asking = Registering {
-                number: options.number.map(i64::from),
+            let asking = RegisterRequest {
+                number: options.tcp_port.map(i64::from),
                 type_name: options.type_name.clone(),
-                ..Registering::named(&name)
+                ..RegisterRequest::named(&name)
             };
             let given = network.register(asking).await?;
             registered = Some(given.clone());
@@ -141,13 +143,13 @@ impl Port {
         } else {
             let host = options.host.take();
             let host = host.unwrap_or_else(|| network.own_host());
-            (name, host, options.number.unwrap_or(0))
+            (name, host, options.tcp_port.unwrap_or(0))
         };
         let listener = match listener::bind(&name, number, &options) {
-            Err(taken) if taken.is_taken() && options.number.is_none() => {
-                let moved = listener::elsewhere(network, &name, &options, taken).await;
-                moved.map(|(place, listener)| {
-                    registered = Some(place);
+            Err(taken) if taken.is_taken() && options.tcp_port.is_none() => {
+                let moved = listener::bind_other_port(network, &name, &options, taken).await;
+                moved.map(|(endpoint, listener)| {
+                    registered = Some(endpoint);
                     listener
                 })
             }
@@ -175,7 +177,7 @@ impl Port {
             options,
             cancelled,
         ));
-        local::announce(&core);
+        in_process::announce(&core);
         let listener = tokio::spawn(listener::listen(core.clone(), listener));
         let port = Self {
             core,
@@ -183,13 +185,13 @@ impl Port {
             listener: Some(listener),
             registered: registered.is_some(),
         };
-        if let Some(place) = registered {
-            network.introduce(port.name()).await?;
-            Keeper::keep(network, &place, port.core.options.type_name.clone());
+        if let Some(endpoint) = registered {
+            network.register_properties(port.name()).await?;
+            LeasedNames::keep(network, &endpoint, port.core.options.type_name.clone());
         }
         tracing::info!(port = %port.core.name, "Port {} active at {}", port.name(), port.address());
         if network.key().is_none() {
-            listener::tell_of_openness();
+            listener::log_missing_key();
         }
         Ok(port)
     }
@@ -200,7 +202,7 @@ impl Port {
     }
 
     /// The TCP port that it listens on.
-    pub fn number(&self) -> u16 {
+    pub fn tcp_port(&self) -> u16 {
         self.core.number
     }
 
@@ -232,17 +234,17 @@ impl Port {
     /// Connects to a reader, given as for [`Port::connect`], and connects again whenever the
     /// connection is lost, until the answer is dropped.
     ///
-    /// Returns at once; [`Supervised::up`] waits for the connection. A reader that comes back at
+    /// Returns at once; [`ReconnectingConnection::up`] waits for the connection. A reader that comes back at
     /// another address is found if it was given by its name. A connection that is taken down by
     /// somebody else is made again. Over `udp` and `mcast` the end of a reader that says no
     /// goodbye goes unnoticed.
     ///
     /// ```no_run
     /// # async fn example(port: &yarp_ports::Port) {
-    /// use yarp_ports::{LinkState, Supervision};
+    /// use yarp_ports::{ConnectionState, ReconnectOptions};
     ///
-    /// let mut link = port.supervise("/camera/viewer", Supervision::new());
-    /// while link.state() != LinkState::Ended {
+    /// let mut link = port.connect_persistent("/camera/viewer", ReconnectOptions::new());
+    /// while link.state() != ConnectionState::Closed {
     ///     println!("{:?}", link.changed().await);
     /// }
     /// # }
@@ -251,8 +253,12 @@ impl Port {
     /// # Panics
     ///
     /// Outside a tokio runtime.
-    pub fn supervise(&self, to: &str, options: Supervision) -> Supervised {
-        Supervised::start(self.core.clone(), Contact::parse(to), options)
+    pub fn connect_persistent(
+        &self,
+        to: &str,
+        options: ReconnectOptions,
+    ) -> ReconnectingConnection {
+        ReconnectingConnection::start(self.core.clone(), Contact::parse(to), options)
     }
 
     /// Ends the connection to a reader; tells whether there was one.
@@ -274,11 +280,11 @@ impl Port {
 
     /// The oldest message that was kept and not read yet; waits for one.
     ///
-    /// Needs [`PortOptions::reading`] or [`PortOptions::serving`]. Cancelling loses nothing.
+    /// Needs [`PortOptions::queue`] or [`PortOptions::rpc_server`]. Cancelling loses nothing.
     pub async fn read(&self) -> Result<Received, PortError> {
-        let inbox = self.core.inbox.as_ref();
-        let message = match inbox {
-            Some(inbox) => inbox.pop().await,
+        let receive_queue = self.core.receive_queue.as_ref();
+        let message = match receive_queue {
+            Some(receive_queue) => receive_queue.pop().await,
             None => None,
         };
         message.ok_or_else(|| self.closed())
@@ -286,12 +292,15 @@ impl Port {
 
     /// The oldest message that was kept and not read yet, if there is one now.
     pub fn try_read(&self) -> Option<Received> {
-        self.core.inbox.as_ref()?.try_pop()
+        self.core.receive_queue.as_ref()?.try_pop()
     }
 
     /// Messages that were dropped because they were not read in time.
     pub fn dropped(&self) -> u64 {
-        self.core.inbox.as_ref().map_or(0, |inbox| inbox.dropped())
+        self.core
+            .receive_queue
+            .as_ref()
+            .map_or(0, |receive_queue| receive_queue.dropped())
     }
 
     /// What passed over this port and over each of its connections.
@@ -301,8 +310,8 @@ impl Port {
 
     /// Ends all waits of [`Port::read`], now and later; what was kept can still be read.
     pub fn interrupt(&self) {
-        if let Some(inbox) = &self.core.inbox {
-            inbox.close();
+        if let Some(receive_queue) = &self.core.receive_queue {
+            receive_queue.close();
         }
     }
 
@@ -331,7 +340,7 @@ impl Port {
             let Some(form) = encoded.form(message, output) else {
                 return;
             };
-            match output.outbox.try_push(&command, form) {
+            match output.send_queue.try_push(&command, form) {
                 Some(Ok(ticket)) if ticket.is_awaited() => sent.push((output.clone(), ticket)),
                 Some(Ok(_)) => taken += 1,
                 // It has ended.
@@ -341,7 +350,7 @@ impl Port {
         });
         taken += push_late(late, &command, true).await;
         for (output, ticket) in sent {
-            taken += usize::from(output.outbox.done(ticket).await.is_ok());
+            taken += usize::from(output.send_queue.done(ticket).await.is_ok());
         }
         // Carriers without acknowledgements never wait here: let others run now and then.
         tokio::task::coop::consume_budget().await;
@@ -352,7 +361,7 @@ impl Port {
     ///
     /// A reader that is still busy misses this message. Tells how many will get it.
     pub fn write_if_idle(&self, message: &impl WireObject, envelope: Option<Envelope>) -> usize {
-        self.write_unless_behind(message, envelope, 0)
+        self.try_write(message, envelope, 0)
     }
 
     /// Sends to every reader that has not more than `backlog` earlier messages still to take, and waits for none.
@@ -360,7 +369,7 @@ impl Port {
     /// For messages that come at a rate: a moment in which the machine does something else costs nobody a message, and a
     /// reader that does not keep up still gets what is new. The thread that calls hands the message to the sockets
     /// itself where they take it at once. Tells how many will get it.
-    pub fn write_unless_behind(
+    pub fn try_write(
         &self,
         message: &impl WireObject,
         envelope: Option<Envelope>,
@@ -373,13 +382,13 @@ impl Port {
         let mut encoded = Encoded::of(&command);
         let mut taken = 0;
         self.core.for_each_sender(|output| {
-            if output.outbox.is_behind(backlog) {
-                output.outbox.count_dropped();
+            if output.send_queue.is_behind(backlog) {
+                output.send_queue.count_dropped();
             } else {
                 let Some(form) = encoded.form(&message, output) else {
                     return;
                 };
-                taken += usize::from(output.outbox.push_now(&command, form).is_ok());
+                taken += usize::from(output.send_queue.push_now(&command, form).is_ok());
             }
         });
         taken
@@ -404,7 +413,7 @@ impl Port {
             let Some(form) = encoded.form(message, output) else {
                 return;
             };
-            match output.outbox.try_push(&command, form) {
+            match output.send_queue.try_push(&command, form) {
                 Some(pushed) => taken += usize::from(pushed.is_ok()),
                 None => late.push((output.clone(), form.clone())),
             }
@@ -418,7 +427,7 @@ impl Port {
     pub async fn flush(&self) {
         for output in self.core.senders() {
             // A reader that is gone has nothing left to take.
-            let _ = output.outbox.drained().await;
+            let _ = output.send_queue.drained().await;
         }
     }
 
@@ -441,7 +450,7 @@ impl Port {
     ) -> Result<R, PortError> {
         match tokio::time::timeout(deadline, self.call(request)).await {
             Ok(result) => result,
-            Err(_) => Err(PortError::Deadline {
+            Err(_) => Err(PortError::Timeout {
                 peer: self.outputs().first().cloned().unwrap_or_default(),
                 step: "reply",
                 seconds: deadline.as_secs_f64(),
@@ -473,7 +482,7 @@ impl Port {
             let mut encoded = Encoded::of(&command);
             let form = encoded.form(request, &output);
             let form = form.expect("all but pictures can carry a request");
-            output.outbox.request(&command, form).map_err(lost)?
+            output.send_queue.request(&command, form).map_err(lost)?
         };
         let reply = match waiting.outcome().await {
             Ok(Some(reply)) => reply,
@@ -499,7 +508,7 @@ impl Port {
     /// As [`Port::monitored`], with how long the monitor wants it to be held back.
     fn outgoing<'a, T: WireObject>(&self, message: &'a T) -> Option<(Outgoing<'a, T>, Duration)> {
         let chain = self.core.attached_out.chain();
-        Outgoing::of(message, chain.as_deref(), self.core.options.dialect)
+        Outgoing::of(message, chain.as_deref(), self.core.options.wire_version)
     }
 
     /// Says goodbye to peers, stops listening and unregisters the name.
@@ -520,21 +529,21 @@ impl Port {
         // What is taken down now shall not come back.
         self.core.close();
         if registered {
-            self.core.network.keeper().let_go(&self.core.name);
+            self.core.network.leased_names().forget(&self.core.name);
         }
-        local::withdraw(&self.core);
+        in_process::withdraw(&self.core);
         let (keep, _) = Cancel::new();
         let cancel = std::mem::replace(&mut self.cancel, keep);
         Some(async move {
-            core::say_goodbye(&core.outputs()).await;
-            core.dismiss_sources().await;
+            core::close_outputs(&core.outputs()).await;
+            core.disconnect_sources().await;
             core.release_groups().await;
             cancel.cancel();
             // The listener ends its connections, all of which heed the signal.
             let _ = listener.await;
             core.join_pulls().await;
             if registered && let Err(error) = core.network.unregister(&core.name).await {
-                tracing::warn!(port = %core.name, "cannot unregister: {}", error.story());
+                tracing::warn!(port = %core.name, "cannot unregister: {}", error.error_chain());
             }
         })
     }
@@ -567,10 +576,10 @@ async fn push_late(late: Vec<(Arc<Output>, Form)>, command: &Command, watched: b
         .into_iter()
         .map(|(output, form)| {
             Box::pin(async move {
-                output.outbox.room().await?;
-                let ticket = output.outbox.push(command, &form)?;
+                output.send_queue.room().await?;
+                let ticket = output.send_queue.push(command, &form)?;
                 match watched {
-                    true => output.outbox.done(ticket).await,
+                    true => output.send_queue.done(ticket).await,
                     false => Ok(()),
                 }
             })

@@ -1,7 +1,7 @@
 //! One outgoing connection.
 
-mod datagrams;
-mod stream;
+mod datagram_output;
+mod stream_output;
 
 use std::io;
 use std::sync::Arc;
@@ -16,24 +16,24 @@ use yarp_wire::carrier::put_group;
 use yarp_wire::carrier::{Carrier, CarrierSpec, Sender, Transport};
 use yarp_wire::connection::{Initiator, Progress};
 use yarp_wire::message::{Command, Pieces};
-use yarp_wire::{Dialect, Limits};
+use yarp_wire::{Limits, WireVersion};
 
-use super::encoded::Form;
-use super::group::Group;
+use super::encode_once::Form;
 use super::monitor::{self, Chain, MonitorSide};
-use super::outbox::Outbox;
-use super::qos::SocketHandle;
+use super::multicast_group::Group;
+use super::send_queue::SendQueue;
+use super::socket_qos::SocketHandle;
+use crate::admin_client::AdminClient;
 use crate::cancel::Cancelled;
-use crate::datagram;
-use crate::dialogue::Dialogue;
 use crate::error::PortError;
-use crate::network::{Network, Place};
-use crate::remote;
-use crate::stream::{Inflow, Socket, connect, within, write_all};
-use crate::transport::{go_on, next_port, refusal, refuses};
+use crate::network::{Endpoint, Network};
+use crate::remote_admin;
+use crate::socket::{ReadBuffer, Socket, connect, within, write_all};
+use crate::transport_switch::{next_port, refusal, refuses, switch_transport};
+use crate::udp_socket;
 
 /// How long a reader has to end a connection that it does not take, before it is asked.
-const BEFORE_ASKING: Duration = Duration::from_millis(50);
+const REFUSAL_TIMEOUT: Duration = Duration::from_millis(50);
 
 /// A connection that the port writes to.
 #[derive(Debug)]
@@ -44,14 +44,14 @@ pub(crate) struct Output {
     pub(crate) carrier_text: String,
     pub(crate) carrier: &'static Carrier,
     /// The generation of the reader.
-    pub(crate) dialect: Dialect,
-    pub(crate) outbox: Arc<Outbox>,
+    pub(crate) wire_version: WireVersion,
+    pub(crate) send_queue: Arc<SendQueue>,
     /// Whether it carries copies of what the port receives instead of what its owner writes.
     pub(crate) logs: bool,
     /// The group that it shares with others: one of them transmits for all.
     pub(crate) group: Option<Group>,
     /// Whom to tell of the end, where the connection itself cannot.
-    farewell: Option<Farewell>,
+    remove_input_request: Option<RemoveInputRequest>,
     /// What it sends on, as long as it has no thread of its own.
     socket: SocketHandle,
     /// Whether the owner has been told that it began.
@@ -69,12 +69,12 @@ pub(crate) struct Target<'a> {
     /// The writer.
     pub(crate) from: &'a str,
     /// The reader, and where it is.
-    pub(crate) to: &'a Place,
+    pub(crate) to: &'a Endpoint,
     /// The carrier string, and the carrier that it names.
     pub(crate) spec: &'a CarrierSpec,
     pub(crate) carrier: &'static Carrier,
     /// The generation of the reader.
-    pub(crate) dialect: Dialect,
+    pub(crate) wire_version: WireVersion,
     /// The group, on a carrier of groups.
     pub(crate) group: Option<&'a Group>,
     /// Whose key is shown, and whose deadline holds.
@@ -82,16 +82,16 @@ pub(crate) struct Target<'a> {
 }
 
 /// What messages go out on.
-pub(crate) enum Way {
-    Stream(Arc<Socket>, Inflow),
+pub(crate) enum OutputTransport {
+    Stream(Arc<Socket>, ReadBuffer),
     Datagrams(Arc<UdpSocket>),
 }
 
 /// The end of a connection that cannot carry it itself.
 #[derive(Debug)]
-struct Farewell {
+struct RemoveInputRequest {
     from: String,
-    to: Place,
+    to: Endpoint,
     network: Network,
 }
 
@@ -104,21 +104,25 @@ impl Output {
         let name = &target.to.name;
         let opening = async {
             let (stream, mut initiator, mut input) = open(target).await?;
-            let way = match target.group {
+            let transport = match target.group {
                 Some(group) => {
                     if asks_reader(target) {
                         confirm_elsewhere(target, &stream, &mut input).await?;
                     }
-                    let socket = datagram::group_sender(group.address, group.local).await;
-                    Way::Datagrams(Arc::new(socket.map_err(|error| target.lost(error))?))
+                    let socket = udp_socket::group_sender(group.address, group.local).await;
+                    OutputTransport::Datagrams(Arc::new(
+                        socket.map_err(|error| target.lost(error))?,
+                    ))
                 }
                 None if target.carrier.transport == Transport::Datagrams => {
                     let number = next_port(&initiator).map_err(|error| target.lost(error))?;
-                    let socket = datagram::sender(&target.to.host, number).await;
-                    Way::Datagrams(Arc::new(socket.map_err(|error| target.lost(error))?))
+                    let socket = udp_socket::sender(&target.to.host, number).await;
+                    OutputTransport::Datagrams(Arc::new(
+                        socket.map_err(|error| target.lost(error))?,
+                    ))
                 }
                 None => {
-                    let moved = go_on(stream, input, &initiator).await;
+                    let moved = switch_transport(stream, input, &initiator).await;
                     let (stream, mut input) = moved.map_err(|error| {
                         let missing = error.kind() == io::ErrorKind::NotFound;
                         match missing && asks_reader(target) {
@@ -129,16 +133,22 @@ impl Output {
                     if asks_reader(target) {
                         confirm(target, &stream, &mut initiator, &mut input).await?;
                     }
-                    Way::Stream(Arc::new(stream), input)
+                    OutputTransport::Stream(Arc::new(stream), input)
                 }
             };
-            Ok((way, initiator))
+            Ok((transport, initiator))
         };
-        let deadline = target.network.deadline();
-        let (way, initiator) = within(deadline, name, "connection header", opening).await?;
-        let mut output = Self::start(name, target.spec.to_string(), way, initiator, cancelled);
+        let deadline = target.network.timeout();
+        let (transport, initiator) = within(deadline, name, "connection header", opening).await?;
+        let mut output = Self::start(
+            name,
+            target.spec.to_string(),
+            transport,
+            initiator,
+            cancelled,
+        );
         output.group = target.group.cloned();
-        output.farewell = target.carrier.connectionless.then(|| Farewell {
+        output.remove_input_request = target.carrier.connectionless.then(|| RemoveInputRequest {
             from: target.from.to_owned(),
             to: target.to.clone(),
             network: target.network.clone(),
@@ -150,25 +160,33 @@ impl Output {
     pub(crate) fn start(
         to: &str,
         carrier_text: String,
-        way: Way,
+        transport: OutputTransport,
         initiator: Initiator,
         cancelled: Cancelled,
     ) -> Self {
         let carrier = initiator.carrier();
-        let dialect = initiator.dialect();
-        let outbox = Arc::new(Outbox::new(Some(initiator)));
+        let wire_version = initiator.wire_version();
+        let send_queue = Arc::new(SendQueue::new(Some(initiator)));
         let peer = to.to_owned();
-        let shared = outbox.clone();
-        let socket = match &way {
-            Way::Stream(stream, _) => SocketHandle::of(stream),
-            Way::Datagrams(socket) => SocketHandle::of(socket),
+        let shared = send_queue.clone();
+        let socket = match &transport {
+            OutputTransport::Stream(stream, _) => SocketHandle::of(stream),
+            OutputTransport::Datagrams(socket) => SocketHandle::of(socket),
         };
         let task = tokio::spawn(async move {
-            let reason = send(way, &shared, cancelled).await;
+            let reason = send(transport, &shared, cancelled).await;
             tracing::debug!(peer, reason, "output connection ended");
             shared.close(&reason);
         });
-        Self::over(to, carrier_text, carrier, dialect, outbox, socket, task)
+        Self::over(
+            to,
+            carrier_text,
+            carrier,
+            wire_version,
+            send_queue,
+            socket,
+            task,
+        )
     }
 
     /// A connection that `task` sends the messages of.
@@ -176,8 +194,8 @@ impl Output {
         to: &str,
         carrier_text: String,
         carrier: &'static Carrier,
-        dialect: Dialect,
-        outbox: Arc<Outbox>,
+        wire_version: WireVersion,
+        send_queue: Arc<SendQueue>,
         socket: SocketHandle,
         task: JoinHandle<()>,
     ) -> Self {
@@ -185,11 +203,11 @@ impl Output {
             to: to.to_owned(),
             carrier_text,
             carrier,
-            dialect,
-            outbox,
+            wire_version,
+            send_queue,
             logs: false,
             group: None,
-            farewell: None,
+            remove_input_request: None,
             socket,
             reported: AtomicBool::new(false),
             monitors: None,
@@ -201,9 +219,9 @@ impl Output {
     /// Has messages pass these monitors; before the first message.
     pub(super) fn with_monitors(mut self, monitors: Option<Arc<Chain>>) -> Self {
         if let Some(chain) = monitors {
-            self.outbox.set_monitored();
-            let outbox = self.outbox.clone();
-            let stage = monitor::stage(chain.clone(), outbox, self.carrier, self.dialect);
+            self.send_queue.set_monitored();
+            let send_queue = self.send_queue.clone();
+            let stage = monitor::stage(chain.clone(), send_queue, self.carrier, self.wire_version);
             self.stage = Some(tokio::spawn(stage));
             self.monitors = Some(chain);
         }
@@ -213,17 +231,17 @@ impl Output {
     /// Says goodbye and ends the connection; waits for the reader at most until `deadline`.
     pub(crate) async fn close(&self, deadline: Duration) {
         let goodbye = async {
-            match &self.farewell {
-                Some(farewell) => farewell.say(deadline).await,
+            match &self.remove_input_request {
+                Some(remove_input_request) => remove_input_request.say(deadline).await,
                 None => {
                     let nothing = Form {
                         pieces: Pieces::new(),
-                        dialect: self.dialect,
+                        wire_version: self.wire_version,
                     };
-                    if let Ok(ticket) = self.outbox.push(&Command::Quit, &nothing) {
-                        let _ = self.outbox.done(ticket).await;
+                    if let Ok(ticket) = self.send_queue.push(&Command::Quit, &nothing) {
+                        let _ = self.send_queue.done(ticket).await;
                     }
-                    let _ = self.outbox.drained().await;
+                    let _ = self.send_queue.drained().await;
                     self.await_answer().await;
                 }
             }
@@ -236,9 +254,9 @@ impl Output {
     /// Waits for the goodbye of a reader that answers ours: one that comes when the connection is gone
     /// would reset it, and with it what the reader has not read yet.
     async fn await_answer(&self) {
-        if self.carrier.protocol.answers_goodbye() {
+        if self.carrier.protocol.replies_to_close() {
             self.socket().finish();
-            let _ = self.outbox.ended().await;
+            let _ = self.send_queue.ended().await;
         }
     }
 
@@ -249,13 +267,13 @@ impl Output {
 
     /// What it sends on.
     pub(crate) fn socket(&self) -> SocketHandle {
-        let thread = self.outbox.thread();
+        let thread = self.send_queue.thread();
         let moved = thread.as_ref().and_then(|thread| thread.socket());
         moved.unwrap_or(&self.socket).clone()
     }
 
     fn end(&self) {
-        self.outbox.close("closed here");
+        self.send_queue.close("closed here");
         self.task.abort();
         if let Some(stage) = &self.stage {
             stage.abort();
@@ -284,57 +302,70 @@ impl Target<'_> {
 }
 
 /// Why nothing is sent any more.
-pub(crate) enum Pause {
+pub(crate) enum StopReason {
     End(String),
     /// The connection goes on on a thread of its own.
     Move,
 }
 
 /// Sends what is in the outbox until the connection ends; tells why it did.
-async fn send(way: Way, outbox: &Arc<Outbox>, mut cancelled: Cancelled) -> String {
-    let own = || outbox.thread().expect("who is to move was given a thread");
-    let shared = outbox.clone();
-    let moved = match way {
-        Way::Stream(stream, input) => {
-            outbox.lend(Some(stream.clone()));
-            let mut sending = stream::Sending::new(stream, input);
-            if let Pause::End(reason) = stream::run(&mut sending, outbox, &mut cancelled).await {
+async fn send(
+    transport: OutputTransport,
+    send_queue: &Arc<SendQueue>,
+    mut cancelled: Cancelled,
+) -> String {
+    let own = || {
+        send_queue
+            .thread()
+            .expect("who is to move was given a thread")
+    };
+    let shared = send_queue.clone();
+    let moved = match transport {
+        OutputTransport::Stream(stream, input) => {
+            send_queue.lend(Some(stream.clone()));
+            let mut sending = stream_output::Sending::new(stream, input);
+            if let StopReason::End(reason) =
+                stream_output::run(&mut sending, send_queue, &mut cancelled).await
+            {
                 return reason;
             }
             // From now on all is sent with the policy of the thread.
-            outbox.lend(None);
+            send_queue.lend(None);
             let mut sending = Box::new(sending);
             let begin = move || {
                 sending.stream = sending.stream.renewed();
                 let socket = SocketHandle::of(&sending.stream);
                 let running =
-                    async move { stream::run(&mut sending, &shared, &mut cancelled).await };
+                    async move { stream_output::run(&mut sending, &shared, &mut cancelled).await };
                 (socket, running)
             };
             Box::pin(own().run(begin)).await
         }
-        Way::Datagrams(socket) => {
-            if let Pause::End(reason) = datagrams::run(&socket, outbox, &mut cancelled).await {
+        OutputTransport::Datagrams(socket) => {
+            if let StopReason::End(reason) =
+                datagram_output::run(&socket, send_queue, &mut cancelled).await
+            {
                 return reason;
             }
             let begin = move || {
-                let socket = datagram::renewed(&socket);
+                let socket = udp_socket::renewed(&socket);
                 let handle = SocketHandle::of(&socket);
-                let running = async move { datagrams::run(&socket, &shared, &mut cancelled).await };
+                let running =
+                    async move { datagram_output::run(&socket, &shared, &mut cancelled).await };
                 (handle, running)
             };
             Box::pin(own().run(begin)).await
         }
     };
     match moved {
-        Some(Pause::End(reason)) => reason,
+        Some(StopReason::End(reason)) => reason,
         _ => "its thread ended".to_owned(),
     }
 }
 
 /// Connects and goes through the header.
-async fn open(target: &Target<'_>) -> Result<(Socket, Initiator, Inflow), PortError> {
-    let Place {
+async fn open(target: &Target<'_>) -> Result<(Socket, Initiator, ReadBuffer), PortError> {
+    let Endpoint {
         name, host, port, ..
     } = target.to;
     let stream = connect(name, host, *port, target.network).await?;
@@ -343,14 +374,15 @@ async fn open(target: &Target<'_>) -> Result<(Socket, Initiator, Inflow), PortEr
         name: target.from.to_owned(),
         modifiers: target.spec.modifiers.clone(),
     };
-    let (carrier, dialect) = (target.carrier, target.dialect);
-    let mut initiator = Initiator::new(carrier, &sender, dialect, Limits::DEFAULT, &mut output);
+    let (carrier, wire_version) = (target.carrier, target.wire_version);
+    let mut initiator =
+        Initiator::new(carrier, &sender, wire_version, Limits::DEFAULT, &mut output);
     if let Some(group) = target.group {
         put_group(group.address, &mut output);
     }
     let lost = |error| target.lost(error);
     write_all(&stream, &mut output).await.map_err(lost)?;
-    let mut input = Inflow::default();
+    let mut input = ReadBuffer::default();
     loop {
         if refuses(&input.bytes) {
             return Err(lost(refusal(&initiator)));
@@ -368,7 +400,7 @@ async fn open(target: &Target<'_>) -> Result<(Socket, Initiator, Inflow), PortEr
             read => read.map_err(lost)?,
         };
         if read == 0 {
-            let text = format!("it closed the connection; it may not take {carrier}");
+            let text = format!("the peer closed the connection; it may not support {carrier}");
             return Err(match asks_reader(target) {
                 true => target.declined(),
                 false => lost(io::Error::new(io::ErrorKind::UnexpectedEof, text)),
@@ -390,7 +422,7 @@ async fn confirm(
     target: &Target<'_>,
     stream: &Socket,
     initiator: &mut Initiator,
-    input: &mut Inflow,
+    input: &mut ReadBuffer,
 ) -> Result<(), PortError> {
     let mut output = BytesMut::new();
     initiator.send_object(&Command::Admin, &admin::version(), &mut output);
@@ -421,18 +453,18 @@ async fn confirm(
 async fn confirm_elsewhere(
     target: &Target<'_>,
     stream: &Socket,
-    input: &mut Inflow,
+    input: &mut ReadBuffer,
 ) -> Result<(), PortError> {
     let own = admin::list(Direction::In, Some(target.from));
     let mut listed = false;
     loop {
-        let reading = tokio::time::timeout(BEFORE_ASKING, input.read(stream, 0)).await;
+        let reading = tokio::time::timeout(REFUSAL_TIMEOUT, input.read(stream, 0)).await;
         let ended = matches!(reading, Ok(Ok(0) | Err(_)));
         if ended {
-            tokio::time::sleep(BEFORE_ASKING).await;
+            tokio::time::sleep(REFUSAL_TIMEOUT).await;
         }
         input.bytes.clear();
-        let answer = remote::administer(target.network, target.to, &own).await?;
+        let answer = remote_admin::administer(target.network, target.to, &own).await?;
         let now = answer.find("from").is_some();
         match (listed, now) {
             (true, true) => return Ok(()),
@@ -443,16 +475,16 @@ async fn confirm_elsewhere(
     }
 }
 
-impl Farewell {
+impl RemoveInputRequest {
     /// Tells the reader to forget the connection: `~/WRITER`, as stock does.
     async fn say(&self, deadline: Duration) {
         let carrier = Carrier::by_name("text_ack").expect("text_ack is in the table");
         let address = (self.to.host.as_str(), self.to.port);
-        let network = self.network.with_deadline(deadline);
-        let dialogue = Dialogue::open(&self.to.name, address, carrier, "admin", &network).await;
+        let network = self.network.with_timeout(deadline);
+        let client = AdminClient::open(&self.to.name, address, carrier, "admin", &network).await;
         // A reader that is gone has forgotten already.
-        if let Ok(mut dialogue) = dialogue {
-            let _ = dialogue
+        if let Ok(mut client) = client {
+            let _ = client
                 .command(&Command::RemoveInput(self.from.clone()))
                 .await;
         }

@@ -38,15 +38,15 @@
 //!
 //! [`Directories::resources`]: crate::config::Directories::resources
 
-mod pattern;
-mod table;
-mod watch;
+mod name_pattern;
+mod role_table;
+mod roles_file;
 
 use std::fmt;
 use std::net::IpAddr;
 
-pub use table::RoleTable;
-pub use watch::Roles;
+pub use role_table::RoleTable;
+pub use roles_file::Roles;
 
 /// The name of the file.
 pub(crate) const FILE: &str = "roles.conf";

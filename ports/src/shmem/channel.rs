@@ -7,8 +7,8 @@ use std::sync::Arc;
 
 use yarp_wire::shmem::{HEAD, STOCK_SIZE, key, lock_names};
 
-use super::lock::ProcessLock;
-use super::memory::Memory;
+use super::process_lock::ProcessLock;
+use super::shared_memory::Memory;
 
 /// What one end writes and the other reads.
 #[derive(Debug)]

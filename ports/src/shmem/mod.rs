@@ -1,26 +1,26 @@
 //! Connections through memory that two processes on one machine share (carrier `shmem`).
 //!
 //! With a stock peer the segments, locks and handshake are stock's ([`yarp_wire::shmem`]). Between
-//! two ports of ours the same segments hold a ring without locks ([`ring`]); the two know each other
+//! two ports of ours the same segments hold a ring without locks ([`lock_free_ring`]); the two know each other
 //! by marks that stock does not look at, and say in the log which it is.
 //!
 //! No task ever blocks on the other process. A lock that is taken is tried again later, and a
-//! connection whose lock stays taken for [`PATIENCE`] ends. Waiting is for the TCP connection of the
+//! connection whose lock stays taken for [`LOCK_TIMEOUT`] ends. Waiting is for the TCP connection of the
 //! handshake, which ends with the other process; with a stock peer a thread per connection sleeps on
-//! its lock besides ([`sleeper`]), as such a lock is nothing that tasks can wait for.
+//! its lock besides ([`lock_waiter`]), as such a lock is nothing that tasks can wait for.
 //!
 //! Names of segments and locks go as soon as both ends have opened them, so that a killed process
 //! leaves nothing behind.
 
 mod channel;
-mod handshake;
-mod lock;
-mod memory;
-mod plain;
-mod ring;
-mod sleeper;
 #[cfg(test)]
-mod tests;
+mod layout_tests;
+mod lock_free_ring;
+mod lock_waiter;
+mod process_lock;
+mod shared_memory;
+mod shmem_handshake;
+mod stock_ring;
 
 use std::io::{self, IoSlice};
 use std::sync::atomic::AtomicBool;
@@ -31,20 +31,20 @@ use std::time::{Duration, Instant};
 use bytes::BufMut;
 use tokio::net::TcpStream;
 
-pub(crate) use handshake::{Offer, connect};
-use sleeper::Sleeper;
+use lock_waiter::LockWaiter;
+pub(crate) use shmem_handshake::{Offer, connect};
 
-use crate::busy::GivingWay;
+use crate::busy_poll::Yielder;
 
 /// How long the other end may hold a lock.
-const PATIENCE: Duration = Duration::from_secs(if cfg!(test) { 1 } else { 5 });
+const LOCK_TIMEOUT: Duration = Duration::from_secs(if cfg!(test) { 1 } else { 5 });
 /// Pause before a lock, or room that nobody will tell of, is looked for again.
-const PAUSE: Duration = Duration::from_millis(1);
-/// Longest time awake per wait; a wait shorter than [`SOON`] makes the next one be spent awake.
-const AWAKE: Duration = Duration::from_micros(200);
-const SOON: Duration = Duration::from_micros(400);
+const POLL_INTERVAL: Duration = Duration::from_millis(1);
+/// Longest time awake per wait; a wait shorter than [`BUSY_POLL_THRESHOLD`] makes the next one be spent awake.
+const MAX_POLL_DURATION: Duration = Duration::from_micros(200);
+const BUSY_POLL_THRESHOLD: Duration = Duration::from_micros(400);
 /// Room that is worth writing into.
-const ROOM: usize = 32 * 1024;
+const MIN_WRITE_LEN: usize = 32 * 1024;
 
 /// A stream of bytes in both directions.
 #[derive(Debug)]
@@ -55,7 +55,7 @@ pub(crate) struct ShmemStream {
     /// The TCP connection ended: what is in the memory is all there will be.
     ended: AtomicBool,
     /// Since when a lock has been found taken.
-    stuck: Mutex<Option<Instant>>,
+    lock_taken_since: Mutex<Option<Instant>>,
     reads_soon: AtomicBool,
     writes_soon: AtomicBool,
 }
@@ -63,13 +63,13 @@ pub(crate) struct ShmemStream {
 #[derive(Debug)]
 enum Layout {
     Ours {
-        reader: Mutex<ring::Reader>,
-        writer: Mutex<ring::Writer>,
+        reader: Mutex<lock_free_ring::Reader>,
+        writer: Mutex<lock_free_ring::Writer>,
     },
     Stock {
-        reader: Mutex<plain::Reader>,
-        writer: Mutex<plain::Writer>,
-        sleeper: Sleeper,
+        reader: Mutex<stock_ring::Reader>,
+        writer: Mutex<stock_ring::Writer>,
+        sleeper: LockWaiter,
     },
 }
 
@@ -83,7 +83,7 @@ impl ShmemStream {
             tcp,
             layout,
             ended: AtomicBool::new(false),
-            stuck: Mutex::new(None),
+            lock_taken_since: Mutex::new(None),
             reads_soon: AtomicBool::new(false),
             writes_soon: AtomicBool::new(false),
         }
@@ -106,7 +106,7 @@ impl ShmemStream {
         let ended = self.ended.load(Relaxed);
         let read = match &self.layout {
             Layout::Ours { reader, .. } => held(reader).read(out, most, || self.wake()),
-            Layout::Stock { reader, .. } => self.unstuck(held(reader).read(out, most)),
+            Layout::Stock { reader, .. } => self.check_lock_timeout(held(reader).read(out, most)),
         };
         match read {
             Err(error) if ended && error.kind() == io::ErrorKind::WouldBlock => Ok(0),
@@ -121,14 +121,14 @@ impl ShmemStream {
         }
         match &self.layout {
             Layout::Ours { writer, .. } => held(writer).write(chunks, || self.wake()),
-            Layout::Stock { writer, .. } => self.unstuck(held(writer).write(chunks)),
+            Layout::Stock { writer, .. } => self.check_lock_timeout(held(writer).write(chunks)),
         }
     }
 
     /// Waits until there is something to read, or the end.
     pub(crate) async fn readable(&self) -> io::Result<()> {
         if self
-            .awake(&self.reads_soon, || self.can_read(false))
+            .poll_for_a_while(&self.reads_soon, || self.can_read(false))
             .await?
         {
             return Ok(());
@@ -137,7 +137,7 @@ impl ShmemStream {
         while !self.ended.load(Relaxed) && !self.can_read(true)? {
             match &self.layout {
                 Layout::Ours { .. } => self.woken().await,
-                Layout::Stock { reader, .. } if held(&self.stuck).is_some() => {
+                Layout::Stock { reader, .. } if held(&self.lock_taken_since).is_some() => {
                     self.pause(|| held(reader).is_free()).await;
                 }
                 Layout::Stock { sleeper, .. } => tokio::select! {
@@ -146,7 +146,8 @@ impl ShmemStream {
                 },
             }
         }
-        self.reads_soon.store(begin.elapsed() < SOON, Relaxed);
+        self.reads_soon
+            .store(begin.elapsed() < BUSY_POLL_THRESHOLD, Relaxed);
         Ok(())
     }
 
@@ -165,30 +166,34 @@ impl ShmemStream {
             if sleeps {
                 writer.will_sleep();
             }
-            Ok(writer.free()? >= ROOM)
+            Ok(writer.free()? >= MIN_WRITE_LEN)
         };
-        if self.awake(&self.writes_soon, || room(false)).await? {
+        if self
+            .poll_for_a_while(&self.writes_soon, || room(false))
+            .await?
+        {
             return Ok(());
         }
         let begin = Instant::now();
         while !self.ended.load(Relaxed) && !room(true)? {
             self.woken().await;
         }
-        self.writes_soon.store(begin.elapsed() < SOON, Relaxed);
+        self.writes_soon
+            .store(begin.elapsed() < BUSY_POLL_THRESHOLD, Relaxed);
         Ok(())
     }
 
     /// Looks for a while, giving way to others between looks; then sleeps for a moment.
     async fn pause(&self, ready: impl Fn() -> bool) {
         let begin = Instant::now();
-        let mut giving_way = GivingWay::midway();
-        while begin.elapsed() < SOON {
+        let mut yielder = Yielder::midway();
+        while begin.elapsed() < BUSY_POLL_THRESHOLD {
             if ready() {
                 return;
             }
-            giving_way.once().await;
+            yielder.once().await;
         }
-        tokio::time::sleep(PAUSE).await;
+        tokio::time::sleep(POLL_INTERVAL).await;
     }
 
     fn can_read(&self, sleeps: bool) -> io::Result<bool> {
@@ -204,15 +209,17 @@ impl ShmemStream {
                 let reader = held(reader);
                 Ok(reader.seems_ready() && reader.is_free())
             }
-            Layout::Stock { reader, .. } => match self.unstuck(held(reader).is_ready()) {
-                Err(error) if error.kind() == io::ErrorKind::WouldBlock => Ok(false),
-                ready => ready,
-            },
+            Layout::Stock { reader, .. } => {
+                match self.check_lock_timeout(held(reader).is_ready()) {
+                    Err(error) if error.kind() == io::ErrorKind::WouldBlock => Ok(false),
+                    ready => ready,
+                }
+            }
         }
     }
 
     /// Looks for a while, if the last wait was short; giving way to others between looks.
-    async fn awake(
+    async fn poll_for_a_while(
         &self,
         soon: &AtomicBool,
         ready: impl Fn() -> io::Result<bool>,
@@ -221,9 +228,9 @@ impl ShmemStream {
             return Ok(true);
         }
         let begin = Instant::now();
-        let mut giving_way = GivingWay::midway();
-        while soon.load(Relaxed) && begin.elapsed() < AWAKE {
-            giving_way.once().await;
+        let mut yielder = Yielder::midway();
+        while soon.load(Relaxed) && begin.elapsed() < MAX_POLL_DURATION {
+            yielder.once().await;
             if ready()? {
                 return Ok(true);
             }
@@ -233,20 +240,23 @@ impl ShmemStream {
     }
 
     /// Makes a taken lock something to wait for, until patience is at its end.
-    fn unstuck<T>(&self, result: io::Result<T>) -> io::Result<T> {
-        let mut stuck = held(&self.stuck);
+    fn check_lock_timeout<T>(&self, result: io::Result<T>) -> io::Result<T> {
+        let mut lock_taken_since = held(&self.lock_taken_since);
         match result {
             Err(error) if error.kind() == io::ErrorKind::ResourceBusy => {
-                let since = stuck.get_or_insert_with(Instant::now);
-                if since.elapsed() < PATIENCE {
+                let since = lock_taken_since.get_or_insert_with(Instant::now);
+                if since.elapsed() < LOCK_TIMEOUT {
                     return Err(io::ErrorKind::WouldBlock.into());
                 }
                 let text = "the other end of shmem has held the lock of the shared memory for ";
-                let text = format!("{text}{} s; it may have been stopped", PATIENCE.as_secs());
+                let text = format!(
+                    "{text}{} s; it may have been stopped",
+                    LOCK_TIMEOUT.as_secs()
+                );
                 Err(io::Error::new(io::ErrorKind::TimedOut, text))
             }
             result => {
-                *stuck = None;
+                *lock_taken_since = None;
                 result
             }
         }

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
-use yarp_ports::{Dialogue, Network, Port, PortOptions};
+use yarp_ports::{AdminClient, Network, Port, PortOptions};
 use yarp_wire::Bottle;
 use yarp_wire::carrier::Carrier;
 
@@ -16,14 +16,14 @@ pub(crate) const DEADLINE: Duration = Duration::from_secs(20);
 
 /// Opens a port that no name server knows.
 pub(crate) async fn open(name: &str, options: PortOptions) -> Port {
-    let network = Network::none().with_deadline(DEADLINE);
+    let network = Network::none().with_timeout(DEADLINE);
     let opening = Port::open(&network, name, options.unregistered());
     within(opening).await.unwrap()
 }
 
 /// Where `port` is, as a contact over `carrier`.
 pub(crate) fn at(port: &Port, carrier: &str) -> String {
-    format!("{carrier}://127.0.0.1:{}{}", port.number(), port.name())
+    format!("{carrier}://127.0.0.1:{}{}", port.tcp_port(), port.name())
 }
 
 /// Connects `writer` to `reader`.
@@ -64,10 +64,10 @@ pub(crate) fn next(reader: &Port) -> impl Future<Output = String> {
 /// What a port itself answers to a request.
 pub(crate) async fn ask(port: &Port, request: &Bottle) -> String {
     let carrier = Carrier::by_name("text_ack").unwrap();
-    let address = ("127.0.0.1", port.number());
-    let opening = Dialogue::open(port.name(), address, carrier, "admin", port.network());
-    let mut dialogue = opening.await.unwrap();
-    dialogue.admin(request).await.unwrap().to_string()
+    let address = ("127.0.0.1", port.tcp_port());
+    let opening = AdminClient::open(port.name(), address, carrier, "admin", port.network());
+    let mut client = opening.await.unwrap();
+    client.admin(request).await.unwrap().to_string()
 }
 
 /// A bottle from its text.
@@ -81,7 +81,7 @@ pub(crate) struct Raw(TcpStream);
 impl Raw {
     /// Connects to `port`, and sends nothing.
     pub(crate) async fn to(port: &Port) -> Self {
-        let stream = within(TcpStream::connect(("127.0.0.1", port.number())));
+        let stream = within(TcpStream::connect(("127.0.0.1", port.tcp_port())));
         Self(stream.await.unwrap())
     }
 
@@ -97,7 +97,7 @@ impl Raw {
     pub(crate) async fn tcp(port: &Port, name: &str) -> Self {
         let mut raw = Self::to(port).await;
         raw.send(tcp_header(name)).await;
-        raw.expect(yarp_wire::number::encode(port.number().into()))
+        raw.expect(yarp_wire::framed_number::encode(port.tcp_port().into()))
             .await;
         raw
     }
@@ -194,7 +194,7 @@ pub(crate) fn tcp_header(name: &str) -> Vec<u8> {
 
 /// A message on `tcp`: a command letter and a bottle for readers of generation 3.x.
 pub(crate) fn tcp_message(letter: u8, content: &Bottle) -> Vec<u8> {
-    let content = content.encode(yarp_wire::Dialect::V3);
+    let content = content.encode(yarp_wire::WireVersion::V3);
     let mut message = b"YA\x0a\0\0\0RP\x02\x01\xff\xff\xff\xff\xff\xff\xff\xff\x08\0\0\0".to_vec();
     message.extend_from_slice(&(content.len() as i32).to_le_bytes());
     message.extend_from_slice(&[0, 0, 0, 0, 0, 0, 0, 0, b'~', letter, 0, 1]);

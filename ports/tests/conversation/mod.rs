@@ -9,13 +9,13 @@ use bytes::BytesMut;
 use socket2::SockRef;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream, UnixListener, UnixStream};
-use yarp_wire::auth::{Handshake, Key, STEP};
+use yarp_wire::auth::{Key, KeyHandshake, STEP_LEN};
 use yarp_wire::carrier::{Carrier, Sender, Transport, put_group};
 use yarp_wire::connection::{Initiator, put_acknowledgement, put_message};
 use yarp_wire::message::Command;
 use yarp_wire::mjpeg::{RESPONSE, put_part, request};
-use yarp_wire::protocol::{Payloads, header_reply};
-use yarp_wire::{Bottle, Dialect, Limits, number, shmem};
+use yarp_wire::protocol::{PayloadKind, header_reply};
+use yarp_wire::{Bottle, Limits, WireVersion, framed_number, shmem};
 
 use super::common::{bottle, within};
 
@@ -56,7 +56,7 @@ impl Step {
             Self::Give(bytes) => bytes.len(),
             Self::Take(count) => *count,
             Self::GiveNumber => 8,
-            Self::Key(_) => 3 * STEP,
+            Self::Key(_) => 3 * STEP_LEN,
             Self::ConnectUnix
             | Self::AcceptUnix
             | Self::ConnectNumber
@@ -167,11 +167,11 @@ impl Conversation {
                 Step::GiveNumber => {
                     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
                     let number = listener.local_addr().unwrap().port();
-                    within(peer.give(&number::encode(number.into())[..part])).await;
+                    within(peer.give(&framed_number::encode(number.into())[..part])).await;
                     other_listener = Some(listener);
                 }
                 Step::ConnectNumber if part == 1 => {
-                    let number = number::decode(&taken[..].try_into().unwrap()).unwrap();
+                    let number = framed_number::decode(&taken[..].try_into().unwrap()).unwrap();
                     let address = ("127.0.0.1", number as u16);
                     let stream = within(TcpStream::connect(address)).await.unwrap();
                     held.push(std::mem::replace(&mut peer, Peer::Tcp(stream)));
@@ -224,9 +224,15 @@ impl Conversation {
         let carrier = self.carrier;
         let mut header = BytesMut::new();
         let sender = Sender::plain(NAME);
-        Initiator::new(carrier, &sender, Dialect::V3, Limits::DEFAULT, &mut header);
+        Initiator::new(
+            carrier,
+            &sender,
+            WireVersion::V3,
+            Limits::DEFAULT,
+            &mut header,
+        );
         self.give("magic", &header.split_to(8));
-        if carrier.protocol.payloads() != Payloads::Text {
+        if carrier.protocol.payload_kind() != PayloadKind::Text {
             self.give("length of the name", &header.split_to(4));
         }
         self.give("name", &header);
@@ -254,7 +260,13 @@ impl Conversation {
         let carrier = self.carrier;
         let mut header = BytesMut::new();
         let sender = Sender::plain(writer);
-        Initiator::new(carrier, &sender, Dialect::V3, Limits::DEFAULT, &mut header);
+        Initiator::new(
+            carrier,
+            &sender,
+            WireVersion::V3,
+            Limits::DEFAULT,
+            &mut header,
+        );
         self.take("magic", 8);
         self.take("name", header.len() - 8);
         match carrier.transport {
@@ -301,7 +313,7 @@ impl Conversation {
         let carrier = self.carrier;
         if carrier.name == "websocket" {
             let block = [0, 0, 0, 0, b'~', letter(command), 0, 1];
-            let content = content.encode(Dialect::V3);
+            let content = content.encode(WireVersion::V3);
             let length = block.len() + content.len();
             // Under a mask that changes nothing.
             self.give("index", &[0x82, 0x80 | length as u8, 0, 0, 0, 0]);
@@ -329,7 +341,7 @@ impl Conversation {
     fn reply(&self, content: &Bottle) -> BytesMut {
         let mut bytes = BytesMut::new();
         let protocol = self.carrier.protocol;
-        protocol.put_object(content, Dialect::V3, &mut bytes);
+        protocol.put_object(content, WireVersion::V3, &mut bytes);
         bytes
     }
 
@@ -414,7 +426,7 @@ pub(crate) fn callers(question: &Bottle, answer: &Bottle) -> Vec<Conversation> {
         .collect();
     let mut page = upgraded();
     page.give_message(&Command::data(true), question);
-    page.take("reply", 2 + answer.encode(Dialect::V3).len());
+    page.take("reply", 2 + answer.encode(WireVersion::V3).len());
     all.push(page);
     let version = bottle("[ver] 1 2 3");
     all.extend(STREAMS.map(|spelled| {
@@ -427,7 +439,7 @@ pub(crate) fn callers(question: &Bottle, answer: &Bottle) -> Vec<Conversation> {
     }));
     all.push(upgraded().then("administration", |page| {
         page.give_message(&Command::Admin, &bottle("[ver]"));
-        page.take("reply", 2 + version.encode(Dialect::V3).len());
+        page.take("reply", 2 + version.encode(WireVersion::V3).len());
     }));
     let mut lines = Conversation::on("name_ser");
     lines.give("magic", b"NAME_SER");
@@ -570,8 +582,8 @@ pub(crate) fn key() -> Key {
 /// What answers a header.
 fn welcome(carrier: &Carrier, name: &str) -> BytesMut {
     let mut bytes = BytesMut::new();
-    match carrier.protocol.payloads() {
-        Payloads::Text => bytes.extend_from_slice(format!("Welcome {name}\r\n").as_bytes()),
+    match carrier.protocol.payload_kind() {
+        PayloadKind::Text => bytes.extend_from_slice(format!("Welcome {name}\r\n").as_bytes()),
         _ => header_reply(9, &mut bytes),
     }
     bytes
@@ -590,7 +602,7 @@ fn parts(carrier: &Carrier, command: &Command, content: &Bottle) -> Vec<(&'stati
     let mut bytes = BytesMut::new();
     let has_payload = command.has_payload();
     let content = has_payload.then_some(content as _);
-    put_message(&mut bytes, carrier, command, content, Dialect::V3);
+    put_message(&mut bytes, carrier, command, content, WireVersion::V3);
     let mut parts = Vec::new();
     match carrier.name {
         "text" | "text_ack" => {
@@ -644,8 +656,8 @@ impl Peer {
     async fn shake_hands(&mut self, side: Side, mut left: usize) {
         let (mut input, mut output) = (BytesMut::new(), BytesMut::new());
         let mut handshake = match side {
-            Side::Connects => Handshake::initiate(key(), [2; 8]),
-            Side::Listens => Handshake::accept(key(), [[1; 8], [3; 8]], &mut output),
+            Side::Connects => KeyHandshake::initiate(key(), [2; 8]),
+            Side::Listens => KeyHandshake::accept(key(), [[1; 8], [3; 8]], &mut output),
         };
         while left > 0 {
             let given = output.split_to(left.min(output.len()));
@@ -671,7 +683,7 @@ trait Both: AsyncRead + AsyncWrite {}
 
 impl<T: AsyncRead + AsyncWrite> Both for T {}
 
-/// Where the socket of a connection over `unix_stream` is; see `ports/src/unix.rs`.
+/// Where the socket of a connection over `unix_stream` is; see `ports/src/unix_socket.rs`.
 fn unix_path(acceptor: u16, initiator: u16) -> PathBuf {
     let variable = |name| std::env::var(name).ok().filter(|value| !value.is_empty());
     let folder = match (variable("YARP_RUNTIME_DIR"), variable("XDG_RUNTIME_DIR")) {

@@ -5,7 +5,7 @@
 
 use bytes::{Bytes, BytesMut};
 use yarp_wire::message::{ReadObject, WireObject};
-use yarp_wire::{Bottle, Dialect, Limits};
+use yarp_wire::{Bottle, Limits, WireVersion};
 use yarp_wrappers::cartesian::messages as cartesian;
 use yarp_wrappers::control_board::messages::{
     Command, JointData, MotionNews, Numbered, Reply, Request,
@@ -30,13 +30,13 @@ pub const TARGETS: [Target; 9] = [
     ("tool", tool),
 ];
 
-const DIALECTS: [Dialect; 2] = [Dialect::V3, Dialect::V4];
+const DIALECTS: [WireVersion; 2] = [WireVersion::V3, WireVersion::V4];
 
 /// Questions, orders and replies, in binary: what is understood prints, and is understood again.
 pub fn request(data: &[u8]) {
     let bytes = Bytes::copy_from_slice(data);
-    for dialect in DIALECTS {
-        let Ok(bottle) = Bottle::decode(&bytes, dialect, Limits::DEFAULT) else {
+    for wire_version in DIALECTS {
+        let Ok(bottle) = Bottle::decode(&bytes, wire_version, Limits::DEFAULT) else {
             continue;
         };
         if let Ok(understood) = Request::parse(&bottle)
@@ -53,8 +53,9 @@ pub fn request(data: &[u8]) {
 
 /// Words of ours about numbered motions, and what is said of them.
 pub fn numbered(data: &[u8]) {
-    for dialect in DIALECTS {
-        let Ok(bottle) = Bottle::decode(&Bytes::copy_from_slice(data), dialect, Limits::DEFAULT)
+    for wire_version in DIALECTS {
+        let Ok(bottle) =
+            Bottle::decode(&Bytes::copy_from_slice(data), wire_version, Limits::DEFAULT)
         else {
             continue;
         };
@@ -76,34 +77,34 @@ pub fn numbered(data: &[u8]) {
 /// Calls and replies of 4.0: what is understood is written, and is understood again.
 pub fn call(data: &[u8]) {
     let bytes = Bytes::copy_from_slice(data);
-    for dialect in DIALECTS {
-        let Ok(bottle) = Bottle::decode(&bytes, dialect, Limits::DEFAULT) else {
+    for wire_version in DIALECTS {
+        let Ok(bottle) = Bottle::decode(&bytes, wire_version, Limits::DEFAULT) else {
             continue;
         };
         if let Ok(understood) = Request::parse_call(&bottle)
             && let Some(call) = understood.to_call()
         {
-            written(&call, dialect, |bytes| {
-                let again = Bottle::decode(bytes, dialect, Limits::DEFAULT)?;
+            written(&call, wire_version, |bytes| {
+                let again = Bottle::decode(bytes, wire_version, Limits::DEFAULT)?;
                 let again = Request::parse_call(&again).expect("our own call");
                 assert_eq!(format!("{again:?}"), format!("{understood:?}"));
                 Ok(())
             });
         }
         let _ = ReturnCode::read(bottle);
-        let _ = ServiceVersion::read_binary(&bytes, dialect);
+        let _ = ServiceVersion::read_binary(&bytes, wire_version);
     }
 }
 
 /// Streamed commands: what reads also writes, and reads the same again.
 pub fn streamed(data: &[u8]) {
     let bytes = Bytes::copy_from_slice(data);
-    for dialect in DIALECTS {
-        if let Ok(command) = Command::read_binary(&bytes, dialect) {
+    for wire_version in DIALECTS {
+        if let Ok(command) = Command::read_binary(&bytes, wire_version) {
             let _ = command.parse();
-            written(&command, dialect, |bytes| {
-                Command::read_binary(bytes, dialect)
-                    .map(|again| written(&again, dialect, |_| Ok(())))
+            written(&command, wire_version, |bytes| {
+                Command::read_binary(bytes, wire_version)
+                    .map(|again| written(&again, wire_version, |_| Ok(())))
             });
         }
     }
@@ -112,11 +113,11 @@ pub fn streamed(data: &[u8]) {
 /// Whole states: what reads also writes, and reads the same again.
 pub fn state(data: &[u8]) {
     let bytes = Bytes::copy_from_slice(data);
-    for dialect in DIALECTS {
-        if let Ok(state) = JointData::read_binary(&bytes, dialect) {
-            written(&state, dialect, |bytes| {
-                JointData::read_binary(bytes, dialect)
-                    .map(|again| written(&again, dialect, |_| Ok(())))
+    for wire_version in DIALECTS {
+        if let Ok(state) = JointData::read_binary(&bytes, wire_version) {
+            written(&state, wire_version, |bytes| {
+                JointData::read_binary(bytes, wire_version)
+                    .map(|again| written(&again, wire_version, |_| Ok(())))
             });
         }
     }
@@ -125,8 +126,8 @@ pub fn state(data: &[u8]) {
 /// Requests to cameras and replies, of both generations: what is understood is said again the same way.
 pub fn camera(data: &[u8]) {
     let bytes = Bytes::copy_from_slice(data);
-    for dialect in DIALECTS {
-        let Ok(bottle) = Bottle::decode(&bytes, dialect, Limits::DEFAULT) else {
+    for wire_version in DIALECTS {
+        let Ok(bottle) = Bottle::decode(&bytes, wire_version, Limits::DEFAULT) else {
             continue;
         };
         match grabber::Request::parse(&bottle) {
@@ -137,8 +138,8 @@ pub fn camera(data: &[u8]) {
                     same(grabber::Request::parse(&words).expect("our own words"));
                 }
                 if let Some(call) = understood.to_call() {
-                    written(&call, dialect, |bytes| {
-                        let again = Bottle::decode(bytes, dialect, Limits::DEFAULT)?;
+                    written(&call, wire_version, |bytes| {
+                        let again = Bottle::decode(bytes, wire_version, Limits::DEFAULT)?;
                         same(grabber::Request::parse(&again).expect("our own call"));
                         Ok(())
                     });
@@ -162,8 +163,8 @@ pub fn camera(data: &[u8]) {
 /// Requests to hands and replies: what is understood is said again the same way.
 pub fn hand(data: &[u8]) {
     let bytes = Bytes::copy_from_slice(data);
-    for dialect in DIALECTS {
-        let Ok(bottle) = Bottle::decode(&bytes, dialect, Limits::DEFAULT) else {
+    for wire_version in DIALECTS {
+        let Ok(bottle) = Bottle::decode(&bytes, wire_version, Limits::DEFAULT) else {
             continue;
         };
         match hands::Request::parse(&bottle) {
@@ -195,8 +196,8 @@ pub fn hand(data: &[u8]) {
 /// Requests to controllers of a tool, and events: what is understood is said again the same way.
 pub fn tool(data: &[u8]) {
     let bytes = Bytes::copy_from_slice(data);
-    for dialect in DIALECTS {
-        let Ok(bottle) = Bottle::decode(&bytes, dialect, Limits::DEFAULT) else {
+    for wire_version in DIALECTS {
+        let Ok(bottle) = Bottle::decode(&bytes, wire_version, Limits::DEFAULT) else {
             continue;
         };
         if let Ok(understood) = cartesian::Request::parse(&bottle) {
@@ -223,10 +224,10 @@ pub fn picture(data: &[u8]) {
 /// Writes a message and hands the bytes to `check`, which must not fail.
 fn written<T>(
     object: &dyn WireObject,
-    dialect: Dialect,
+    wire_version: WireVersion,
     check: impl Fn(&Bytes) -> Result<T, yarp_wire::bottle::DecodeError>,
 ) {
     let mut bytes = BytesMut::new();
-    object.write_binary(&mut bytes, dialect);
+    object.write_binary(&mut bytes, wire_version);
     check(&bytes.freeze()).map(drop).expect("our own bytes");
 }

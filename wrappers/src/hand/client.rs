@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use yarp_devices::hand::{HandError, check_move};
 use yarp_devices::{Axes, Device, DeviceError, Grasp, GraspKind, Hand};
-use yarp_ports::{Network, Port, PortError, PortOptions, Supervised, blocking};
+use yarp_ports::{Network, Port, PortError, PortOptions, ReconnectingConnection, blocking};
 use yarp_wire::Bottle;
 
 use super::messages::{Answer, Reply, Request};
@@ -110,7 +110,7 @@ struct Link {
     peer: String,
     options: RemoteHandOptions,
     /// The connections, made again whenever they are lost.
-    kept: Vec<Supervised>,
+    kept: Vec<ReconnectingConnection>,
 }
 
 impl Link {
@@ -119,8 +119,8 @@ impl Link {
         // Before anything of our own is opened: usually the server is just not running.
         there(network, peer.clone()).await?;
         let local = |end: &str| format!("{}/{end}", options.local);
-        let calls = open(network, local("rpc:o"), PortOptions::new().calling()).await?;
-        let aborts = match open(network, local("abort:o"), PortOptions::new().calling()).await {
+        let calls = open(network, local("rpc:o"), PortOptions::new().rpc_client()).await?;
+        let aborts = match open(network, local("abort:o"), PortOptions::new().rpc_client()).await {
             Ok(port) => port,
             Err(error) => {
                 close_all([calls]).await;
@@ -212,7 +212,7 @@ impl RemoteHand {
     /// * Errors: [`OpenError::NoRemote`], [`OpenError::NameTaken`], [`OpenError::Port`], [`OpenError::Connect`],
     ///   [`OpenError::Question`]; then nothing stays open.
     pub fn open(network: &Network, options: RemoteHandOptions) -> Result<Self, OpenError> {
-        let network = network.with_deadline(options.deadline);
+        let network = network.with_timeout(options.deadline);
         let link = blocking::wait(async move { Link::open(&network, options).await })?;
         tracing::info!(peer = link.peer, "remote hand connected");
         Ok(Self {

@@ -1,9 +1,9 @@
 //! What stands in a call or a reply.
 
 use bytes::{BufMut, BytesMut};
+use yarp_wire::float_vector::{float64_list, put_float64s};
 use yarp_wire::message::WireObject;
-use yarp_wire::vector::{float64_list, put_float64s};
-use yarp_wire::{Bottle, Dialect, Value, Vocab32};
+use yarp_wire::{Bottle, Value, Vocab32, WireVersion};
 
 const LIST: i32 = 256;
 const INT32: i32 = 1;
@@ -54,20 +54,20 @@ impl Message {
 }
 
 impl WireObject for Message {
-    fn write_binary(&self, out: &mut BytesMut, dialect: Dialect) {
-        put_list(out, &self.0, dialect);
+    fn write_binary(&self, out: &mut BytesMut, wire_version: WireVersion) {
+        put_list(out, &self.0, wire_version);
     }
 }
 
-fn put_list(out: &mut BytesMut, items: &[Item], dialect: Dialect) {
+fn put_list(out: &mut BytesMut, items: &[Item], wire_version: WireVersion) {
     out.put_i32_le(LIST);
     out.put_i32_le(items.len() as i32);
     for item in items {
-        put(out, item, dialect);
+        put(out, item, wire_version);
     }
 }
 
-fn put(out: &mut BytesMut, item: &Item, dialect: Dialect) {
+fn put(out: &mut BytesMut, item: &Item, wire_version: WireVersion) {
     match item {
         Item::Bool(value) => {
             let word = if *value { Vocab32::OK } else { Vocab32::FAIL };
@@ -87,7 +87,7 @@ fn put(out: &mut BytesMut, item: &Item, dialect: Dialect) {
             out.put_i32_le(*value);
         }
         Item::F64(value) => {
-            out.put_i32_le(float64_list(dialect) - LIST);
+            out.put_i32_le(float64_list(wire_version) - LIST);
             out.put_f64_le(*value);
         }
         Item::Text(text) => {
@@ -95,7 +95,7 @@ fn put(out: &mut BytesMut, item: &Item, dialect: Dialect) {
             out.put_i32_le(text.len() as i32);
             out.put_slice(text.as_bytes());
         }
-        Item::F64s(values) => put_float64s(out, values, dialect),
+        Item::F64s(values) => put_float64s(out, values, wire_version),
         Item::I32s(values) => {
             put_integers(out, values.len());
             values.iter().for_each(|value| out.put_i32_le(*value));
@@ -104,8 +104,8 @@ fn put(out: &mut BytesMut, item: &Item, dialect: Dialect) {
             put_integers(out, words.len());
             words.iter().for_each(|word| out.put_u32_le(*word));
         }
-        Item::List(items) => put_list(out, items, dialect),
-        Item::Bottle(bottle) => bottle.encode_into(out, dialect),
+        Item::List(items) => put_list(out, items, wire_version),
+        Item::Bottle(bottle) => bottle.encode_into(out, wire_version),
     }
 }
 
@@ -150,7 +150,7 @@ mod tests {
 
     fn written(message: &Message) -> BytesMut {
         let mut out = BytesMut::new();
-        message.write_binary(&mut out, Dialect::V4);
+        message.write_binary(&mut out, WireVersion::V4);
         out
     }
 

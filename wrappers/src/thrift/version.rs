@@ -1,7 +1,7 @@
 //! The version of a service.
 
 use bytes::{Buf, BufMut, Bytes, BytesMut};
-use yarp_wire::Dialect;
+use yarp_wire::WireVersion;
 use yarp_wire::bottle::DecodeError;
 use yarp_wire::message::{ReadObject, WireObject};
 
@@ -35,7 +35,7 @@ impl ServiceVersion {
 }
 
 impl WireObject for ServiceVersion {
-    fn write_binary(&self, out: &mut BytesMut, _dialect: Dialect) {
+    fn write_binary(&self, out: &mut BytesMut, _wire_version: WireVersion) {
         out.put_i32_le(LIST);
         out.put_i32_le(1);
         out.put_i16_le(self.protocol);
@@ -51,7 +51,7 @@ impl WireObject for ServiceVersion {
 }
 
 impl ReadObject for ServiceVersion {
-    fn read_binary(bytes: &Bytes, _dialect: Dialect) -> Result<Self, DecodeError> {
+    fn read_binary(bytes: &Bytes, _wire_version: WireVersion) -> Result<Self, DecodeError> {
         let mut rest = bytes.clone();
         if rest.len() != LENGTH || rest.get_i32_le() != LIST || rest.get_i32_le() != 1 {
             return Err(DecodeError::Shape {
@@ -73,10 +73,10 @@ mod tests {
     fn bytes_are_those_recorded() {
         let recorded: &[u8] = b"\x00\x01\0\0\x01\0\0\0\0\0\x04\0\0\0\0\0";
         let mut out = BytesMut::new();
-        ServiceVersion::SERVED.write_binary(&mut out, Dialect::V4);
+        ServiceVersion::SERVED.write_binary(&mut out, WireVersion::V4);
         assert_eq!(&out[..], recorded);
         let read = |bytes: &'static [u8]| {
-            ServiceVersion::read_binary(&Bytes::from_static(bytes), Dialect::V4)
+            ServiceVersion::read_binary(&Bytes::from_static(bytes), WireVersion::V4)
         };
         assert_eq!(read(recorded), Ok(ServiceVersion::SERVED));
         assert!(read(&recorded[..15]).is_err());

@@ -5,21 +5,21 @@
 
 use bytes::{Bytes, BytesMut};
 use yarp_wire::admin::AdminRequest;
-use yarp_wire::auth::{Handshake, Key};
-use yarp_wire::bottle::{Balance, Scan, Scanner, detect};
+use yarp_wire::auth::{Key, KeyHandshake};
+use yarp_wire::bottle::{BracketBalance, Scan, Scanner, detect};
 use yarp_wire::carrier::{Carrier, CarrierSpec, Sender, Transport, put_group};
-use yarp_wire::connection::{Acceptor, DatagramReader, Event, Initiator, Progress};
-use yarp_wire::http::page::Page;
-use yarp_wire::http::{Action, RequestReader, json};
+use yarp_wire::connection::{Acceptor, DatagramReassembler, Event, Initiator, Progress};
+use yarp_wire::float_vector::Vector;
+use yarp_wire::http::html_page::Page;
+use yarp_wire::http::{Action, RequestReader, bottle_json};
 use yarp_wire::message::{Command, Form, Index, Payload, ReadObject, WireObject};
 use yarp_wire::mjpeg::{PartReader, comment, with_comment};
-use yarp_wire::name_service::{AnswerReader, Registration, Request, Style, Until};
+use yarp_wire::name_service::{AnswerEnd, AnswerReader, Registration, Request, Style};
 use yarp_wire::protocol::Incoming;
 use yarp_wire::settings::{NoSource, Origin, Parameters, Settings};
 use yarp_wire::shmem::{Ring, answers_mark, initiator_mark};
-use yarp_wire::vector::Vector;
 use yarp_wire::websocket::FrameReader;
-use yarp_wire::{Bottle, Contact, Dialect, Limits, PortName, Stamp, datagram, typed};
+use yarp_wire::{Bottle, Contact, Limits, PortName, Stamp, WireVersion, datagram, typed};
 
 /// One fuzz target: its name, which is also that of its corpus, and what it does.
 pub type Target = (&'static str, fn(&[u8]));
@@ -48,7 +48,7 @@ pub const TARGETS: [Target; 20] = [
     ("settings", settings),
 ];
 
-const DIALECTS: [Dialect; 2] = [Dialect::V3, Dialect::V4];
+const DIALECTS: [WireVersion; 2] = [WireVersion::V3, WireVersion::V4];
 
 /// The carriers that bytes travel on; in corpora the place here stands for a carrier.
 ///
@@ -75,9 +75,9 @@ const LIMITS: Limits = Limits::DEFAULT.with_message(1 << 16).with_line(1 << 12);
 /// Binary bottles: what reads also writes, and reads the same again.
 pub fn bottle_binary(data: &[u8]) {
     let bytes = Bytes::copy_from_slice(data);
-    for dialect in DIALECTS {
-        let whole = Scanner::new(dialect, LIMITS).scan(data);
-        let mut scanner = Scanner::new(dialect, LIMITS);
+    for wire_version in DIALECTS {
+        let whole = Scanner::new(wire_version, LIMITS).scan(data);
+        let mut scanner = Scanner::new(wire_version, LIMITS);
         let mut stepped = scanner.scan(&[]);
         for end in 1..=data.len() {
             if let Ok(Scan::Needs { at_least }) = stepped {
@@ -86,23 +86,24 @@ pub fn bottle_binary(data: &[u8]) {
             }
         }
         assert_eq!(stepped, whole, "a bottle that arrives in pieces");
-        let bottle = Bottle::decode(&bytes, dialect, LIMITS);
+        let bottle = Bottle::decode(&bytes, wire_version, LIMITS);
         let fills = whole == Ok(Scan::Complete { length: data.len() });
         assert_eq!(bottle.is_ok(), fills);
         if let Ok(bottle) = bottle {
-            let encoded = bottle.encode(dialect);
-            let again = Bottle::decode(&encoded, dialect, Limits::DEFAULT).expect("our own bytes");
-            assert_eq!(again.encode(dialect), encoded);
-            let any = Bottle::decode_any(&bytes, dialect, LIMITS)
+            let encoded = bottle.encode(wire_version);
+            let again =
+                Bottle::decode(&encoded, wire_version, Limits::DEFAULT).expect("our own bytes");
+            assert_eq!(again.encode(wire_version), encoded);
+            let any = Bottle::decode_any(&bytes, wire_version, LIMITS)
                 .expect("it reads")
                 .0;
-            assert_eq!(any.encode(dialect), encoded);
+            assert_eq!(any.encode(wire_version), encoded);
             // Text of a deep bottle may be refused.
             let _ = Bottle::parse_bytes(&bottle.to_text());
         }
-        let payload = Payload::new(bytes.clone(), Form::Binary(dialect));
+        let payload = Payload::new(bytes.clone(), Form::Binary(wire_version));
         let _ = Vector::read(&payload);
-        let _ = (payload.dialect(), payload.to_bottle());
+        let _ = (payload.wire_version(), payload.to_bottle());
     }
     let _ = detect(data, LIMITS);
 }
@@ -119,14 +120,14 @@ pub fn bottle_text(data: &[u8]) {
     let holds = |part: &[u8]| text.windows(part.len()).any(|window| window == part);
     if !loses.into_iter().any(holds) {
         assert_eq!(again.to_text(), text);
-        let mut balance = Balance::default();
+        let mut balance = BracketBalance::default();
         balance.extend(&text);
-        assert!(balance.is_even());
+        assert!(balance.is_balanced());
     }
-    for dialect in DIALECTS {
-        let encoded = bottle.encode(dialect);
-        let read = Bottle::decode(&encoded, dialect, Limits::DEFAULT).expect("our own bytes");
-        assert_eq!(read.encode(dialect), encoded);
+    for wire_version in DIALECTS {
+        let encoded = bottle.encode(wire_version);
+        let read = Bottle::decode(&encoded, wire_version, Limits::DEFAULT).expect("our own bytes");
+        assert_eq!(read.encode(wire_version), encoded);
     }
     let _ = Bottle::parse(&String::from_utf8_lossy(data));
 }
@@ -142,7 +143,7 @@ pub fn acceptor(data: &[u8]) {
 
 /// Events of an acceptor in words, and what it wrote, if it is fed `step` bytes at a time.
 fn accept(data: &[u8], step: usize) -> (Vec<String>, BytesMut) {
-    let mut acceptor = Acceptor::new(10002, Dialect::V3, LIMITS);
+    let mut acceptor = Acceptor::new(10002, WireVersion::V3, LIMITS);
     let (mut input, mut output) = (BytesMut::new(), BytesMut::new());
     let mut events = Vec::new();
     for piece in data.chunks(step) {
@@ -177,29 +178,35 @@ fn accept(data: &[u8], step: usize) -> (Vec<String>, BytesMut) {
 
 /// Connections as the connecting side sees them: any split gives the same progress.
 pub fn initiator(data: &[u8]) {
-    let [carrier, dialect, sends, step, data @ ..] = data else {
+    let [carrier, wire_version, sends, step, data @ ..] = data else {
         return;
     };
     let Some(carrier) = carrier_at(*carrier) else {
         return;
     };
-    let dialect = DIALECTS[usize::from(*dialect) % 2];
-    let whole = initiate(carrier, dialect, *sends, data, data.len().max(1));
-    let stepped = initiate(carrier, dialect, *sends, data, usize::from(*step).max(1));
+    let wire_version = DIALECTS[usize::from(*wire_version) % 2];
+    let whole = initiate(carrier, wire_version, *sends, data, data.len().max(1));
+    let stepped = initiate(
+        carrier,
+        wire_version,
+        *sends,
+        data,
+        usize::from(*step).max(1),
+    );
     assert_eq!(stepped, whole);
 }
 
 /// Progress of an initiator in words; each two bits of `sends` are a message that it sends.
 fn initiate(
     carrier: &'static Carrier,
-    dialect: Dialect,
+    wire_version: WireVersion,
     sends: u8,
     data: &[u8],
     step: usize,
 ) -> Vec<String> {
     let mut output = BytesMut::new();
     let sender = Sender::plain("/fuzz");
-    let mut initiator = Initiator::new(carrier, &sender, dialect, LIMITS, &mut output);
+    let mut initiator = Initiator::new(carrier, &sender, wire_version, LIMITS, &mut output);
     take_progress(&mut initiator, sends, data, step)
 }
 
@@ -248,7 +255,7 @@ pub fn message_reader(data: &[u8]) {
     let protocol = Carrier::by_name(carrier)
         .expect("it is in the table")
         .protocol;
-    let mut messages = protocol.messages(Dialect::V3, LIMITS);
+    let mut messages = protocol.message_decoder(WireVersion::V3, LIMITS);
     let (mut input, mut output) = (BytesMut::from(data), BytesMut::new());
     while let Ok(Some(Incoming::Message(message))) = messages.read(&mut input, &mut output) {
         let mut out = BytesMut::new();
@@ -256,7 +263,7 @@ pub fn message_reader(data: &[u8]) {
         assert_eq!(out.len(), message.command.block_len());
         message.command.put_line(&mut out);
         let _ = message.payload.to_bottle();
-        let _ = message.payload.to_binary(Dialect::V4);
+        let _ = message.payload.to_binary(WireVersion::V4);
     }
     let _ = Index::read(data, 1 << 16);
     let bytes = Bytes::copy_from_slice(data);
@@ -301,7 +308,7 @@ pub fn admin(data: &[u8]) {
         let _ = AdminRequest::parse(&bottle);
     }
     let bytes = Bytes::copy_from_slice(data);
-    if let Ok((bottle, _)) = Bottle::decode_any(&bytes, Dialect::V3, LIMITS) {
+    if let Ok((bottle, _)) = Bottle::decode_any(&bytes, WireVersion::V3, LIMITS) {
         let _ = AdminRequest::parse(&bottle);
     }
 }
@@ -323,7 +330,7 @@ pub fn name_service_answer(data: &[u8]) {
     let Some((&step, data)) = data.split_first() else {
         return;
     };
-    for until in [Until::FirstLine, Until::End, Until::Ack] {
+    for until in [AnswerEnd::FirstLine, AnswerEnd::End, AnswerEnd::Ack] {
         let read = |step: usize| {
             let mut reader = AnswerReader::new(until).with_limit(1 << 12);
             let mut taken = 0;
@@ -361,7 +368,7 @@ pub fn datagram(data: &[u8]) {
     }
     assert_eq!(joined, message);
     // Each piece is a length, a number and as many bytes: whole datagrams in any order.
-    let mut reader = DatagramReader::new(Dialect::V3, LIMITS);
+    let mut reader = DatagramReassembler::new(WireVersion::V3, LIMITS);
     let mut rest = message;
     while let [length, number, after @ ..] = rest {
         let (piece, after) = after.split_at(usize::from(*length).min(after.len()));
@@ -399,7 +406,7 @@ pub fn http(data: &[u8]) {
         return;
     };
     let shown = match Action::of(&request) {
-        Action::Ask { message, json, .. } => json::of(&message, json.unwrap_or_default()),
+        Action::Ask { message, json, .. } => bottle_json::of(&message, json.unwrap_or_default()),
         Action::Type { lines, data } => lines + &data,
         _ => String::new(),
     };
@@ -415,28 +422,28 @@ pub fn http(data: &[u8]) {
 
 /// Typed messages: whatever reads also writes, and reads the same again.
 pub fn typed(data: &[u8]) {
-    fn check<T: ReadObject + WireObject>(bytes: &Bytes, dialect: Dialect) {
-        if let Ok(value) = T::read_binary(bytes, dialect) {
+    fn check<T: ReadObject + WireObject>(bytes: &Bytes, wire_version: WireVersion) {
+        if let Ok(value) = T::read_binary(bytes, wire_version) {
             let mut first = BytesMut::new();
-            value.write_binary(&mut first, dialect);
-            if let Ok(again) = T::read_binary(&first.clone().freeze(), dialect) {
+            value.write_binary(&mut first, wire_version);
+            if let Ok(again) = T::read_binary(&first.clone().freeze(), wire_version) {
                 let mut second = BytesMut::new();
-                again.write_binary(&mut second, dialect);
+                again.write_binary(&mut second, wire_version);
                 assert_eq!(first, second);
             }
         }
     }
     let bytes = Bytes::copy_from_slice(data);
-    for dialect in DIALECTS {
-        check::<Vector>(&bytes, dialect);
-        check::<typed::VectorOf<f32>>(&bytes, dialect);
-        check::<typed::VectorOf<i32>>(&bytes, dialect);
-        check::<typed::VectorOf<u8>>(&bytes, dialect);
-        check::<typed::Matrix>(&bytes, dialect);
-        check::<typed::Image>(&bytes, dialect);
-        check::<typed::Sound>(&bytes, dialect);
-        check::<typed::Property>(&bytes, dialect);
-        check::<typed::Pair<Bottle, typed::VectorOf<f64>>>(&bytes, dialect);
+    for wire_version in DIALECTS {
+        check::<Vector>(&bytes, wire_version);
+        check::<typed::VectorOf<f32>>(&bytes, wire_version);
+        check::<typed::VectorOf<i32>>(&bytes, wire_version);
+        check::<typed::VectorOf<u8>>(&bytes, wire_version);
+        check::<typed::Matrix>(&bytes, wire_version);
+        check::<typed::Image>(&bytes, wire_version);
+        check::<typed::Sound>(&bytes, wire_version);
+        check::<typed::Property>(&bytes, wire_version);
+        check::<typed::Pair<Bottle, typed::VectorOf<f64>>>(&bytes, wire_version);
     }
 }
 
@@ -568,7 +575,7 @@ pub fn header(carrier: &'static Carrier) -> BytesMut {
         ),
         _ => {
             let sender = Sender::plain("/fuzz");
-            Initiator::new(carrier, &sender, Dialect::V3, LIMITS, &mut bytes);
+            Initiator::new(carrier, &sender, WireVersion::V3, LIMITS, &mut bytes);
             if carrier.transport == Transport::Group {
                 put_group("224.2.1.1:11000".parse().expect("a group"), &mut bytes);
             }
@@ -585,13 +592,13 @@ fn reverse(
     data: &[u8],
     step: usize,
 ) -> (Vec<String>, BytesMut) {
-    let mut acceptor = Acceptor::new(10002, Dialect::V3, LIMITS);
+    let mut acceptor = Acceptor::new(10002, WireVersion::V3, LIMITS);
     let (mut input, mut output) = (header(carrier), BytesMut::new());
     let opened = acceptor.poll(&mut input, &mut output);
     assert!(matches!(opened, Ok(Some(Event::Opened { .. }))));
-    let mut initiator = acceptor.reversed().expect("its header is complete");
+    let mut initiator = acceptor.into_initiator().expect("its header is complete");
     let progress = take_progress(&mut initiator, sends, data, step);
-    (progress, initiator.said())
+    (progress, initiator.take_output())
 }
 
 /// The handshake of keys, either side: the same in one piece and in steps, and never more is taken
@@ -604,8 +611,8 @@ pub fn auth(data: &[u8]) {
         let key = Key::new(b"fuzz").expect("it is not empty");
         let mut output = BytesMut::new();
         let mut handshake = match side & 1 {
-            0 => Handshake::accept(key, [[1; 8], [3; 8]], &mut output),
-            _ => Handshake::initiate(key, [2; 8]),
+            0 => KeyHandshake::accept(key, [[1; 8], [3; 8]], &mut output),
+            _ => KeyHandshake::initiate(key, [2; 8]),
         };
         let mut input = BytesMut::new();
         let mut taken = 0;
@@ -637,7 +644,7 @@ pub fn settings(data: &[u8]) {
     let _ = Settings::new().add_lists(&settings.to_string(), &Origin::Program);
     let parameters = Parameters::new("fuzz", settings, Origin::Program);
     for name in ["a", "a::b"] {
-        let _ = (parameters.get::<f64>(name), parameters.row::<String>(name));
+        let _ = (parameters.get::<f64>(name), parameters.list::<String>(name));
     }
     parameters.unused().for_each(drop);
 }

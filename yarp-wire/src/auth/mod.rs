@@ -12,8 +12,8 @@
 //! nor signed, and what travels as datagrams is not covered. Source: stock 3.5.0, asked byte by
 //! byte.
 
-mod handshake;
-mod key;
+mod key_handshake;
+mod shared_key;
 
-pub use handshake::{AuthError, Handshake, NONCE, Nonce, STEP};
-pub use key::Key;
+pub use key_handshake::{AuthError, KeyHandshake, NONCE_LEN, Nonce, STEP_LEN};
+pub use shared_key::Key;

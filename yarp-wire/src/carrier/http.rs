@@ -3,13 +3,14 @@
 use bytes::{BufMut, BytesMut};
 
 use super::{Carrier, Sender, Transport};
-use crate::dialect::Dialect;
-use crate::http::{RequestReader, page};
+use crate::http::{RequestReader, html_page};
 use crate::limits::Limits;
 use crate::message::{Command, WireObject};
 use crate::protocol::{
-    Anonymous, Answers, Incoming, LineAnswers, Messages, Opening, Payloads, Protocol, ProtocolError,
+    AnonymousHandshake, HandshakeDecoder, Incoming, MessageDecoder, PayloadKind, Protocol,
+    ProtocolError, ReplyDecoder, TextReplyDecoder,
 };
+use crate::wire_version::WireVersion;
 
 /// `GET /` or `POST /form`; the requests of `mjpeg` and `websocket` begin alike and are not meant.
 pub(super) static HTTP: Carrier = Carrier {
@@ -34,8 +35,8 @@ pub(super) static HTTP: Carrier = Carrier {
 struct Http;
 
 impl Protocol for Http {
-    fn payloads(&self) -> Payloads {
-        Payloads::Page
+    fn payload_kind(&self) -> PayloadKind {
+        PayloadKind::Page
     }
 
     fn put_header(&self, carrier: &Carrier, _sender: &Sender, output: &mut BytesMut) {
@@ -43,38 +44,51 @@ impl Protocol for Http {
     }
 
     /// The magic is the beginning of the request.
-    fn opening(&self, _carrier: &'static Carrier, _input: &mut BytesMut) -> Box<dyn Opening> {
-        Box::new(Anonymous("web"))
+    fn handshake_decoder(
+        &self,
+        _carrier: &'static Carrier,
+        _input: &mut BytesMut,
+    ) -> Box<dyn HandshakeDecoder> {
+        Box::new(AnonymousHandshake("web"))
     }
 
-    fn messages(&self, _dialect: Dialect, limits: Limits) -> Box<dyn Messages> {
+    fn message_decoder(
+        &self,
+        _wire_version: WireVersion,
+        limits: Limits,
+    ) -> Box<dyn MessageDecoder> {
         let reader = RequestReader::default();
-        Box::new(Requests { reader, limits })
+        Box::new(HttpRequestDecoder { reader, limits })
     }
 
-    fn answers(&self, limits: Limits) -> Box<dyn Answers> {
-        Box::new(LineAnswers::without_welcome(limits))
+    fn reply_decoder(&self, limits: Limits) -> Box<dyn ReplyDecoder> {
+        Box::new(TextReplyDecoder::without_welcome(limits))
     }
 
     /// A page is made whole.
     fn put_head(&self, _command: &Command, _length: usize, _output: &mut BytesMut) {}
 
-    fn put_object(&self, object: &dyn WireObject, _dialect: Dialect, output: &mut BytesMut) {
+    fn put_object(
+        &self,
+        object: &dyn WireObject,
+        _wire_version: WireVersion,
+        output: &mut BytesMut,
+    ) {
         let mut text = BytesMut::new();
         object.write_text(&mut text);
-        let chunk = page::chunk(&String::from_utf8_lossy(&text));
+        let chunk = html_page::chunk(&String::from_utf8_lossy(&text));
         output.put_slice(chunk.as_bytes());
     }
 }
 
 /// Takes requests.
 #[derive(Debug)]
-struct Requests {
+struct HttpRequestDecoder {
     reader: RequestReader,
     limits: Limits,
 }
 
-impl Messages for Requests {
+impl MessageDecoder for HttpRequestDecoder {
     fn read(
         &mut self,
         input: &mut BytesMut,

@@ -4,12 +4,13 @@
 use bytes::BytesMut;
 
 use super::{Carrier, Sender, Transport};
-use crate::dialect::Dialect;
 use crate::limits::Limits;
 use crate::message::Command;
 use crate::protocol::{
-    Answers, BARE, Messages, Opened, Opening, Payloads, Protocol, ProtocolError,
+    Handshake, HandshakeDecoder, MessageDecoder, PayloadKind, Protocol, ProtocolError,
+    ReplyDecoder, UNINDEXED,
 };
+use crate::wire_version::WireVersion;
 
 /// As in stock, without acknowledgements; the reader of the same process says when it is done.
 pub(super) static LOCAL: Carrier = Carrier {
@@ -29,43 +30,51 @@ pub(super) static LOCAL: Carrier = Carrier {
 struct Local;
 
 impl Protocol for Local {
-    fn payloads(&self) -> Payloads {
-        BARE.payloads()
+    fn payload_kind(&self) -> PayloadKind {
+        UNINDEXED.payload_kind()
     }
 
     fn put_header(&self, carrier: &Carrier, sender: &Sender, output: &mut BytesMut) {
-        BARE.put_header(carrier, sender, output);
+        UNINDEXED.put_header(carrier, sender, output);
     }
 
-    fn opening(&self, _carrier: &'static Carrier, _input: &mut BytesMut) -> Box<dyn Opening> {
-        Box::new(Elsewhere)
+    fn handshake_decoder(
+        &self,
+        _carrier: &'static Carrier,
+        _input: &mut BytesMut,
+    ) -> Box<dyn HandshakeDecoder> {
+        Box::new(OtherProcessRejector)
     }
 
-    fn messages(&self, dialect: Dialect, limits: Limits) -> Box<dyn Messages> {
-        BARE.messages(dialect, limits)
+    fn message_decoder(
+        &self,
+        wire_version: WireVersion,
+        limits: Limits,
+    ) -> Box<dyn MessageDecoder> {
+        UNINDEXED.message_decoder(wire_version, limits)
     }
 
-    fn answers(&self, limits: Limits) -> Box<dyn Answers> {
-        BARE.answers(limits)
+    fn reply_decoder(&self, limits: Limits) -> Box<dyn ReplyDecoder> {
+        UNINDEXED.reply_decoder(limits)
     }
 
     fn put_head(&self, command: &Command, length: usize, output: &mut BytesMut) {
-        BARE.put_head(command, length, output);
+        UNINDEXED.put_head(command, length, output);
     }
 }
 
 /// A peer that is in another process, since it has to say so much.
 #[derive(Debug)]
-struct Elsewhere;
+struct OtherProcessRejector;
 
-impl Opening for Elsewhere {
+impl HandshakeDecoder for OtherProcessRejector {
     fn read(
         &mut self,
         _port: u16,
         _limits: Limits,
         _input: &mut BytesMut,
         _output: &mut BytesMut,
-    ) -> Result<Option<Opened>, ProtocolError> {
+    ) -> Result<Option<Handshake>, ProtocolError> {
         Err(ProtocolError::OtherProcess)
     }
 }

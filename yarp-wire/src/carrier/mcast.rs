@@ -5,13 +5,13 @@ use std::net::{Ipv4Addr, SocketAddrV4};
 use bytes::{Buf, BufMut, BytesMut};
 
 use super::{Carrier, MAGIC, Sender, Transport, specifier};
-use crate::dialect::Dialect;
 use crate::limits::Limits;
 use crate::message::Command;
 use crate::protocol::{
-    Answers, BinaryOpening, INDEXED, Messages, Opened, Opening, Payloads, Protocol, ProtocolError,
-    indexed_answers,
+    BinaryHandshakeDecoder, Handshake, HandshakeDecoder, INDEXED, MessageDecoder, PayloadKind,
+    Protocol, ProtocolError, ReplyDecoder, indexed_answers,
 };
+use crate::wire_version::WireVersion;
 
 /// After the header the initiator names the group; there is no reply.
 pub(super) static MCAST: Carrier = Carrier {
@@ -40,24 +40,32 @@ pub fn put_group(group: SocketAddrV4, output: &mut BytesMut) {
 struct Mcast;
 
 impl Protocol for Mcast {
-    fn payloads(&self) -> Payloads {
-        INDEXED.payloads()
+    fn payload_kind(&self) -> PayloadKind {
+        INDEXED.payload_kind()
     }
 
     fn put_header(&self, carrier: &Carrier, sender: &Sender, output: &mut BytesMut) {
         INDEXED.put_header(carrier, sender, output);
     }
 
-    fn opening(&self, _carrier: &'static Carrier, input: &mut BytesMut) -> Box<dyn Opening> {
+    fn handshake_decoder(
+        &self,
+        _carrier: &'static Carrier,
+        input: &mut BytesMut,
+    ) -> Box<dyn HandshakeDecoder> {
         input.advance(MAGIC);
-        Box::new(GroupOpening(None))
+        Box::new(GroupHandshakeDecoder(None))
     }
 
-    fn messages(&self, dialect: Dialect, limits: Limits) -> Box<dyn Messages> {
-        INDEXED.messages(dialect, limits)
+    fn message_decoder(
+        &self,
+        wire_version: WireVersion,
+        limits: Limits,
+    ) -> Box<dyn MessageDecoder> {
+        INDEXED.message_decoder(wire_version, limits)
     }
 
-    fn answers(&self, _limits: Limits) -> Box<dyn Answers> {
+    fn reply_decoder(&self, _limits: Limits) -> Box<dyn ReplyDecoder> {
         Box::new(indexed_answers(|_| Ok(Some(0))))
     }
 
@@ -68,18 +76,18 @@ impl Protocol for Mcast {
 
 /// Takes the sender, then the group.
 #[derive(Debug)]
-struct GroupOpening(Option<Sender>);
+struct GroupHandshakeDecoder(Option<Sender>);
 
-impl Opening for GroupOpening {
+impl HandshakeDecoder for GroupHandshakeDecoder {
     fn read(
         &mut self,
         _port: u16,
         _limits: Limits,
         input: &mut BytesMut,
         _output: &mut BytesMut,
-    ) -> Result<Option<Opened>, ProtocolError> {
+    ) -> Result<Option<Handshake>, ProtocolError> {
         if self.0.is_none() {
-            self.0 = BinaryOpening::sender(input)?;
+            self.0 = BinaryHandshakeDecoder::sender(input)?;
         }
         let (Some(sender), Some(address)) = (&self.0, input.first_chunk::<GROUP>()) else {
             return Ok(None);
@@ -89,6 +97,6 @@ impl Opening for GroupOpening {
         let group = Some(SocketAddrV4::new(Ipv4Addr::new(a, b, c, d), port));
         input.advance(GROUP);
         let sender = sender.clone();
-        Ok(Some(Opened { sender, group }))
+        Ok(Some(Handshake { sender, group }))
     }
 }

@@ -3,15 +3,15 @@
 use bytes::{BufMut, BytesMut};
 
 use super::{Carrier, Sender, Transport};
-use crate::dialect::Dialect;
 use crate::http::RequestReader;
 use crate::limits::Limits;
 use crate::message::Command;
 use crate::mjpeg;
 use crate::protocol::{
-    Answers, Asked, Incoming, Messages, Opened, Opening, Payloads, Progress, Protocol,
-    ProtocolError,
+    Handshake, HandshakeDecoder, Incoming, InitiatorState, MessageDecoder, PayloadKind, Progress,
+    Protocol, ProtocolError, ReplyDecoder,
 };
+use crate::wire_version::WireVersion;
 
 /// `GET /?action=stream`, of which the magic is the beginning.
 pub(super) static MJPEG: Carrier = Carrier {
@@ -31,8 +31,8 @@ pub(super) static MJPEG: Carrier = Carrier {
 struct Mjpeg;
 
 impl Protocol for Mjpeg {
-    fn payloads(&self) -> Payloads {
-        Payloads::Pictures
+    fn payload_kind(&self) -> PayloadKind {
+        PayloadKind::Jpeg
     }
 
     fn put_header(&self, carrier: &Carrier, _sender: &Sender, output: &mut BytesMut) {
@@ -40,16 +40,24 @@ impl Protocol for Mjpeg {
     }
 
     /// The magic is the beginning of the request.
-    fn opening(&self, _carrier: &'static Carrier, _input: &mut BytesMut) -> Box<dyn Opening> {
-        Box::new(Viewer(RequestReader::default()))
+    fn handshake_decoder(
+        &self,
+        _carrier: &'static Carrier,
+        _input: &mut BytesMut,
+    ) -> Box<dyn HandshakeDecoder> {
+        Box::new(MjpegHandshakeDecoder(RequestReader::default()))
     }
 
-    fn messages(&self, _dialect: Dialect, _limits: Limits) -> Box<dyn Messages> {
-        Box::new(Silence)
+    fn message_decoder(
+        &self,
+        _wire_version: WireVersion,
+        _limits: Limits,
+    ) -> Box<dyn MessageDecoder> {
+        Box::new(NoMessages)
     }
 
-    fn answers(&self, _limits: Limits) -> Box<dyn Answers> {
-        Box::new(Silence)
+    fn reply_decoder(&self, _limits: Limits) -> Box<dyn ReplyDecoder> {
+        Box::new(NoMessages)
     }
 
     /// Each picture holds its own.
@@ -58,29 +66,29 @@ impl Protocol for Mjpeg {
 
 /// Somebody who wants to watch.
 #[derive(Debug)]
-struct Viewer(RequestReader);
+struct MjpegHandshakeDecoder(RequestReader);
 
-impl Opening for Viewer {
+impl HandshakeDecoder for MjpegHandshakeDecoder {
     fn read(
         &mut self,
         _port: u16,
         limits: Limits,
         input: &mut BytesMut,
         output: &mut BytesMut,
-    ) -> Result<Option<Opened>, ProtocolError> {
+    ) -> Result<Option<Handshake>, ProtocolError> {
         if self.0.read(input, limits)?.is_none() {
             return Ok(None);
         }
         output.put_slice(mjpeg::RESPONSE.as_bytes());
-        Ok(Some(Opened::by(Sender::plain(mjpeg::VIEWER))))
+        Ok(Some(Handshake::by(Sender::plain(mjpeg::VIEWER))))
     }
 }
 
 /// Who watches pictures has nothing more to say.
 #[derive(Debug)]
-struct Silence;
+struct NoMessages;
 
-impl Messages for Silence {
+impl MessageDecoder for NoMessages {
     fn read(
         &mut self,
         _input: &mut BytesMut,
@@ -90,10 +98,10 @@ impl Messages for Silence {
     }
 }
 
-impl Answers for Silence {
+impl ReplyDecoder for NoMessages {
     fn read(
         &mut self,
-        _asked: &mut Asked,
+        _asked: &mut InitiatorState,
         input: &mut BytesMut,
     ) -> Result<Option<Progress>, ProtocolError> {
         input.clear();

@@ -128,12 +128,12 @@ impl fmt::Display for Carrier {
 
 /// The magic of a binary carrier: the number 7777 plus its specifier.
 const fn magic(specifier: i32) -> [u8; MAGIC] {
-    crate::number::encode(7777 + specifier)
+    crate::framed_number::encode(7777 + specifier)
 }
 
 /// The specifier in a magic; its low four bits choose the carrier.
 const fn specifier(magic: &[u8; MAGIC]) -> Option<i32> {
-    match crate::number::decode(magic) {
+    match crate::framed_number::decode(magic) {
         Some(number) => number.checked_sub(7777),
         None => None,
     }

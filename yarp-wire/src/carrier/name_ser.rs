@@ -3,13 +3,13 @@
 use bytes::{Buf, BufMut, BytesMut};
 
 use super::{Carrier, MAGIC, Sender, Transport};
-use crate::dialect::Dialect;
 use crate::limits::Limits;
 use crate::message::{Command, Form, Payload};
 use crate::protocol::{
-    Anonymous, Answers, Incoming, LineAnswers, LineReader, Message, Messages, Opening, Payloads,
-    Protocol, ProtocolError,
+    AnonymousHandshake, HandshakeDecoder, Incoming, LineReader, Message, MessageDecoder,
+    PayloadKind, Protocol, ProtocolError, ReplyDecoder, TextReplyDecoder,
 };
+use crate::wire_version::WireVersion;
 
 /// The first eight letters of `NAME_SERVER` select it.
 pub(super) static NAME_SER: Carrier = Carrier {
@@ -32,27 +32,35 @@ const NAME_SERVER: &[u8] = b"NAME_SERVER ";
 struct NameSer;
 
 impl Protocol for NameSer {
-    fn payloads(&self) -> Payloads {
-        Payloads::Text
+    fn payload_kind(&self) -> PayloadKind {
+        PayloadKind::Text
     }
 
     /// The magic is the beginning of the first message.
     fn put_header(&self, _carrier: &Carrier, _sender: &Sender, _output: &mut BytesMut) {}
 
-    fn opening(&self, _carrier: &'static Carrier, input: &mut BytesMut) -> Box<dyn Opening> {
+    fn handshake_decoder(
+        &self,
+        _carrier: &'static Carrier,
+        input: &mut BytesMut,
+    ) -> Box<dyn HandshakeDecoder> {
         input.advance(MAGIC);
-        Box::new(Anonymous("anon"))
+        Box::new(AnonymousHandshake("anon"))
     }
 
-    fn messages(&self, _dialect: Dialect, limits: Limits) -> Box<dyn Messages> {
-        Box::new(NameSerMessages {
+    fn message_decoder(
+        &self,
+        _wire_version: WireVersion,
+        limits: Limits,
+    ) -> Box<dyn MessageDecoder> {
+        Box::new(NameSerMessageDecoder {
             skip: NAME_SERVER.len() - MAGIC,
             line: LineReader::new(limits.line),
         })
     }
 
-    fn answers(&self, limits: Limits) -> Box<dyn Answers> {
-        Box::new(LineAnswers::without_welcome(limits))
+    fn reply_decoder(&self, limits: Limits) -> Box<dyn ReplyDecoder> {
+        Box::new(TextReplyDecoder::without_welcome(limits))
     }
 
     fn put_head(&self, command: &Command, _length: usize, output: &mut BytesMut) {
@@ -64,13 +72,13 @@ impl Protocol for NameSer {
 
 /// Takes messages of a line each.
 #[derive(Debug)]
-struct NameSerMessages {
+struct NameSerMessageDecoder {
     /// Bytes to pass over before a line.
     skip: usize,
     line: LineReader,
 }
 
-impl Messages for NameSerMessages {
+impl MessageDecoder for NameSerMessageDecoder {
     fn read(
         &mut self,
         input: &mut BytesMut,

@@ -256,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_carrier_is_refused() {
+    fn invalid_carriers_are_refused() {
         for bad in ["", "+a", "tcp+", "tcp +a", "tcp+.x"] {
             assert!(bad.parse::<CarrierSpec>().is_err(), "{bad:?}");
         }

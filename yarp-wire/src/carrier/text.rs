@@ -1,14 +1,14 @@
 //! `text`: lines, for people with a terminal.
 
 use super::{Carrier, Transport};
-use crate::protocol::LINES;
+use crate::protocol::TEXT_LINES;
 
 /// `CONNECT NAME`, answered `Welcome NAME`.
 pub(super) static TEXT: Carrier = Carrier {
     name: "text",
     magic: *b"CONNECT ",
     recognises: |magic| magic == b"CONNECT ",
-    protocol: &LINES,
+    protocol: &TEXT_LINES,
     transport: Transport::Stream,
     acknowledges: false,
     connectionless: false,

@@ -1,14 +1,14 @@
 //! `unix_stream`: binary messages without an index, over a socket of the file system.
 
 use super::{Carrier, Transport};
-use crate::protocol::BARE;
+use crate::protocol::UNINDEXED;
 
 /// Without acknowledgements; the usual form.
 pub(super) static UNIX_STREAM: Carrier = Carrier {
     name: "unix_stream",
     magic: *b"UNIX_STR",
     recognises: |magic| magic == b"UNIX_STR",
-    protocol: &BARE,
+    protocol: &UNINDEXED,
     transport: Transport::UnixSocket,
     acknowledges: false,
     connectionless: false,
@@ -21,7 +21,7 @@ pub(super) static UNIX_STREAM_ACK: Carrier = Carrier {
     name: "unix_stream",
     magic: *b"UNIX_ACK",
     recognises: |magic| magic == b"UNIX_ACK",
-    protocol: &BARE,
+    protocol: &UNINDEXED,
     transport: Transport::UnixSocket,
     acknowledges: true,
     connectionless: false,

@@ -3,15 +3,15 @@
 use bytes::{BufMut, Bytes, BytesMut};
 
 use super::{Carrier, Sender, Transport};
-use crate::dialect::Dialect;
 use crate::http::RequestReader;
 use crate::limits::Limits;
 use crate::message::{Command, Form, Payload, WireObject};
 use crate::protocol::{
-    Answers, Asked, BARE, BareMessages, Incoming, Message, Messages, Opened, Opening, Payloads,
-    Progress, Protocol, ProtocolError,
+    Handshake, HandshakeDecoder, Incoming, InitiatorState, Message, MessageDecoder, PayloadKind,
+    Progress, Protocol, ProtocolError, ReplyDecoder, UNINDEXED, UnindexedMessageDecoder,
 };
 use crate::websocket::{self, FrameReader, WebSocketError, put_close, put_frame_head};
+use crate::wire_version::WireVersion;
 
 /// `GET /?ws` and whatever follows; only browsers begin such a connection.
 pub(super) static WEBSOCKET: Carrier = Carrier {
@@ -31,8 +31,8 @@ pub(super) static WEBSOCKET: Carrier = Carrier {
 struct Websocket;
 
 impl Protocol for Websocket {
-    fn payloads(&self) -> Payloads {
-        BARE.payloads()
+    fn payload_kind(&self) -> PayloadKind {
+        UNINDEXED.payload_kind()
     }
 
     fn put_header(&self, carrier: &Carrier, _sender: &Sender, output: &mut BytesMut) {
@@ -40,20 +40,31 @@ impl Protocol for Websocket {
     }
 
     /// The magic is the beginning of the request.
-    fn opening(&self, _carrier: &'static Carrier, _input: &mut BytesMut) -> Box<dyn Opening> {
-        Box::new(Upgrade(RequestReader::default()))
+    fn handshake_decoder(
+        &self,
+        _carrier: &'static Carrier,
+        _input: &mut BytesMut,
+    ) -> Box<dyn HandshakeDecoder> {
+        Box::new(UpgradeDecoder(RequestReader::default()))
     }
 
-    fn messages(&self, dialect: Dialect, limits: Limits) -> Box<dyn Messages> {
-        Box::new(FramedMessages {
+    fn message_decoder(
+        &self,
+        wire_version: WireVersion,
+        limits: Limits,
+    ) -> Box<dyn MessageDecoder> {
+        Box::new(FramedMessageDecoder {
             frames: FrameReader::new(limits.message),
-            messages: BareMessages::new(dialect, limits),
+            messages: UnindexedMessageDecoder::new(wire_version, limits),
             over: false,
         })
     }
 
-    fn answers(&self, limits: Limits) -> Box<dyn Answers> {
-        Box::new(FramedAnswers::new(FrameReader::new(limits.message), limits))
+    fn reply_decoder(&self, limits: Limits) -> Box<dyn ReplyDecoder> {
+        Box::new(FramedReplyDecoder::new(
+            FrameReader::new(limits.message),
+            limits,
+        ))
     }
 
     /// As stock: the block is a frame, the payload another.
@@ -68,49 +79,49 @@ impl Protocol for Websocket {
         }
     }
 
-    fn put_reply(&self, object: &dyn WireObject, dialect: Dialect, output: &mut BytesMut) {
+    fn put_reply(&self, object: &dyn WireObject, wire_version: WireVersion, output: &mut BytesMut) {
         let mut reply = BytesMut::new();
-        self.put_object(object, dialect, &mut reply);
+        self.put_object(object, wire_version, &mut reply);
         put_frame_head(output, reply.len());
         output.put_slice(&reply);
     }
 
-    fn answers_goodbye(&self) -> bool {
+    fn replies_to_close(&self) -> bool {
         true
     }
 }
 
 /// A request that asks to go on in frames.
 #[derive(Debug)]
-struct Upgrade(RequestReader);
+struct UpgradeDecoder(RequestReader);
 
-impl Opening for Upgrade {
+impl HandshakeDecoder for UpgradeDecoder {
     fn read(
         &mut self,
         _port: u16,
         limits: Limits,
         input: &mut BytesMut,
         output: &mut BytesMut,
-    ) -> Result<Option<Opened>, ProtocolError> {
+    ) -> Result<Option<Handshake>, ProtocolError> {
         let Some(request) = self.0.read(input, limits)? else {
             return Ok(None);
         };
         output.put_slice(websocket::response(&request)?.as_bytes());
-        Ok(Some(Opened::by(Sender::plain("web"))))
+        Ok(Some(Handshake::by(Sender::plain("web"))))
     }
 }
 
 /// Takes messages in frames. Bytes that are missing are not told of: those of a message are no
 /// longer in the input, and a ping between two of its frames is answered at once.
 #[derive(Debug)]
-struct FramedMessages {
+struct FramedMessageDecoder {
     frames: FrameReader,
-    messages: BareMessages,
+    messages: UnindexedMessageDecoder,
     /// The page has said goodbye.
     over: bool,
 }
 
-impl FramedMessages {
+impl FramedMessageDecoder {
     /// The next message. A close frame is the command to quit, and answers it.
     fn take(
         &mut self,
@@ -137,7 +148,7 @@ impl FramedMessages {
     }
 }
 
-impl Messages for FramedMessages {
+impl MessageDecoder for FramedMessageDecoder {
     fn read(
         &mut self,
         input: &mut BytesMut,
@@ -152,42 +163,44 @@ impl Messages for FramedMessages {
         Ok(message.map(Incoming::Message))
     }
 
-    fn set_dialect(&mut self, dialect: Dialect) {
-        self.messages.set_dialect(dialect);
+    fn set_wire_version(&mut self, wire_version: WireVersion) {
+        self.messages.set_wire_version(wire_version);
     }
 
     /// Frames that have begun go on.
-    fn reversed(self: Box<Self>, limits: Limits) -> Option<Box<dyn Answers>> {
-        Some(Box::new(FramedAnswers::new(self.frames, limits)))
+    fn into_reply_decoder(self: Box<Self>, limits: Limits) -> Option<Box<dyn ReplyDecoder>> {
+        Some(Box::new(FramedReplyDecoder::new(self.frames, limits)))
     }
 }
 
 /// Takes answers in frames.
 #[derive(Debug)]
-struct FramedAnswers {
+struct FramedReplyDecoder {
     frames: FrameReader,
-    answers: Box<dyn Answers>,
+    answers: Box<dyn ReplyDecoder>,
     said: BytesMut,
 }
 
-impl FramedAnswers {
+impl FramedReplyDecoder {
     fn new(frames: FrameReader, limits: Limits) -> Self {
         Self {
             frames,
-            answers: BARE.answers(limits),
+            answers: UNINDEXED.reply_decoder(limits),
             said: BytesMut::new(),
         }
     }
 }
 
-impl Answers for FramedAnswers {
+impl ReplyDecoder for FramedReplyDecoder {
     fn read(
         &mut self,
-        asked: &mut Asked,
+        initiator_state: &mut InitiatorState,
         input: &mut BytesMut,
     ) -> Result<Option<Progress>, ProtocolError> {
         loop {
-            let progress = self.answers.read(asked, &mut self.frames.stream)?;
+            let progress = self
+                .answers
+                .read(initiator_state, &mut self.frames.stream)?;
             if progress.is_none() && self.frames.is_closed() {
                 return Err(WebSocketError::Closed.into());
             }
@@ -197,7 +210,7 @@ impl Answers for FramedAnswers {
         }
     }
 
-    fn said(&mut self) -> BytesMut {
+    fn take_output(&mut self) -> BytesMut {
         self.said.split()
     }
 }

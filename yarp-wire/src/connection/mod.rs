@@ -15,14 +15,14 @@
 //!   Progress::Done        <-------   acknowledgement   (if the carrier has them)
 //! ```
 
-mod accept;
-mod datagrams;
-mod initiate;
-mod outgoing;
+mod acceptor;
+mod datagram_reassembly;
+mod initiator;
+mod message_writer;
 
-pub use accept::{Acceptor, Event, REFUSAL};
-pub use datagrams::DatagramReader;
-pub use initiate::Initiator;
-pub use outgoing::{put_acknowledgement, put_message};
+pub use acceptor::{Acceptor, Event, REFUSAL};
+pub use datagram_reassembly::DatagramReassembler;
+pub use initiator::Initiator;
+pub use message_writer::{put_acknowledgement, put_message};
 
 pub use crate::protocol::{Message, Progress, ProtocolError};

@@ -4,14 +4,14 @@
 //! index (binary carriers)  |  command block or line  |  payload
 //! ```
 
-mod command;
-mod index;
-mod object;
+mod message_index;
 mod payload;
 mod pieces;
+mod port_command;
+mod wire_object;
 
-pub use command::{Command, CommandError};
-pub use index::{Index, IndexError};
-pub use object::{RawText, ReadObject, WireObject};
+pub use message_index::{Index, IndexError};
 pub use payload::{Form, Payload};
 pub use pieces::{Piece, Pieces};
+pub use port_command::{Command, CommandError};
+pub use wire_object::{RawText, ReadObject, WireObject};

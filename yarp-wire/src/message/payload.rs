@@ -5,15 +5,15 @@ use std::sync::Arc;
 use bytes::{Bytes, BytesMut};
 
 use crate::bottle::{Bottle, DecodeError, detect};
-use crate::dialect::Dialect;
 use crate::limits::Limits;
 use crate::message::Pieces;
+use crate::wire_version::WireVersion;
 
 /// Which form a payload came in.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum Form {
     /// Binary, most likely of this generation.
-    Binary(Dialect),
+    Binary(WireVersion),
     /// The text of a bottle.
     Text,
 }
@@ -44,22 +44,22 @@ impl Payload {
     }
 
     /// What a writer of this process wrote, in binary of exactly this generation.
-    pub fn of_pieces(pieces: &Pieces, dialect: Dialect) -> Self {
+    pub fn of_pieces(pieces: &Pieces, wire_version: WireVersion) -> Self {
         Self {
             content: Content::Pieces(pieces.to_vec().into()),
-            form: Form::Binary(dialect),
+            form: Form::Binary(wire_version),
         }
     }
 
     /// As [`Payload::of_pieces`]; what is small is copied to the end of `room`, and takes no memory of its own.
-    pub fn of_pieces_in(pieces: &Pieces, dialect: Dialect, room: &mut BytesMut) -> Self {
+    pub fn of_pieces_in(pieces: &Pieces, wire_version: WireVersion, room: &mut BytesMut) -> Self {
         let Some(written) = pieces.as_written() else {
-            return Self::of_pieces(pieces, dialect);
+            return Self::of_pieces(pieces, wire_version);
         };
         room.extend_from_slice(written);
         Self {
             content: Content::Written(room.split().freeze()),
-            form: Form::Binary(dialect),
+            form: Form::Binary(wire_version),
         }
     }
 
@@ -99,9 +99,9 @@ impl Payload {
     }
 
     /// The generation of the bytes: what they betray, else what the connection assumes.
-    pub fn dialect(&self) -> Dialect {
+    pub fn wire_version(&self) -> WireVersion {
         match self.form {
-            Form::Text => Dialect::V3,
+            Form::Text => WireVersion::V3,
             Form::Binary(assumed) => match &self.content {
                 Content::Whole(bytes) => detect(bytes, Limits::DEFAULT).unwrap_or(assumed),
                 Content::Written(_) | Content::Pieces(_) => assumed,
@@ -127,10 +127,10 @@ impl Payload {
     }
 
     /// The content in binary: as it came, or translated from text.
-    pub fn to_binary(&self, dialect: Dialect) -> Result<Bytes, DecodeError> {
+    pub fn to_binary(&self, wire_version: WireVersion) -> Result<Bytes, DecodeError> {
         match self.form {
             Form::Binary(_) => Ok(self.bytes()),
-            Form::Text => Ok(self.to_bottle()?.encode(dialect)),
+            Form::Text => Ok(self.to_bottle()?.encode(wire_version)),
         }
     }
 }

@@ -36,7 +36,7 @@ pub enum Piece<'a> {
 
 impl Pieces {
     /// From this length on bytes are shared; shorter ones are cheaper to copy.
-    pub const WORTH_SHARING: usize = 16 * 1024;
+    pub const MIN_SHARED_LEN: usize = 16 * 1024;
 
     /// Nothing yet.
     pub fn new() -> Self {
@@ -50,7 +50,7 @@ impl Pieces {
 
     /// Appends bytes without copying them, if they are worth it.
     pub fn share(&mut self, bytes: &Bytes) {
-        if bytes.len() < Self::WORTH_SHARING {
+        if bytes.len() < Self::MIN_SHARED_LEN {
             self.written.extend_from_slice(bytes);
         } else {
             self.sharing += bytes.len();
@@ -82,7 +82,7 @@ impl Pieces {
 
     /// Makes a large message that was written out one that can be shared.
     pub fn seal(&mut self) {
-        if self.shared.is_empty() && self.written.len() >= Self::WORTH_SHARING {
+        if self.shared.is_empty() && self.written.len() >= Self::MIN_SHARED_LEN {
             let bytes = std::mem::take(&mut self.written).freeze();
             self.share(&bytes);
         }
@@ -134,7 +134,7 @@ mod tests {
 
     #[test]
     fn parts_keep_their_order() {
-        let large = |byte| Bytes::from(vec![byte; Pieces::WORTH_SHARING]);
+        let large = |byte| Bytes::from(vec![byte; Pieces::MIN_SHARED_LEN]);
         let mut pieces = Pieces::new();
         pieces.share(&large(1));
         pieces.written().extend_from_slice(b"ab");
@@ -154,12 +154,12 @@ mod tests {
     #[test]
     fn large_messages_become_shared() {
         let mut pieces = Pieces::new();
-        pieces.written().resize(Pieces::WORTH_SHARING - 1, 7);
+        pieces.written().resize(Pieces::MIN_SHARED_LEN - 1, 7);
         pieces.seal();
         assert!(matches!(pieces.iter().next(), Some(Piece::Written(_))));
         pieces.written().extend_from_slice(&[7]);
         pieces.seal();
         assert!(matches!(pieces.iter().next(), Some(Piece::Shared(_))));
-        assert_eq!(pieces.len(), Pieces::WORTH_SHARING);
+        assert_eq!(pieces.len(), Pieces::MIN_SHARED_LEN);
     }
 }

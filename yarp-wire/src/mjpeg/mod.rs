@@ -15,10 +15,10 @@
 //! An envelope travels in a comment of the picture. Nothing here compresses or expands pictures.
 //! Source: `yarp_mjpeg` of 3.5.0 in either role, byte by byte.
 
-mod comment;
-mod part;
-mod reader;
+mod jpeg_comment;
+mod multipart_reader;
+mod multipart_writer;
 
-pub use comment::{comment, with_comment};
-pub use part::{RESPONSE, VIEWER, put_part, request};
-pub use reader::{MjpegError, Part, PartReader};
+pub use jpeg_comment::{comment, with_comment};
+pub use multipart_reader::{MjpegError, Part, PartReader};
+pub use multipart_writer::{RESPONSE, VIEWER, put_part, request};

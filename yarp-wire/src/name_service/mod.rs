@@ -5,12 +5,12 @@
 //! pieces; its lines that place a port are [`Registration`]s.
 //!
 //! ```
-//! use yarp_wire::name_service::{AnswerReader, Command, Request, Style, Until};
+//! use yarp_wire::name_service::{AnswerReader, Command, Request, Style, AnswerEnd};
 //!
 //! let request = Request::plain(Command::Query { name: "/cam".into() });
 //! assert_eq!(request.to_bytes(Style::Line), b"NAME_SERVER query /cam\n");
 //!
-//! let mut reader = AnswerReader::new(Until::End);
+//! let mut reader = AnswerReader::new(AnswerEnd::End);
 //! reader.feed(b"registration name /cam ip 10.0.0.2 port 10002 type tcp\r\n*** end of").unwrap();
 //! assert!(!reader.is_done());
 //! reader.feed(b" message\r\n").unwrap();
@@ -18,15 +18,15 @@
 //! assert_eq!((place.host.as_str(), place.port), ("10.0.0.2", 10002));
 //! ```
 
-mod answer;
+mod answer_reader;
+mod name_request;
 mod registration;
-mod request;
-mod write;
+mod request_writer;
 
-pub use answer::{Answer, AnswerError, AnswerReader, Property, Until};
+pub use answer_reader::{Answer, AnswerEnd, AnswerError, AnswerReader, Property};
+pub use name_request::{Command, Form, LeaseHolder, RegisterRequest, Request};
 pub use registration::{Registration, RegistrationError};
-pub use request::{Command, Form, Holder, Registering, Request};
-pub use write::{Style, plain_text};
+pub use request_writer::{Style, plain_text};
 
 /// Last line of every old-style answer.
 pub const END: &str = "*** end of message";
@@ -35,11 +35,11 @@ pub const END: &str = "*** end of message";
 pub const PREFIX: &str = "NAME_SERVER";
 
 /// What a client writes where the server shall choose.
-pub const CHOOSE: &str = "...";
+pub const SERVER_CHOOSES: &str = "...";
 
 /// How a refusal begins that is about the server and not about the request: another server of the
 /// same names may do it. Not in stock.
-pub const ELSEWHERE: &str = "refused: this name server cannot";
+pub const UNSUPPORTED_PREFIX: &str = "refused: this name server cannot";
 
 /// TCP port of the name server unless configured otherwise.
 pub const DEFAULT_PORT: u16 = 10000;

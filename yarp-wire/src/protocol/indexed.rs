@@ -2,13 +2,16 @@
 
 use bytes::{Buf, BytesMut};
 
-use super::binary::{BinaryAnswers, BinaryOpening, put_binary_header};
-use super::{Answers, Incoming, Message, Messages, Opening, Payloads, Protocol, ProtocolError};
+use super::binary_common::{BinaryHandshakeDecoder, BinaryReplyDecoder, put_binary_header};
+use super::{
+    HandshakeDecoder, Incoming, Message, MessageDecoder, PayloadKind, Protocol, ProtocolError,
+    ReplyDecoder,
+};
 use crate::carrier::{Carrier, Sender, Transport};
-use crate::dialect::Dialect;
+use crate::framed_number;
 use crate::limits::Limits;
 use crate::message::{Command, Form, Index, Payload};
-use crate::number;
+use crate::wire_version::WireVersion;
 
 /// Messages with an index.
 pub static INDEXED: Indexed = Indexed;
@@ -18,28 +21,36 @@ pub static INDEXED: Indexed = Indexed;
 pub struct Indexed;
 
 impl Protocol for Indexed {
-    fn payloads(&self) -> Payloads {
-        Payloads::Binary
+    fn payload_kind(&self) -> PayloadKind {
+        PayloadKind::Binary
     }
 
     fn put_header(&self, carrier: &Carrier, sender: &Sender, output: &mut BytesMut) {
         put_binary_header(carrier, sender, output);
     }
 
-    fn opening(&self, carrier: &'static Carrier, input: &mut BytesMut) -> Box<dyn Opening> {
+    fn handshake_decoder(
+        &self,
+        carrier: &'static Carrier,
+        input: &mut BytesMut,
+    ) -> Box<dyn HandshakeDecoder> {
         let answer = match carrier.transport {
             Transport::Stream => header_reply,
             // The driver knows where it goes on.
             _ => |_, _: &mut BytesMut| (),
         };
-        Box::new(BinaryOpening::new(input, answer))
+        Box::new(BinaryHandshakeDecoder::new(input, answer))
     }
 
-    fn messages(&self, dialect: Dialect, limits: Limits) -> Box<dyn Messages> {
-        Box::new(IndexedMessages::new(dialect, limits))
+    fn message_decoder(
+        &self,
+        wire_version: WireVersion,
+        limits: Limits,
+    ) -> Box<dyn MessageDecoder> {
+        Box::new(IndexedMessageDecoder::new(wire_version, limits))
     }
 
-    fn answers(&self, _limits: Limits) -> Box<dyn Answers> {
+    fn reply_decoder(&self, _limits: Limits) -> Box<dyn ReplyDecoder> {
         Box::new(answers(take_header_reply))
     }
 
@@ -49,60 +60,60 @@ impl Protocol for Indexed {
     }
 
     fn put_acknowledgement(&self, output: &mut BytesMut) {
-        number::put(output, 0);
+        framed_number::put(output, 0);
     }
 }
 
 /// Appends the header reply of a binary carrier: the port to go on with.
 pub fn header_reply(port: u16, output: &mut BytesMut) {
-    number::put(output, i32::from(port));
+    framed_number::put(output, i32::from(port));
 }
 
 fn take_header_reply(input: &mut BytesMut) -> Result<Option<i32>, ProtocolError> {
-    let Some(reply) = input.first_chunk::<{ number::LENGTH }>() else {
+    let Some(reply) = input.first_chunk::<{ framed_number::LEN }>() else {
         return Ok(None);
     };
-    let number = number::decode(reply).ok_or(ProtocolError::HeaderReply { got: *reply })?;
-    input.advance(number::LENGTH);
+    let number = framed_number::decode(reply).ok_or(ProtocolError::HeaderReply { got: *reply })?;
+    input.advance(framed_number::LEN);
     Ok(Some(number))
 }
 
 /// Answers behind a header that is answered so.
 pub(crate) fn answers(
     header: fn(&mut BytesMut) -> Result<Option<i32>, ProtocolError>,
-) -> BinaryAnswers {
-    BinaryAnswers::new(header, take_acknowledgement)
+) -> BinaryReplyDecoder {
+    BinaryReplyDecoder::new(header, take_acknowledgement)
 }
 
 /// An acknowledgement is a number, and so many bytes that mean nothing.
 fn take_acknowledgement(input: &mut BytesMut, limits: Limits) -> Result<bool, ProtocolError> {
-    let Some(head) = input.first_chunk::<{ number::LENGTH }>() else {
+    let Some(head) = input.first_chunk::<{ framed_number::LEN }>() else {
         return Ok(false);
     };
-    let discard = number::decode(head)
+    let discard = framed_number::decode(head)
         .and_then(|n| usize::try_from(n).ok())
         .filter(|n| *n <= limits.line)
         .ok_or_else(|| ProtocolError::Acknowledgement { got: head.to_vec() })?;
-    if input.len() < number::LENGTH + discard {
+    if input.len() < framed_number::LEN + discard {
         return Ok(false);
     }
-    input.advance(number::LENGTH + discard);
+    input.advance(framed_number::LEN + discard);
     Ok(true)
 }
 
 /// Takes messages with an index.
 #[derive(Debug)]
-pub(crate) struct IndexedMessages {
-    dialect: Dialect,
+pub(crate) struct IndexedMessageDecoder {
+    wire_version: WireVersion,
     limits: Limits,
     /// The index has been read; that many bytes of message follow.
     total: Option<usize>,
 }
 
-impl IndexedMessages {
-    pub(crate) fn new(dialect: Dialect, limits: Limits) -> Self {
+impl IndexedMessageDecoder {
+    pub(crate) fn new(wire_version: WireVersion, limits: Limits) -> Self {
         Self {
-            dialect,
+            wire_version,
             limits,
             total: None,
         }
@@ -131,12 +142,12 @@ impl IndexedMessages {
         if !command.has_payload() {
             bytes.clear();
         }
-        let payload = Payload::new(bytes, Form::Binary(self.dialect));
+        let payload = Payload::new(bytes, Form::Binary(self.wire_version));
         Ok(Some(Message { command, payload }))
     }
 }
 
-impl Messages for IndexedMessages {
+impl MessageDecoder for IndexedMessageDecoder {
     fn read(
         &mut self,
         input: &mut BytesMut,
@@ -149,7 +160,7 @@ impl Messages for IndexedMessages {
         self.total.unwrap_or(0).saturating_sub(input.len())
     }
 
-    fn set_dialect(&mut self, dialect: Dialect) {
-        self.dialect = dialect;
+    fn set_wire_version(&mut self, wire_version: WireVersion) {
+        self.wire_version = wire_version;
     }
 }

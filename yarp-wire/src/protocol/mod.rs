@@ -3,18 +3,18 @@
 //! Each carrier names its [`Protocol`]. Those that several carriers share are here:
 //!
 //! * [`INDEXED`]: an index, a command block and a binary payload;
-//! * [`BARE`]: the same without the index;
-//! * [`LINES`]: lines of text.
+//! * [`UNINDEXED`]: the same without the index;
+//! * [`TEXT_LINES`]: lines of text.
 //!
 //! A carrier that speaks otherwise has its protocol in its own file: requests of browsers, pictures,
 //! frames, groups. What of it can be shared it takes from here.
 
-mod bare;
-mod binary;
-mod error;
+mod binary_common;
 mod indexed;
-mod line;
-mod lines;
+mod line_reader;
+mod stream_protocol_error;
+mod text_lines;
+mod unindexed;
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -23,62 +23,72 @@ use std::net::SocketAddrV4;
 use bytes::BytesMut;
 
 use crate::carrier::{Carrier, Sender};
-use crate::dialect::Dialect;
 use crate::http::Request;
 use crate::limits::Limits;
 use crate::message::{Command, Payload, WireObject};
+use crate::wire_version::WireVersion;
 
-pub use bare::BARE;
-pub use error::ProtocolError;
 pub use indexed::{INDEXED, header_reply};
-pub use lines::{ACKNOWLEDGEMENT_LINE, LINES};
+pub use stream_protocol_error::ProtocolError;
+pub use text_lines::{ACKNOWLEDGEMENT_LINE, TEXT_LINES};
+pub use unindexed::UNINDEXED;
 
-pub(crate) use bare::BareMessages;
-pub(crate) use binary::BinaryOpening;
-pub(crate) use indexed::{IndexedMessages, answers as indexed_answers};
-pub(crate) use line::LineReader;
-pub(crate) use lines::LineAnswers;
+pub(crate) use binary_common::BinaryHandshakeDecoder;
+pub(crate) use indexed::{IndexedMessageDecoder, answers as indexed_answers};
+pub(crate) use line_reader::LineReader;
+pub(crate) use text_lines::TextReplyDecoder;
+pub(crate) use unindexed::UnindexedMessageDecoder;
 
 /// How two ends understand each other. It holds nothing itself: what has been said so far is in
 /// what it makes for each connection.
 pub trait Protocol: fmt::Debug + Sync {
     /// What messages hold.
-    fn payloads(&self) -> Payloads;
+    fn payload_kind(&self) -> PayloadKind;
 
     /// Appends what an initiator says first.
     fn put_header(&self, carrier: &Carrier, sender: &Sender, output: &mut BytesMut);
 
     /// What takes the rest of that at the other end. The magic is whole and at the beginning of
     /// `input`, and may be passed over here.
-    fn opening(&self, carrier: &'static Carrier, input: &mut BytesMut) -> Box<dyn Opening>;
+    fn handshake_decoder(
+        &self,
+        carrier: &'static Carrier,
+        input: &mut BytesMut,
+    ) -> Box<dyn HandshakeDecoder>;
 
     /// What takes messages once the header is complete.
-    fn messages(&self, dialect: Dialect, limits: Limits) -> Box<dyn Messages>;
+    fn message_decoder(&self, wire_version: WireVersion, limits: Limits)
+    -> Box<dyn MessageDecoder>;
 
     /// What takes answers where messages are sent.
-    fn answers(&self, limits: Limits) -> Box<dyn Answers>;
+    fn reply_decoder(&self, limits: Limits) -> Box<dyn ReplyDecoder>;
 
     /// Appends all of a message that comes before a payload of `length` bytes.
     fn put_head(&self, command: &Command, length: usize, output: &mut BytesMut);
 
     /// Appends the payload of a message: the object alone.
-    fn put_object(&self, object: &dyn WireObject, dialect: Dialect, output: &mut BytesMut) {
-        match self.payloads() {
-            Payloads::Binary | Payloads::Pictures => object.write_binary(output, dialect),
-            Payloads::Text | Payloads::Page => object.write_text(output),
+    fn put_object(
+        &self,
+        object: &dyn WireObject,
+        wire_version: WireVersion,
+        output: &mut BytesMut,
+    ) {
+        match self.payload_kind() {
+            PayloadKind::Binary | PayloadKind::Jpeg => object.write_binary(output, wire_version),
+            PayloadKind::Text | PayloadKind::Page => object.write_text(output),
         }
     }
 
     /// Appends a reply.
-    fn put_reply(&self, object: &dyn WireObject, dialect: Dialect, output: &mut BytesMut) {
-        self.put_object(object, dialect, output);
+    fn put_reply(&self, object: &dyn WireObject, wire_version: WireVersion, output: &mut BytesMut) {
+        self.put_object(object, wire_version, output);
     }
 
     /// Appends an acknowledgement, on a carrier that has them.
     fn put_acknowledgement(&self, _output: &mut BytesMut) {}
 
     /// Whether commands that are no messages are answered with lines.
-    fn answers_commands(&self) -> bool {
+    fn replies_to_commands(&self) -> bool {
         false
     }
 
@@ -86,7 +96,7 @@ pub trait Protocol: fmt::Debug + Sync {
     fn put_lines(&self, _lines: &str, _output: &mut BytesMut) {}
 
     /// Whether a goodbye is answered with another.
-    fn answers_goodbye(&self) -> bool {
+    fn replies_to_close(&self) -> bool {
         false
     }
 
@@ -97,7 +107,7 @@ pub trait Protocol: fmt::Debug + Sync {
 /// What the messages of a protocol hold.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 #[non_exhaustive]
-pub enum Payloads {
+pub enum PayloadKind {
     /// Objects in the binary form.
     Binary,
     /// Objects as text.
@@ -105,10 +115,10 @@ pub enum Payloads {
     /// Text of a page.
     Page,
     /// Pictures ([`mjpeg`](crate::mjpeg)), each with its own head.
-    Pictures,
+    Jpeg,
 }
 
-impl Payloads {
+impl PayloadKind {
     /// Whether they are in the binary form.
     pub const fn are_binary(self) -> bool {
         matches!(self, Self::Binary)
@@ -116,7 +126,7 @@ impl Payloads {
 }
 
 /// An acceptor before the header is complete.
-pub trait Opening: fmt::Debug + Send + Sync {
+pub trait HandshakeDecoder: fmt::Debug + Send + Sync {
     /// Takes the header from `input`, or `None` while bytes are missing; what is answered to it
     /// goes to `output`. `port` is where the acceptor listens.
     fn read(
@@ -125,19 +135,19 @@ pub trait Opening: fmt::Debug + Send + Sync {
         limits: Limits,
         input: &mut BytesMut,
         output: &mut BytesMut,
-    ) -> Result<Option<Opened>, ProtocolError>;
+    ) -> Result<Option<Handshake>, ProtocolError>;
 }
 
 /// What a header says.
 #[derive(Debug)]
-pub struct Opened {
+pub struct Handshake {
     /// Who it is and what it asks for.
     pub sender: Sender,
     /// Where messages come, on a carrier of groups.
     pub group: Option<SocketAddrV4>,
 }
 
-impl Opened {
+impl Handshake {
     /// A peer that has no more to say.
     pub(crate) fn by(sender: Sender) -> Self {
         let group = None;
@@ -147,22 +157,22 @@ impl Opened {
 
 /// The opening of those who do not say who they are: this name stands for them.
 #[derive(Debug)]
-pub(crate) struct Anonymous(pub(crate) &'static str);
+pub(crate) struct AnonymousHandshake(pub(crate) &'static str);
 
-impl Opening for Anonymous {
+impl HandshakeDecoder for AnonymousHandshake {
     fn read(
         &mut self,
         _port: u16,
         _limits: Limits,
         _input: &mut BytesMut,
         _output: &mut BytesMut,
-    ) -> Result<Option<Opened>, ProtocolError> {
-        Ok(Some(Opened::by(Sender::plain(self.0))))
+    ) -> Result<Option<Handshake>, ProtocolError> {
+        Ok(Some(Handshake::by(Sender::plain(self.0))))
     }
 }
 
 /// An acceptor behind the header.
-pub trait Messages: fmt::Debug + Send + Sync {
+pub trait MessageDecoder: fmt::Debug + Send + Sync {
     /// Takes what comes next from `input`, or `None` while bytes are missing; what the protocol
     /// answers by itself goes to `output`.
     fn read(
@@ -178,11 +188,11 @@ pub trait Messages: fmt::Debug + Send + Sync {
     }
 
     /// Takes payloads to be of a generation.
-    fn set_dialect(&mut self, _dialect: Dialect) {}
+    fn set_wire_version(&mut self, _wire_version: WireVersion) {}
 
     /// What goes on with the same peer as the one that is written to, where that is not what
     /// [`Protocol::answers`] makes.
-    fn reversed(self: Box<Self>, _limits: Limits) -> Option<Box<dyn Answers>> {
+    fn into_reply_decoder(self: Box<Self>, _limits: Limits) -> Option<Box<dyn ReplyDecoder>> {
         None
     }
 }
@@ -206,29 +216,29 @@ pub struct Message {
 }
 
 /// An initiator, as far as it listens.
-pub trait Answers: fmt::Debug + Send + Sync {
+pub trait ReplyDecoder: fmt::Debug + Send + Sync {
     /// Takes the answer to the header, where there is one: the number in it, 0 where it has none.
     /// `None` while bytes are missing.
     fn read_header(
         &mut self,
-        _asked: &Asked,
+        _asked: &InitiatorState,
         _input: &mut BytesMut,
     ) -> Result<Option<i32>, ProtocolError> {
         Ok(Some(0))
     }
 
     /// There was a header, and it is done with.
-    fn pass_header(&mut self) {}
+    fn skip_header(&mut self) {}
 
     /// Takes the next answer from `input`, or `None` while bytes are missing.
     fn read(
         &mut self,
-        asked: &mut Asked,
+        initiator_state: &mut InitiatorState,
         input: &mut BytesMut,
     ) -> Result<Option<Progress>, ProtocolError>;
 
     /// What the protocol answered by itself.
-    fn said(&mut self) -> BytesMut {
+    fn take_output(&mut self) -> BytesMut {
         BytesMut::new()
     }
 }
@@ -249,20 +259,20 @@ pub enum Progress {
 
 /// What an initiator asked for, and how it is spoken with.
 #[derive(Debug)]
-pub struct Asked {
+pub struct InitiatorState {
     /// The carrier.
     pub carrier: &'static Carrier,
     /// The generation that the acceptor is taken to be of.
-    pub dialect: Dialect,
+    pub wire_version: WireVersion,
     /// What is taken at most.
     pub limits: Limits,
     /// What the oldest messages still wait for.
-    pub waiting: VecDeque<Waiting>,
+    pub waiting: VecDeque<PendingReply>,
 }
 
 /// What a message waits for.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
-pub enum Waiting {
+pub enum PendingReply {
     /// A reply.
     Reply,
     /// Lines.

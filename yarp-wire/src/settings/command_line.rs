@@ -4,7 +4,7 @@ use super::{Origin, Setting, Settings};
 use crate::bottle::{Bottle, Value};
 
 /// How deep a key may lead into groups; what follows is one name.
-const DEEPEST: usize = 100;
+const MAX_GROUP_DEPTH: usize = 100;
 
 impl Settings {
     /// Adds what the words behind a program's name say (`Property::fromCommand`).
@@ -40,7 +40,7 @@ impl Settings {
     }
 
     fn put_into_group(&mut self, key: &str, mut values: Vec<Setting>) {
-        let mut path: Vec<&str> = key.splitn(DEEPEST, "::").collect();
+        let mut path: Vec<&str> = key.splitn(MAX_GROUP_DEPTH, "::").collect();
         if path.len() > 1 && path.last() == Some(&"") {
             path.pop();
         }

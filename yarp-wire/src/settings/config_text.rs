@@ -16,15 +16,15 @@
 
 use std::sync::Arc;
 
-use super::expand::expand;
-use super::remark::without_remark;
+use super::comments::strip_comment;
+use super::variable_expansion::expand;
 use super::{Origin, Setting, Settings, Source, all, bottle};
-use crate::bottle::{Balance, Bottle, Value};
+use crate::bottle::{Bottle, BracketBalance, Value};
 
 /// How deep files may include one another.
-const DEEPEST: usize = 16;
+const MAX_INCLUDE_DEPTH: usize = 16;
 /// How many files one may include altogether.
-const MOST_FILES: usize = 1000;
+const MAX_INCLUDED_FILES: usize = 1000;
 
 /// Something that was passed over while a file was read.
 #[derive(Clone, Debug, Eq, PartialEq)]
@@ -143,7 +143,7 @@ impl<'a> Reader<'a> {
                 close(into, &mut open);
                 return;
             }
-            let line = expand(without_remark(&line), |name| {
+            let line = expand(strip_comment(&line), |name| {
                 self.variable(name, search, into)
             });
             let Some((head, _)) = line.strip_prefix('[').and_then(|head| head.split_once(']'))
@@ -200,10 +200,12 @@ impl<'a> Reader<'a> {
         depth: usize,
     ) -> bool {
         self.files += 1;
-        if depth >= DEEPEST || self.files > MOST_FILES {
+        if depth >= MAX_INCLUDE_DEPTH || self.files > MAX_INCLUDED_FILES {
             self.problem(
                 at,
-                format!("more than {DEEPEST} files deep, or {MOST_FILES} altogether"),
+                format!(
+                    "more than {MAX_INCLUDE_DEPTH} files deep, or {MAX_INCLUDED_FILES} altogether"
+                ),
             );
             return false;
         }
@@ -362,7 +364,7 @@ impl<'a> Lines<'a> {
     /// The next lines up to where no bracket or quote is open, and whether the text ends before that.
     fn whole_line(&mut self) -> (String, bool) {
         let mut whole = String::new();
-        let mut balance = Balance::default();
+        let mut balance = BracketBalance::default();
         loop {
             let Some(line) = self.next_line() else {
                 return (whole, true);
@@ -371,7 +373,7 @@ impl<'a> Lines<'a> {
             whole.push_str(&line);
             let mut ended = balance;
             ended.extend(b" ");
-            if ended.is_even() {
+            if ended.is_balanced() {
                 return (whole, false);
             }
         }

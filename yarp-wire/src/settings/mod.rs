@@ -13,19 +13,19 @@
 //! Source: `Property.cpp` of YARP 3.5 and its answers to the same texts.
 
 mod command_line;
+mod comments;
 mod config_text;
-mod expand;
 mod origin;
-pub mod parameters;
-mod remark;
+pub mod typed_parameters;
+mod variable_expansion;
 
 use std::collections::BTreeMap;
 use std::fmt;
 
+pub use comments::strip_comment;
 pub use config_text::Problem;
 pub use origin::Origin;
-pub use parameters::{Expected, ParameterError, Parameters};
-pub use remark::without_remark;
+pub use typed_parameters::{Expected, ParameterError, Parameters};
 
 use crate::bottle::{Bottle, TextError, Value};
 

@@ -2,8 +2,8 @@
 
 use bytes::{BufMut, Bytes, BytesMut};
 
-use crate::dialect::Dialect;
-use crate::vector::float64_list;
+use crate::float_vector::float64_list;
+use crate::wire_version::WireVersion;
 
 /// A number that vectors and pixels are made of.
 ///
@@ -24,7 +24,7 @@ pub trait Element: Copy + sealed::Sealed {
     const WIDTH: usize;
 
     /// The code of a list of such elements.
-    fn list_code(dialect: Dialect) -> i32;
+    fn list_code(wire_version: WireVersion) -> i32;
 
     /// Appends the element.
     fn put(self, out: &mut BytesMut);
@@ -54,8 +54,8 @@ macro_rules! elements {
         impl Element for $element {
             const WIDTH: usize = size_of::<$element>();
 
-            fn list_code(dialect: Dialect) -> i32 {
-                $code(dialect)
+            fn list_code(wire_version: WireVersion) -> i32 {
+                $code(wire_version)
             }
 
             fn put(self, out: &mut BytesMut) {
@@ -79,9 +79,9 @@ elements! {
     u8, put_u8, |_| 256 + 32;
 }
 
-const fn float32_list(dialect: Dialect) -> i32 {
-    match dialect {
-        Dialect::V3 => 256 + 128,
-        Dialect::V4 => 256 + 10,
+const fn float32_list(wire_version: WireVersion) -> i32 {
+    match wire_version {
+        WireVersion::V3 => 256 + 128,
+        WireVersion::V4 => 256 + 10,
     }
 }

@@ -1,11 +1,11 @@
 //! The sixty bytes in front of the pixels.
 
-use super::image::ImageError;
 use super::pixel::PixelCode;
-use super::prefix::Front;
+use super::prefix_reader::Front;
+use super::typed_image::ImageError;
 use crate::bottle::DecodeError;
-use crate::dialect::Dialect;
 use crate::vocab::Vocab32;
+use crate::wire_version::WireVersion;
 
 /// Bytes of the header.
 pub const HEADER: usize = 60;
@@ -130,11 +130,11 @@ impl Header {
     }
 
     /// The bytes of the header.
-    pub(super) fn to_bytes(self, dialect: Dialect) -> [u8; HEADER] {
+    pub(super) fn to_bytes(self, wire_version: WireVersion) -> [u8; HEADER] {
         let size = self.size().expect("checked when the image was made") as i32;
-        let mark = match dialect {
-            Dialect::V3 => i32::from(self.marked) << 16,
-            Dialect::V4 => 0,
+        let mark = match wire_version {
+            WireVersion::V3 => i32::from(self.marked) << 16,
+            WireVersion::V4 => 0,
         };
         let words = [
             256,

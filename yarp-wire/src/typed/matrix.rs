@@ -3,11 +3,11 @@
 use bytes::{BufMut, Bytes, BytesMut};
 
 use super::element::collect;
-use super::prefix::{Front, ReadPrefix, read_whole};
+use super::prefix_reader::{Front, ReadPrefix, read_whole};
 use crate::bottle::DecodeError;
-use crate::dialect::Dialect;
+use crate::float_vector::{float64_list, put_float64s};
 use crate::message::{ReadObject, WireObject};
-use crate::vector::{float64_list, put_float64s};
+use crate::wire_version::WireVersion;
 
 /// A matrix of floating point numbers, stock's `yarp::sig::Matrix`.
 ///
@@ -110,22 +110,22 @@ impl Matrix {
 }
 
 impl WireObject for Matrix {
-    fn write_binary(&self, out: &mut BytesMut, dialect: Dialect) {
+    fn write_binary(&self, out: &mut BytesMut, wire_version: WireVersion) {
         for word in [256, 3, 1, self.rows as i32, 1, self.columns as i32] {
             out.put_i32_le(word);
         }
-        put_float64s(out, &self.values, dialect);
+        put_float64s(out, &self.values, wire_version);
     }
 }
 
 impl ReadPrefix for Matrix {
-    fn take(bytes: &mut Bytes, dialect: Dialect) -> Result<Self, DecodeError> {
+    fn take(bytes: &mut Bytes, wire_version: WireVersion) -> Result<Self, DecodeError> {
         let mut front = Front::new(bytes, "a matrix: rows, columns and that many values");
         front.words(&[256, 3, 1])?;
         let rows = front.count()?;
         front.words(&[1])?;
         let columns = front.count()?;
-        front.words(&[float64_list(dialect)])?;
+        front.words(&[float64_list(wire_version)])?;
         let count = front.count()?;
         if count == 0 || rows.checked_mul(columns) != Some(count) {
             return Err(front.shape());
@@ -140,7 +140,7 @@ impl ReadPrefix for Matrix {
 }
 
 impl ReadObject for Matrix {
-    fn read_binary(bytes: &Bytes, dialect: Dialect) -> Result<Self, DecodeError> {
-        read_whole(bytes, dialect)
+    fn read_binary(bytes: &Bytes, wire_version: WireVersion) -> Result<Self, DecodeError> {
+        read_whole(bytes, wire_version)
     }
 }

@@ -1,7 +1,7 @@
 //! The messages with a type of their own: vectors, matrices, images, sounds and the rest.
 //!
 //! Each type is a [`WireObject`](crate::message::WireObject) and a
-//! [`ReadObject`](crate::message::ReadObject) for both dialects, and most are laid out as a
+//! [`ReadObject`](crate::message::ReadObject) for both wire versions, and most are laid out as a
 //! bottle, so that every tool can print them. [`ReadPrefix`] is for what stands inside another
 //! message. A message of your own is declared with [`wire_struct!`](crate::wire_struct).
 //!
@@ -15,33 +15,33 @@
 //! | [`Property`] | `(key value...) (key value...)` | `yarp::os::Property` |
 //! | [`Pair`] | `(head) (body)` | `yarp::os::PortablePair` |
 
-mod convert;
 mod element;
-mod image;
 mod image_header;
 mod matrix;
 mod pair;
 mod pixel;
-mod prefix;
-mod property;
+mod pixel_conversion;
+mod prefix_reader;
+mod property_message;
 mod record;
 mod sound;
 mod sound_layout;
-mod stamp;
-mod vector;
+mod stamp_message;
+mod typed_image;
+mod vector_of;
 
 pub use element::Element;
-pub use image::{Image, ImageError};
 pub use image_header::HEADER as IMAGE_HEADER;
 pub use matrix::{Matrix, MatrixError};
 pub use pair::Pair;
 pub use pixel::PixelCode;
-pub use prefix::{ReadPrefix, read_whole};
-pub use property::Property;
+pub use prefix_reader::{ReadPrefix, read_whole};
+pub use property_message::Property;
 pub use record::{Field, Record};
 pub use sound::{Sound, SoundError, SoundMarker};
 pub use sound_layout::{SoundLayout, SoundMessage};
-pub use vector::VectorOf;
+pub use typed_image::{Image, ImageError};
+pub use vector_of::VectorOf;
 
 /// What [`wire_struct!`](crate::wire_struct) needs wherever it is used.
 #[doc(hidden)]

@@ -2,10 +2,10 @@
 
 use bytes::{BufMut, Bytes, BytesMut};
 
-use super::prefix::{Front, ReadPrefix, read_whole};
+use super::prefix_reader::{Front, ReadPrefix, read_whole};
 use crate::bottle::DecodeError;
-use crate::dialect::Dialect;
 use crate::message::{ReadObject, WireObject};
+use crate::wire_version::WireVersion;
 
 /// A head and a body, stock's `yarp::os::PortablePair`.
 ///
@@ -24,27 +24,27 @@ pub struct Pair<A, B> {
 }
 
 impl<A: WireObject, B: WireObject> WireObject for Pair<A, B> {
-    fn write_binary(&self, out: &mut BytesMut, dialect: Dialect) {
+    fn write_binary(&self, out: &mut BytesMut, wire_version: WireVersion) {
         out.put_i32_le(256);
         out.put_i32_le(2);
-        self.head.write_binary(out, dialect);
-        self.body.write_binary(out, dialect);
+        self.head.write_binary(out, wire_version);
+        self.body.write_binary(out, wire_version);
     }
 }
 
 impl<A: ReadPrefix, B: ReadPrefix> ReadPrefix for Pair<A, B> {
-    fn take(bytes: &mut Bytes, dialect: Dialect) -> Result<Self, DecodeError> {
+    fn take(bytes: &mut Bytes, wire_version: WireVersion) -> Result<Self, DecodeError> {
         let mut front = Front::new(bytes, "a pair: a list of two");
         front.words(&[256, 2])?;
         Ok(Self {
-            head: A::take(front.rest(), dialect)?,
-            body: B::take(front.rest(), dialect)?,
+            head: A::take(front.rest(), wire_version)?,
+            body: B::take(front.rest(), wire_version)?,
         })
     }
 }
 
 impl<A: ReadPrefix, B: ReadPrefix> ReadObject for Pair<A, B> {
-    fn read_binary(bytes: &Bytes, dialect: Dialect) -> Result<Self, DecodeError> {
-        read_whole(bytes, dialect)
+    fn read_binary(bytes: &Bytes, wire_version: WireVersion) -> Result<Self, DecodeError> {
+        read_whole(bytes, wire_version)
     }
 }

@@ -50,7 +50,7 @@ pub trait Field: Sized {
 /// ```
 /// use yarp_wire::message::{ReadObject, WireObject};
 /// use yarp_wire::typed::Record;
-/// use yarp_wire::{Bottle, Dialect, wire_struct};
+/// use yarp_wire::{Bottle, WireVersion, wire_struct};
 ///
 /// wire_struct! {
 ///     /// How to take hold of something.
@@ -65,8 +65,8 @@ pub trait Field: Sized {
 ///
 /// let grasp = Grasp { name: "cup".into(), force: 2.5 };
 /// assert_eq!(grasp.to_bottle().to_string(), "cup 2.5");
-/// let typed = Bottle::parse("cup 3").unwrap().encode(Dialect::V3);
-/// assert_eq!(Grasp::read_binary(&typed, Dialect::V3).unwrap().force, 3.0);
+/// let typed = Bottle::parse("cup 3").unwrap().encode(WireVersion::V3);
+/// assert_eq!(Grasp::read_binary(&typed, WireVersion::V3).unwrap().force, 3.0);
 /// ```
 #[macro_export]
 macro_rules! wire_struct {
@@ -114,18 +114,18 @@ macro_rules! wire_struct {
             fn write_binary(
                 &self,
                 out: &mut $crate::typed::private::BytesMut,
-                dialect: $crate::Dialect,
+                wire_version: $crate::WireVersion,
             ) {
-                $crate::typed::Record::to_bottle(self).encode_into(out, dialect);
+                $crate::typed::Record::to_bottle(self).encode_into(out, wire_version);
             }
         }
 
         impl $crate::typed::ReadPrefix for $name {
             fn take(
                 bytes: &mut $crate::typed::private::Bytes,
-                dialect: $crate::Dialect,
+                wire_version: $crate::WireVersion,
             ) -> Result<Self, $crate::bottle::DecodeError> {
-                let bottle = <$crate::Bottle as $crate::typed::ReadPrefix>::take(bytes, dialect)?;
+                let bottle = <$crate::Bottle as $crate::typed::ReadPrefix>::take(bytes, wire_version)?;
                 $crate::typed::Record::from_bottle(&bottle).ok_or(
                     $crate::bottle::DecodeError::Shape {
                         expected: <Self as $crate::typed::Record>::SHAPE,
@@ -137,9 +137,9 @@ macro_rules! wire_struct {
         impl $crate::message::ReadObject for $name {
             fn read_binary(
                 bytes: &$crate::typed::private::Bytes,
-                dialect: $crate::Dialect,
+                wire_version: $crate::WireVersion,
             ) -> Result<Self, $crate::bottle::DecodeError> {
-                $crate::typed::read_whole(bytes, dialect)
+                $crate::typed::read_whole(bytes, wire_version)
             }
         }
     )+};

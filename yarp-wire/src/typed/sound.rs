@@ -4,18 +4,18 @@ use std::collections::BTreeMap;
 
 use bytes::{Bytes, BytesMut};
 
-use super::prefix::read_whole;
+use super::prefix_reader::read_whole;
 use super::sound_layout::SoundLayout;
 use crate::bottle::{DecodeError, Text};
-use crate::dialect::Dialect;
 use crate::message::{ReadObject, WireObject};
+use crate::wire_version::WireVersion;
 
 /// Samples of one or more microphones, stock's `yarp::sig::Sound`.
 ///
 /// A sample is an i16; a channel after the other is sent whole. Stock has announced sounds of
 /// 8-bit samples since 3.9, but what it then sends is not as long as it says, so that only 16-bit
 /// samples are read. How the bytes lie depends on the version, see [`SoundLayout`]: all layouts
-/// are read, and the newest of the reader's dialect is written unless
+/// are read, and the newest of the reader's wire version is written unless
 /// [`Sound::laid_out`] names another.
 ///
 /// ```
@@ -109,15 +109,15 @@ impl Sound {
 }
 
 impl WireObject for Sound {
-    /// Writes [`SoundLayout::newest`] of the dialect.
-    fn write_binary(&self, out: &mut BytesMut, dialect: Dialect) {
-        self.laid_out(SoundLayout::newest(dialect))
-            .write_binary(out, dialect);
+    /// Writes [`SoundLayout::newest`] of the wire version.
+    fn write_binary(&self, out: &mut BytesMut, wire_version: WireVersion) {
+        self.laid_out(SoundLayout::newest(wire_version))
+            .write_binary(out, wire_version);
     }
 }
 
 impl ReadObject for Sound {
-    fn read_binary(bytes: &Bytes, dialect: Dialect) -> Result<Self, DecodeError> {
-        read_whole(bytes, dialect)
+    fn read_binary(bytes: &Bytes, wire_version: WireVersion) -> Result<Self, DecodeError> {
+        read_whole(bytes, wire_version)
     }
 }

@@ -3,13 +3,13 @@
 use bytes::{BufMut, Bytes, BytesMut};
 
 use super::element::collect;
-use super::image::Image;
 use super::pixel::PixelCode;
-use super::prefix::{Front, ReadPrefix};
+use super::prefix_reader::{Front, ReadPrefix};
 use super::sound::{Sound, SoundMarker};
+use super::typed_image::Image;
 use crate::bottle::{Bottle, DecodeError, Text};
-use crate::dialect::Dialect;
 use crate::message::WireObject;
+use crate::wire_version::WireVersion;
 
 /// The four layouts of a sound. No stock version reads the layout of another; we read all.
 ///
@@ -23,7 +23,7 @@ use crate::message::WireObject;
 /// The image of a `Pair` has `mo16` pixels, quantum 2, a row per channel. A marker is
 /// `256 4`, key, label (each a length and bytes), int32 channel, int64 sample, without codes, so
 /// that a sound with markers is not a bottle and prints as an empty line on a text connection.
-/// The second number tells the layouts apart, and the dialect does not matter.
+/// The second number tells the layouts apart, and the wire version does not matter.
 ///
 /// Source: `Pair` from bytes written and read by 3.5.0; the others from `sig/Sound.cpp` of 3.9.0,
 /// 3.12.3 and 4.0.0.
@@ -41,11 +41,11 @@ pub enum SoundLayout {
 }
 
 impl SoundLayout {
-    /// What the newest stock version of a dialect reads.
-    pub const fn newest(dialect: Dialect) -> Self {
-        match dialect {
-            Dialect::V3 => Self::List,
-            Dialect::V4 => Self::Marked,
+    /// What the newest stock version of a wire version reads.
+    pub const fn newest(wire_version: WireVersion) -> Self {
+        match wire_version {
+            WireVersion::V3 => Self::List,
+            WireVersion::V4 => Self::Marked,
         }
     }
 }
@@ -68,10 +68,10 @@ impl Sound {
 }
 
 impl WireObject for SoundMessage<'_> {
-    fn write_binary(&self, out: &mut BytesMut, dialect: Dialect) {
+    fn write_binary(&self, out: &mut BytesMut, wire_version: WireVersion) {
         let sound = self.sound;
         let (items, first_code) = match self.layout {
-            SoundLayout::Pair => return put_pair(out, sound, dialect),
+            SoundLayout::Pair => return put_pair(out, sound, wire_version),
             // That version writes its first number where the code belongs, then over it.
             SoundLayout::Raw => (4, 0),
             SoundLayout::List => (5, 1),
@@ -103,7 +103,7 @@ fn put_words(out: &mut BytesMut, words: &[i32]) {
     }
 }
 
-fn put_pair(out: &mut BytesMut, sound: &Sound, dialect: Dialect) {
+fn put_pair(out: &mut BytesMut, sound: &Sound, wire_version: WireVersion) {
     let mut samples = BytesMut::with_capacity(SAMPLE * sound.samples.len());
     for sample in &sound.samples {
         samples.put_i16_le(*sample);
@@ -112,8 +112,8 @@ fn put_pair(out: &mut BytesMut, sound: &Sound, dialect: Dialect) {
     let image = Image::from_padded(code, sound.length, sound.channels, SAMPLE, samples.freeze())
         .expect("a row of samples per channel, less than 2 GiB");
     put_words(out, &[256, 2]);
-    image.write_binary(out, dialect);
-    Bottle::of(sound.frequency).encode_into(out, dialect);
+    image.write_binary(out, wire_version);
+    Bottle::of(sound.frequency).encode_into(out, wire_version);
 }
 
 fn put_markers(out: &mut BytesMut, sound: &Sound) {
@@ -130,11 +130,11 @@ fn put_markers(out: &mut BytesMut, sound: &Sound) {
 }
 
 impl ReadPrefix for Sound {
-    fn take(bytes: &mut Bytes, dialect: Dialect) -> Result<Self, DecodeError> {
+    fn take(bytes: &mut Bytes, wire_version: WireVersion) -> Result<Self, DecodeError> {
         let mut front = Front::new(bytes, "a sound of 16-bit samples");
         front.words(&[256])?;
         match front.i32()? {
-            2 => take_pair(&mut front, dialect),
+            2 => take_pair(&mut front, wire_version),
             4 => take_flat(&mut front, SoundLayout::Raw),
             5 => take_flat(&mut front, SoundLayout::List),
             6 => take_flat(&mut front, SoundLayout::Marked),
@@ -143,9 +143,9 @@ impl ReadPrefix for Sound {
     }
 }
 
-fn take_pair(front: &mut Front<'_>, dialect: Dialect) -> Result<Sound, DecodeError> {
-    let image = Image::take(front.rest(), dialect)?;
-    let frequency = Bottle::take(front.rest(), dialect)?;
+fn take_pair(front: &mut Front<'_>, wire_version: WireVersion) -> Result<Sound, DecodeError> {
+    let image = Image::take(front.rest(), wire_version)?;
+    let frequency = Bottle::take(front.rest(), wire_version)?;
     let frequency = frequency.get(0).and_then(|frequency| frequency.as_i32());
     let (PixelCode::MONO16, Some(frequency)) = (image.code(), frequency) else {
         return Err(front.shape());

@@ -15,11 +15,11 @@
 //! Text frames count as data like binary ones, as in stock, so what they hold is not checked to be
 //! text. Extensions are not agreed upon.
 
-mod frame;
-mod handshake;
+mod websocket_frame;
+mod websocket_handshake;
 
-pub use frame::{FrameReader, put_close, put_frame_head};
-pub use handshake::response;
+pub use websocket_frame::{FrameReader, put_close, put_frame_head};
+pub use websocket_handshake::response;
 
 /// Why a connection of frames cannot go on.
 #[derive(Clone, Copy, Debug, Eq, PartialEq, thiserror::Error)]
@@ -38,7 +38,7 @@ pub enum WebSocketError {
         kind: u8,
     },
     /// A frame that is not masked: no browser sends such.
-    #[error("a frame that is not masked")]
+    #[error("a WebSocket frame that is not masked")]
     Unmasked,
     /// A ping, pong or close that is cut into pieces or longer than 125 bytes.
     #[error("a control frame in pieces, or of more than 125 bytes")]
@@ -55,6 +55,6 @@ pub enum WebSocketError {
         limit: usize,
     },
     /// The page closed the connection.
-    #[error("the page closed it")]
+    #[error("the WebSocket client closed the connection")]
     Closed,
 }

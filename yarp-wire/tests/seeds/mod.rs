@@ -1,13 +1,13 @@
 //! What the fuzzer starts from: good input of every kind, and bad input of every kind we know.
 
 use bytes::BytesMut;
-use yarp_wire::auth::{Handshake, Key};
+use yarp_wire::auth::{Key, KeyHandshake};
 use yarp_wire::carrier::{ALL, Carrier};
 use yarp_wire::connection::{put_acknowledgement, put_message};
 use yarp_wire::message::Command;
 use yarp_wire::mjpeg::{RESPONSE, put_part};
 use yarp_wire::protocol::header_reply;
-use yarp_wire::{Bottle, Dialect, Value};
+use yarp_wire::{Bottle, Value, WireVersion};
 
 use crate::fuzz::{CARRIERS, carrier_at, header};
 
@@ -101,9 +101,9 @@ fn strings(texts: &[&str]) -> Vec<Vec<u8>> {
 
 fn bottles() -> Vec<Vec<u8>> {
     let mut seeds = Vec::new();
-    for dialect in [Dialect::V3, Dialect::V4] {
+    for wire_version in [WireVersion::V3, WireVersion::V4] {
         for text in &TEXTS[..2] {
-            seeds.push(Bottle::parse(text).unwrap().encode(dialect).to_vec());
+            seeds.push(Bottle::parse(text).unwrap().encode(wire_version).to_vec());
         }
         let kinds = Bottle::from_iter([
             Value::Int8(-1),
@@ -113,11 +113,11 @@ fn bottles() -> Vec<Vec<u8>> {
             Value::Float64(0.1),
             Value::Dictionary(Bottle::parse("(a x) (b 1)").unwrap()),
         ]);
-        seeds.push(kinds.encode(dialect).to_vec());
+        seeds.push(kinds.encode(wire_version).to_vec());
         seeds.push(
             Bottle::parse("0.5 0.25 0.125")
                 .unwrap()
-                .encode(dialect)
+                .encode(wire_version)
                 .to_vec(),
         );
     }
@@ -203,8 +203,8 @@ fn message_reader() -> Vec<Vec<u8>> {
             envelope,
         };
         let mut out = BytesMut::from(&[0][..]);
-        put_message(&mut out, tcp, &command, Some(&content), Dialect::V3);
-        put_message(&mut out, tcp, &Command::Quit, None, Dialect::V3);
+        put_message(&mut out, tcp, &command, Some(&content), WireVersion::V3);
+        put_message(&mut out, tcp, &Command::Quit, None, WireVersion::V3);
         seeds.push(out.to_vec());
     }
     seeds
@@ -217,7 +217,7 @@ fn datagrams() -> Vec<Vec<u8>> {
     let content = Bottle::parse("1 0.5 (a)").unwrap();
     let mut message = BytesMut::new();
     let command = Command::data(false);
-    put_message(&mut message, udp, &command, Some(&content), Dialect::V3);
+    put_message(&mut message, udp, &command, Some(&content), WireVersion::V3);
     let mut pieces = vec![b' '];
     for (number, piece) in (0..).zip(message.chunks(30)) {
         pieces.extend_from_slice(&[piece.len() as u8, number]);
@@ -272,10 +272,10 @@ fn typed_messages() -> Vec<Vec<u8>> {
         &VectorOf(vec![1i32, 2, 3]),
     ];
     let mut seeds = Vec::new();
-    for dialect in [Dialect::V3, Dialect::V4] {
+    for wire_version in [WireVersion::V3, WireVersion::V4] {
         for object in objects {
             let mut bytes = BytesMut::new();
-            object.write_binary(&mut bytes, dialect);
+            object.write_binary(&mut bytes, wire_version);
             seeds.push(bytes.to_vec());
         }
     }
@@ -348,9 +348,15 @@ fn behind_header(carrier: &'static Carrier) -> BytesMut {
         "websocket" => bytes.extend_from_slice(&frames()[0]),
         _ => {
             for command in [Command::data(true), Command::Admin, Command::data(false)] {
-                put_message(&mut bytes, carrier, &command, Some(&content), Dialect::V3);
+                put_message(
+                    &mut bytes,
+                    carrier,
+                    &command,
+                    Some(&content),
+                    WireVersion::V3,
+                );
             }
-            put_message(&mut bytes, carrier, &Command::Quit, None, Dialect::V3);
+            put_message(&mut bytes, carrier, &Command::Quit, None, WireVersion::V3);
         }
     }
     bytes
@@ -382,7 +388,7 @@ fn answers_on(carrier: &'static Carrier) -> BytesMut {
     for replies in [true, false, true, false] {
         if replies {
             let protocol = carrier.protocol;
-            protocol.put_object(&content, Dialect::V3, &mut answers);
+            protocol.put_object(&content, WireVersion::V3, &mut answers);
             if matches!(carrier.name, "text" | "text_ack") {
                 answers.extend_from_slice(b"\r\n");
             }
@@ -396,8 +402,8 @@ fn answers_on(carrier: &'static Carrier) -> BytesMut {
 fn handshakes() -> Vec<Vec<u8>> {
     let key = Key::new(b"fuzz").unwrap();
     let (mut first, mut second, mut third) = (BytesMut::new(), BytesMut::new(), BytesMut::new());
-    let mut acceptor = Handshake::accept(key.clone(), [[1; 8], [3; 8]], &mut first);
-    let mut initiator = Handshake::initiate(key, [2; 8]);
+    let mut acceptor = KeyHandshake::accept(key.clone(), [[1; 8], [3; 8]], &mut first);
+    let mut initiator = KeyHandshake::initiate(key, [2; 8]);
     let challenge = first.to_vec();
     initiator.poll(&mut first, &mut second).unwrap();
     let answer = second.to_vec();

@@ -3,7 +3,7 @@
 use std::fmt::Debug;
 
 use bytes::{Bytes, BytesMut};
-use yarp_wire::Dialect;
+use yarp_wire::WireVersion;
 use yarp_wire::bottle::DecodeError;
 use yarp_wire::message::{ReadObject, WireObject};
 
@@ -18,10 +18,10 @@ pub(crate) fn bytes(hex: &str) -> Bytes {
         .collect()
 }
 
-/// What is written for readers of a dialect.
-pub(crate) fn written(object: &dyn WireObject, dialect: Dialect) -> Bytes {
+/// What is written for readers of a wire version.
+pub(crate) fn written(object: &dyn WireObject, wire_version: WireVersion) -> Bytes {
     let mut out = BytesMut::new();
-    object.write_binary(&mut out, dialect);
+    object.write_binary(&mut out, wire_version);
     out.freeze()
 }
 
@@ -34,18 +34,18 @@ pub(crate) fn text(object: &dyn WireObject) -> String {
 
 /// Checks that `object` is written as these bytes and read from them.
 #[track_caller]
-pub(crate) fn check<T>(object: &T, dialect: Dialect, hex: &str)
+pub(crate) fn check<T>(object: &T, wire_version: WireVersion, hex: &str)
 where
     T: WireObject + ReadObject + PartialEq + Debug,
 {
     let expected = bytes(hex);
-    assert_eq!(written(object, dialect), expected, "{object:?}");
-    assert_eq!(T::read_binary(&expected, dialect).as_ref(), Ok(object));
+    assert_eq!(written(object, wire_version), expected, "{object:?}");
+    assert_eq!(T::read_binary(&expected, wire_version).as_ref(), Ok(object));
 }
 
 /// Checks that these bytes are not laid out as a `T`.
 #[track_caller]
-pub(crate) fn refused<T: ReadObject + Debug>(dialect: Dialect, hex: &str) {
-    let error = T::read_binary(&bytes(hex), dialect).unwrap_err();
+pub(crate) fn refused<T: ReadObject + Debug>(wire_version: WireVersion, hex: &str) {
+    let error = T::read_binary(&bytes(hex), wire_version).unwrap_err();
     assert!(matches!(error, DecodeError::Shape { .. }), "{error}");
 }

@@ -63,7 +63,7 @@ pub(super) async fn measure(
             )?;
             continue;
         };
-        let reading = PortOptions::new().reading(Queue::Wait(1));
+        let reading = PortOptions::new().queue(Queue::Wait(1));
         let Some(port) = session::open(&network, CLIENT, reading).await? else {
             return Ok(ExitCode::from(FAILED));
         };
@@ -116,7 +116,7 @@ async fn test(
         Err(error) => {
             complain(
                 out,
-                &format!("The server does not answer: {}", error.story()),
+                &format!("The server does not answer: {}", error.error_chain()),
             )?;
             return Ok(Some(Err(FAILED)));
         }
@@ -164,7 +164,7 @@ async fn exchange(
             port.write(&frame).await;
             match timeout(PATIENCE, port.read()).await {
                 Ok(received) => received.map(|received| received.bottle().unwrap_or_default()),
-                Err(_) => Err(PortError::Deadline {
+                Err(_) => Err(PortError::Timeout {
                     peer: SERVER.to_owned(),
                     step: "frame",
                     seconds: PATIENCE.as_secs_f64(),

@@ -6,7 +6,7 @@ mod time;
 use std::io::Write;
 use std::process::ExitCode;
 
-use yarp_ports::{Network, remote};
+use yarp_ports::{Network, remote_admin};
 use yarp_wire::{Bottle, Contact};
 
 use super::words::take_flag;
@@ -84,7 +84,7 @@ pub(super) async fn describe(network: &Network, port: &str, out: &mut dyn Write)
         writeln!(out, "{port} is not responding.")?;
         return Ok(Found::Silent);
     }
-    match remote::describe(network, &place).await {
+    match remote_admin::describe(network, &place).await {
         Ok(lines) => {
             lines
                 .iter()
@@ -96,7 +96,7 @@ pub(super) async fn describe(network: &Network, port: &str, out: &mut dyn Write)
             Ok(Found::Silent)
         }
         Err(error) => {
-            complain(out, &format!("port found, but {}", error.story()))?;
+            complain(out, &format!("port found, but {}", error.error_chain()))?;
             Ok(Found::Silent)
         }
     }

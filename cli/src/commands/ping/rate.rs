@@ -22,7 +22,7 @@ const QUEUE: usize = 4096;
 pub(super) async fn run(network: &Network, port: &str, out: &mut dyn Write) -> Result<ExitCode> {
     writeln!(out, "Measuring rate of output from {port}...")?;
     let mut interrupt = Interrupt::listen();
-    let options = PortOptions::new().reading(Queue::DropOldest(QUEUE));
+    let options = PortOptions::new().queue(Queue::DropOldest(QUEUE));
     let Some(reader) = session::open(network, "...", options).await? else {
         return Ok(ExitCode::FAILURE);
     };

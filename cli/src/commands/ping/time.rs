@@ -4,7 +4,7 @@ use std::io::Write;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use yarp_ports::{Network, remote};
+use yarp_ports::{Network, remote_admin};
 use yarp_wire::{Contact, admin};
 
 use crate::error::Result;
@@ -23,7 +23,7 @@ pub(super) async fn run(network: &Network, port: &str, out: &mut dyn Write) -> R
         let place = network.resolve(&Contact::parse(port)).await;
         let found = Instant::now();
         let answered = match &place {
-            Ok(place) => remote::administer(network, place, &admin::version())
+            Ok(place) => remote_admin::administer(network, place, &admin::version())
                 .await
                 .is_ok(),
             Err(_) => {

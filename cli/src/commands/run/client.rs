@@ -156,7 +156,8 @@ async fn reply(
     interrupt: &mut Interrupt,
 ) -> Result<Option<Bottle>> {
     for _ in 0..TRIES {
-        let Some(port) = session::open(network, "...", PortOptions::new().calling()).await? else {
+        let Some(port) = session::open(network, "...", PortOptions::new().rpc_client()).await?
+        else {
             tokio::time::sleep(PAUSE).await;
             continue;
         };
@@ -170,8 +171,10 @@ async fn reply(
             None => break,
             Some(Ok(reply)) => return Ok(Some(reply)),
             // It may have been done: who knows. Asking again might do it twice.
-            Some(Err(error @ PortError::Deadline { .. })) => return Err(error.into()),
-            Some(Err(error)) => tracing::debug!(target: "yarp.os.Network", "{}", error.story()),
+            Some(Err(error @ PortError::Timeout { .. })) => return Err(error.into()),
+            Some(Err(error)) => {
+                tracing::debug!(target: "yarp.os.Network", "{}", error.error_chain())
+            }
         }
         tokio::select! {
             biased;

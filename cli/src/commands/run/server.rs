@@ -42,7 +42,7 @@ pub(super) async fn serve(name: &str, out: &mut dyn Write) -> Result<ExitCode> {
     // The desk asks the roles itself: a right to write is not enough.
     let options = PortOptions::new()
         .handler(move |received| desk.answer(received))
-        .open_to_messages()
+        .allow_any_writer()
         .input_only();
     let Some(port) = session::open(&network, name, options).await? else {
         note(format_args!("[ERROR] Yarprun failed to open port:  {name}"));
@@ -57,7 +57,7 @@ pub(super) async fn serve(name: &str, out: &mut dyn Write) -> Result<ExitCode> {
     }
     // Tools find servers by this.
     if let Err(error) = network.ask(&format!("set {name} yarprun true")).await {
-        tracing::warn!(target: "yarp.run", "nobody will know {name} for a server: {}", error.story());
+        tracing::warn!(target: "yarp.run", "nobody will know {name} for a server: {}", error.error_chain());
     }
     // The two blanks are stock's.
     writeln!(out, "[INFO] Yarprun successfully started on port:  {name}")?;

@@ -8,7 +8,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use yarp_ports::Network;
-use yarp_wire::{Bottle, Dialect};
+use yarp_wire::{Bottle, WireVersion};
 
 use crate::Failure;
 use crate::peer::{print_times, wait_for_count};
@@ -124,7 +124,7 @@ fn open_websocket(name: &str) -> Result<TcpStream, Failure> {
 /// A short message to the port in a frame, masked as browsers do.
 fn frame(letter: u8, content: &Bottle) -> Vec<u8> {
     let mut body = vec![0, 0, 0, 0, b'~', letter, 0, 1];
-    body.extend_from_slice(&content.encode(Dialect::V3));
+    body.extend_from_slice(&content.encode(WireVersion::V3));
     assert!(body.len() < 126, "a longer one begins otherwise");
     let masked = body
         .iter()
@@ -155,7 +155,7 @@ fn frame_call(name: &str, n: &str) -> Result<(), Failure> {
     let mut stream = open_websocket(name)?;
     let bottle = Bottle::from_iter([1.into(), 2.into()]);
     let request = frame(b'd', &bottle);
-    let expected = bottle.encode(Dialect::V3);
+    let expected = bottle.encode(WireVersion::V3);
     let n: usize = n.parse()?;
     let mut times: Vec<Duration> = Vec::with_capacity(n);
     let mut answer = vec![0; 2 + expected.len()];

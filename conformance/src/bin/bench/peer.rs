@@ -7,10 +7,10 @@ use std::time::{Duration, Instant};
 
 use bytes::{BufMut, Bytes, BytesMut};
 use tokio::io::AsyncBufReadExt;
-use yarp_ports::{Answer, Network, Port, PortOptions, Received, remote};
+use yarp_ports::{Answer, Network, Port, PortOptions, Received, remote_admin};
 use yarp_wire::message::{Pieces, WireObject};
 use yarp_wire::typed::{Image, PixelCode};
-use yarp_wire::{Bottle, Dialect};
+use yarp_wire::{Bottle, WireVersion};
 
 use crate::{CALLS, Failure};
 
@@ -108,7 +108,7 @@ async fn call(name: &str, n: &str) -> Result<(), Failure> {
     let port = Port::open(
         &Network::from_process()?,
         "...",
-        PortOptions::new().calling(),
+        PortOptions::new().rpc_client(),
     )
     .await?;
     port.connect(name).await?;
@@ -141,14 +141,14 @@ impl Blob {
 }
 
 impl WireObject for Blob {
-    fn write_binary(&self, out: &mut BytesMut, _dialect: Dialect) {
+    fn write_binary(&self, out: &mut BytesMut, _wire_version: WireVersion) {
         out.reserve(12 + self.0.len());
         self.write_head(out);
         out.put_slice(&self.0);
     }
 
     /// As stock's peer, which hands over its bytes where they are.
-    fn write_pieces(&self, out: &mut Pieces, _dialect: Dialect) {
+    fn write_pieces(&self, out: &mut Pieces, _wire_version: WireVersion) {
         self.write_head(out.written());
         out.share(&self.0);
     }
@@ -195,7 +195,7 @@ async fn write_all(
 async fn show(name: &str, carrier: &str, n: &str) -> Result<(), Failure> {
     let network = Network::from_process()?;
     let port = Port::open(&network, "...", PortOptions::new()).await?;
-    remote::connect(&network, port.name(), name, Some(carrier)).await?;
+    remote_admin::connect(&network, port.name(), name, Some(carrier)).await?;
     let (port, time) = write_all(port, painted(), n.parse()?, 0.0).await?;
     println!("{}", time.as_nanos());
     tokio::task::spawn_blocking(|| std::io::stdin().lines().for_each(drop)).await?;

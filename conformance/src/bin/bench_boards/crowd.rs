@@ -12,7 +12,7 @@ use yarp_conformance::statistics::{median, percentiles};
 use yarp_ports::Network;
 use yarp_wire::carrier::{Carrier, Sender};
 use yarp_wire::connection::Initiator;
-use yarp_wire::{Dialect, Limits};
+use yarp_wire::{Limits, WireVersion};
 
 use crate::Failure;
 use crate::load::busy_while;
@@ -165,7 +165,13 @@ fn raw(board: &(String, u16), name: &str) -> std::io::Result<TcpStream> {
     let mut header = BytesMut::new();
     let sender = Sender::plain(name);
     // What comes back is not looked at.
-    let _ = Initiator::new(carrier, &sender, Dialect::V3, Limits::DEFAULT, &mut header);
+    let _ = Initiator::new(
+        carrier,
+        &sender,
+        WireVersion::V3,
+        Limits::DEFAULT,
+        &mut header,
+    );
     stream.write_all(&header)?;
     Ok(stream)
 }

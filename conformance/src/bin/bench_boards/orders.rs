@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use yarp_conformance::statistics::{median, percentiles};
 use yarp_ports::{Network, Port, PortOptions};
-use yarp_wire::{Bottle, Dialect, Value, Vocab32};
+use yarp_wire::{Bottle, Value, Vocab32, WireVersion};
 
 use crate::Failure;
 use crate::place::{Host, PATIENCE, Place, said};
@@ -172,11 +172,11 @@ impl Orders {
         name: &str,
         generation: Generation,
     ) -> Result<Self, Failure> {
-        let (suffix, dialect) = match generation {
-            Generation::V3 => ("rpc:i", Dialect::V3),
-            Generation::V4 => ("nws/rpc:i", Dialect::V4),
+        let (suffix, wire_version) = match generation {
+            Generation::V3 => ("rpc:i", WireVersion::V3),
+            Generation::V4 => ("nws/rpc:i", WireVersion::V4),
         };
-        let options = PortOptions::new().calling().dialect(dialect);
+        let options = PortOptions::new().rpc_client().wire_version(wire_version);
         let port = Port::open(network, "...", options).await?;
         let to = format!("{name}/{suffix}");
         let end = Instant::now() + PATIENCE;

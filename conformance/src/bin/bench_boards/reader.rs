@@ -5,7 +5,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use yarp_devices::embedded::Pace;
-use yarp_ports::{Answer, Network, Port, PortOptions, remote};
+use yarp_ports::{Answer, Network, Port, PortOptions, remote_admin};
 
 use crate::Failure;
 use crate::arrivals::Arrivals;
@@ -95,7 +95,7 @@ async fn arrive(port: &str, times: &Times, count: usize) -> Result<(), Failure> 
 /// Connects as soon as the board is there.
 async fn connect(network: &Network, from: &str, to: &str, carrier: &str) -> Result<(), Failure> {
     let end = Instant::now() + PATIENCE;
-    while let Err(error) = remote::connect(network, from, to, Some(carrier)).await {
+    while let Err(error) = remote_admin::connect(network, from, to, Some(carrier)).await {
         if Instant::now() > end {
             return Err(format!("cannot connect {from} to {to} over {carrier}: {error}").into());
         }

@@ -21,7 +21,7 @@
 
 mod ahd;
 #[cfg(test)]
-mod tests;
+mod demosaic_tests;
 mod vng;
 
 use std::cmp::Ordering;
@@ -31,7 +31,7 @@ use yarp_wire::Value;
 use yarp_wire::message::Payload;
 use yarp_wire::typed::{Image, PixelCode};
 
-use super::depth::{image, of_image};
+use super::depth_image::{image, of_image};
 use super::{Made, Monitor, MonitorSetup, Passing};
 
 /// How the colours that a pixel lacks are found.

@@ -13,7 +13,7 @@ use super::throttle::milliseconds;
 use super::{Made, Monitor, MonitorSetup, Passing, parameter, wanted};
 
 /// The longest that a message may be held back.
-const LONGEST: Duration = Duration::from_secs(60);
+const MAX_DELAY: Duration = Duration::from_secs(60);
 
 /// How long, in microseconds.
 #[derive(Debug)]
@@ -27,7 +27,7 @@ impl Delay {
     }
 
     fn put(&self, number: f64) {
-        let delay = milliseconds(number).min(LONGEST);
+        let delay = milliseconds(number).min(MAX_DELAY);
         self.0.store(delay.as_micros() as u64, Ordering::Relaxed);
     }
 

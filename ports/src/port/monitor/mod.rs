@@ -33,13 +33,13 @@
 //! plugins of 4.0.0 in a port of 3.5.0.
 
 mod bayer;
-mod chain;
 mod delay;
-mod depth;
-mod image;
-mod priority;
-mod stage;
-mod statistics;
+mod depth_image;
+mod image_compression;
+mod message_statistics;
+mod monitor_chain;
+mod monitor_task;
+mod priority_arbiter;
 mod throttle;
 mod zlib;
 
@@ -50,9 +50,9 @@ use std::time::Duration;
 use yarp_wire::message::Payload;
 use yarp_wire::{Bottle, Value};
 
-pub(super) use chain::{Attached, Chain, Outgoing};
-pub(super) use priority::Arbiter;
-pub(super) use stage::run as stage;
+pub(super) use monitor_chain::{Attached, Chain, Outgoing};
+pub(super) use monitor_task::run as stage;
+pub(super) use priority_arbiter::Arbiter;
 
 /// Something that looks at the messages of a connection, changes them, or stops them.
 ///
@@ -228,21 +228,21 @@ type Entry = (&'static str, fn(&MonitorSetup) -> Made);
 /// The monitors there are: the one table.
 const MONITORS: [Entry; 10] = [
     ("bottle_compression_zlib", zlib::BottleZlib::make),
-    ("depthimage_compression_zlib", depth::DepthZlib::make),
-    ("depthimage_to_mono", depth::ToMono::make),
-    ("depthimage_to_rgb", depth::ToRgb::make),
-    ("image_compression_jpeg", image::Jpeg::make),
-    ("image_to_mono", image::ToMono::make),
+    ("depthimage_compression_zlib", depth_image::DepthZlib::make),
+    ("depthimage_to_mono", depth_image::ToMono::make),
+    ("depthimage_to_rgb", depth_image::ToRgb::make),
+    ("image_compression_jpeg", image_compression::Jpeg::make),
+    ("image_to_mono", image_compression::ToMono::make),
     ("simulated_network_delay", delay::Delay::make),
-    ("statistics", statistics::Statistics::make),
-    ("stats_monitor", statistics::Statistics::make),
+    ("statistics", message_statistics::Statistics::make),
+    ("stats_monitor", message_statistics::Statistics::make),
     ("throttleDown", throttle::Throttle::make),
 ];
 
 /// The modifiers of readers beside `portmonitor`: the one table.
 const RECEIVERS: [Entry; 2] = [
     ("bayer", bayer::Bayer::make),
-    ("priority", priority::Priority::make),
+    ("priority", priority_arbiter::Priority::make),
 ];
 
 /// The modifier that stands for the monitors.

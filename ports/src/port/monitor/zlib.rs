@@ -14,13 +14,13 @@ use flate2::Compression;
 use flate2::read::ZlibDecoder;
 use flate2::write::ZlibEncoder;
 use yarp_wire::message::{Form, Payload};
-use yarp_wire::{Bottle, Dialect, Limits, Value};
+use yarp_wire::{Bottle, Limits, Value, WireVersion};
 
-use super::chain::binary;
+use super::monitor_chain::binary;
 use super::{Made, Monitor, MonitorSetup, MonitorSide, Passing};
 
 /// Deflate makes at most this many bytes out of one.
-const LARGEST_RATIO: usize = 1032;
+const MAX_COMPRESSION_RATIO: usize = 1032;
 
 /// Bytes in zlib's form.
 pub(super) fn deflate(bytes: &[u8]) -> Vec<u8> {
@@ -32,7 +32,7 @@ pub(super) fn deflate(bytes: &[u8]) -> Vec<u8> {
 
 /// Why bytes are not expanded.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
-pub(super) enum NotInflated {
+pub(super) enum InflateError {
     /// They are not in zlib's form, or not of the size they claim.
     Broken,
     /// They claim more than they can be, or than we take.
@@ -40,30 +40,30 @@ pub(super) enum NotInflated {
 }
 
 /// The `size` bytes that these are in zlib's form. Takes memory only as it fills.
-pub(super) fn inflate(bytes: &[u8], size: usize, limits: Limits) -> Result<Bytes, NotInflated> {
+pub(super) fn inflate(bytes: &[u8], size: usize, limits: Limits) -> Result<Bytes, InflateError> {
     let most = bytes
         .len()
-        .saturating_mul(LARGEST_RATIO)
+        .saturating_mul(MAX_COMPRESSION_RATIO)
         .min(limits.inflated);
     if size > most {
-        return Err(NotInflated::TooLarge);
+        return Err(InflateError::TooLarge);
     }
     let mut inflated = Vec::new();
     let mut decoder = ZlibDecoder::new(bytes).take(size as u64 + 1);
     decoder
         .read_to_end(&mut inflated)
-        .map_err(|_| NotInflated::Broken)?;
+        .map_err(|_| InflateError::Broken)?;
     match inflated.len() {
-        length if length > size => Err(NotInflated::TooLarge),
-        length if length < size => Err(NotInflated::Broken),
+        length if length > size => Err(InflateError::TooLarge),
+        length if length < size => Err(InflateError::Broken),
         _ => Ok(inflated.into()),
     }
 }
 
 /// A message that holds a bottle.
 pub(super) fn of_bottle(bottle: &Bottle) -> Payload {
-    let dialect = Dialect::default();
-    Payload::new(bottle.encode(dialect), Form::Binary(dialect))
+    let wire_version = WireVersion::default();
+    Payload::new(bottle.encode(wire_version), Form::Binary(wire_version))
 }
 
 #[derive(Debug)]
@@ -87,7 +87,7 @@ impl Monitor for BottleZlib {
 
 /// The message compressed; `None` if nobody could say how large it is.
 fn compress(payload: &Payload) -> Option<Payload> {
-    let bytes = binary(payload, payload.dialect());
+    let bytes = binary(payload, payload.wire_version());
     let size = i32::try_from(bytes.len()).ok()?;
     let blob = Value::Blob(deflate(&bytes).into());
     Some(of_bottle(&Bottle::from_iter([size.into(), blob])))
@@ -105,9 +105,9 @@ fn expand(payload: &Payload, limits: Limits) -> Option<Payload> {
         return as_it_came();
     };
     match inflate(blob, size, limits) {
-        Ok(bytes) => Some(Payload::new(bytes, Form::Binary(payload.dialect()))),
-        Err(NotInflated::Broken) => as_it_came(),
-        Err(NotInflated::TooLarge) => {
+        Ok(bytes) => Some(Payload::new(bytes, Form::Binary(payload.wire_version()))),
+        Err(InflateError::Broken) => as_it_came(),
+        Err(InflateError::TooLarge) => {
             let bytes = blob.len();
             tracing::debug!(bytes, size, "a compressed message is dropped: too large");
             None
@@ -136,7 +136,7 @@ mod tests {
     ];
 
     #[test]
-    fn what_stock_compresses_is_expanded_and_the_other_way() {
+    fn compression_is_compatible_with_stock() {
         for (compressed, message) in STOCK {
             let expanded = expand(&payload(compressed), Limits::DEFAULT).unwrap();
             assert_eq!(expanded.to_bottle().unwrap().to_string(), message);
@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_compressed_passes_as_it_came() {
+    fn uncompressed_messages_pass_unchanged() {
         for text in ["", "hello", "5 {1 2 3}", "1 2", "-1 {1}", "{1 2} 3"] {
             let message = payload(text);
             assert_eq!(expand(&message, Limits::DEFAULT), Some(message), "{text}");
@@ -167,12 +167,12 @@ mod tests {
     fn a_bomb_is_stopped() {
         let limits = Limits::DEFAULT.with_inflated(1000);
         let bomb = deflate(&vec![0; 100_000]);
-        assert_eq!(inflate(&bomb, 100_000, limits), Err(NotInflated::TooLarge));
-        assert_eq!(inflate(&bomb, 1000, limits), Err(NotInflated::TooLarge));
+        assert_eq!(inflate(&bomb, 100_000, limits), Err(InflateError::TooLarge));
+        assert_eq!(inflate(&bomb, 1000, limits), Err(InflateError::TooLarge));
         // It claims more than bytes of its number can hold.
         assert_eq!(
             inflate(&bomb[..20], 100_000, Limits::DEFAULT),
-            Err(NotInflated::TooLarge)
+            Err(InflateError::TooLarge)
         );
         let message = Bottle::from_iter([Value::Int32(100_000), Value::Blob(bomb.into())]);
         assert_eq!(expand(&of_bottle(&message), limits), None);
@@ -180,8 +180,8 @@ mod tests {
 
     proptest! {
         #[test]
-        fn whatever_is_compressed_comes_back(bytes in proptest::collection::vec(0..4u8, 0..3000)) {
-            let message = Payload::new(bytes.into(), Form::Binary(Dialect::V3));
+        fn compression_round_trip(bytes in proptest::collection::vec(0..4u8, 0..3000)) {
+            let message = Payload::new(bytes.into(), Form::Binary(WireVersion::V3));
             let there = compress(&message).unwrap();
             prop_assert_eq!(expand(&there, Limits::DEFAULT).unwrap(), message);
         }

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use yarp_devices::clock::wall_clock;
 use yarp_devices::{CartesianEvent, DeviceError, StampedPose, TaskPose};
 use yarp_ports::Received;
-use yarp_wire::vector::Vector;
+use yarp_wire::float_vector::Vector;
 
 use crate::cartesian::messages::from_event;
 

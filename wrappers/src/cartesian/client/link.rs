@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use tokio::task::JoinSet;
 use yarp_devices::{CartesianInfo, DeviceError};
-use yarp_ports::{Answer, Network, Port, PortOptions, Received, Supervised};
+use yarp_ports::{Answer, Network, Port, PortOptions, Received, ReconnectingConnection};
 use yarp_wire::Bottle;
 
 use super::latest::Latest;
@@ -35,7 +35,7 @@ pub(super) struct Link {
     deadline: Duration,
     pub(super) latest: Arc<Latest>,
     /// Connections of ours, made again whenever they are lost.
-    kept: Vec<Supervised>,
+    kept: Vec<ReconnectingConnection>,
     /// Asks the server for its streams again; ends with the link.
     asking: JoinSet<()>,
 }
@@ -52,7 +52,7 @@ impl Link {
         let latest = Arc::new(Latest::new(options.timeout));
         let local = |suffix: &str| format!("{}/{suffix}", options.local);
         let command = open(network, local("command:o"), PortOptions::new()).await?;
-        let rpc = match open(network, local("rpc:o"), PortOptions::new().calling()).await {
+        let rpc = match open(network, local("rpc:o"), PortOptions::new().rpc_client()).await {
             Ok(rpc) => rpc,
             Err(error) => {
                 close_all([command]).await;

@@ -69,7 +69,7 @@ impl RemoteCartesianControl {
     /// * Errors: [`OpenError::NoRemote`], [`OpenError::NameTaken`], [`OpenError::Port`], [`OpenError::Connect`],
     ///   [`OpenError::Question`]; then nothing stays open.
     pub fn open(network: &Network, options: RemoteCartesianOptions) -> Result<Self, OpenError> {
-        let network = network.with_deadline(options.deadline);
+        let network = network.with_timeout(options.deadline);
         let link = blocking::wait(async move { Link::open(&network, &options).await })?;
         tracing::info!(remote = link.remote(), "remote tool connected");
         Ok(Self {

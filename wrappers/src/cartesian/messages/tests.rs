@@ -3,7 +3,7 @@
 use bytes::Bytes;
 use proptest::prelude::*;
 use yarp_devices::{CartesianEvent, Limits, Target, TaskPose};
-use yarp_wire::{Bottle, Dialect, Limits as WireLimits};
+use yarp_wire::{Bottle, Limits as WireLimits, WireVersion};
 
 use super::*;
 use crate::cartesian::CartesianVersion;
@@ -110,7 +110,9 @@ fn what_is_malformed_is_not_understood() {
 
 #[test]
 fn a_question_has_the_bytes_of_stock() {
-    let bytes = Request::Get(Question::IsOn).to_bottle().encode(Dialect::V3);
+    let bytes = Request::Get(Question::IsOn)
+        .to_bottle()
+        .encode(WireVersion::V3);
     let stock = [
         0x09, 1, 0, 0, 2, 0, 0, 0, 0x67, 0x65, 0x74, 0, 0x69, 0x73, 0x6F, 0x6E,
     ];
@@ -205,12 +207,12 @@ fn events_are_a_kind_and_a_time() {
 proptest! {
     #[test]
     fn no_bytes_make_a_reader_panic(bytes in proptest::collection::vec(any::<u8>(), 0..200), row in 0..REQUESTS.len(), at in 0..200_usize, byte: u8) {
-        let mut changed = parsed(REQUESTS[row]).encode(Dialect::V3).to_vec();
+        let mut changed = parsed(REQUESTS[row]).encode(WireVersion::V3).to_vec();
         if let Some(place) = changed.get_mut(at) {
             *place = byte;
         }
         for bytes in [bytes, changed] {
-            let Ok(message) = Bottle::decode(&Bytes::from(bytes), Dialect::V3, WireLimits::DEFAULT) else {
+            let Ok(message) = Bottle::decode(&Bytes::from(bytes), WireVersion::V3, WireLimits::DEFAULT) else {
                 continue;
             };
             if let Ok(request) = Request::parse(&message) {

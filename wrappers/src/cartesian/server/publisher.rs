@@ -10,7 +10,7 @@ use tokio::sync::mpsc::UnboundedSender;
 use yarp_devices::CartesianEvent;
 use yarp_ports::Port;
 use yarp_wire::Stamp;
-use yarp_wire::vector::Vector;
+use yarp_wire::float_vector::Vector;
 
 use super::desk::Desk;
 use crate::periodic::Periodic;

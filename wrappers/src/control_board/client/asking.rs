@@ -1,7 +1,7 @@
 //! Questions and orders about joints, whichever messages say them.
 
 use yarp_devices::{Axes, AxisIndex, DeviceError};
-use yarp_wire::{Dialect, Value, Vocab32};
+use yarp_wire::{Value, Vocab32, WireVersion};
 
 use super::super::messages::{
     Action, Command, Field, Get, JointData, Quantity, Question, Selection, Set, Setting, Words,
@@ -49,7 +49,7 @@ impl RemoteControlBoard {
 
     /// Refuses what 3.x has no question for.
     pub(super) fn asking_4(&self, what: &str) -> Result<(), DeviceError> {
-        if self.generation() == Dialect::V4 {
+        if self.generation() == WireVersion::V4 {
             return Ok(());
         }
         Err(DeviceError::NotSupported {
@@ -164,7 +164,7 @@ impl RemoteControlBoard {
             | Setting::Torque => true,
             // For one joint 4.0 waits for the answer.
             Setting::Current | Setting::DutyCycle => {
-                generation == Dialect::V3 || !matches!(axes, Axes::One(_))
+                generation == WireVersion::V3 || !matches!(axes, Axes::One(_))
             }
             _ => false,
         };

@@ -15,9 +15,11 @@ use std::time::Duration;
 use tokio::sync::OnceCell;
 use tokio::task::JoinSet;
 use yarp_devices::DeviceError;
-use yarp_ports::{Network, Port, PortError, PortOptions, Received, Supervised, blocking};
+use yarp_ports::{
+    Network, Port, PortError, PortOptions, Received, ReconnectingConnection, blocking,
+};
 use yarp_wire::message::{ReadObject, WireObject};
-use yarp_wire::{Bottle, Dialect, Value};
+use yarp_wire::{Bottle, Value, WireVersion};
 
 use super::super::OpenError;
 use super::super::messages::{
@@ -36,7 +38,7 @@ const RPC_4: (&str, &str) = ("nwc/rpc:o", "nws/rpc:i");
 /// Ports connected to a board.
 #[derive(Debug)]
 pub(super) struct Link {
-    pub(super) generation: Dialect,
+    pub(super) generation: WireVersion,
     rpc: Port,
     command: Port,
     feed: Port,
@@ -46,7 +48,7 @@ pub(super) struct Link {
     deadline: Duration,
     pub(super) latest: Arc<Latest>,
     /// The connections to the board, made again whenever they are lost.
-    kept: Vec<Supervised>,
+    kept: Vec<ReconnectingConnection>,
     /// Asks the board for its state again; ends with the link.
     asking: JoinSet<()>,
     /// Opened when the first move asks for a number.
@@ -81,8 +83,8 @@ impl Link {
         // Before anything of our own is opened: usually the board is just not running.
         let generation = generation(network, options).await?;
         let (from, to) = match generation {
-            Dialect::V3 => RPC_3,
-            Dialect::V4 => RPC_4,
+            WireVersion::V3 => RPC_3,
+            WireVersion::V4 => RPC_4,
         };
         for suffix in ["command:i", "stateExt:o"] {
             there(network, remote_name(suffix)).await?;
@@ -94,14 +96,14 @@ impl Link {
             yarp_ports::Answer::Nothing
         };
         let wanted = [
-            (from, PortOptions::new().calling()),
+            (from, PortOptions::new().rpc_client()),
             ("command:o", PortOptions::new()),
             ("stateExt:i", PortOptions::new().handler(take).input_only()),
         ];
         let mut opened = Vec::new();
         for (suffix, port) in wanted {
             let name = format!("{}/{suffix}", options.local);
-            match open(network, name, port.dialect(generation)).await {
+            match open(network, name, port.wire_version(generation)).await {
                 Ok(port) => opened.push(port),
                 Err(error) => {
                     close_all(opened).await;
@@ -144,7 +146,7 @@ impl Link {
         options: &RemoteControlBoardOptions,
     ) -> Result<About, OpenError> {
         let carrier = options.carrier.as_str();
-        if self.generation == Dialect::V3 {
+        if self.generation == WireVersion::V3 {
             self.kept.push(self.call_port().await?);
         }
         let command = keep(&self.command, &self.command_peer, carrier, self.deadline);
@@ -154,7 +156,7 @@ impl Link {
         let are_missing = move || latest.is_older_than(2 * WATCHING);
         let ends = (state.as_str(), self.feed.name());
         fetch(network, ends, carrier, &mut self.asking, are_missing).await?;
-        if self.generation == Dialect::V4 {
+        if self.generation == WireVersion::V4 {
             self.kept.push(self.call_port().await?);
         }
         if !options.ignores_protocol {
@@ -170,13 +172,13 @@ impl Link {
             None => return Err(failed(self.unreadable(&results))),
         };
         let interfaces = match self.generation {
-            Dialect::V3 => None,
-            Dialect::V4 => Some(self.interfaces().await?),
+            WireVersion::V3 => None,
+            WireVersion::V4 => Some(self.interfaces().await?),
         };
         Ok(About { axes, interfaces })
     }
 
-    async fn call_port(&self) -> Result<Supervised, OpenError> {
+    async fn call_port(&self) -> Result<ReconnectingConnection, OpenError> {
         keep(&self.rpc, &self.rpc_peer, RPC_CARRIER, self.deadline).await
     }
 
@@ -186,14 +188,14 @@ impl Link {
             source,
         };
         let (expected, found) = match self.generation {
-            Dialect::V3 => {
+            WireVersion::V3 => {
                 let results = self.exchange(&Request::ProtocolVersion).await;
                 let results = results.map_err(failed)?;
                 let found = Reply::from_bottle(results.values.clone().into()).read_version();
                 let found = found.ok_or_else(|| failed(self.unreadable(&results)))?;
                 (ProtocolVersion::CURRENT, found)
             }
-            Dialect::V4 => {
+            WireVersion::V4 => {
                 let call = Request::ProtocolVersion.to_call().unwrap_or_default();
                 let version = self.send::<ServiceVersion>(&call).await;
                 let found = version
@@ -265,8 +267,8 @@ impl Link {
 
     async fn exchange(&self, request: &Request) -> Result<Results, DeviceError> {
         match self.generation {
-            Dialect::V3 => self.exchange_words(request).await,
-            Dialect::V4 => self.exchange_call(request).await,
+            WireVersion::V3 => self.exchange_words(request).await,
+            WireVersion::V4 => self.exchange_call(request).await,
         }
     }
 
@@ -400,15 +402,15 @@ impl Link {
 async fn generation(
     network: &Network,
     options: &RemoteControlBoardOptions,
-) -> Result<Dialect, OpenError> {
+) -> Result<WireVersion, OpenError> {
     let name = |(_, to): (&str, &str)| format!("{}/{to}", options.remote);
     match options.generation {
-        Some(Dialect::V3) => there(network, name(RPC_3)).await.map(|()| Dialect::V3),
-        Some(Dialect::V4) => there(network, name(RPC_4)).await.map(|()| Dialect::V4),
+        Some(WireVersion::V3) => there(network, name(RPC_3)).await.map(|()| WireVersion::V3),
+        Some(WireVersion::V4) => there(network, name(RPC_4)).await.map(|()| WireVersion::V4),
         None => match there(network, name(RPC_4)).await {
-            Ok(()) => Ok(Dialect::V4),
+            Ok(()) => Ok(WireVersion::V4),
             Err(OpenError::NoRemote { .. }) => {
-                there(network, name(RPC_3)).await.map(|()| Dialect::V3)
+                there(network, name(RPC_3)).await.map(|()| WireVersion::V3)
             }
             Err(error) => Err(error),
         },

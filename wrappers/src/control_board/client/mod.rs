@@ -28,7 +28,7 @@ use yarp_devices::{
     RemoteCalibrator, RemoteVariables, TorqueControl, VelocityControl, VelocityDirect,
 };
 use yarp_ports::{Network, blocking};
-use yarp_wire::{Dialect, Value};
+use yarp_wire::{Value, WireVersion};
 
 use self::link::{Link, Results};
 use super::OpenError;
@@ -91,7 +91,7 @@ impl RemoteControlBoard {
     /// * Errors: [`OpenError::NoRemote`], [`OpenError::NameTaken`], [`OpenError::Port`], [`OpenError::Connect`],
     ///   [`OpenError::ProtocolVersion`], [`OpenError::Question`], [`OpenError::NoAxes`]; then nothing stays open.
     pub fn open(network: &Network, options: RemoteControlBoardOptions) -> Result<Self, OpenError> {
-        let network = network.with_deadline(options.deadline);
+        let network = network.with_timeout(options.deadline);
         let opening = async move { Link::open(&network, &options).await };
         let (link, about) = blocking::wait(opening)?;
         let (remote, generation, axes) = (link.remote(), link.generation, about.axes);
@@ -109,7 +109,7 @@ impl RemoteControlBoard {
     }
 
     /// The generation of YARP that is spoken with the board.
-    pub fn generation(&self) -> Dialect {
+    pub fn generation(&self) -> WireVersion {
         self.link().generation
     }
 
@@ -168,12 +168,12 @@ macro_rules! interfaces {
             })*
 
             fn velocity_direct(&self) -> Option<&dyn VelocityDirect> {
-                let there = self.generation() == Dialect::V4 && self.has("iVelocityDirect");
+                let there = self.generation() == WireVersion::V4 && self.has("iVelocityDirect");
                 there.then_some(self as &dyn VelocityDirect)
             }
 
             fn joint_brake(&self) -> Option<&dyn JointBrake> {
-                let there = self.generation() == Dialect::V4 && self.has("iJointBrake");
+                let there = self.generation() == WireVersion::V4 && self.has("iJointBrake");
                 there.then_some(self as &dyn JointBrake)
             }
         }

@@ -9,7 +9,7 @@ use yarp_devices::{
     MotorEncoders, MotorTorqueParameters, Pid, PidControl, PidInfo, PidKind, PidValue,
     PositionControl, PwmControl, RemoteCalibrator, RemoteVariables, TorqueControl, VariableValue,
 };
-use yarp_wire::{Dialect, Value, Vocab32};
+use yarp_wire::{Value, Vocab32, WireVersion};
 
 use super::super::messages::{
     Action, Get, Quantity, Question, Range, Selection, Set, Setting, float, kind_of, read_flag,
@@ -67,7 +67,8 @@ impl TorqueControl for RemoteControlBoard {
             self.check_finite(axis.into(), "motor torque parameter", &[number])?;
         }
         let outcome = self.order(Set::MotorParameters(axis, parameters, 9));
-        let old = self.generation() == Dialect::V3 && numbers[4..].iter().all(|one| *one == 0.0);
+        let old =
+            self.generation() == WireVersion::V3 && numbers[4..].iter().all(|one| *one == 0.0);
         match outcome {
             Err(DeviceError::Refused { .. }) if old => {
                 self.order(Set::MotorParameters(axis, parameters, 4))
@@ -167,7 +168,7 @@ impl PidControl for RemoteControlBoard {
     /// [`DeviceError::NotSupported`] from 3.x, which has no question for it.
     fn available_pids(&self, axis: AxisIndex) -> Outcome<Vec<PidKind>> {
         self.asking_4("listing control loops")?;
-        let kind = |code| kind_of(Vocab32::from_code(code), Dialect::V4);
+        let kind = |code| kind_of(Vocab32::from_code(code), WireVersion::V4);
         self.about(Question::AvailablePids, axis)?
             .read(|values| codes(values.first()?, kind))
     }

@@ -95,7 +95,7 @@ impl Announcements {
                 taker.take(received);
                 Answer::Nothing
             })
-            .watcher(move |change| match (change.incoming, change.began) {
+            .on_connection_change(move |change| match (change.incoming, change.began) {
                 (false, _) => {}
                 (true, true) => drop(counted.fetch_add(1, Ordering::Relaxed)),
                 (true, false) => drop(counted.fetch_sub(1, Ordering::Relaxed)),

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use yarp_wire::Dialect;
+use yarp_wire::WireVersion;
 
 /// How a remote control board is opened; the names are those of stock's parameters.
 #[derive(Clone, Debug)]
@@ -14,7 +14,7 @@ pub struct RemoteControlBoardOptions {
     pub(super) timeout: Duration,
     pub(super) deadline: Duration,
     pub(super) ignores_protocol: bool,
-    pub(super) generation: Option<Dialect>,
+    pub(super) generation: Option<WireVersion>,
 }
 
 impl RemoteControlBoardOptions {
@@ -59,7 +59,7 @@ impl RemoteControlBoardOptions {
 
     /// Speaks as this generation does, instead of finding out which the board is of. A board that serves both is
     /// spoken to as 4.0 otherwise.
-    pub fn generation(mut self, generation: Dialect) -> Self {
+    pub fn generation(mut self, generation: WireVersion) -> Self {
         self.generation = Some(generation);
         self
     }

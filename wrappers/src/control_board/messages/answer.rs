@@ -4,7 +4,7 @@
 //! order. A client gets [`Value`]s in that same layout, whichever generation answered.
 
 use yarp_devices::{JointType, Pid, PidInfo};
-use yarp_wire::{Bottle, Dialect, Stamp, Value, Vocab32};
+use yarp_wire::{Bottle, Stamp, Value, Vocab32, WireVersion};
 
 use super::loops;
 use super::quantity::Quantity;
@@ -14,8 +14,8 @@ use super::selection::Selection;
 use super::vocabulary as word;
 use crate::thrift::Item;
 
-const V3: Dialect = Dialect::V3;
-const V4: Dialect = Dialect::V4;
+const V3: WireVersion = WireVersion::V3;
+const V4: WireVersion = WireVersion::V4;
 /// The gains of a loop as a result.
 pub(crate) fn gains(pid: &Pid) -> Item {
     Item::List(loops::gains(pid, V4).map(Item::F64).to_vec())

@@ -13,7 +13,7 @@ use yarp_devices::{
     AxisIndex, CalibrationParameters, Impedance, Interaction, Limits, Mode, MotorTorqueParameters,
     PidKind,
 };
-use yarp_wire::{Bottle, Dialect, Value, Vocab32};
+use yarp_wire::{Bottle, Value, Vocab32, WireVersion};
 
 use super::loops;
 use super::number;
@@ -23,7 +23,7 @@ use super::selection::{Form, Forms, Functions, Selection};
 use super::variable;
 use crate::thrift::{GET_VERSION, Item, Message};
 
-const V4: Dialect = Dialect::V4;
+const V4: WireVersion = WireVersion::V4;
 /// The names of all functions, as a stock 4.0.0 board lists them.
 pub(crate) const FUNCTIONS: &str = include_str!("functions_4.0.txt");
 /// What every function of a control board ends in.

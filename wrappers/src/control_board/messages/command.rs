@@ -12,9 +12,9 @@
 use bytes::{BufMut, Bytes, BytesMut};
 use yarp_devices::{PidKind, PidValue};
 use yarp_wire::bottle::DecodeError;
+use yarp_wire::float_vector::put_float64s;
 use yarp_wire::message::{ReadObject, WireObject};
-use yarp_wire::vector::put_float64s;
-use yarp_wire::{Bottle, Dialect, Limits, Value, Vocab32};
+use yarp_wire::{Bottle, Limits, Value, Vocab32, WireVersion};
 
 use super::loops;
 use super::number;
@@ -145,11 +145,11 @@ const HEADS: [Head; 9] = [
 
 impl Setting {
     /// The words it is streamed with to a board of `generation`; none where it is not streamed.
-    pub(crate) fn streamed(self, generation: Dialect) -> Words {
+    pub(crate) fn streamed(self, generation: WireVersion) -> Words {
         let plain = self.of_kind(PidKind::Position);
         let found = HEADS.iter().find(|head| head.setting == plain);
         match found {
-            Some(head) if head.old || generation == Dialect::V4 => head.words,
+            Some(head) if head.old || generation == WireVersion::V4 => head.words,
             _ => Forms::NONE,
         }
     }
@@ -161,15 +161,15 @@ impl Command {
         setting: Setting,
         selection: &Selection,
         values: &[f64],
-        generation: Dialect,
+        generation: WireVersion,
     ) -> Option<Self> {
         let said = setting.streamed(generation).of(selection)?;
         let plain = setting.of_kind(PidKind::Position);
         let found = HEADS.iter().find(|head| head.setting == plain)?;
         let mut head = Bottle::new();
         match generation {
-            Dialect::V3 => head.extend(found.three.map(Value::from)),
-            Dialect::V4 => head.push(found.four),
+            WireVersion::V3 => head.extend(found.three.map(Value::from)),
+            WireVersion::V4 => head.push(found.four),
         }
         head.push(said);
         if let Some(kind) = setting.kind() {
@@ -208,7 +208,7 @@ impl Command {
                     return Err(Malformed::Values(word));
                 };
                 let kind = kind.as_vocab().ok_or(Malformed::Values(word))?;
-                setting = setting.of_kind(loops::kind_of(kind, Dialect::V4));
+                setting = setting.of_kind(loops::kind_of(kind, WireVersion::V4));
                 rest = behind;
             }
             let selection = Selection::read(form, &mut rest).filter(|_| rest.is_empty());
@@ -222,17 +222,17 @@ impl Command {
 }
 
 impl WireObject for Command {
-    fn write_binary(&self, out: &mut BytesMut, dialect: Dialect) {
+    fn write_binary(&self, out: &mut BytesMut, wire_version: WireVersion) {
         out.put_i32_le(LIST);
         out.put_i32_le(2);
-        self.head.encode_into(out, dialect);
-        put_float64s(out, &self.values, dialect);
+        self.head.encode_into(out, wire_version);
+        put_float64s(out, &self.values, wire_version);
     }
 }
 
 impl ReadObject for Command {
-    fn read_binary(bytes: &Bytes, dialect: Dialect) -> Result<Self, DecodeError> {
-        let message = Bottle::decode(bytes, dialect, Limits::DEFAULT)?;
+    fn read_binary(bytes: &Bytes, wire_version: WireVersion) -> Result<Self, DecodeError> {
+        let message = Bottle::decode(bytes, wire_version, Limits::DEFAULT)?;
         let shape = DecodeError::Shape {
             expected: "a list of words and a list of numbers",
         };
@@ -264,30 +264,31 @@ mod tests {
 
     #[test]
     fn bytes_are_those_recorded() {
-        let check = |hex: &str, dialect: Dialect, selection: Selection, velocities: &[f64]| {
-            let setting = Setting::Velocity;
-            let command = Command::new(setting, &selection, velocities, dialect).unwrap();
-            let mut out = BytesMut::new();
-            command.write_binary(&mut out, dialect);
-            assert_eq!(out, bytes(hex));
-            assert_eq!(
-                Command::read_binary(&out.freeze(), dialect).as_ref(),
-                Ok(&command)
-            );
-            assert_eq!(command.parse(), Ok(Streamed { setting, selection }));
-        };
+        let check =
+            |hex: &str, wire_version: WireVersion, selection: Selection, velocities: &[f64]| {
+                let setting = Setting::Velocity;
+                let command = Command::new(setting, &selection, velocities, wire_version).unwrap();
+                let mut out = BytesMut::new();
+                command.write_binary(&mut out, wire_version);
+                assert_eq!(out, bytes(hex));
+                assert_eq!(
+                    Command::read_binary(&out.freeze(), wire_version).as_ref(),
+                    Ok(&command)
+                );
+                assert_eq!(command.parse(), Ok(Streamed { setting, selection }));
+            };
         // ([vmo] 0) (10.0), recorded from a 3.12.3 client.
         check(
             "0001000002000000 0001000002000000 09000000 766d6f00 01000000 00000000
              0a010000 01000000 0000000000002440",
-            Dialect::V3,
+            WireVersion::V3,
             Selection::One(0.into()),
             &[10.0],
         );
         check(
             "0001000002000000 0901000001000000 766d6f73
              0a010000 02000000 000000000000f03f 0000000000000040",
-            Dialect::V3,
+            WireVersion::V3,
             Selection::All,
             &[1.0, 2.0],
         );
@@ -295,15 +296,15 @@ mod tests {
         check(
             "0001000002000000 0001000003000000 09000000 6976656c 09000000 766d6f00 01000000 00000000
              14010000 01000000 0000000000002440",
-            Dialect::V4,
+            WireVersion::V4,
             Selection::One(0.into()),
             &[10.0],
         );
     }
 
     fn read(text: &str) -> Command {
-        let bytes = Bottle::parse(text).unwrap().encode(Dialect::V3);
-        Command::read_binary(&bytes, Dialect::V3).unwrap()
+        let bytes = Bottle::parse(text).unwrap().encode(WireVersion::V3);
+        Command::read_binary(&bytes, WireVersion::V3).unwrap()
     }
 
     #[test]
@@ -337,7 +338,7 @@ mod tests {
             Selection::All,
         ];
         let mut count = 0;
-        for generation in [Dialect::V3, Dialect::V4] {
+        for generation in [WireVersion::V3, WireVersion::V4] {
             for setting in Setting::all() {
                 for selection in &selections {
                     let command = Command::new(setting, selection, &[1.0], generation);
@@ -384,8 +385,11 @@ mod tests {
             "([vmo] 0) (fast)",
             "([vmo] 0) (1.0) 2",
         ] {
-            let bytes = Bottle::parse(text).unwrap().encode(Dialect::V3);
-            assert!(Command::read_binary(&bytes, Dialect::V3).is_err(), "{text}");
+            let bytes = Bottle::parse(text).unwrap().encode(WireVersion::V3);
+            assert!(
+                Command::read_binary(&bytes, WireVersion::V3).is_err(),
+                "{text}"
+            );
         }
     }
 }

@@ -9,7 +9,7 @@
 //! ```
 //!
 //! 4.0 sends duty cycles as float32, and temperatures at the end, float32 as well. A reader of the other generation
-//! refuses the message, so each gets what its own dialect says.
+//! refuses the message, so each gets what its own wire version says.
 //!
 //! Stock names it `jointData` (`stateExt.thrift`). Every list has one entry per joint, also where it is not valid: a
 //! stock reader refuses an empty one, and then the whole message is lost.
@@ -17,9 +17,9 @@
 use bytes::{BufMut, Bytes, BytesMut};
 use yarp_devices::{Interaction, Mode};
 use yarp_wire::bottle::DecodeError;
+use yarp_wire::float_vector::put_float64s;
 use yarp_wire::message::{ReadObject, WireObject};
-use yarp_wire::vector::put_float64s;
-use yarp_wire::{Bottle, Dialect, Limits, Value, Vocab32};
+use yarp_wire::{Bottle, Limits, Value, Vocab32, WireVersion};
 
 use super::number;
 
@@ -126,18 +126,18 @@ impl JointData {
 }
 
 impl WireObject for JointData {
-    fn write_binary(&self, out: &mut BytesMut, dialect: Dialect) {
+    fn write_binary(&self, out: &mut BytesMut, wire_version: WireVersion) {
         out.put_i32_le(LIST);
-        let items = match dialect {
-            Dialect::V3 => ITEMS,
-            Dialect::V4 => ITEMS_WITH_TEMPERATURES,
+        let items = match wire_version {
+            WireVersion::V3 => ITEMS,
+            WireVersion::V4 => ITEMS_WITH_TEMPERATURES,
         };
         out.put_i32_le(items as i32);
         for (place, field) in self.floats().into_iter().enumerate() {
-            if place == DUTY_CYCLES && dialect == Dialect::V4 {
+            if place == DUTY_CYCLES && wire_version == WireVersion::V4 {
                 put_float32s(out, &field.values);
             } else {
-                put_float64s(out, &field.values, dialect);
+                put_float64s(out, &field.values, wire_version);
             }
             put_valid(out, field.valid);
         }
@@ -147,7 +147,7 @@ impl WireObject for JointData {
         let modes = &self.interaction_modes;
         put_words(out, modes.values.iter().map(|&mode| mode.into()));
         put_valid(out, modes.valid);
-        if dialect == Dialect::V4 {
+        if wire_version == WireVersion::V4 {
             put_float32s(out, &self.temperatures.values);
             put_valid(out, self.temperatures.valid);
         }
@@ -175,8 +175,8 @@ fn put_valid(out: &mut BytesMut, valid: bool) {
 }
 
 impl ReadObject for JointData {
-    fn read_binary(bytes: &Bytes, dialect: Dialect) -> Result<Self, DecodeError> {
-        let message = Bottle::decode(bytes, dialect, Limits::DEFAULT)?;
+    fn read_binary(bytes: &Bytes, wire_version: WireVersion) -> Result<Self, DecodeError> {
+        let message = Bottle::decode(bytes, wire_version, Limits::DEFAULT)?;
         read(&message).ok_or(DecodeError::Shape {
             expected: "the state of a control board, 22 or 24 items",
         })

@@ -42,9 +42,9 @@ fn bytes(hex: &str) -> Bytes {
         .collect()
 }
 
-fn encoded(data: &JointData, dialect: Dialect) -> Bytes {
+fn encoded(data: &JointData, wire_version: WireVersion) -> Bytes {
     let mut out = BytesMut::new();
-    data.write_binary(&mut out, dialect);
+    data.write_binary(&mut out, wire_version);
     out.freeze()
 }
 
@@ -75,21 +75,21 @@ fn one_joint_at_ten_degrees() -> JointData {
 #[test]
 fn a_recorded_state_comes_out_as_it_went_in() {
     let recorded = bytes(RECORDED);
-    let data = JointData::read_binary(&recorded, Dialect::V3).unwrap();
+    let data = JointData::read_binary(&recorded, WireVersion::V3).unwrap();
     assert_eq!(data.positions.of(7).unwrap()[1..3], [1.0, 3.0]);
     assert_eq!(data.control_modes.of(7).unwrap(), [Mode::Position; 7]);
     assert_eq!(data.interaction_modes.values[0], Interaction::Stiff);
     assert_eq!(data.positions.of(6), None);
-    assert_eq!(encoded(&data, Dialect::V3), recorded);
+    assert_eq!(encoded(&data, WireVersion::V3), recorded);
 }
 
 #[test]
 fn a_recorded_state_of_4_comes_out_as_it_went_in() {
     let recorded = bytes(RECORDED_4);
-    let data = JointData::read_binary(&recorded, Dialect::V4).unwrap();
+    let data = JointData::read_binary(&recorded, WireVersion::V4).unwrap();
     assert_eq!(data.duty_cycles.of(7).unwrap()[..2], [33.0, 34.0]);
     assert_eq!(data.temperatures.of(7).unwrap()[0], 37.5);
-    assert_eq!(encoded(&data, Dialect::V4), recorded);
+    assert_eq!(encoded(&data, WireVersion::V4), recorded);
 }
 
 #[test]
@@ -106,8 +106,8 @@ fn one_joint_is_these_bytes() {
         "00010000 16000000 0a010000 01000000 0000000000002440 09000000 6f6b0000 {} {modes}",
         zeros("0a010000", 8),
     );
-    assert_eq!(encoded(&data, Dialect::V3), bytes(&old));
-    assert_eq!(encoded(&data, Dialect::V3).len(), 264);
+    assert_eq!(encoded(&data, WireVersion::V3), bytes(&old));
+    assert_eq!(encoded(&data, WireVersion::V3).len(), 264);
 
     let new = format!(
         "00010000 18000000 14010000 01000000 0000000000002440 09000000 6f6b0000 {}
@@ -116,10 +116,10 @@ fn one_joint_is_these_bytes() {
         zeros("14010000", 6),
         zeros("14010000", 1),
     );
-    assert_eq!(encoded(&data, Dialect::V4), bytes(&new));
-    assert_eq!(encoded(&data, Dialect::V4).len(), 280);
+    assert_eq!(encoded(&data, WireVersion::V4), bytes(&new));
+    assert_eq!(encoded(&data, WireVersion::V4).len(), 280);
     assert_eq!(
-        JointData::read_binary(&bytes(&new), Dialect::V4).as_ref(),
+        JointData::read_binary(&bytes(&new), WireVersion::V4).as_ref(),
         Ok(&data)
     );
 
@@ -128,22 +128,25 @@ fn one_joint_is_these_bytes() {
         values: Vec::new(),
         valid: false,
     };
-    assert_eq!(JointData::read_binary(&bytes(&old), Dialect::V3), Ok(data));
+    assert_eq!(
+        JointData::read_binary(&bytes(&old), WireVersion::V3),
+        Ok(data)
+    );
 }
 
 #[test]
 fn what_is_unknown_still_has_an_entry_for_each_joint() {
     let data = JointData::unknown(6);
-    assert_eq!(encoded(&data, Dialect::V3).len(), 184 + 80 * 6);
-    assert_eq!(encoded(&data, Dialect::V4).len(), 200 + 80 * 6);
+    assert_eq!(encoded(&data, WireVersion::V3).len(), 184 + 80 * 6);
+    assert_eq!(encoded(&data, WireVersion::V4).len(), 200 + 80 * 6);
     assert_eq!(data.positions.of(6), None);
 }
 
 #[test]
 fn flags_may_come_as_integers() {
     let bottle = Bottle::decode(
-        &encoded(&one_joint_at_ten_degrees(), Dialect::V3),
-        Dialect::V3,
+        &encoded(&one_joint_at_ten_degrees(), WireVersion::V3),
+        WireVersion::V3,
         Limits::DEFAULT,
     );
     let mut items = bottle.unwrap().into_items();
@@ -159,6 +162,6 @@ fn flags_may_come_as_integers() {
 fn a_state_cut_short_anywhere_is_an_error() {
     let whole = bytes(RECORDED);
     for end in 0..whole.len() {
-        assert!(JointData::read_binary(&whole.slice(..end), Dialect::V3).is_err());
+        assert!(JointData::read_binary(&whole.slice(..end), WireVersion::V3).is_err());
     }
 }

@@ -1,7 +1,7 @@
 //! Control loops: the words for their kinds, and the order of their gains.
 
 use yarp_devices::{Pid, PidInfo, PidKind, PidUnits};
-use yarp_wire::{Bottle, Dialect, Value, Vocab32};
+use yarp_wire::{Bottle, Value, Vocab32, WireVersion};
 
 use super::number;
 use crate::thrift::Item;
@@ -15,7 +15,7 @@ const KINDS: [(PidKind, Vocab32, Vocab32); 4] = [
 ];
 
 /// The word for a kind of loop.
-pub(crate) fn kind_word(kind: PidKind, generation: Dialect) -> Vocab32 {
+pub(crate) fn kind_word(kind: PidKind, generation: WireVersion) -> Vocab32 {
     if let PidKind::Other(code) = kind {
         return Vocab32::from_code(code);
     }
@@ -24,13 +24,13 @@ pub(crate) fn kind_word(kind: PidKind, generation: Dialect) -> Vocab32 {
         .find(|(known, ..)| *known == kind)
         .expect("every kind but `Other` has a row");
     match generation {
-        Dialect::V3 => three,
-        Dialect::V4 => four,
+        WireVersion::V3 => three,
+        WireVersion::V4 => four,
     }
 }
 
 /// The kind that a word stands for.
-pub(crate) fn kind_of(word: Vocab32, generation: Dialect) -> PidKind {
+pub(crate) fn kind_of(word: Vocab32, generation: WireVersion) -> PidKind {
     let known = KINDS
         .iter()
         .find(|(kind, ..)| kind_word(*kind, generation) == word);
@@ -38,12 +38,12 @@ pub(crate) fn kind_of(word: Vocab32, generation: Dialect) -> PidKind {
 }
 
 /// The gains in the order of the wire.
-pub(crate) fn gains(pid: &Pid, generation: Dialect) -> [f64; 10] {
+pub(crate) fn gains(pid: &Pid, generation: WireVersion) -> [f64; 10] {
     let [kp, kd, ki, max_integral] = [pid.kp, pid.kd, pid.ki, pid.max_integral];
     let [scale, max_output, offset] = [pid.scale, pid.max_output, pid.offset];
     let middle = match generation {
-        Dialect::V3 => [max_output, offset, scale],
-        Dialect::V4 => [scale, max_output, offset],
+        WireVersion::V3 => [max_output, offset, scale],
+        WireVersion::V4 => [scale, max_output, offset],
     };
     let [fifth, sixth, seventh] = middle;
     let [up, down, kff] = [pid.stiction_up, pid.stiction_down, pid.kff];
@@ -62,7 +62,7 @@ pub(crate) fn gains(pid: &Pid, generation: Dialect) -> [f64; 10] {
 }
 
 /// The gains from the order of the wire; exactly ten numbers.
-pub(crate) fn read_gains(list: &Bottle, generation: Dialect) -> Option<Pid> {
+pub(crate) fn read_gains(list: &Bottle, generation: WireVersion) -> Option<Pid> {
     let numbers = number::floats(list)?;
     let [
         kp,
@@ -77,8 +77,8 @@ pub(crate) fn read_gains(list: &Bottle, generation: Dialect) -> Option<Pid> {
         kff,
     ] = <[f64; 10]>::try_from(numbers).ok()?;
     let (scale, max_output, offset) = match generation {
-        Dialect::V3 => (seventh, fifth, sixth),
-        Dialect::V4 => (fifth, sixth, seventh),
+        WireVersion::V3 => (seventh, fifth, sixth),
+        WireVersion::V4 => (fifth, sixth, seventh),
     };
     Some(Pid {
         kp,
@@ -95,7 +95,7 @@ pub(crate) fn read_gains(list: &Bottle, generation: Dialect) -> Option<Pid> {
 }
 
 /// The gains of several loops, one list each.
-pub(crate) fn read_all_gains(list: &Bottle, generation: Dialect) -> Option<Vec<Pid>> {
+pub(crate) fn read_all_gains(list: &Bottle, generation: WireVersion) -> Option<Vec<Pid>> {
     let one = |value: &Value| read_gains(value.as_list()?, generation);
     list.iter().map(one).collect()
 }

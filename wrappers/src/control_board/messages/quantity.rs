@@ -1,7 +1,7 @@
 //! The numbers that can be asked for and set, one for each joint, and how each generation spells them.
 
 use yarp_devices::{AmplifierLimit, Axes, DeviceError, PidKind, PidValue};
-use yarp_wire::{Dialect, Vocab32};
+use yarp_wire::{Vocab32, WireVersion};
 
 use super::selection::{Forms, Functions, Selection, Words};
 use super::vocabulary as word;
@@ -119,15 +119,15 @@ impl Spelling {
     /// The selections that mean these joints to a board of this generation, see [`Forms::sayable`].
     pub(crate) fn sayable(
         self,
-        generation: Dialect,
+        generation: WireVersion,
         axes: Axes<'_>,
         total: usize,
         what: &str,
         each: bool,
     ) -> Result<Vec<Selection>, DeviceError> {
         match generation {
-            Dialect::V3 => self.words.sayable(axes, total, what, each),
-            Dialect::V4 => self.functions.sayable(axes, total, what, each),
+            WireVersion::V3 => self.words.sayable(axes, total, what, each),
+            WireVersion::V4 => self.functions.sayable(axes, total, what, each),
         }
     }
 

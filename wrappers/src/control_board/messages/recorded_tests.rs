@@ -1,7 +1,7 @@
 //! Requests of a stock 3.12.3 client and what a stock 3.12.3 board of seven joints answered, byte by byte.
 
 use bytes::Bytes;
-use yarp_wire::{Bottle, Dialect, Limits, Value};
+use yarp_wire::{Bottle, Limits, Value, WireVersion};
 
 use super::{Malformed, Reply, Request};
 
@@ -156,7 +156,7 @@ fn bytes(hex: &str) -> Bytes {
 }
 
 fn bottle(hex: &str) -> Bottle {
-    Bottle::decode(&bytes(hex), Dialect::V3, Limits::DEFAULT).unwrap()
+    Bottle::decode(&bytes(hex), WireVersion::V3, Limits::DEFAULT).unwrap()
 }
 
 #[test]
@@ -165,7 +165,7 @@ fn what_we_ask_is_what_stock_asks() {
     for (asked, _) in RECORDED {
         match Request::parse(&bottle(asked)) {
             Ok(request) => {
-                let ours = request.to_bottle().unwrap().encode(Dialect::V3);
+                let ours = request.to_bottle().unwrap().encode(WireVersion::V3);
                 // A person typed an integer where we send a float.
                 if bottle(asked).to_string() != "[set] [pos] 0 10" {
                     assert_eq!(ours, bytes(asked), "{request:?}");
@@ -220,7 +220,7 @@ fn what_we_answer_is_what_stock_answers() {
             _ => Reply::version(super::ProtocolVersion::CURRENT),
         };
         assert_eq!(
-            ours.into_bottle().encode(Dialect::V3),
+            ours.into_bottle().encode(WireVersion::V3),
             bytes(answer),
             "{}",
             bottle(asked)

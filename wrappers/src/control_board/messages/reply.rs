@@ -186,7 +186,7 @@ pub(crate) fn joint_type_from_value(value: &Value) -> Option<JointType> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use yarp_wire::Dialect;
+    use yarp_wire::WireVersion;
 
     #[test]
     fn bytes_are_those_recorded() {
@@ -201,11 +201,11 @@ mod tests {
             [0.0.into(), 100.0.into()],
             Stamp::new(0x1de, time),
         );
-        assert_eq!(&reply.into_bottle().encode(Dialect::V3)[..], limits);
+        assert_eq!(&reply.into_bottle().encode(WireVersion::V3)[..], limits);
         let version: &[u8] = b"\x00\x01\x00\x00\x05\x00\x00\x00\x09\x00\x00\x00prot\x01\x00\x00\x00\x01\x00\x00\x00\
             \x01\x00\x00\x00\x09\x00\x00\x00\x01\x00\x00\x00\x00\x00\x00\x00\x09\x00\x00\x00ok\x00\x00";
         let reply = Reply::version(ProtocolVersion::CURRENT);
-        assert_eq!(&reply.into_bottle().encode(Dialect::V3)[..], version);
+        assert_eq!(&reply.into_bottle().encode(WireVersion::V3)[..], version);
     }
 
     #[test]
@@ -216,7 +216,7 @@ mod tests {
             \x01\x00\x00\x00\x02\x00\x00\x00\x09\x00\x00\x00tsta\x01\x00\x00\x00\x07\x00\x00\x00\
             \x0a\x00\x00\x00\x00\x00\x00\x00\x00\x00\xf8\x3f\x09\x00\x00\x00ok\x00\x00";
         let reply = Reply::is(word::AXES.into(), [2.into()], Stamp::new(7, 1.5));
-        assert_eq!(&reply.into_bottle().encode(Dialect::V3)[..], drawn);
+        assert_eq!(&reply.into_bottle().encode(WireVersion::V3)[..], drawn);
     }
 
     #[test]

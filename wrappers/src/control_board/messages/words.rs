@@ -11,7 +11,7 @@
 use yarp_devices::{
     AxisIndex, CalibrationParameters, Impedance, Interaction, Limits, Mode, PidKind,
 };
-use yarp_wire::{Bottle, Dialect, Value, Vocab32};
+use yarp_wire::{Bottle, Value, Vocab32, WireVersion};
 
 use super::loops;
 use super::number;
@@ -21,7 +21,7 @@ use super::selection::{Form, Selection, Words};
 use super::variable;
 use super::vocabulary as word;
 
-const V3: Dialect = Dialect::V3;
+const V3: WireVersion = WireVersion::V3;
 
 /// The words whose place as item 1 makes what follows words of an interface.
 const INTERFACES: [Vocab32; 10] = [

@@ -1,6 +1,6 @@
 use proptest::prelude::*;
 use yarp_devices::{MotorTorqueParameters, PidValue, VariableValue};
-use yarp_wire::Dialect;
+use yarp_wire::WireVersion;
 
 use super::*;
 
@@ -168,7 +168,7 @@ fn bytes_are_those_recorded() {
         Selection::One(1.into()),
         vec![4.0],
     ));
-    let bytes = request.to_bottle().expect("words").encode(Dialect::V3);
+    let bytes = request.to_bottle().expect("words").encode(WireVersion::V3);
     assert_eq!(&bytes[..], recorded);
 }
 

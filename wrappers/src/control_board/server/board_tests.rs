@@ -1,7 +1,7 @@
 use proptest::prelude::*;
 use yarp_devices::wam::SimulatedWam;
 use yarp_devices::{Axes, Device, Encoders};
-use yarp_wire::{Dialect, Limits, Value, Vocab32};
+use yarp_wire::{Limits, Value, Vocab32, WireVersion};
 
 use super::super::super::messages::Command;
 use super::*;
@@ -130,8 +130,8 @@ fn called(board: &Board, call: &Bottle) -> Bottle {
         panic!("{call} is not answered");
     };
     let mut bytes = bytes::BytesMut::new();
-    reply.write_binary(&mut bytes, Dialect::V4);
-    Bottle::decode(&bytes.freeze(), Dialect::V4, Limits::DEFAULT).expect("a bottle")
+    reply.write_binary(&mut bytes, WireVersion::V4);
+    Bottle::decode(&bytes.freeze(), WireVersion::V4, Limits::DEFAULT).expect("a bottle")
 }
 
 #[test]
@@ -206,8 +206,8 @@ fn streamed_velocities_move() {
     let board = board();
     asked(&board, "[set] [icmd] [cmod] 2 [vel]");
     let stream = |text: &str| {
-        let bytes = Bottle::parse(text).unwrap().encode(Dialect::V3);
-        let command = yarp_wire::message::ReadObject::read_binary(&bytes, Dialect::V3).unwrap();
+        let bytes = Bottle::parse(text).unwrap().encode(WireVersion::V3);
+        let command = yarp_wire::message::ReadObject::read_binary(&bytes, WireVersion::V3).unwrap();
         obey(&board, command);
         asked(&board, "[get] [vmo] 2")
     };

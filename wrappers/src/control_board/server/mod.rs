@@ -34,7 +34,7 @@ use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinHandle;
 use yarp_devices::Device;
 use yarp_ports::{Answer, Network, Port, PortOptions, Received};
-use yarp_wire::Dialect;
+use yarp_wire::WireVersion;
 
 use self::board::Board;
 use super::OpenError;
@@ -272,7 +272,7 @@ async fn announce(mut announced: mpsc::Receiver<MotionNews>, port: Arc<Port>) {
 
 /// Counts who listens.
 fn announcing(board: Arc<Board>) -> PortOptions {
-    PortOptions::new().watcher(move |change| {
+    PortOptions::new().on_connection_change(move |change| {
         let readers = &board.motions.readers;
         match (change.incoming, change.began) {
             (true, _) => {}
@@ -304,7 +304,7 @@ fn answering_calls(board: Arc<Board>) -> PortOptions {
     PortOptions::new()
         .handler(answer)
         .input_only()
-        .dialect(Dialect::V4)
+        .wire_version(WireVersion::V4)
 }
 
 fn obeying(board: Arc<Board>) -> PortOptions {

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use yarp_devices::{Axes, EncoderReading};
 use yarp_ports::Port;
 use yarp_wire::Stamp;
-use yarp_wire::vector::Vector;
+use yarp_wire::float_vector::Vector;
 
 use super::super::messages::{Field, JointData};
 use super::board::Board;
@@ -83,10 +83,10 @@ impl Cycle {
         self.stamp = self.stamp.next(time);
         if measured {
             self.state
-                .write_unless_behind(&self.positions, Some(self.stamp.into()), self.backlog);
+                .try_write(&self.positions, Some(self.stamp.into()), self.backlog);
         }
         self.extended
-            .write_unless_behind(&self.data, Some(self.stamp.into()), self.backlog);
+            .try_write(&self.data, Some(self.stamp.into()), self.backlog);
     }
 
     /// Reads the joints into the buffers; tells whether that worked.

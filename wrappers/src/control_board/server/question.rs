@@ -1,7 +1,7 @@
 //! What questions mean for the device.
 
 use yarp_devices::{AxisIndex, EncoderReading, Limits};
-use yarp_wire::{Bottle, Dialect};
+use yarp_wire::{Bottle, WireVersion};
 
 use super::super::messages::{
     Get, Quantity, Question, Range, Selection, gains, joint_type_to_value, kind_word, pid_info,
@@ -57,7 +57,7 @@ impl Board {
             }
             Question::AvailablePids => {
                 let kinds = self.pids()?.available_pids(axis)?.into_iter();
-                let words = kinds.map(|kind| kind_word(kind, Dialect::V4).code());
+                let words = kinds.map(|kind| kind_word(kind, WireVersion::V4).code());
                 vec![Item::Enums(words.collect())]
             }
             Question::CalibrationDone => {

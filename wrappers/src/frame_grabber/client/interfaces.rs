@@ -5,7 +5,7 @@ use yarp_devices::{
     Bus, CameraConfiguration, CameraDescription, DeviceError, Feature, FeatureMode,
     FrameGrabberControls, FrameGrabberImage, FrameGrabberImageRaw, Intrinsics, RgbVisualParams,
 };
-use yarp_wire::{Bottle, Dialect};
+use yarp_wire::{Bottle, WireVersion};
 
 use super::RemoteFrameGrabber;
 use crate::frame_grabber::messages::{Ability, Answer, Channel, Request};
@@ -43,7 +43,7 @@ impl RemoteFrameGrabber {
 
     /// Whether raw images can be asked for.
     fn has_raw(&self) -> bool {
-        self.generation() == Dialect::V3
+        self.generation() == WireVersion::V3
     }
 }
 

@@ -10,9 +10,11 @@ use std::time::Duration;
 
 use tokio::task::JoinSet;
 use yarp_devices::DeviceError;
-use yarp_ports::{Network, Port, PortError, PortOptions, Received, Supervised, blocking};
+use yarp_ports::{
+    Network, Port, PortError, PortOptions, Received, ReconnectingConnection, blocking,
+};
 use yarp_wire::message::{ReadObject, WireObject};
-use yarp_wire::{Bottle, Dialect};
+use yarp_wire::{Bottle, WireVersion};
 
 use super::latest::Latest;
 use super::options::RemoteFrameGrabberOptions;
@@ -26,7 +28,7 @@ use crate::thrift::{ReturnCode, ServiceVersion};
 /// Ports connected to a server.
 #[derive(Debug)]
 pub(super) struct Link {
-    pub(super) generation: Dialect,
+    pub(super) generation: WireVersion,
     rpc: Port,
     stream: Option<Port>,
     remote: String,
@@ -34,7 +36,7 @@ pub(super) struct Link {
     deadline: Duration,
     pub(super) latest: Arc<Latest>,
     /// The connection for calls, made again whenever it is lost.
-    kept: Vec<Supervised>,
+    kept: Vec<ReconnectingConnection>,
     /// Asks the server for its images again; ends with the link.
     asking: JoinSet<()>,
 }
@@ -53,14 +55,14 @@ impl Link {
         }
         let latest = Arc::new(Latest::new(options.timeout));
         let rpc_name = format!("{}/rpc_client", options.local);
-        let mut calling = PortOptions::new().calling();
+        let mut calling = PortOptions::new().rpc_client();
         if let Some(generation) = options.generation {
             // One that speaks both says that it is of 3.x, whose words it takes callers to use.
-            calling = calling.readers_are(generation);
+            calling = calling.peer_version(generation);
         }
         let rpc = open(network, rpc_name, calling).await?;
         let mut link = Self {
-            generation: Dialect::V3,
+            generation: WireVersion::V3,
             rpc,
             stream: None,
             remote: options.remote.clone(),
@@ -119,18 +121,18 @@ impl Link {
     }
 
     /// What answers the question for the version of the protocol is 4.0; 3.x does not understand it.
-    async fn ask_generation(&self) -> Result<Dialect, OpenError> {
+    async fn ask_generation(&self) -> Result<WireVersion, OpenError> {
         let question = "which version of the protocol it speaks";
         let call = Request::ProtocolVersion.to_call().unwrap_or_default();
         let expected = ServiceVersion::SERVED.protocol;
         match self.send::<ServiceVersion>(&call).await {
-            Ok(version) if version.protocol == expected => Ok(Dialect::V4),
+            Ok(version) if version.protocol == expected => Ok(WireVersion::V4),
             Ok(version) => Err(OpenError::ProtocolVersion {
                 peer: self.rpc_peer.clone(),
                 expected: ProtocolVersion::only(expected),
                 found: ProtocolVersion::only(version.protocol),
             }),
-            Err(PortError::Unreadable { .. }) => Ok(Dialect::V3),
+            Err(PortError::Unreadable { .. }) => Ok(WireVersion::V3),
             Err(error) => {
                 let source = self.lost(&call, error);
                 Err(OpenError::Question { question, source })
@@ -151,8 +153,8 @@ impl Link {
         let link = self.clone();
         blocking::wait(async move {
             let answer = match link.generation {
-                Dialect::V3 => link.exchange_words(&request).await,
-                Dialect::V4 => link.exchange_call(&request).await,
+                WireVersion::V3 => link.exchange_words(&request).await,
+                WireVersion::V4 => link.exchange_call(&request).await,
             };
             // Before anybody learns of the answer, so that dropping the camera finds itself alone.
             drop(link);
@@ -173,7 +175,7 @@ impl Link {
 
     async fn exchange_call(&self, request: &Request) -> Result<Answer, DeviceError> {
         let message = request.to_call().ok_or_else(|| no_message(request))?;
-        let message = As(Dialect::V4, message);
+        let message = As(WireVersion::V4, message);
         let reply = self.send::<Bottle>(&message).await;
         let reply = reply.map_err(|error| self.lost(&message, error))?;
         match ReturnCode::read(reply) {

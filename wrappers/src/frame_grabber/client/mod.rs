@@ -17,7 +17,7 @@ use std::sync::Arc;
 
 use yarp_devices::Device;
 use yarp_ports::{Network, blocking};
-use yarp_wire::Dialect;
+use yarp_wire::WireVersion;
 
 use self::link::Link;
 use crate::OpenError;
@@ -71,7 +71,7 @@ impl RemoteFrameGrabber {
     /// * Errors: [`OpenError::NoRemote`], [`OpenError::NameTaken`], [`OpenError::Port`], [`OpenError::Connect`],
     ///   [`OpenError::ProtocolVersion`], [`OpenError::Question`]; then nothing stays open.
     pub fn open(network: &Network, options: RemoteFrameGrabberOptions) -> Result<Self, OpenError> {
-        let network = network.with_deadline(options.deadline);
+        let network = network.with_timeout(options.deadline);
         let link = blocking::wait(async move { Link::open(&network, &options).await })?;
         let (remote, generation) = (link.remote(), link.generation);
         tracing::info!(remote, %generation, "remote camera connected");
@@ -86,7 +86,7 @@ impl RemoteFrameGrabber {
     }
 
     /// The generation of YARP that is spoken with the server.
-    pub fn generation(&self) -> Dialect {
+    pub fn generation(&self) -> WireVersion {
         self.link().generation
     }
 

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use yarp_wire::Dialect;
+use yarp_wire::WireVersion;
 
 /// How a [`RemoteFrameGrabber`](super::RemoteFrameGrabber) is opened.
 #[derive(Clone, Debug)]
@@ -14,7 +14,7 @@ pub struct RemoteFrameGrabberOptions {
     pub(super) timeout: Duration,
     pub(super) deadline: Duration,
     pub(super) streams: bool,
-    pub(super) generation: Option<Dialect>,
+    pub(super) generation: Option<WireVersion>,
 }
 
 impl RemoteFrameGrabberOptions {
@@ -58,7 +58,7 @@ impl RemoteFrameGrabberOptions {
     }
 
     /// Speaks as this generation does, instead of finding out which the server is of.
-    pub fn generation(mut self, generation: Dialect) -> Self {
+    pub fn generation(mut self, generation: WireVersion) -> Self {
         self.generation = Some(generation);
         self
     }

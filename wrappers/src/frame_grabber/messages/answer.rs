@@ -3,7 +3,7 @@
 use yarp_devices::image::Image;
 use yarp_devices::{CameraConfiguration, Intrinsics};
 use yarp_wire::typed::{PixelCode, Property};
-use yarp_wire::{Bottle, Dialect, Value};
+use yarp_wire::{Bottle, Value, WireVersion};
 
 use super::image;
 use super::request::{Request, flag, integer};
@@ -119,7 +119,7 @@ fn read_configuration(values: &[Value]) -> Option<CameraConfiguration> {
 
 impl Answer {
     /// The results; `None` for an image that no message can carry.
-    pub(super) fn items(&self, generation: Dialect) -> Option<Vec<Item>> {
+    pub(super) fn items(&self, generation: WireVersion) -> Option<Vec<Item>> {
         Some(match self {
             Self::Done => Vec::new(),
             Self::Flag(value) => vec![Item::Bool(*value)],
@@ -135,11 +135,11 @@ impl Answer {
             Self::Configurations(all) => {
                 let each = all.iter().map(configuration);
                 match generation {
-                    Dialect::V3 => [Item::I32(all.len() as i32)]
+                    WireVersion::V3 => [Item::I32(all.len() as i32)]
                         .into_iter()
                         .chain(each.flatten())
                         .collect(),
-                    Dialect::V4 => {
+                    WireVersion::V4 => {
                         vec![Item::List(each.map(|one| Item::List(one.into())).collect())]
                     }
                 }
@@ -150,7 +150,11 @@ impl Answer {
     }
 
     /// Reads the results of `request`.
-    pub(super) fn read(request: &Request, values: &[Value], generation: Dialect) -> Option<Self> {
+    pub(super) fn read(
+        request: &Request,
+        values: &[Value],
+        generation: WireVersion,
+    ) -> Option<Self> {
         use Request as R;
         let first = values.first();
         let numbers = || Some((float(first?)?, float(values.get(1)?)?));
@@ -162,14 +166,14 @@ impl Answer {
             }
             R::Image(_) | R::Crop(..) => Self::Image(image::from_list(first?.as_list()?).ok()?),
             R::Configurations => Self::Configurations(match generation {
-                Dialect::V3 => {
+                WireVersion::V3 => {
                     let [count, rest @ ..] = values else {
                         return None;
                     };
                     let all: Option<Vec<_>> = rest.chunks(4).map(read_configuration).collect();
                     all.filter(|all| integer(count) == i32::try_from(all.len()).ok())?
                 }
-                Dialect::V4 => {
+                WireVersion::V4 => {
                     let each = first?.as_list()?.iter();
                     let each = each.map(|one| read_configuration(one.as_list()?.as_slice()));
                     each.collect::<Option<_>>()?

@@ -9,7 +9,7 @@
 //! Source: `frameGrabberMsgs.thrift` and `vertex_t::write` of 4.0.0.
 
 use yarp_wire::typed;
-use yarp_wire::{Bottle, Dialect, Value};
+use yarp_wire::{Bottle, Value, WireVersion};
 
 use super::answer::Answer;
 use super::firewire::{self, Firewire};
@@ -200,7 +200,7 @@ pub(super) fn to_call(request: &Request) -> Option<Message> {
 
 /// The reply to a call that was done.
 pub(super) fn reply(answer: &Answer) -> Option<Message> {
-    let items = answer.items(Dialect::V4)?;
+    let items = answer.items(WireVersion::V4)?;
     Some(Message(match items.is_empty() {
         true => ReturnCode::Ok.alone(),
         false => ReturnCode::Ok.with(items),

@@ -5,7 +5,7 @@ use yarp_devices::image::{Image, PixelFormat};
 use yarp_wire::bottle::DecodeError;
 use yarp_wire::message::ReadObject;
 use yarp_wire::typed::{self, ImageError, PixelCode};
-use yarp_wire::{Bottle, Dialect, Value, Vocab32};
+use yarp_wire::{Bottle, Value, Vocab32, WireVersion};
 
 /// The code that a format has on the wire.
 pub fn code_of(format: PixelFormat) -> PixelCode {
@@ -88,8 +88,8 @@ pub fn to_list(image: &typed::Image) -> Bottle {
 /// The image within a message.
 pub fn from_list(list: &Bottle) -> Result<Image, FromWireError> {
     // Header and pixels are judged by the reader of images, which wants them as they travel.
-    let bytes = list.encode(Dialect::V3);
-    from_wire(&typed::Image::read_binary(&bytes, Dialect::V3)?)
+    let bytes = list.encode(WireVersion::V3);
+    from_wire(&typed::Image::read_binary(&bytes, WireVersion::V3)?)
 }
 
 #[cfg(test)]
@@ -129,10 +129,10 @@ mod tests {
     #[test]
     fn within_a_message_the_bytes_are_those_of_the_image() {
         let wire = to_wire(&image(3, PixelFormat::Rgb)).unwrap();
-        for dialect in [Dialect::V3, Dialect::V4] {
+        for wire_version in [WireVersion::V3, WireVersion::V4] {
             let mut alone = BytesMut::new();
-            wire.write_binary(&mut alone, dialect);
-            assert_eq!(to_list(&wire).encode(dialect), alone);
+            wire.write_binary(&mut alone, wire_version);
+            assert_eq!(to_list(&wire).encode(wire_version), alone);
         }
     }
 

@@ -22,7 +22,7 @@ mod words;
 
 use bytes::BytesMut;
 use yarp_wire::message::WireObject;
-use yarp_wire::{Bottle, Dialect};
+use yarp_wire::{Bottle, WireVersion};
 
 use crate::thrift::{Message, ReturnCode};
 
@@ -65,7 +65,7 @@ impl Request {
 
     /// Reads the results in a reply of 4.0; `None` for what are no results of this.
     pub fn read_results(&self, values: &[yarp_wire::Value]) -> Option<Answer> {
-        Answer::read(self, values, Dialect::V4)
+        Answer::read(self, values, WireVersion::V4)
     }
 }
 
@@ -78,10 +78,10 @@ pub fn refusal(message: &Bottle, why: &str) -> Bottle {
 ///
 /// A call of 4.0 is answered as 4.0 reads it, even where nothing on the connection said so before.
 #[derive(Clone, Debug)]
-pub struct As<T>(pub Dialect, pub T);
+pub struct As<T>(pub WireVersion, pub T);
 
 impl<T: WireObject> WireObject for As<T> {
-    fn write_binary(&self, out: &mut BytesMut, _: Dialect) {
+    fn write_binary(&self, out: &mut BytesMut, _: WireVersion) {
         self.1.write_binary(out, self.0);
     }
 

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use yarp_devices::image::{Crop, Image, PixelFormat};
 use yarp_devices::{CameraConfiguration, Intrinsics};
 use yarp_wire::message::ReadObject;
-use yarp_wire::{Bottle, Dialect, Value};
+use yarp_wire::{Bottle, Value, WireVersion};
 
 use super::*;
 
@@ -143,8 +143,8 @@ fn said() -> Vec<(Request, &'static str, &'static str)> {
 
 fn printed(message: &Message) -> Bottle {
     let mut bytes = BytesMut::new();
-    message.write_binary(&mut bytes, Dialect::V4);
-    Bottle::read_binary(&bytes.freeze(), Dialect::V4).expect("a bottle")
+    message.write_binary(&mut bytes, WireVersion::V4);
+    Bottle::read_binary(&bytes.freeze(), WireVersion::V4).expect("a bottle")
 }
 
 #[test]
@@ -309,8 +309,8 @@ fn answers_come_back_as_they_went_in_both_generations() {
     for (request, answer) in answers() {
         let reply = request.reply(&answer).expect("it fits");
         // Over the wire, where numbers get their types.
-        let bytes = reply.encode(Dialect::V3);
-        let reply = Bottle::read_binary(&bytes, Dialect::V3).unwrap();
+        let bytes = reply.encode(WireVersion::V3);
+        let reply = Bottle::read_binary(&bytes, WireVersion::V3).unwrap();
         let read = request.read_reply(&reply);
         assert_eq!(read, Some(Reply::Done(answer.clone())), "{reply}");
 

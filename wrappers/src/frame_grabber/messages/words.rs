@@ -10,7 +10,7 @@
 //! 3.5; `[fgc] [set] 1` is 3.12's, where 3.5 answers an order to a feature with `[nak]`, looked at by nobody.
 
 use yarp_devices::image::Crop;
-use yarp_wire::{Bottle, Dialect, Value, Vocab32};
+use yarp_wire::{Bottle, Value, Vocab32, WireVersion};
 
 use super::answer::Answer;
 use super::firewire;
@@ -216,7 +216,7 @@ pub(super) fn crop(kind: i32, places: Vec<(i32, i32)>) -> Option<Crop> {
 /// The reply to a request that was done.
 pub(super) fn reply(request: &Request, answer: &Answer) -> Option<Bottle> {
     if let Request::Firewire(what, _) = request {
-        return Some(firewire::reply(*what, answer.items(Dialect::V3)?));
+        return Some(firewire::reply(*what, answer.items(WireVersion::V3)?));
     }
     let [interface, act, what] = spelling(request)?;
     let head = match act {
@@ -231,7 +231,7 @@ pub(super) fn reply(request: &Request, answer: &Answer) -> Option<Bottle> {
     if act == HAS {
         reply.push(what.code() as i32);
     }
-    reply.extend(answer.items(Dialect::V3)?.into_iter().map(Value::from));
+    reply.extend(answer.items(WireVersion::V3)?.into_iter().map(Value::from));
     Some(reply)
 }
 
@@ -286,7 +286,7 @@ pub(super) fn read(request: &Request, reply: &Bottle) -> Option<Reply> {
     } else {
         return None;
     };
-    Answer::read(request, values, Dialect::V3).map(Reply::Done)
+    Answer::read(request, values, WireVersion::V3).map(Reply::Done)
 }
 
 /// What became of a request.

@@ -7,7 +7,7 @@ use yarp_devices::{
     FrameGrabberImage, FrameGrabberImageRaw, RgbVisualParams,
 };
 use yarp_ports::Answer as PortAnswer;
-use yarp_wire::{Bottle, Dialect};
+use yarp_wire::{Bottle, WireVersion};
 
 use super::firewire;
 use crate::frame_grabber::messages::{
@@ -102,7 +102,7 @@ impl Camera {
             self.report(message, from, &error);
             request.refuse_call(error.code())
         });
-        PortAnswer::reply(As(Dialect::V4, reply))
+        PortAnswer::reply(As(WireVersion::V4, reply))
     }
 
     fn report(&self, message: &Bottle, from: &str, error: &Refusal) {

@@ -5,7 +5,7 @@ use std::error::Error;
 use yarp_devices::DeviceError;
 use yarp_devices::hand::gcl::StatusBits;
 use yarp_devices::hand::{HandError, HandErrorKind};
-use yarp_ports::story;
+use yarp_ports::error_chain;
 use yarp_wire::{Bottle, Value, Vocab32};
 
 use super::request::{Malformed, Request};
@@ -44,7 +44,7 @@ pub struct Refused {
     pub kind: Option<HandErrorKind>,
     /// `malformed` or `device` if it was not asked.
     why: &'static str,
-    /// The story.
+    /// The error chain.
     pub words: String,
 }
 
@@ -68,7 +68,7 @@ impl From<DeviceError> for Refused {
             None => Self {
                 kind: None,
                 why: DEVICE,
-                words: story(&error),
+                words: error_chain(&error),
             },
         }
     }
@@ -80,7 +80,7 @@ impl From<&HandError> for Refused {
         Self {
             kind: Some(kind),
             why: kind.name(),
-            words: story(error),
+            words: error_chain(error),
         }
     }
 }

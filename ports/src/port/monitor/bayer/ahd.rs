@@ -18,15 +18,15 @@ type Lab = [i32; 3];
 type Step = (isize, isize);
 
 /// Along rows, along columns.
-const WAYS: [Step; 2] = [(1, 0), (0, 1)];
+const DIRECTIONS: [Step; 2] = [(1, 0), (0, 1)];
 const NEIGHBOURS: [Step; 4] = [(-1, 0), (1, 0), (0, -1), (0, 1)];
 /// Pixels along the edges that are made otherwise.
 const EDGE: usize = 3;
 
 /// The image in colour, row by row.
 pub(super) fn coloured(raw: &Raw<'_>) -> Vec<Colour> {
-    let pictures = WAYS.map(|way| Picture::new(raw, way));
-    let even = evenness(raw, &pictures);
+    let candidates = DIRECTIONS.map(|way| Candidate::new(raw, way));
+    let even = evenness(raw, &candidates);
     let mut pixels = Vec::with_capacity(raw.width * raw.height);
     for y in 0..raw.height {
         pixels.extend((0..raw.width).map(|x| {
@@ -35,7 +35,7 @@ pub(super) fn coloured(raw: &Raw<'_>) -> Vec<Colour> {
             }
             let [across, along] = even.each_ref().map(|even| around(raw, even, x, y));
             let index = y * raw.width + x;
-            let [first, second] = pictures.each_ref().map(|picture| picture.colours[index]);
+            let [first, second] = candidates.each_ref().map(|picture| picture.colours[index]);
             match across.cmp(&along) {
                 std::cmp::Ordering::Greater => first,
                 std::cmp::Ordering::Less => second,
@@ -55,12 +55,12 @@ fn around(raw: &Raw<'_>, even: &[u8], x: usize, y: usize) -> u32 {
 }
 
 /// The picture with green found one way.
-struct Picture {
+struct Candidate {
     colours: Vec<Colour>,
     labs: Vec<Lab>,
 }
 
-impl Picture {
+impl Candidate {
     fn new(raw: &Raw<'_>, way: Step) -> Self {
         let count = raw.width * raw.height;
         let mut green = Vec::with_capacity(count);
@@ -147,13 +147,13 @@ fn lab(colour: Colour) -> Lab {
 }
 
 /// To how many of its neighbours each pixel is alike, in each picture.
-fn evenness(raw: &Raw<'_>, pictures: &[Picture; 2]) -> [Vec<u8>; 2] {
+fn evenness(raw: &Raw<'_>, candidates: &[Candidate; 2]) -> [Vec<u8>; 2] {
     let mut even = [(); 2].map(|()| vec![0; raw.width * raw.height]);
     for y in 0..raw.height {
         for x in (0..raw.width).filter(|x| raw.is_inside(*x, y, 2)) {
             let index = y * raw.width + x;
             // Differences in lightness and in colour, to each neighbour, in each picture.
-            let differences = pictures.each_ref().map(|picture| {
+            let differences = candidates.each_ref().map(|picture| {
                 let here = picture.labs[index];
                 NEIGHBOURS.map(|(dx, dy)| {
                     let (x, y) = (x.wrapping_add_signed(dx), y.wrapping_add_signed(dy));

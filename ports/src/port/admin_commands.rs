@@ -1,0 +1,417 @@
+//! Answers to admin requests, in stock's words.
+
+use std::sync::Arc;
+
+use yarp_wire::admin::{AdminRequest, Direction};
+use yarp_wire::carrier::Carrier;
+use yarp_wire::{Bottle, Value, Vocab32, WireVersion};
+
+use super::core::Core;
+use super::monitor::{Attached, Chain, MonitorSide};
+use super::port_options::{Input, Outputs, Serving};
+use super::pray_command;
+use super::socket_qos::scheduling;
+use crate::roles::Right;
+use crate::thread_schedule::{self, Schedule};
+use crate::version_probe;
+
+/// Stock's answer to `[help]`. Source: recorded traffic of 3.12.3 and 4.0.0.
+const HELP: [&str; 20] = [
+    "[help]                  # give this help",
+    "[ver]                   # report protocol version information",
+    "[add] $portname         # add an output connection",
+    "[add] $portname $car    # add an output with a given protocol",
+    "[del] $portname         # remove an input or output connection",
+    "[list] [in]             # list input connections",
+    "[list] [out]            # list output connections",
+    "[list] [in]  $portname  # give details for input",
+    "[list] [out] $portname  # give details for output",
+    "[prop] [get]            # get all user-defined port properties",
+    "[prop] [get] $prop      # get a user-defined port property (prop, val)",
+    "[prop] [set] $prop $val # set a user-defined port property (prop, val)",
+    "[prop] [get] $portname  # get Qos properties of a connection to/from a port",
+    "[prop] [set] $portname  # set Qos properties of a connection to/from a port",
+    "[prop] [get] $cur_port  # get information about current process (e.g., scheduling priority, pid)",
+    "[prop] [set] $cur_port  # set properties of the current process (e.g., scheduling priority, pid)",
+    "[atch] [out] $prop      # attach a portmonitor plug-in to the port's output",
+    "[atch] [in]  $prop      # attach a portmonitor plug-in to the port's input",
+    "[dtch] [out]            # detach portmonitor plug-in from the port's output",
+    "[dtch] [in]             # detach portmonitor plug-in from the port's input",
+];
+
+/// Most properties a port keeps for others, so that they cannot fill its memory.
+const MAX_PROPERTIES: usize = 1024;
+
+/// What a peer must be allowed to do before it is answered; none for what anybody may ask.
+pub(super) fn required_right(request: &Bottle) -> Option<Right> {
+    match AdminRequest::parse(request) {
+        AdminRequest::Add(_) | AdminRequest::Remove(_) => Some(Right::Connect),
+        AdminRequest::Set(..)
+        | AdminRequest::SetProperty(..)
+        | AdminRequest::Attach(..)
+        | AdminRequest::Detach(_)
+        | AdminRequest::PublisherUpdate
+        | AdminRequest::RequestTopic
+        | AdminRequest::BusInfo
+        | AdminRequest::Other(_) => Some(Right::Administer),
+        _ => None,
+    }
+}
+
+/// A request as a port of this generation understands it: 3.x cuts its words to four characters.
+///
+/// So whoever asks us what we are (`probe.rs`) is told how we answer those who do not betray what they are.
+fn as_parsed_by(request: &Bottle, wire_version: WireVersion) -> Bottle {
+    let cut = |value: &Value| match (value, wire_version) {
+        (Value::Vocab64(word), WireVersion::V3) => Value::Vocab32(word.truncated()),
+        _ => value.clone(),
+    };
+    request.iter().map(cut).collect()
+}
+
+impl Core {
+    /// The answer to an admin request.
+    pub(super) async fn administer(self: &Arc<Self>, request: &Bottle) -> Bottle {
+        let request = as_parsed_by(request, self.options.wire_version);
+        match AdminRequest::parse(&request) {
+            AdminRequest::Help => {
+                let mut answer = Bottle::of(Vocab32::MANY);
+                answer.extend(HELP.map(Value::from));
+                answer
+            }
+            AdminRequest::Version => Bottle::from_iter([
+                Vocab32::new("ver").into(),
+                Value::Int32(1),
+                Value::Int32(2),
+                Value::Int32(3),
+            ]),
+            AdminRequest::Add(destination) => counted(self.add_output_in_words(&destination).await),
+            AdminRequest::Remove(name) => self.remove(&name).await,
+            AdminRequest::List(direction, None) => self.names(direction),
+            AdminRequest::List(direction, Some(name)) => self.details(direction, &name),
+            AdminRequest::Set(direction, name, parameters) => {
+                self.set_parameters(direction, name, &parameters)
+            }
+            AdminRequest::Get(direction, name) => self.parameters(direction, name),
+            AdminRequest::GetProperty(key) => self.property(key),
+            AdminRequest::SetProperty(key, values) => self.set_property(key, values).await,
+            AdminRequest::UnknownProperty => fail("property action not known"),
+            AdminRequest::Attach(None, _) => {
+                fail("attach command must be followed by [out] or [in]")
+            }
+            AdminRequest::Attach(Some(direction), what) => self.attach(direction, &what),
+            AdminRequest::Detach(None) => fail("detach command must be followed by [out] or [in]"),
+            AdminRequest::Detach(Some(direction)) => {
+                self.attached(direction).1.put(None);
+                ok()
+            }
+            // With a word more than stock's: a caller of ours has asked what it will be answered in, and
+            // is to be taken neither for one of 3.x nor for one of 4.0 (`probe.rs`).
+            AdminRequest::Process => Bottle::from_iter([
+                1.into(),
+                "".into(),
+                (std::process::id() as i32).into(),
+                version_probe::EITHER_VERSION.into(),
+            ]),
+            AdminRequest::Pray => {
+                let lines = pray_command::pray(&self.name);
+                lines.into_iter().map(Value::from).collect()
+            }
+            // What a port says that is in no graph of ROS.
+            AdminRequest::PublisherUpdate if self.is_of_3() => {
+                Bottle::from_iter([Value::Int32(1), "ok".into()])
+            }
+            AdminRequest::RequestTopic if self.is_of_3() => {
+                let number = i32::from(self.number).into();
+                let place = ["TCPROS".into(), self.host.as_str().into(), number];
+                let place = Bottle::from_iter(place).into();
+                Bottle::from_iter([1.into(), self.name.as_str().into(), place])
+            }
+            AdminRequest::BusInfo if self.is_of_3() => {
+                let none = Bottle::of(Bottle::new()).into();
+                Bottle::from_iter([1.into(), "".into(), none])
+            }
+            _ => {
+                let own = self.options.admin.as_ref();
+                let own = own.and_then(|admin| admin(&request));
+                own.unwrap_or_else(|| fail("send [help] for list of valid commands"))
+            }
+        }
+    }
+
+    /// Whether the connection ends with the answer.
+    pub(super) fn ends_with(&self, request: &Bottle) -> bool {
+        self.is_of_3() && AdminRequest::parse(request).is_of_ros()
+    }
+
+    fn is_of_3(&self) -> bool {
+        self.options.wire_version == WireVersion::V3
+    }
+
+    async fn remove(&self, name: &str) -> Bottle {
+        match (
+            self.remove_output_in_words(name).await,
+            self.remove_input_in_words(name),
+        ) {
+            (Ok(text), _) | (Err(_), Ok(text)) => counted(Ok(text)),
+            (Err(out), Err(back)) => counted(Err(out + &back)),
+        }
+    }
+
+    fn names(&self, direction: Direction) -> Bottle {
+        match direction {
+            Direction::In => {
+                let inputs = self.inputs();
+                inputs
+                    .iter()
+                    .map(|input| input.from.as_str().into())
+                    .collect()
+            }
+            Direction::Out => {
+                let outputs = self.outputs();
+                outputs
+                    .iter()
+                    .map(|output| output.to.as_str().into())
+                    .collect()
+            }
+        }
+    }
+
+    fn details(&self, direction: Direction, name: &str) -> Bottle {
+        let name = yarp_wire::Contact::parse(name).name;
+        let mut answer = Bottle::new();
+        let mut add = |from: &str, to: &str, text: &str, carrier: &Carrier| {
+            answer.push(pair("from", from));
+            answer.push(pair("to", to));
+            answer.push(pair("carrier", text));
+            if carrier.connectionless {
+                answer.push(pair("connectionless", 1));
+            }
+            if !carrier.push {
+                answer.push(pair("push", 0));
+            }
+        };
+        match direction {
+            Direction::In => {
+                for input in self.inputs().iter().filter(|input| input.from == name) {
+                    let (from, text) = (&input.from, &input.carrier_text);
+                    add(from, &self.name, text, input.carrier);
+                }
+            }
+            Direction::Out => {
+                for output in self.outputs().iter().filter(|output| output.to == name) {
+                    let (to, text) = (&output.to, &output.carrier_text);
+                    add(&self.name, to, text, output.carrier);
+                }
+            }
+        }
+        answer
+    }
+
+    /// `[atch]`: one monitor for all that the port writes or reads, in place of an earlier one.
+    /// As in stock, the earlier one goes also if the new one cannot be had; why stands behind
+    /// stock's words.
+    fn attach(&self, direction: Direction, what: &str) -> Bottle {
+        let (side, attached) = self.attached(direction);
+        attached.put(None);
+        match self.attachment(side, what) {
+            Ok(chain) => {
+                attached.put(Some(chain));
+                ok()
+            }
+            Err(error) => {
+                tracing::warn!(port = %self.name, "no monitor is attached: {error}");
+                fail("Failed to configure the portmonitor plug-in").with(error.to_string())
+            }
+        }
+    }
+
+    fn attached(&self, direction: Direction) -> (MonitorSide, &Attached) {
+        match direction {
+            Direction::In => (MonitorSide::Receive, &self.attached_in),
+            Direction::Out => (MonitorSide::Send, &self.attached_out),
+        }
+    }
+
+    /// What has no parameters takes any; so it is in stock.
+    fn set_parameters(
+        &self,
+        direction: Direction,
+        name: Option<String>,
+        parameters: &Bottle,
+    ) -> Bottle {
+        let way = match direction {
+            Direction::In => "from",
+            Direction::Out => "to",
+        };
+        match self.find(direction, name) {
+            Ok((name, chain)) => {
+                if let Some(chain) = chain {
+                    chain.set(parameters);
+                }
+                match name == self.name {
+                    true => ok(),
+                    false => counted(Ok(format!("Configured connection {way} {name}\r\n"))),
+                }
+            }
+            Err(answer) => answer,
+        }
+    }
+
+    fn parameters(&self, direction: Direction, name: Option<String>) -> Bottle {
+        match self.find(direction, name) {
+            Ok((_, chain)) => {
+                let parameters = chain.map(|chain| chain.get()).unwrap_or_default();
+                Bottle::of(Value::Dictionary(parameters))
+            }
+            Err(answer) => answer,
+        }
+    }
+
+    /// The monitors of the connection meant, or of the port itself by its own name, or stock's
+    /// answer that there is none.
+    fn find(
+        &self,
+        direction: Direction,
+        name: Option<String>,
+    ) -> Result<(String, Option<Arc<Chain>>), Bottle> {
+        let Some(name) = name else {
+            return Err(counted(Err("target port is not specified.\r\n".to_owned())));
+        };
+        let (found, place, way) = match direction {
+            Direction::In => {
+                let inputs = self.inputs();
+                let found = inputs.iter().find(|input| input.from == name);
+                (found.map(|input| input.monitors.clone()), "input", "from")
+            }
+            Direction::Out => {
+                let outputs = self.outputs();
+                let found = outputs.iter().find(|output| output.to == name);
+                (found.map(|output| output.monitors.clone()), "output", "to")
+            }
+        };
+        if name == self.name {
+            return match self.attached(direction).1.chain() {
+                Some(chain) => Ok((name, Some(chain))),
+                None => Err(fail(&format!(
+                    "No port modifier is attached to the {place}"
+                ))),
+            };
+        }
+        // Stock says incoming for either direction.
+        found.map(|chain| (name.clone(), chain)).ok_or_else(|| {
+            let text = format!("Could not find an incoming connection {way} {name}\r\n");
+            counted(Err(text))
+        })
+    }
+
+    fn property(&self, key: Option<String>) -> Bottle {
+        let Some(key) = key else {
+            let properties = self.properties();
+            return properties
+                .iter()
+                .map(|(key, values)| {
+                    let mut entry = Bottle::of(key.as_str());
+                    entry.extend(values.iter().cloned());
+                    entry.into()
+                })
+                .collect();
+        };
+        if key == self.name {
+            return self.own_properties();
+        }
+        if key.starts_with('/') {
+            return self.connection_properties(&key);
+        }
+        let properties = self.properties();
+        let found = properties.iter().find(|(name, _)| *name == key);
+        match found {
+            Some((_, values)) => values.clone(),
+            None if key == "counters" => {
+                drop(properties);
+                self.counters().to_bottle()
+            }
+            None => Bottle::new(),
+        }
+    }
+
+    async fn set_property(&self, key: String, values: Bottle) -> Bottle {
+        if key.starts_with('/') {
+            return self.set_connection_properties(&key, &values).await;
+        }
+        let mut properties = self.properties();
+        if let Some(entry) = properties.iter_mut().find(|(name, _)| *name == key) {
+            entry.1 = values;
+        } else if properties.len() < MAX_PROPERTIES {
+            properties.push((key, values));
+            properties.sort_by(|a, b| a.0.cmp(&b.0));
+        } else {
+            return fail("too many properties");
+        }
+        ok()
+    }
+
+    fn own_properties(&self) -> Bottle {
+        // As it was called: `yarp`, not where that is.
+        let mut words = std::env::args_os().map(|word| word.to_string_lossy().into_owned());
+        let program = words.next().unwrap_or_default();
+        let arguments: Vec<String> = words.collect();
+        let is_input =
+            self.options.outputs != Outputs::One || !matches!(self.options.input, Input::Discard);
+        let is_rpc = matches!(self.options.input, Input::Queue(_, Serving::Replies))
+            || self.options.outputs == Outputs::One;
+        let number = |flag: bool| i32::from(flag);
+        let schedule = Schedule::now().unwrap_or_default();
+        Bottle::from_iter([
+            scheduling(schedule, thread_schedule::thread()),
+            group(
+                "process",
+                [
+                    pair("arguments", arguments.join(" ")),
+                    pair("name", program),
+                    pair("pid", std::process::id() as i32),
+                    pair("policy", schedule.policy),
+                    pair("priority", schedule.priority),
+                ],
+            ),
+            group(
+                "platform",
+                [pair("hostname", self.host.as_str()), pair("os", "Linux")],
+            ),
+            group(
+                "port",
+                [
+                    pair("is_input", number(is_input)),
+                    pair("is_output", number(self.options.outputs != Outputs::None)),
+                    pair("is_rpc", number(is_rpc)),
+                    pair("type", self.options.type_name.clone().unwrap_or_default()),
+                ],
+            ),
+        ])
+    }
+}
+
+pub(super) fn ok() -> Bottle {
+    Bottle::of(Vocab32::OK)
+}
+
+pub(super) fn fail(reason: &str) -> Bottle {
+    Bottle::from_iter([Vocab32::FAIL.into(), reason.into()])
+}
+
+/// `0 TEXT` or `-1 TEXT`.
+fn counted(result: Result<String, String>) -> Bottle {
+    let (code, text) = match result {
+        Ok(text) => (0, text),
+        Err(text) => (-1, text),
+    };
+    Bottle::from_iter([Value::Int32(code), text.into()])
+}
+
+pub(super) fn pair(key: &str, value: impl Into<Value>) -> Value {
+    Bottle::from_iter([key.into(), value.into()]).into()
+}
+
+pub(super) fn group<const N: usize>(key: &str, pairs: [Value; N]) -> Value {
+    pair(key, Value::Dictionary(Bottle::from_iter(pairs)))
+}

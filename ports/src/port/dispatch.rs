@@ -1,0 +1,120 @@
+//! How a message gets to the owner of the port, and the reply back.
+
+use std::sync::Arc;
+
+use super::core::Core;
+use super::log_modifier::LoggedMessage;
+use super::monitor::Chain;
+use super::port_options::{Input, Serving};
+use super::receive_queue::ReceiveQueue;
+use super::received_message::{Answer, Received, Reply};
+use super::reply_channel::ReplyReceiver;
+
+/// How far a message got without waiting.
+pub(super) enum Dispatched {
+    Answered(Answer),
+    /// The owner has it, and will answer.
+    Pending(ReplyReceiver<Answer>),
+    /// There is no room for it yet, and perhaps somebody waits for the answer.
+    QueueFull(Received, Option<ReplyReceiver<Answer>>),
+}
+
+impl Core {
+    /// What the monitors of a connection and of the port make of a message; `None` if one stops it.
+    async fn monitored(
+        &self,
+        monitors: Option<&Arc<Chain>>,
+        mut received: Received,
+    ) -> Option<Received> {
+        let attached = self.attached_in.chain();
+        for chain in monitors.into_iter().chain(&attached) {
+            let passing = chain.update(received.payload).await?;
+            if !passing.delay.is_zero() {
+                tokio::time::sleep(passing.delay).await;
+            }
+            received.payload = passing.payload;
+        }
+        Some(received)
+    }
+
+    /// Whether messages that arrive have more to pass than the owner's queue.
+    pub(super) fn is_watched(&self) -> bool {
+        self.is_logged() || self.attached_in.is_attached()
+    }
+
+    /// Hands a message to the owner through the monitors, and what came of it to those who look
+    /// on, unless the message is a copy already. Waits for the reply, if there is to be one; tells whether the connection
+    /// shall end with it.
+    pub(super) async fn take(
+        &self,
+        monitors: Option<&Arc<Chain>>,
+        received: Received,
+        copies: bool,
+    ) -> (Option<Reply>, bool) {
+        let Some(received) = self.monitored(monitors, received).await else {
+            return (None, false);
+        };
+        let copy = (self.is_logged() && !copies).then(|| LoggedMessage::of(&received));
+        let (reply, last) = self.finish(self.dispatch(received)).await;
+        if let Some(copy) = copy {
+            self.forward(&copy, reply.as_ref());
+        }
+        (reply, last)
+    }
+
+    /// Hands a message to the owner.
+    ///
+    /// Messages that the queue drops are counted where they came from.
+    pub(super) fn dispatch(&self, mut received: Received) -> Dispatched {
+        match &self.options.input {
+            Input::Discard => Dispatched::Answered(Answer::Nothing),
+            Input::Handler(handler) => Dispatched::Answered(handler(&mut received)),
+            Input::Queue(_, serving) => {
+                let mut answer = None;
+                if received.wants_reply && *serving == Serving::Replies {
+                    let (sender, call) = self.slots.begin();
+                    received.responder = Some(sender);
+                    answer = Some(call);
+                }
+                match self.queue().try_push(received) {
+                    Ok(dropped) => {
+                        dropped.into_iter().for_each(|id| self.count_dropped(id));
+                        answer.map_or(Dispatched::Answered(Answer::Nothing), Dispatched::Pending)
+                    }
+                    Err(received) => Dispatched::QueueFull(received, answer),
+                }
+            }
+        }
+    }
+
+    fn queue(&self) -> &ReceiveQueue {
+        let receive_queue = self.receive_queue.as_ref();
+        receive_queue.expect("a port that queues has a receive queue")
+    }
+
+    /// Waits for what is left to wait for.
+    pub(super) async fn finish(&self, dispatched: Dispatched) -> (Option<Reply>, bool) {
+        let asked = match dispatched {
+            Dispatched::Answered(answer) => Err(answer),
+            Dispatched::Pending(asked) => Ok(asked),
+            Dispatched::QueueFull(received, asked) => {
+                if let Some(id) = self.queue().push(received).await {
+                    self.count_dropped(id);
+                }
+                asked.ok_or(Answer::Nothing)
+            }
+        };
+        let mut answer = match asked {
+            Ok(asked) => asked.outcome().await,
+            Err(answer) => answer,
+        };
+        loop {
+            match answer {
+                Answer::Later(later) => answer = later.await,
+                Answer::Nothing => return (None, false),
+                Answer::Reply(reply) => return (Some(reply), false),
+                Answer::ReplyAndClose(reply) => return (Some(reply), true),
+            }
+        }
+    }
+}

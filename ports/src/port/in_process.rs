@@ -1,0 +1,196 @@
+//! The carrier `local`: what the writer wrote is handed to a reader of the same process.
+//!
+//! No socket, no copy of what is large: an image that is read has the very pixels of the image
+//! that was written. Each connection has a task of its own, as all have, so that a slow reader
+//! holds nobody up; a writer that waits for its message waits until the reader is done with it.
+
+use std::collections::HashMap;
+use std::net::{IpAddr, Ipv4Addr};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+
+use yarp_wire::carrier::{Carrier, CarrierSpec, Sender};
+use yarp_wire::message::WireObject;
+use yarp_wire::{Bottle, WireVersion};
+
+use super::core::{Core, Entry, InputEntry};
+use super::counters::Meter;
+use super::dedicated_thread::{ConnectionControl, ControlReceiver};
+use super::encode_once;
+use super::log_modifier;
+use super::monitor::{Chain, MonitorSide};
+use super::output::Output;
+use super::received_message::Received;
+use super::send_queue::{Parcel, SendQueue};
+use super::socket_qos::SocketHandle;
+use crate::cancel::Cancelled;
+use crate::error::PortError;
+use crate::network::Endpoint;
+
+/// The ports of this process, by the number that they listen on.
+static PORTS: Mutex<Option<HashMap<u16, Weak<Core>>>> = Mutex::new(None);
+
+fn ports() -> MutexGuard<'static, Option<HashMap<u16, Weak<Core>>>> {
+    PORTS.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Makes a port known to the others of this process.
+pub(super) fn announce(core: &Arc<Core>) {
+    let known = Arc::downgrade(core);
+    ports().get_or_insert_default().insert(core.number, known);
+}
+
+/// Takes back [`announce`].
+pub(super) fn withdraw(core: &Core) {
+    if let Some(ports) = ports().as_mut() {
+        ports.remove(&core.number);
+    }
+}
+
+/// The port at a place, if it is in this process.
+fn find(endpoint: &Endpoint) -> Option<Arc<Core>> {
+    let core = ports().as_ref()?.get(&endpoint.port)?.upgrade()?;
+    (core.name == endpoint.name).then_some(core)
+}
+
+/// Connects a port to a reader of the same process.
+pub(super) fn connect(
+    writer: &Core,
+    to: &Endpoint,
+    spec: &CarrierSpec,
+    carrier: &'static Carrier,
+) -> Result<Output, PortError> {
+    let reader = find(to).ok_or_else(|| PortError::NotInProcess {
+        peer: to.name.clone(),
+    })?;
+    let ends = (writer.name.as_str(), reader.name.as_str());
+    let monitors = reader.monitors(&spec.modifiers, MonitorSide::Receive, ends)?;
+    let (control, displaced) = ConnectionControl::new();
+    let meter = Arc::<Meter>::default();
+    let sender = Sender {
+        name: writer.name.clone(),
+        modifiers: spec.modifiers.clone(),
+    };
+    let id = reader.next_number();
+    reader.add_input(InputEntry {
+        id,
+        from: writer.name.clone(),
+        carrier_text: spec.to_string(),
+        carrier,
+        socket: SocketHandle::none(),
+        meter: meter.clone(),
+        monitors: monitors.clone(),
+        control,
+    });
+    let send_queue = Arc::new(SendQueue::new(None));
+    let way = Local {
+        send_queue: send_queue.clone(),
+        entry: Entry {
+            id,
+            core: reader.clone(),
+        },
+        copies: log_modifier::is_requested_by(&sender),
+        monitors,
+        from: sender.name.into(),
+        meter,
+        displaced,
+        closing: reader.cancelled.clone(),
+        cancelled: writer.cancelled.clone(),
+    };
+    let task = tokio::spawn(way.run());
+    Ok(Output::over(
+        &to.name,
+        spec.to_string(),
+        carrier,
+        WireVersion::default(),
+        send_queue,
+        SocketHandle::none(),
+        task,
+    ))
+}
+
+/// A connection within the process.
+struct Local {
+    send_queue: Arc<SendQueue>,
+    entry: Entry,
+    copies: bool,
+    /// What messages pass at the reader, if anything.
+    monitors: Option<Arc<Chain>>,
+    from: Arc<str>,
+    meter: Arc<Meter>,
+    /// Another connection of the same name takes its place, or the reader drops it.
+    displaced: ControlReceiver,
+    /// The reader closes.
+    closing: Cancelled,
+    /// The writer closes.
+    cancelled: Cancelled,
+}
+
+impl Local {
+    /// Hands over messages until either end closes.
+    async fn run(self) {
+        let (mut displaced, mut closing) = (self.displaced.clone(), self.closing.clone());
+        let mut cancelled = self.cancelled.clone();
+        let reason = tokio::select! {
+            biased;
+            () = displaced.ended() => "the reader closed it",
+            () = closing.cancelled() => "the reader closed",
+            () = cancelled.cancelled() => "the port closed",
+            end = self.deliver() => end,
+        };
+        self.send_queue.close(reason);
+    }
+
+    /// As [`Self::run`]; tells why it ended.
+    async fn deliver(&self) -> &'static str {
+        loop {
+            while let Some(parcel) = self.send_queue.take_parcel() {
+                if self.hand_over(parcel).await {
+                    return "the reader closed it";
+                }
+                // Neither end need ever wait: let others run now and then.
+                tokio::task::coop::consume_budget().await;
+            }
+            if self.send_queue.is_closed() {
+                return "closed here";
+            }
+            self.send_queue.filled.notified().await;
+        }
+    }
+
+    /// Hands one message to the reader; tells whether the connection shall end with it.
+    async fn hand_over(&self, parcel: Parcel) -> bool {
+        let bytes = parcel.payload.len();
+        self.meter.count(bytes, parcel.envelope.as_deref());
+        let received = Received {
+            payload: parcel.payload,
+            envelope: parcel.envelope,
+            from: self.from.clone(),
+            address: IpAddr::V4(Ipv4Addr::LOCALHOST),
+            wants_reply: parcel.wants_reply,
+            responder: None,
+            connection: self.entry.id,
+        };
+        let monitors = self.monitors.as_ref();
+        let taking = self.entry.core.take(monitors, received, self.copies);
+        let (reply, last) = taking.await;
+        let reply = parcel.wants_reply.then(|| {
+            let wire_version = WireVersion::default();
+            encode_once::write(wire_version, |pieces| match reply {
+                Some(reply) => reply.write_pieces(pieces, wire_version),
+                None => Bottle::new().write_pieces(pieces, wire_version),
+            })
+        });
+        self.send_queue.delivered(bytes, reply.as_ref());
+        if let Some(reply) = reply {
+            encode_once::keep(reply.pieces);
+        }
+        last
+    }
+}
+
+impl Drop for Local {
+    fn drop(&mut self) {
+        // Also when what the reader does with a message panics.
+        self.send_queue.close("the reader failed");
+    }
+}

@@ -1,0 +1,162 @@
+//! How an incoming connection begins: who may come, with what, and what it goes on over.
+
+use std::io;
+use std::net::SocketAddrV4;
+use std::sync::Arc;
+
+use yarp_wire::carrier::{Carrier, Sender, Transport};
+use yarp_wire::connection::{ProtocolError, REFUSAL};
+use yarp_wire::protocol::header_reply;
+
+use super::{Connection, End, Next};
+use crate::port::core::{Entry, InputEntry, is_port};
+use crate::port::monitor::{MonitorError, MonitorSide};
+use crate::port::port_options::{Input, Serving};
+use crate::port::socket_qos::SocketHandle;
+use crate::roles::Right;
+use crate::socket::{self, ReadBuffer, Socket};
+use crate::{shmem, unix_socket, version_probe};
+
+impl Connection {
+    /// Goes on once the header is complete: may this peer come, and can it have what it asks for?
+    pub(super) fn begin(
+        &mut self,
+        carrier: &'static Carrier,
+        sender: Sender,
+        group: Option<SocketAddrV4>,
+    ) -> Next {
+        self.sender = sender;
+        // A port that comes over a carrier that pushes comes to write.
+        let wants = match carrier.push {
+            true => is_port(&self.sender.name).then_some(Right::Write),
+            false => Some(Right::Read),
+        };
+        if let Some(right) = wants.filter(|right| !self.may(*right)) {
+            // Without an answer to its header the peer knows that it is not connected.
+            self.output.clear();
+            return Next::Stop(End::NotAllowed(right));
+        }
+        if !carrier.push {
+            return Next::Stop(End::Reversed);
+        }
+        let opened = self.opened(carrier);
+        self.header_reply_len = self.output.len();
+        if !matches!(opened, Ok(true)) {
+            // Without the header reply the peer knows that there is no connection.
+            self.output.clear();
+        }
+        match (opened, carrier.transport) {
+            (Ok(false), _) => Next::Stop(End::Closed),
+            (Err(error), _) => {
+                carrier
+                    .protocol
+                    .put_refusal(carrier, &error, &mut self.output);
+                Next::Stop(End::Refused(error))
+            }
+            (Ok(true), Transport::Stream) => Next::Go,
+            (Ok(true), Transport::UnixSocket) => Next::UnixSocket,
+            (Ok(true), Transport::SharedMemory) => Next::SharedMemory,
+            (Ok(true), _) => Next::Datagrams(group),
+        }
+    }
+
+    /// Whether a peer that has just come may be replied to in a form that its generation has to be known for.
+    pub(super) fn may_want_replies(&self, next: &Next, carrier: &Carrier) -> bool {
+        let replies = match &self.core.options.input {
+            Input::Discard => false,
+            Input::Queue(_, serving) => *serving == Serving::Replies,
+            Input::Handler(_) => true,
+        };
+        let goes_on = !matches!(next, Next::Stop(_) | Next::Datagrams(_));
+        // Who has said more already does not wait.
+        let waits = self.input.bytes.is_empty();
+        replies
+            && goes_on
+            && waits
+            && carrier.protocol.payload_kind().are_binary()
+            && is_port(&self.sender.name)
+    }
+
+    /// Asks a port that comes which generation it is of, while it waits for the answer to its header.
+    /// Later is too late: a port of stock's takes no connection while it waits for a reply.
+    pub(super) async fn probe_caller_version(&mut self) {
+        let core = self.core.clone();
+        if let Some(wire_version) =
+            version_probe::caller_version(&self.sender.name, &core.network).await
+        {
+            self.acceptor.set_wire_version(wire_version);
+        }
+    }
+
+    /// Takes note of the connection; `false` if there is a younger one of the same name.
+    fn opened(&mut self, carrier: &'static Carrier) -> Result<bool, MonitorError> {
+        self.record_activity();
+        let sender = &self.sender;
+        let ends = (sender.name.as_str(), self.core.name.as_str());
+        let monitors = self
+            .core
+            .monitors(&sender.modifiers, MonitorSide::Receive, ends)?;
+        let mut text = carrier.name.to_owned();
+        for (key, value) in &sender.modifiers {
+            // As in stock, also those without a value have the dot.
+            text.push('+');
+            text.push_str(key);
+            text.push('.');
+            text.push_str(value.as_deref().unwrap_or_default());
+        }
+        let id = self.number;
+        let noted = self.core.add_input(InputEntry {
+            id,
+            from: sender.name.clone(),
+            carrier_text: text,
+            carrier,
+            socket: SocketHandle::of(&self.stream),
+            meter: self.meter.clone(),
+            monitors: monitors.clone(),
+            control: self.control.take().expect("a header comes once"),
+        });
+        if !noted {
+            return Ok(false);
+        }
+        let core = self.core.clone();
+        self.entry = Some(Entry { id, core });
+        self.from = self.sender.name.as_str().into();
+        self.monitors = monitors;
+        Ok(true)
+    }
+
+    /// Goes on over a socket of the file system.
+    pub(super) async fn switch_to_unix_socket(&mut self) -> io::Result<()> {
+        if let Some(header) = self.stream.tcp() {
+            let socket = unix_socket::accept(header).await?;
+            self.switch_to(Socket::Unix(socket));
+        }
+        Ok(())
+    }
+
+    /// Goes on through shared memory.
+    pub(super) async fn switch_to_shared_memory(&mut self) -> io::Result<()> {
+        if let Some(header) = self.stream.tcp() {
+            let offer = shmem::Offer::new(header).await?;
+            header_reply(offer.number(), &mut self.output);
+            socket::write_all(&self.stream, &mut self.output).await?;
+            let socket = offer.accept().await?;
+            self.switch_to(Socket::Shmem(Box::new(socket)));
+        }
+        Ok(())
+    }
+
+    fn switch_to(&mut self, socket: Socket) {
+        self.stream = Arc::new(socket);
+        self.set_socket(SocketHandle::of(&self.stream));
+        self.input = ReadBuffer::default();
+    }
+
+    /// Tells a peer that speaks no carrier of ours what it may try.
+    pub(super) async fn refuse(&mut self, error: &ProtocolError) {
+        if matches!(error, ProtocolError::UnknownCarrier { .. }) {
+            self.output.extend_from_slice(REFUSAL.as_bytes());
+        }
+        let _ = socket::write_all(&self.stream, &mut self.output).await;
+    }
+}

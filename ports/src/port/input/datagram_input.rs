@@ -1,0 +1,103 @@
+//! An incoming connection whose messages come as datagrams.
+
+use std::io;
+use std::net::{IpAddr, SocketAddrV4};
+use std::sync::Arc;
+
+use tokio::net::UdpSocket;
+use yarp_wire::Limits;
+use yarp_wire::connection::DatagramReassembler;
+use yarp_wire::protocol::header_reply;
+
+use super::{Connection, End, Next};
+use crate::port::datagram_liveness;
+use crate::port::socket_qos::SocketHandle;
+use crate::socket;
+use crate::udp_socket;
+
+/// Where datagrams arrive and become messages.
+pub(super) struct Datagrams {
+    pub(super) socket: Arc<UdpSocket>,
+    reader: DatagramReassembler,
+}
+
+impl Connection {
+    /// Serves what comes as datagrams until the writer ends it, or is found to be gone.
+    pub(super) async fn run_watched(&mut self, group: Option<SocketAddrV4>) -> End {
+        let (core, from, meter) = (self.core.clone(), self.from.clone(), self.meter.clone());
+        tokio::select! {
+            // What has arrived is served first.
+            biased;
+            end = self.run_datagrams(group) => end,
+            reason = datagram_liveness::wait_until_gone(&core, &from, &meter) => End::Gone(reason),
+        }
+    }
+
+    /// Serves what comes as datagrams: to the group, or to a socket that the peer is told of.
+    /// The peer ends it by a message to the port, or by another connection of the same name.
+    async fn run_datagrams(&mut self, group: Option<SocketAddrV4>) -> End {
+        let mut datagrams = match self.datagrams.take() {
+            Some(datagrams) => datagrams,
+            None => match self.open_datagrams(group).await {
+                Ok(datagrams) => datagrams,
+                Err(error) => return error.into(),
+            },
+        };
+        loop {
+            let Datagrams { socket, reader } = &mut *datagrams;
+            let ready = tokio::select! {
+                biased;
+                () = self.closing.cancelled() => return End::Closed,
+                ready = socket.readable() => ready,
+                thread = self.control_receiver.thread(), if !self.moved => {
+                    self.datagrams = Some(datagrams);
+                    return End::Moved(thread);
+                }
+            };
+            let dropped = reader.dropped();
+            let received = ready
+                .and_then(|()| udp_socket::receive(socket, |datagram| reader.receive(datagram)));
+            let message = match received {
+                Ok(message) => message.unwrap_or(Ok(None)),
+                Err(error) => return error.into(),
+            };
+            for _ in dropped..reader.dropped() {
+                self.meter.drop_one();
+            }
+            match message {
+                Ok(None) => {}
+                Ok(Some(message)) => {
+                    if let Next::Stop(end) = self.message(message).await {
+                        return end;
+                    }
+                    // Nothing can be said back.
+                    self.output.clear();
+                }
+                Err(error) => {
+                    let from = &self.sender.name;
+                    tracing::debug!(port = %self.core.name, from, "a message is dropped: {error}");
+                }
+            }
+        }
+    }
+
+    async fn open_datagrams(&mut self, group: Option<SocketAddrV4>) -> io::Result<Box<Datagrams>> {
+        let local = self
+            .stream
+            .tcp()
+            .and_then(|stream| stream.local_addr().ok());
+        let socket = match (group, local.map(|address| address.ip())) {
+            (Some(group), Some(IpAddr::V4(local))) => udp_socket::group_reader(group, local),
+            _ => udp_socket::reader(),
+        };
+        let socket = Arc::new(socket?);
+        self.set_socket(SocketHandle::of(&socket));
+        if group.is_none() {
+            let number = socket.local_addr().map_or(0, |address| address.port());
+            header_reply(number, &mut self.output);
+        }
+        socket::write_all(&self.stream, &mut self.output).await?;
+        let reader = DatagramReassembler::new(self.acceptor.wire_version(), Limits::DEFAULT);
+        Ok(Box::new(Datagrams { socket, reader }))
+    }
+}

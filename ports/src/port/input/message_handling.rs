@@ -1,0 +1,220 @@
+//! What is done with what comes on a connection, and what is said to that.
+
+use std::pin::pin;
+
+use yarp_wire::Bottle;
+use yarp_wire::connection::Message;
+use yarp_wire::message::{Command, Payload};
+
+use super::{Connection, End, Next};
+use crate::port::admin_commands;
+use crate::port::dispatch::Dispatched;
+use crate::port::log_modifier;
+use crate::port::received_message::{Answer, Received, Reply};
+use crate::port::text_commands::{HELP, NOT_UNDERSTOOD};
+use crate::roles::Right;
+
+/// How far a message has come.
+pub(super) enum Step {
+    Done(Next),
+    /// It is on its way to the owner; tells whether the sender wants a reply.
+    Dispatch(Dispatch, bool),
+    /// It is not for the owner, or not from who may write.
+    Command(Command, Payload),
+}
+
+/// A message on its way to the owner.
+pub(super) enum Dispatch {
+    Direct(Dispatched),
+    /// There is more to pass than the owner's queue.
+    Watched(Received),
+}
+
+impl Connection {
+    pub(super) async fn message(&mut self, message: Message) -> Next {
+        match self.handle_now(message) {
+            Step::Done(next) => next,
+            left => self.handle_rest(left).await,
+        }
+    }
+
+    /// Does with a message what needs no waiting: for most that is all.
+    pub(super) fn handle_now(&mut self, message: Message) -> Step {
+        self.was_valid = true;
+        self.record_activity();
+        let Message { command, payload } = message;
+        let Command::Data { reply, envelope } = command else {
+            return Step::Command(command, payload);
+        };
+        if !self.may(Right::Write) {
+            return Step::Command(Command::Data { reply, envelope }, payload);
+        }
+        self.meter.count(payload.len(), envelope.as_deref());
+        let received = Received {
+            payload,
+            envelope,
+            from: self.from.clone(),
+            address: self.address,
+            wants_reply: reply,
+            responder: None,
+            connection: self.number,
+        };
+        let answer = match self.dispatch(received) {
+            Dispatch::Direct(Dispatched::Answered(Answer::Nothing)) => (None, false),
+            Dispatch::Direct(Dispatched::Answered(Answer::Reply(reply))) => (Some(reply), false),
+            dispatch => return Step::Dispatch(dispatch, reply),
+        };
+        let next = self.answer(answer, reply);
+        self.acceptor.acknowledge(&mut self.output);
+        Step::Done(next)
+    }
+
+    /// Does what is left to do with a message.
+    pub(super) async fn handle_rest(&mut self, left: Step) -> Next {
+        let next = match left {
+            Step::Done(next) => return next,
+            Step::Dispatch(dispatch, reply) => {
+                let answer = self.finish(dispatch).await;
+                self.answer(answer, reply)
+            }
+            // Who may not write.
+            Step::Command(Command::Data { reply, .. }, _) => {
+                if !reply {
+                    return Next::Stop(End::NotAllowed(Right::Write));
+                }
+                let answer = admin_commands::fail(&self.refusal(Right::Write));
+                self.acceptor.reply(&answer, &mut self.output);
+                Next::Go
+            }
+            Step::Command(Command::Admin, payload) => {
+                let request = payload.to_bottle().unwrap_or_default();
+                let answer = self.administer(&request).await;
+                self.acceptor.reply(&answer, &mut self.output);
+                match self.core.ends_with(&request) {
+                    true => Next::Stop(End::Closed),
+                    false => Next::Go,
+                }
+            }
+            Step::Command(command, _) => self.command(command).await,
+        };
+        self.acceptor.acknowledge(&mut self.output);
+        next
+    }
+
+    /// The answer to an admin request, or to who may not make it.
+    pub(in crate::port) async fn administer(&mut self, request: &Bottle) -> Bottle {
+        if let Some(right) =
+            admin_commands::required_right(request).filter(|right| !self.may(*right))
+        {
+            return admin_commands::fail(&self.refusal(right));
+        }
+        let core = self.core.clone();
+        self.wait_for(Box::pin(core.administer(request))).await
+    }
+
+    /// Hands a message to the owner and waits for the reply, if there is to be one; tells whether
+    /// the connection shall end with it.
+    pub(in crate::port) async fn deliver(&mut self, received: Received) -> (Option<Reply>, bool) {
+        let dispatch = self.dispatch(received);
+        self.finish(dispatch).await
+    }
+
+    /// Hands a message to the owner, unless there is more for it to pass.
+    fn dispatch(&self, received: Received) -> Dispatch {
+        match self.monitors.is_some() || self.core.is_watched() {
+            true => Dispatch::Watched(received),
+            false => Dispatch::Direct(self.core.dispatch(received)),
+        }
+    }
+
+    /// Waits for what is left to wait for, which is pinned here: by value it would be in each connection twice.
+    async fn finish(&mut self, dispatch: Dispatch) -> (Option<Reply>, bool) {
+        let core = self.core.clone();
+        match dispatch {
+            Dispatch::Direct(dispatched) => self.wait_for(pin!(core.finish(dispatched))).await,
+            Dispatch::Watched(received) => {
+                let copies = log_modifier::is_requested_by(&self.sender);
+                let monitors = self.monitors.clone();
+                self.wait_for(pin!(core.take(monitors.as_ref(), received, copies)))
+                    .await
+            }
+        }
+    }
+
+    fn answer(&mut self, (reply, last): (Option<Reply>, bool), wants_reply: bool) -> Next {
+        match reply {
+            Some(reply) => self.reply(&reply, wants_reply),
+            None => self.reply_nothing(wants_reply),
+        }
+        if last {
+            Next::Stop(End::Closed)
+        } else {
+            Next::Go
+        }
+    }
+
+    fn reply(&mut self, reply: &Reply, wanted: bool) {
+        if wanted {
+            self.acceptor.reply(&**reply, &mut self.output);
+        }
+    }
+
+    /// On a binary connection a sender that asked for a reply must get one: without it a stock
+    /// sender takes the acknowledgement for the reply and hangs. People at a terminal get none.
+    fn reply_nothing(&mut self, wanted: bool) {
+        let binary = self
+            .acceptor
+            .carrier()
+            .is_some_and(|carrier| carrier.protocol.payload_kind().are_binary());
+        if wanted && binary {
+            self.acceptor.reply(&Bottle::new(), &mut self.output);
+        }
+    }
+
+    async fn command(&mut self, command: Command) -> Next {
+        match self.execute(command).await {
+            Ok(lines) => {
+                self.acceptor.answer_lines(&lines, &mut self.output);
+                Next::Go
+            }
+            Err(end) => Next::Stop(end),
+        }
+    }
+
+    /// What a person is told who gives this command, or how the connection ends with it.
+    pub(in crate::port) async fn execute(&mut self, command: Command) -> Result<String, End> {
+        let core = self.core.clone();
+        let needed = match command {
+            Command::AddOutput(_) | Command::RemoveOutput(_) | Command::RemoveInput(_) => {
+                Some(Right::Connect)
+            }
+            Command::Reverse => Some(Right::Read),
+            _ => None,
+        };
+        if let Some(right) = needed.filter(|right| !self.may(*right)) {
+            return Ok(self.refusal(right) + "\r\n");
+        }
+        Ok(match command {
+            Command::Quit => return Err(End::Closed),
+            Command::Reverse => return Err(End::Reversed),
+            Command::AddOutput(destination) => either(
+                self.wait_for(Box::pin(core.add_output_in_words(&destination)))
+                    .await,
+            ),
+            Command::RemoveOutput(name) => either(
+                self.wait_for(Box::pin(core.remove_output_in_words(&name)))
+                    .await,
+            ),
+            Command::RemoveInput(name) => either(self.core.remove_input_in_words(&name)),
+            Command::Describe => self.core.describe(),
+            Command::Help => HELP.to_owned(),
+            _ => NOT_UNDERSTOOD.to_owned(),
+        })
+    }
+}
+
+fn either(result: Result<String, String>) -> String {
+    match result {
+        Ok(text) | Err(text) => text,
+    }
+}

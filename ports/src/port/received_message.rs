@@ -1,0 +1,117 @@
+//! A message as the owner of a port gets it.
+
+use std::net::IpAddr;
+use std::ops::Deref;
+use std::pin::Pin;
+use std::sync::Arc;
+
+use bytes::Bytes;
+use smallbox::space::S8;
+use smallbox::{SmallBox, smallbox};
+use yarp_wire::bottle::DecodeError;
+use yarp_wire::message::{Payload, ReadObject, WireObject};
+use yarp_wire::{Bottle, Stamp};
+
+use super::reply_channel::ReplySender;
+
+/// What a message is answered with: anything that can be written. Up to 64 bytes of it take no memory of their own.
+pub struct Reply(SmallBox<dyn WireObject + Send + Sync, S8>);
+
+impl Reply {
+    /// A reply of this.
+    pub fn new(object: impl WireObject + Send + Sync + 'static) -> Self {
+        Self(smallbox!(object))
+    }
+}
+
+impl Deref for Reply {
+    type Target = dyn WireObject + Send + Sync;
+
+    fn deref(&self) -> &Self::Target {
+        &*self.0
+    }
+}
+
+/// A message that arrived.
+#[derive(Debug)]
+pub struct Received {
+    /// The content, unread.
+    pub payload: Payload,
+    /// What accompanied it, usually a [`Stamp`].
+    pub envelope: Option<Bytes>,
+    /// The name of the sender.
+    pub from: Arc<str>,
+    /// The address of the sender.
+    pub address: IpAddr,
+    /// Whether the sender waits for a reply.
+    pub wants_reply: bool,
+    /// Carries the answer back to the connection.
+    pub(crate) responder: Option<ReplySender<Answer>>,
+    /// The connection that it came over.
+    pub(crate) connection: u64,
+}
+
+/// How a message was answered.
+#[non_exhaustive]
+pub enum Answer {
+    /// With nothing; a sender that waits gets an empty bottle.
+    Nothing,
+    /// With this.
+    Reply(Reply),
+    /// With this, and then the connection ends.
+    ReplyAndClose(Reply),
+    /// The answer is being worked out; the connection waits for it, others do not.
+    Later(Pin<Box<dyn Future<Output = Answer> + Send>>),
+}
+
+impl Answer {
+    /// A reply of any kind.
+    pub fn reply(object: impl WireObject + Send + Sync + 'static) -> Self {
+        Self::Reply(Reply::new(object))
+    }
+}
+
+impl Received {
+    /// The content as a bottle.
+    pub fn bottle(&self) -> Result<Bottle, DecodeError> {
+        self.payload.to_bottle()
+    }
+
+    /// The content as any type that can travel.
+    pub fn read<T: ReadObject>(&self) -> Result<T, DecodeError> {
+        T::read(&self.payload)
+    }
+
+    /// The envelope as a stamp, if it is one.
+    pub fn stamp(&self) -> Option<Stamp> {
+        let text = std::str::from_utf8(self.envelope.as_deref()?).ok()?;
+        text.parse().ok()
+    }
+
+    /// Answers the message. Only the first answer counts; a sender that does not wait gets none.
+    pub fn reply(&mut self, object: impl WireObject + Send + Sync + 'static) {
+        self.answer(Answer::reply(object));
+    }
+
+    /// Answers the message and ends the connection that it came over.
+    pub fn reply_and_close(&mut self, object: impl WireObject + Send + Sync + 'static) {
+        self.answer(Answer::ReplyAndClose(Reply::new(object)));
+    }
+
+    fn answer(&mut self, answer: Answer) {
+        if let Some(sender) = self.responder.take() {
+            sender.send(answer);
+        }
+    }
+}
+
+impl std::fmt::Debug for Answer {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Nothing => "Nothing",
+            Self::Reply(_) => "Reply",
+            Self::ReplyAndClose(_) => "ReplyAndClose",
+            Self::Later(_) => "Later",
+        })
+    }
+}

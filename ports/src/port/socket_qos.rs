@@ -1,0 +1,308 @@
+//! How urgent the packets of a connection are: what programs ask for, in stock's words.
+//!
+//! The type of service is set on the socket of the connection and read back from it. Connections
+//! here are tasks that share the threads of the runtime; one that is told a policy gets a thread of its
+//! own ([`own_thread`](super::own_thread)) that has it. By `process` and the name of the port itself
+//! all threads of the process get a policy, as in stock. The system must allow either.
+
+use std::fmt;
+use std::io;
+use std::net::Shutdown;
+use std::os::fd::AsFd;
+use std::sync::{Arc, Weak};
+use std::time::Duration;
+
+use socket2::{SockRef, TcpKeepalive};
+use tokio::net::TcpStream;
+use yarp_wire::carrier::{Carrier, Transport};
+use yarp_wire::qos::{Scheduling, type_of_service};
+use yarp_wire::{Bottle, Value, Vocab32};
+
+use super::admin_commands::{fail, group, ok, pair};
+use super::core::Core;
+use super::dedicated_thread::DedicatedThread;
+use super::send_queue::SendQueue;
+use crate::thread_schedule::{self, Schedule};
+
+/// Why a connection gets no thread of its own.
+const NO_THREAD_REASON: &str = "connections within a process have no thread of their own; `process` of the port itself is for \
+    all threads of its process";
+/// What stock answers for a connection whose thread was not asked for, and for sockets that have
+/// no type of service.
+const UNKNOWN: i32 = -1;
+const NO_SCHEDULE: Schedule = Schedule {
+    policy: UNKNOWN,
+    priority: UNKNOWN,
+};
+
+/// The socket of a connection, as long as the connection has it.
+#[derive(Clone)]
+pub(crate) struct SocketHandle(Weak<dyn AsFd + Send + Sync>);
+
+impl SocketHandle {
+    /// A handle that does not keep the socket open.
+    pub(crate) fn of<S: AsFd + Send + Sync + 'static>(socket: &Arc<S>) -> Self {
+        let weak: Weak<S> = Arc::downgrade(socket);
+        Self(weak)
+    }
+
+    /// For a connection that has no socket.
+    pub(crate) fn none() -> Self {
+        let weak: Weak<TcpStream> = Weak::new();
+        Self(weak)
+    }
+
+    /// Nothing more is sent.
+    pub(crate) fn finish(&self) {
+        // One that is gone sends nothing, either.
+        let _ = self.with(|socket, _| socket.shutdown(Shutdown::Write));
+    }
+
+    /// What stands in the head of each packet.
+    fn type_of_service(&self) -> io::Result<u32> {
+        self.with(|socket, six| match six {
+            true => socket.tclass_v6(),
+            false => socket.tos_v4(),
+        })
+    }
+
+    fn set_type_of_service(&self, value: u32) -> io::Result<()> {
+        self.with(|socket, six| match six {
+            true => socket.set_tclass_v6(value),
+            false => socket.set_tos_v4(value),
+        })
+    }
+
+    /// Lets the system end a TCP connection whose other host has not been heard of for this long.
+    pub(crate) fn set_user_timeout(&self, silence: Duration) -> io::Result<()> {
+        let second = Duration::from_secs(1);
+        let asking = TcpKeepalive::new()
+            .with_time((silence / 2).max(second))
+            .with_interval((silence / 4).max(second));
+        self.with(|socket, _| {
+            socket.set_tcp_user_timeout(Some(silence))?;
+            socket.set_tcp_keepalive(&asking)
+        })
+    }
+
+    /// Calls `ask` with the socket, and with whether it speaks version 6.
+    fn with<T>(&self, ask: impl FnOnce(SockRef<'_>, bool) -> io::Result<T>) -> io::Result<T> {
+        let socket = self.0.upgrade().ok_or(io::ErrorKind::NotConnected)?;
+        let descriptor = socket.as_fd();
+        let socket = SockRef::from(&descriptor);
+        let six = socket.local_addr()?.is_ipv6();
+        ask(socket, six)
+    }
+}
+
+impl fmt::Debug for SocketHandle {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("SocketHandle")
+    }
+}
+
+impl Core {
+    /// `[prop] [get] /PEER`: how the connection to or from a port is treated.
+    pub(super) fn connection_properties(&self, name: &str) -> Bottle {
+        let Some(found) = self.connections(name).into_iter().next() else {
+            return fail(&format!("cannot find any connection to/from {name}"));
+        };
+        let service = found.socket.type_of_service().ok();
+        let service = service.and_then(|service| i32::try_from(service).ok());
+        let (schedule, thread) = match &found.thread {
+            Some(thread) => (thread.schedule().unwrap_or(NO_SCHEDULE), thread.id()),
+            // Stock knows the policy of a thread that reads, and none of one that only writes.
+            None if found.place.is_output() => (NO_SCHEDULE, UNKNOWN),
+            None => (Schedule::now().unwrap_or_default(), UNKNOWN),
+        };
+        Bottle::from_iter([
+            scheduling(schedule, thread),
+            group("qos", [pair("tos", service.unwrap_or(UNKNOWN))]),
+        ])
+    }
+
+    /// `[prop] [set] /NAME GROUP...`: nothing is changed unless all of it can be.
+    pub(super) async fn set_connection_properties(&self, name: &str, groups: &Bottle) -> Bottle {
+        // A group without content asks for nothing that there is.
+        let wanted = |key: &str| {
+            let group = groups.find_group(key)?;
+            Some(group.get(1).and_then(Value::as_list))
+        };
+        let scheduled = |key: &str| wanted(key).map(|wanted| Scheduling::parse(wanted?));
+        let refused = || Bottle::of(Vocab32::FAIL);
+        match scheduled("process").filter(|_| name == self.name) {
+            Some(None) => return refused(),
+            Some(Some(process)) => {
+                if let Err(error) = schedule_process(process) {
+                    let text = format!("cannot schedule the threads of this process: {error}");
+                    return fail(&text);
+                }
+            }
+            None => {}
+        }
+        let (schedule, quality) = (scheduled("sched"), wanted("qos"));
+        if schedule.is_none() && quality.is_none() {
+            return ok();
+        }
+        let connections = self.connections(name);
+        if connections.is_empty() || schedule == Some(None) {
+            return refused();
+        }
+        let service = match quality.map(|quality| quality.and_then(type_of_service)) {
+            Some(None) => return refused(),
+            Some(Some(service)) => Some(service),
+            None => None,
+        };
+        let unable = |error: &io::Error| fail(&format!("cannot set the type of service: {error}"));
+        for found in connections.iter().filter(|_| service.is_some()) {
+            if let Err(error) = found.socket.type_of_service() {
+                return unable(&error);
+            }
+        }
+        if let Some(schedule) = schedule.flatten()
+            && let Err(reason) = self.schedule(&connections, schedule).await
+        {
+            return fail(&format!("cannot schedule this connection: {reason}"));
+        }
+        for found in connections {
+            if let Some(service) = service
+                && let Err(error) = found.socket.set_type_of_service(service)
+            {
+                tracing::debug!(port = %self.name, peer = name, service, "not set: {error}");
+                return unable(&error);
+            }
+        }
+        ok()
+    }
+
+    /// Gives each connection what is asked for, on a thread of its own; tells why not.
+    async fn schedule(&self, connections: &[Found], wanted: Scheduling) -> Result<(), String> {
+        let reason = |error: io::Error| thread_schedule::reason(&error);
+        let mut threads = Vec::new();
+        for found in connections {
+            if let Some(thread) = &found.thread {
+                let now = thread.schedule().map_err(reason)?;
+                thread
+                    .set_schedule(schedule_of(wanted, now)?)
+                    .map_err(reason)?;
+                continue;
+            }
+            let now = Schedule::now().map_err(reason)?;
+            let schedule = schedule_of(wanted, now)?;
+            // It has that already.
+            if schedule == now {
+                continue;
+            }
+            if !found.moves {
+                return Err(NO_THREAD_REASON.to_owned());
+            }
+            let thread = DedicatedThread::start(Some(schedule))
+                .await
+                .map_err(reason)?;
+            threads.push((&found.place, schedule, thread));
+        }
+        for (place, schedule, thread) in threads {
+            let has = match place {
+                FoundAt::Output(send_queue) => send_queue.give(thread.clone()),
+                FoundAt::Input(id) => {
+                    let inputs = self.inputs();
+                    match inputs.iter().find(|entry| entry.id == *id) {
+                        Some(entry) => entry.control.give(thread.clone()),
+                        // It has ended meanwhile.
+                        None => continue,
+                    }
+                }
+            };
+            // Somebody else may have asked for one in the meantime.
+            if !Arc::ptr_eq(&has, &thread) {
+                has.set_schedule(schedule).map_err(reason)?;
+            }
+            let Schedule { policy, priority } = schedule;
+            tracing::debug!(port = %self.name, thread = has.id(), policy, priority, "a connection has a thread of its own");
+        }
+        Ok(())
+    }
+
+    /// The connections to and from a port, those to it first.
+    fn connections(&self, name: &str) -> Vec<Found> {
+        let moves = |carrier: &Carrier| carrier.transport != Transport::Local;
+        let mut connections: Vec<_> = self
+            .outputs()
+            .iter()
+            .filter(|output| output.to == name)
+            .map(|output| Found {
+                place: FoundAt::Output(output.send_queue.clone()),
+                socket: output.socket(),
+                thread: output.send_queue.thread(),
+                moves: moves(output.carrier),
+            })
+            .collect();
+        let inputs = self.inputs();
+        let inputs = inputs.iter().filter(|input| input.from == name);
+        connections.extend(inputs.map(|input| Found {
+            place: FoundAt::Input(input.id),
+            socket: input.socket.clone(),
+            thread: input.control.thread(),
+            moves: moves(input.carrier),
+        }));
+        connections
+    }
+}
+
+/// A connection to or from a port that was asked for.
+struct Found {
+    place: FoundAt,
+    socket: SocketHandle,
+    thread: Option<Arc<DedicatedThread>>,
+    /// Whether it can go to a thread of its own.
+    moves: bool,
+}
+
+enum FoundAt {
+    Output(Arc<SendQueue>),
+    /// By its number.
+    Input(u64),
+}
+
+impl FoundAt {
+    fn is_output(&self) -> bool {
+        matches!(self, Self::Output(_))
+    }
+}
+
+/// What is asked for, where the rest stays as it is now.
+fn schedule_of(wanted: Scheduling, now: Schedule) -> Result<Schedule, String> {
+    let number = |wanted: Option<i64>, now: i32| match wanted.map(i32::try_from) {
+        None => Ok(now),
+        Some(number) => number.map_err(|error| error.to_string()),
+    };
+    Ok(Schedule {
+        policy: number(wanted.policy, now.policy)?,
+        priority: number(wanted.priority, now.priority)?,
+    })
+}
+
+/// Gives all threads of the process what is asked for; tells why not.
+fn schedule_process(wanted: Scheduling) -> Result<(), String> {
+    let now = Schedule::now().map_err(|error| thread_schedule::reason(&error))?;
+    let wanted = schedule_of(wanted, now)?;
+    wanted
+        .set()
+        .map_err(|error| thread_schedule::reason(&error))?;
+    tracing::info!(
+        policy = wanted.policy,
+        priority = wanted.priority,
+        "all threads are scheduled anew"
+    );
+    Ok(())
+}
+
+/// `(sched ((policy P) (priority P) (tid T)))`
+pub(super) fn scheduling(schedule: Schedule, thread: i32) -> Value {
+    let policy = [
+        pair("policy", schedule.policy),
+        pair("priority", schedule.priority),
+        pair("tid", thread),
+    ];
+    group("sched", policy)
+}

@@ -1,0 +1,355 @@
+//! Streams as YARP uses them.
+
+use std::future::Future;
+use std::io::{self, IoSlice, Read};
+use std::os::fd::{AsFd, BorrowedFd};
+use std::sync::Arc;
+use std::time::Duration;
+
+use bytes::{BufMut, BytesMut};
+use socket2::{SockRef, TcpKeepalive};
+use tokio::net::{TcpListener, TcpStream};
+
+use crate::auth_step;
+use crate::error::{PortError, resolve};
+use crate::network::Network;
+use crate::shmem::ShmemStream;
+use crate::tcp_stream::Tcp;
+use crate::unix_socket::Unix;
+
+/// What bytes of a connection travel on.
+#[derive(Debug)]
+pub(crate) enum Socket {
+    Tcp(Tcp),
+    Unix(Unix),
+    Shmem(Box<ShmemStream>),
+}
+
+macro_rules! either {
+    ($socket:expr, $stream:ident => $call:expr) => {
+        match $socket {
+            Socket::Tcp($stream) => $call,
+            Socket::Unix($stream) => $call,
+            Socket::Shmem($stream) => $call,
+        }
+    };
+}
+
+impl Socket {
+    pub(crate) async fn readable(&self) -> io::Result<()> {
+        self.readable_by(1).await
+    }
+
+    /// As [`Socket::readable`]; of a message of which so many bytes are missing little need not be told.
+    async fn readable_by(&self, missing: usize) -> io::Result<()> {
+        match self {
+            Self::Tcp(stream) => stream.readable_by(missing).await,
+            Self::Unix(stream) => stream.readable().await,
+            Self::Shmem(stream) => stream.readable().await,
+        }
+    }
+
+    pub(crate) async fn writable(&self) -> io::Result<()> {
+        either!(self, stream => stream.writable().await)
+    }
+
+    fn try_read_buf(&self, buffer: &mut impl BufMut) -> io::Result<usize> {
+        either!(self, stream => stream.try_read_buf(buffer))
+    }
+
+    /// From now on little that comes wakes nobody, where that can be had; until somebody waits in
+    /// [`Socket::readable`].
+    pub(crate) fn suppress_wakeups(&self) {
+        match self {
+            Self::Tcp(stream) => stream.suppress_wakeups(),
+            Self::Unix(stream) => stream.suppress_wakeups(),
+            Self::Shmem(_) => {}
+        }
+    }
+
+    /// Reads what is there now, whether or not the system has told that there is something.
+    pub(crate) fn peek_now(&self, mut bytes: &mut [u8]) -> io::Result<usize> {
+        match self {
+            Self::Shmem(stream) => {
+                let most = bytes.len();
+                stream.try_read(&mut bytes, most)
+            }
+            _ => (&*self.raw()).read(bytes),
+        }
+    }
+
+    fn try_write(&self, bytes: &[u8]) -> io::Result<usize> {
+        self.try_write_vectored(&[IoSlice::new(bytes)])
+    }
+
+    pub(crate) fn try_write_vectored(&self, chunks: &[IoSlice<'_>]) -> io::Result<usize> {
+        either!(self, stream => stream.try_write_vectored(chunks))
+    }
+
+    /// The socket itself, for what tokio does not offer.
+    fn raw(&self) -> SockRef<'_> {
+        match self {
+            Self::Tcp(stream) => SockRef::from(&**stream),
+            Self::Unix(stream) => SockRef::from(stream),
+            Self::Shmem(stream) => SockRef::from(stream.tcp()),
+        }
+    }
+
+    /// The TCP stream, where it is one.
+    pub(crate) fn tcp(&self) -> Option<&TcpStream> {
+        match self {
+            Self::Tcp(stream) => Some(stream),
+            Self::Unix(_) | Self::Shmem(_) => None,
+        }
+    }
+}
+
+impl Socket {
+    /// The same socket, waited for by the runtime that this is called in. Where that cannot be had it
+    /// is waited for as before; shared memory always is.
+    pub(crate) fn renewed(self: &Arc<Self>) -> Arc<Self> {
+        let copied = || self.as_fd().try_clone_to_owned();
+        let renewed = match &**self {
+            Self::Tcp(stream) => {
+                // The copy begins anew.
+                stream.set_low_water_mark(1);
+                copied()
+                    .and_then(|copy| TcpStream::from_std(copy.into()))
+                    .map(|stream| Self::Tcp(Tcp::new(stream)))
+            }
+            Self::Unix(_) => copied().and_then(Unix::try_from).map(Self::Unix),
+            Self::Shmem(_) => return self.clone(),
+        };
+        renewed.map_or_else(|_| self.clone(), Arc::new)
+    }
+}
+
+impl AsFd for Socket {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        match self {
+            Self::Tcp(stream) => stream.as_fd(),
+            Self::Unix(stream) => stream.as_fd(),
+            Self::Shmem(stream) => stream.tcp().as_fd(),
+        }
+    }
+}
+
+/// A silent connection asks after this long whether the other host is still there, and again after
+/// each [`KEEPALIVE_INTERVAL`]; after [`KEEPALIVE_PROBES`] questions without an answer it ends. A program that is
+/// merely busy or stopped is answered for by its system.
+const KEEPALIVE_IDLE: Duration = Duration::from_secs(60);
+const KEEPALIVE_INTERVAL: Duration = Duration::from_secs(15);
+const KEEPALIVE_PROBES: u32 = 4;
+
+/// Small messages go out at once, and a host that vanished is noticed.
+pub(crate) fn prepare(stream: &TcpStream) -> io::Result<()> {
+    prepare_socket(&SockRef::from(stream))
+}
+
+/// As [`prepare`] for all connections that come to a listener, if the system hands its settings on;
+/// tells whether it does.
+///
+/// Source: tcp(7) of Linux; five questions to the system fewer for each connection.
+pub(crate) fn prepare_all(listener: &TcpListener) -> bool {
+    cfg!(target_os = "linux") && prepare_socket(&SockRef::from(listener)).is_ok()
+}
+
+fn prepare_socket(socket: &SockRef<'_>) -> io::Result<()> {
+    socket.set_tcp_nodelay(true)?;
+    let asking = TcpKeepalive::new()
+        .with_time(KEEPALIVE_IDLE)
+        .with_interval(KEEPALIVE_INTERVAL)
+        .with_retries(KEEPALIVE_PROBES);
+    socket.set_tcp_keepalive(&asking)
+}
+
+/// Connects to a port, and shows it the key of the network if there is one.
+pub(crate) async fn connect(
+    peer: &str,
+    host: &str,
+    port: u16,
+    network: &Network,
+) -> Result<Socket, PortError> {
+    let stream = connect_only(peer, host, port, network.timeout()).await?;
+    if let Some(key) = network.key() {
+        let handshake = auth_step::initiate(&stream, key).await;
+        handshake.map_err(|source| PortError::Authentication {
+            peer: peer.to_owned(),
+            address: format!("{host}:{port}"),
+            source,
+        })?;
+    }
+    Ok(stream)
+}
+
+/// Connects to a TCP port with a deadline; small messages go out at once.
+pub(crate) async fn connect_only(
+    peer: &str,
+    host: &str,
+    port: u16,
+    deadline: Duration,
+) -> Result<Socket, PortError> {
+    let address = format!("{host}:{port}");
+    let connecting = async {
+        let stream = TcpStream::connect(resolve(host, port).await?).await?;
+        prepare(&stream)?;
+        Ok(stream)
+    };
+    match tokio::time::timeout(deadline, connecting).await {
+        Ok(Ok(stream)) => Ok(Socket::Tcp(Tcp::new(stream))),
+        Ok(Err(source)) => Err(PortError::connect(
+            peer,
+            address,
+            PortError::CONNECTING,
+            source,
+        )),
+        Err(_) => Err(PortError::Timeout {
+            peer: format!("{peer} at {address}"),
+            step: PortError::CONNECTING,
+            seconds: deadline.as_secs_f64(),
+        }),
+    }
+}
+
+/// Bytes a buffer starts with; idle connections hold none.
+const INITIAL_BUFFER_LEN: usize = 4 * 1024;
+/// Largest read while nothing is known to be missing.
+const MAX_READ_LEN: usize = 64 * 1024;
+
+/// What has been read from a stream and not been used yet.
+///
+/// It grows with what arrives: a claim of a large message alone takes no memory, until the peer
+/// has once sent a message of that size.
+#[derive(Debug, Default)]
+pub(crate) struct ReadBuffer {
+    /// The bytes.
+    pub(crate) bytes: BytesMut,
+    /// Takes turns with `bytes`.
+    spare: BytesMut,
+    /// Room offered to the next read.
+    chunk: usize,
+    /// The most that has been waiting here at once.
+    proven: usize,
+}
+
+impl ReadBuffer {
+    /// Reads what there is, once there is something. `Ok(0)` is the end of the stream.
+    ///
+    /// `missing` is what the message in progress still needs.
+    pub(crate) async fn read(&mut self, stream: &Socket, missing: usize) -> io::Result<usize> {
+        loop {
+            stream.readable_by(missing).await?;
+            match self.try_read(stream, missing) {
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
+                other => return other,
+            }
+        }
+    }
+
+    /// Makes room for so many bytes more. Two buffers take turns, so that a small message that is
+    /// still being used does not cost a new one.
+    pub(crate) fn reserve(&mut self, room: usize) {
+        if self.bytes.is_empty() && room <= MAX_READ_LEN && !self.bytes.try_reclaim(room) {
+            std::mem::swap(&mut self.bytes, &mut self.spare);
+        }
+        self.bytes.reserve(room);
+    }
+
+    /// As [`ReadBuffer::read`] without waiting.
+    pub(crate) fn try_read(&mut self, stream: &Socket, missing: usize) -> io::Result<usize> {
+        let held = self.bytes.len();
+        self.proven = self.proven.max(held);
+        let trusted = held.max(self.proven).max(MAX_READ_LEN);
+        let room = missing.min(trusted).max(self.chunk).max(INITIAL_BUFFER_LEN);
+        self.reserve(room);
+        // A large message ends its buffer, so that the next one begins with a buffer of its own
+        // and what has been read of it need not be moved.
+        let most = match missing >= MAX_READ_LEN {
+            true => missing,
+            false => usize::MAX,
+        };
+        let read = stream.try_read_buf(&mut (&mut self.bytes).limit(most))?;
+        // A read that fills its room is followed by larger ones, others by smaller ones.
+        self.chunk = if read >= room {
+            (2 * room).min(MAX_READ_LEN)
+        } else {
+            (self.chunk / 2).max(2 * read).min(MAX_READ_LEN)
+        };
+        Ok(read)
+    }
+}
+
+/// Reads `count` bytes and not one more.
+pub(crate) async fn read_exactly(
+    stream: &Socket,
+    bytes: &mut BytesMut,
+    count: usize,
+) -> io::Result<()> {
+    let end = bytes.len() + count;
+    while bytes.len() < end {
+        stream.readable().await?;
+        let mut room = bytes.limit(end - bytes.len());
+        match either!(stream, stream => stream.try_read_buf(&mut room)) {
+            Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
+            Ok(_) => {}
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(())
+}
+
+/// Writes all of `output` and empties it.
+pub(crate) async fn write_all(stream: &Socket, output: &mut BytesMut) -> io::Result<()> {
+    use bytes::Buf;
+    while !output.is_empty() {
+        match stream.try_write(output) {
+            Ok(0) => return Err(io::ErrorKind::WriteZero.into()),
+            Ok(written) => output.advance(written),
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
+                stream.writable().await?;
+            }
+            Err(error) => return Err(error),
+        }
+    }
+    output.clear();
+    Ok(())
+}
+
+/// Waits for `future` at most until `deadline`.
+pub(crate) async fn within<T>(
+    deadline: Duration,
+    peer: &str,
+    step: &'static str,
+    future: impl Future<Output = Result<T, PortError>>,
+) -> Result<T, PortError> {
+    match tokio::time::timeout(deadline, future).await {
+        Ok(result) => result,
+        Err(_) => Err(PortError::Timeout {
+            peer: peer.to_owned(),
+            step,
+            seconds: deadline.as_secs_f64(),
+        }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[cfg(target_os = "linux")]
+    #[tokio::test]
+    async fn connections_have_the_settings_of_their_listener() {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        assert!(prepare_all(&listener));
+        let address = listener.local_addr().unwrap();
+        let (accepted, connected) = tokio::join!(listener.accept(), TcpStream::connect(address));
+        let (accepted, _) = accepted.unwrap();
+        let socket = SockRef::from(&accepted);
+        assert!(socket.tcp_nodelay().unwrap() && socket.keepalive().unwrap());
+        assert_eq!(socket.tcp_keepalive_time().unwrap(), KEEPALIVE_IDLE);
+        assert_eq!(socket.tcp_keepalive_interval().unwrap(), KEEPALIVE_INTERVAL);
+        assert_eq!(socket.tcp_keepalive_retries().unwrap(), KEEPALIVE_PROBES);
+        drop(connected.unwrap());
+    }
+}

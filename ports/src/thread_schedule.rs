@@ -1,0 +1,185 @@
+//! How the threads of this process are scheduled.
+//!
+//! A policy is for all threads of the process, or for the thread of one connection
+//! ([`DedicatedThread`](crate::port::dedicated_thread::DedicatedThread)). Threads that begin later begin like the one that
+//! starts them; but a priority in real time of one connection is not handed on (`SCHED_RESET_ON_FORK`,
+//! see sched(7)).
+//!
+//! Policies have the system's numbers: 0 is the usual one, 1 and 2 are for real time (`SCHED_FIFO`,
+//! `SCHED_RR`, with priorities 1 to 99), 3 is for batches, 5 for when nothing else runs.
+
+#![allow(
+    unsafe_code,
+    reason = "the system's calls for scheduling have no safe interface"
+)]
+
+use std::collections::HashSet;
+use std::io;
+use std::time::Duration;
+
+/// A policy, and the priority within it.
+#[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
+pub(crate) struct Schedule {
+    pub(crate) policy: i32,
+    pub(crate) priority: i32,
+}
+
+/// The number of the thread that asks.
+pub(crate) fn thread() -> i32 {
+    // SAFETY: takes nothing, and cannot fail.
+    unsafe { libc::gettid() }
+}
+
+impl Schedule {
+    /// That of the thread that asks.
+    pub(crate) fn now() -> io::Result<Self> {
+        Self::of(0)
+    }
+
+    /// That of a thread of this process; 0 is the one that asks.
+    pub(crate) fn of(thread: i32) -> io::Result<Self> {
+        let mut parameters = libc::sched_param { sched_priority: 0 };
+        // SAFETY: takes a number.
+        let policy = checked(unsafe { libc::sched_getscheduler(thread) })?;
+        // SAFETY: `parameters` is what is asked for, and lives longer than the call.
+        checked(unsafe { libc::sched_getparam(thread, &raw mut parameters) })?;
+        Ok(Self {
+            policy: policy & !libc::SCHED_RESET_ON_FORK,
+            priority: parameters.sched_priority,
+        })
+    }
+
+    /// Gives it to all threads of this process; nothing is changed if the first one cannot have it.
+    pub(crate) fn set(self) -> io::Result<()> {
+        let mut done = HashSet::new();
+        // A thread that begins meanwhile may have been started by one of the others.
+        loop {
+            let new: Vec<_> = threads()?
+                .into_iter()
+                .filter(|thread| !done.contains(thread))
+                .collect();
+            if new.is_empty() {
+                return Ok(());
+            }
+            for thread in new {
+                match self.set_one(thread) {
+                    // It has ended.
+                    Err(error) if error.raw_os_error() == Some(libc::ESRCH) => {}
+                    set => set?,
+                }
+                done.insert(thread);
+            }
+        }
+    }
+
+    /// As [`Schedule::give`] for the thread that asks; tells its number.
+    pub(crate) fn apply_to_current_thread(self) -> io::Result<i32> {
+        self.give(0)?;
+        Ok(thread())
+    }
+
+    /// Gives it to one thread, 0 being the one that asks; a priority in real time not to those that it
+    /// starts.
+    pub(crate) fn give(self, thread: i32) -> io::Result<()> {
+        let alone = Self {
+            policy: self.policy | libc::SCHED_RESET_ON_FORK,
+            ..self
+        };
+        alone.set_one(thread)
+    }
+
+    fn set_one(self, thread: i32) -> io::Result<()> {
+        let parameters = libc::sched_param {
+            sched_priority: self.priority,
+        };
+        // SAFETY: `parameters` is only read, and lives longer than the call.
+        checked(unsafe { libc::sched_setscheduler(thread, self.policy, &raw const parameters) })?;
+        Ok(())
+    }
+}
+
+/// What a thread that keeps to deadlines asks to run for at a time: less than others do, which have it wait less.
+/// Source: the shortest that Linux takes.
+const TIMER_SLICE: Duration = Duration::from_micros(100);
+
+/// Has the thread that calls be woken in time, for work that is short and has deadlines. Takes no privilege, and
+/// none of the processor's time from others.
+///
+/// Timers of other threads may be late by 50 µs, so that the system can put some together; and a busy program may
+/// finish a slice of some milliseconds first. Where the system has no such settings nothing changes: the thread has
+/// what it had. Source: `PR_SET_TIMERSLACK` in prctl(2); the slice of the usual policy in sched_setattr(2), which
+/// Linux knows since 6.12.
+pub fn request_low_timer_slack() {
+    // SAFETY: takes numbers.
+    unsafe { libc::prctl(libc::PR_SET_TIMERSLACK, 1 as libc::c_ulong) };
+    let mut own = libc::sched_attr {
+        size: 0,
+        sched_policy: 0,
+        sched_flags: 0,
+        sched_nice: 0,
+        sched_priority: 0,
+        sched_runtime: 0,
+        sched_deadline: 0,
+        sched_period: 0,
+    };
+    let size = size_of_val(&own);
+    // SAFETY: `own` has that size, any bytes in it are one of its values, and it lives longer than the call.
+    let asked = unsafe { libc::syscall(libc::SYS_sched_getattr, 0, &raw mut own, size, 0) };
+    // Others have no slices.
+    if asked == 0 && own.sched_policy == libc::SCHED_OTHER as u32 {
+        own.sched_runtime = TIMER_SLICE.as_nanos() as u64;
+        // SAFETY: `own` is only read, tells its size, and lives longer than the call.
+        unsafe { libc::syscall(libc::SYS_sched_setattr, 0, &raw const own, 0) };
+    }
+}
+
+/// Why the system refuses a schedule, and what to try.
+pub(crate) fn reason(error: &io::Error) -> String {
+    match error.raw_os_error() {
+        Some(libc::EPERM) => format!(
+            "{error}: the process needs CAP_SYS_NICE, or a limit of real-time priority \
+             (`ulimit -r`) that is high enough"
+        ),
+        Some(libc::EINVAL) => {
+            format!("{error}: there is no such policy, or it has no such priority")
+        }
+        _ => error.to_string(),
+    }
+}
+
+/// The threads of this process.
+fn threads() -> io::Result<Vec<i32>> {
+    let mut threads = Vec::new();
+    for entry in std::fs::read_dir("/proc/self/task")? {
+        let name = entry?.file_name();
+        threads.extend(name.to_str().and_then(|name| name.parse::<i32>().ok()));
+    }
+    Ok(threads)
+}
+
+fn checked(result: i32) -> io::Result<i32> {
+    match result {
+        0.. => Ok(result),
+        _ => Err(io::Error::last_os_error()),
+    }
+}
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    use std::thread;
+
+    use super::*;
+
+    #[test]
+    fn only_the_calling_thread_gets_low_timer_slack() {
+        // SAFETY: takes numbers, and answers one.
+        let slack = || unsafe { libc::prctl(libc::PR_GET_TIMERSLACK) };
+        let before = slack();
+        assert!(before > 1, "{before}");
+        let after = thread::spawn(move || {
+            request_low_timer_slack();
+            slack()
+        });
+        assert_eq!((slack(), after.join().unwrap()), (before, 1));
+    }
+}

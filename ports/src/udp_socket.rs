@@ -1,0 +1,103 @@
+//! Sockets for datagrams.
+
+use std::cell::RefCell;
+use std::io;
+use std::net::{IpAddr, Ipv4Addr, SocketAddrV4};
+use std::os::fd::AsFd;
+use std::sync::Arc;
+
+use socket2::{Domain, Protocol, Socket, Type};
+use tokio::net::UdpSocket;
+
+/// What UDP carries at the most.
+const MAX_DATAGRAM_LEN: usize = 65_536;
+/// Room for datagrams that wait to be read, in bytes; the system may grant less.
+const RECEIVE_BUFFER: usize = 8 << 20;
+/// Room for datagrams that wait to be sent, in bytes; the system may grant less.
+const SEND_BUFFER: usize = 4 << 20;
+
+/// A socket to read from, on a port that the system chooses.
+pub(crate) fn reader() -> io::Result<UdpSocket> {
+    bound(SocketAddrV4::new(Ipv4Addr::UNSPECIFIED, 0), |_| Ok(()))
+}
+
+/// The same socket, waited for by the runtime that this is called in; where that cannot be had, by
+/// the one before.
+pub(crate) fn renewed(socket: &Arc<UdpSocket>) -> Arc<UdpSocket> {
+    let copied = socket.as_fd().try_clone_to_owned();
+    let renewed = copied.and_then(|copy| UdpSocket::from_std(copy.into()));
+    renewed.map_or_else(|_| socket.clone(), Arc::new)
+}
+
+thread_local! {
+    /// Where datagrams arrive: a connection at rest needs none of its own.
+    static ARRIVING: RefCell<Vec<u8>> = const { RefCell::new(Vec::new()) };
+}
+
+/// Hands the next datagram to `take`; `None` if there is none now.
+pub(crate) fn receive<T>(
+    socket: &UdpSocket,
+    take: impl FnOnce(&[u8]) -> T,
+) -> io::Result<Option<T>> {
+    ARRIVING.with_borrow_mut(|buffer| {
+        buffer.resize(MAX_DATAGRAM_LEN, 0);
+        match socket.try_recv(buffer) {
+            Ok(length) => Ok(Some(take(&buffer[..length]))),
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => Ok(None),
+            Err(error) => Err(error),
+        }
+    })
+}
+
+/// A socket that reads what is sent to a group, on the interface with address `local`.
+pub(crate) fn group_reader(group: SocketAddrV4, local: Ipv4Addr) -> io::Result<UdpSocket> {
+    if !group.ip().is_multicast() {
+        return Err(io::Error::other(format!(
+            "{group} is not a multicast group"
+        )));
+    }
+    // Bound to the group itself, so that nothing else on its port gets in.
+    let socket = bound(group, |socket| socket.set_reuse_address(true))?;
+    socket.join_multicast_v4(*group.ip(), local)?;
+    Ok(socket)
+}
+
+/// A socket that sends to one place.
+pub(crate) async fn sender(host: &str, number: u16) -> io::Result<UdpSocket> {
+    let socket = bound(SocketAddrV4::new(Ipv4Addr::UNSPECIFIED, 0), |_| Ok(()))?;
+    socket.connect((host, number)).await?;
+    Ok(socket)
+}
+
+/// The address of the interface that leads to a place.
+pub(crate) async fn local_address_towards(host: &str, number: u16) -> io::Result<Ipv4Addr> {
+    let socket = sender(host, number).await?;
+    match socket.local_addr()?.ip() {
+        IpAddr::V4(address) => Ok(address),
+        IpAddr::V6(_) => Err(io::ErrorKind::Unsupported.into()),
+    }
+}
+
+/// A socket that sends to a group from the interface with address `local`.
+pub(crate) async fn group_sender(group: SocketAddrV4, local: Ipv4Addr) -> io::Result<UdpSocket> {
+    let socket = bound(SocketAddrV4::new(Ipv4Addr::UNSPECIFIED, 0), |socket| {
+        socket.set_multicast_if_v4(&local)?;
+        socket.set_multicast_loop_v4(true)
+    })?;
+    socket.connect(group).await?;
+    Ok(socket)
+}
+
+fn bound(
+    address: SocketAddrV4,
+    prepare: impl Fn(&Socket) -> io::Result<()>,
+) -> io::Result<UdpSocket> {
+    let socket = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
+    socket.set_nonblocking(true)?;
+    prepare(&socket)?;
+    // Smaller buffers only make losses likelier.
+    let _ = socket.set_recv_buffer_size(RECEIVE_BUFFER);
+    let _ = socket.set_send_buffer_size(SEND_BUFFER);
+    socket.bind(&address.into())?;
+    UdpSocket::from_std(socket.into())
+}

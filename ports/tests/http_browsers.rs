@@ -1,0 +1,287 @@
+//! A browser at a port: pages, forms, JSON, and reading what the port writes.
+
+mod common;
+
+use common::{Raw, bottle, open, within};
+use yarp_ports::{Answer, Page, Port, PortOptions, Queue};
+use yarp_wire::http::Response;
+
+async fn ask(mut raw: Raw, request: &str) -> String {
+    raw.send(request.as_bytes()).await;
+    String::from_utf8(raw.ended().await).unwrap()
+}
+
+#[tokio::test]
+async fn a_page_shows_the_connections() {
+    let port = open("/port", PortOptions::new().queue(Queue::Latest)).await;
+    let page = ask(
+        Raw::to(&port).await,
+        "GET / HTTP/1.1\r\nHost: here:1\r\n\r\n",
+    )
+    .await;
+    assert!(page.starts_with("HTTP/1.1 200 OK\r\n"), "{page}");
+    for part in [
+        "yarp port <code>/port</code>",
+        "There are no outgoing connections",
+        "There is an input connection from web to /port using http",
+        "http://here:1/data=help",
+    ] {
+        assert!(page.contains(part), "{part} in {page}");
+    }
+    within(port.close()).await;
+}
+
+#[tokio::test]
+async fn forms_and_programs_are_answered_by_the_owner() {
+    let options = PortOptions::new()
+        .handler(|message| message.bottle().map_or(Answer::Nothing, Answer::reply));
+    let port = open("/port", options).await;
+    let form = "POST /form HTTP/1.1\r\nContent-Length: 16\r\n\
+        Content-Type: application/x-www-form-urlencoded\r\n\r\ndata=hello there";
+    let page = ask(Raw::to(&port).await, form).await;
+    assert!(page.contains("<pre>\nhello there\n"), "{page}");
+    // Recorded from stock 3.12.3 and 4.0.0.
+    let answer = ask(Raw::to(&port).await, "GET /?req=hello&x=1 HTTP/1.1\r\n\r\n").await;
+    assert_eq!(
+        answer.trim_end(),
+        "HTTP/1.1 200 OK\nContent-Type: application/json\nAccess-Control-Allow-Origin: *\n\n\
+         {\"type\": \"hello\", \"REQUEST_URI\": \"?req=hello&x=1\", \"format\": \"json\", \
+         \"req\": \"hello\", \"x\": \"1\"}"
+    );
+    let answer = ask(
+        Raw::to(&port).await,
+        "GET /?req=list+in&admin=1 HTTP/1.1\r\n\r\n",
+    )
+    .await;
+    assert!(answer.ends_with("\n\n[\"web\"]\n"), "{answer}");
+    within(port.close()).await;
+}
+
+#[tokio::test]
+async fn a_page_streams_the_messages_of_the_port() {
+    let port = open("/port", PortOptions::new()).await;
+    let mut raw = Raw::to(&port).await;
+    raw.send(b"GET /r HTTP/1.1\r\n\r\n").await;
+    common::until(|| port.outputs() == ["web"]).await;
+    assert_eq!(within(port.write(&bottle("1 <2>"))).await, 1);
+    within(port.close()).await;
+    let page = String::from_utf8(raw.ended().await).unwrap();
+    assert!(page.contains("Transfer-Encoding: chunked"), "{page}");
+    assert!(
+        page.contains("<pre>1 &quot;&lt;2&gt;&quot;</pre>"),
+        "{page}"
+    );
+}
+
+#[tokio::test]
+async fn an_owner_may_have_pages_of_its_own() {
+    let options = PortOptions::new().pages(|request| {
+        let page = Response::new("text/css", format!("/* {} */", request.target));
+        (request.target == "own").then(|| Box::pin(std::future::ready(page)) as Page)
+    });
+    let port = open("/port", options).await;
+    let own = ask(Raw::to(&port).await, "GET /own HTTP/1.1\r\n\r\n").await;
+    assert!(
+        own.starts_with("HTTP/1.1 200 OK\r\nContent-Type: text/css; charset=utf-8\r\n"),
+        "{own}"
+    );
+    assert!(own.ends_with("\r\n\r\n/* own */"), "{own}");
+    let other = ask(Raw::to(&port).await, "GET / HTTP/1.1\r\n\r\n").await;
+    assert!(other.contains("yarp port <code>/port</code>"), "{other}");
+    within(port.close()).await;
+}
+
+#[tokio::test]
+async fn invalid_requests_are_refused() {
+    let port = open("/port", PortOptions::new()).await;
+    let mut endless = Raw::to(&port).await;
+    endless.send(b"GET / HTTP/1.1\r\n").await;
+    endless.try_send(&b"x".repeat(200_000)).await;
+    assert_eq!(endless.ended().await, b"");
+    let mut lying = Raw::to(&port).await;
+    lying
+        .send(b"POST /form HTTP/1.1\r\nContent-Length: 99999999999\r\n\r\n")
+        .await;
+    assert_eq!(lying.ended().await, b"");
+    within(port.close()).await;
+}
+
+/// A page and a person at a terminal got the same bytes: whoever came second read the other's form.
+#[tokio::test]
+async fn a_page_and_a_terminal_each_read_their_own_form() {
+    let port = open("/port", PortOptions::new()).await;
+    let mut terminal = Raw::text(&port, "me").await;
+    terminal.send("r\r\n").await;
+    common::until(|| port.outputs() == ["me"]).await;
+    let mut page = Raw::to(&port).await;
+    page.send(b"GET /r HTTP/1.1\r\n\r\n").await;
+    common::until(|| port.outputs() == ["me", "web"]).await;
+    assert_eq!(within(port.write(&bottle("1 2"))).await, 2);
+    terminal.expect("D\r\n1 2\r\n").await;
+    within(port.close()).await;
+    let page = String::from_utf8(page.ended().await).unwrap();
+    assert!(page.contains("<pre>1 2</pre>"), "{page}");
+}
+
+/// A port whose owner answers `say TEXT` with TEXT, and anything else with itself.
+async fn talker() -> Port {
+    let options = PortOptions::new().handler(|message| {
+        let Ok(message) = message.bottle() else {
+            return Answer::Nothing;
+        };
+        let text = message.get(1).and_then(yarp_wire::Value::as_str);
+        match (message.get(0).and_then(yarp_wire::Value::as_str), text) {
+            (Some("say"), Some(text)) => Answer::reply(bottle(text)),
+            _ => Answer::reply(message),
+        }
+    });
+    open("/port", options).await
+}
+
+/// What a browser gets that asks for this address.
+async fn get(port: &Port, target: &str) -> String {
+    ask(
+        Raw::to(port).await,
+        &format!("GET /{target} HTTP/1.1\r\n\r\n"),
+    )
+    .await
+}
+
+/// What stands on the page between the marks of text as it is.
+fn shown(page: &str) -> &str {
+    let (_, text) = page.split_once("<pre>\n").unwrap();
+    text.split_once("</pre>").unwrap().0
+}
+
+/// Only the line ends of stock's answers are not compared: it says two more when it closes.
+/// The other side of each is what 3.5.0 answered.
+#[tokio::test]
+async fn programs_choose_the_form_of_the_answer() {
+    const JSON: &str =
+        "HTTP/1.1 200 OK\nContent-Type: application/json\nAccess-Control-Allow-Origin: *\n\n";
+    let port = talker().await;
+    for (target, expected) in [
+        (
+            "a/b?x=y&format=json",
+            format!(
+                r#"{JSON}["a", "b", ["REQUEST_URI", "a/b?x=y&format=json"], ["format", "json"], ["x", "y"]]"#
+            ),
+        ),
+        ("?req=say+%22(a+1)%22", format!(r#"{JSON}[["a", 1]]"#)),
+        (
+            "?req=say+%22(a+1)%22&outer=dict",
+            format!(r#"{JSON}{{"a": 1}}"#),
+        ),
+        (
+            "?req=say+%22(a+1)+(b+2)%22&outer=list",
+            format!(r#"{JSON}[["a", 1], ["b", 2]]"#),
+        ),
+        (
+            "?req=say+%22dict+(a+(list+(b+1)+(c+2)))%22",
+            format!(r#"{JSON}{{"a": [["b", 1], ["c", 2]]}}"#),
+        ),
+        (
+            "?req=say+%22(a+1)+(mime+text/x)%22",
+            JSON.replace("application/json", "text/x") + r#"{"a": 1, "mime": "text/x"}"#,
+        ),
+        (
+            "?req=say+%22(web+hello)+(mime+text/x)%22&format=html",
+            JSON.replace("application/json", "text/x") + "hello",
+        ),
+        (
+            "?req=say+%22(web+hello)%22&format=html",
+            JSON.replace("application/json", "text/html") + "hello",
+        ),
+        (
+            "?req=hello&format=html&x=1",
+            r#"hello (REQUEST_URI "?req=hello&format=html&x=1") (format html) (req hello) (x "1")"#
+                .to_owned(),
+        ),
+        (
+            "a/5/1.5/x?y=",
+            r#"a 5 1.5 x (REQUEST_URI "a/5/1.5/x?y=")"#.to_owned(),
+        ),
+        (
+            "?cmd=a/b",
+            r#"a b (REQUEST_URI "?cmd=a/b") (cmd "a/b")"#.to_owned(),
+        ),
+        ("list/in?admin=1", "web".to_owned()),
+        ("?cmd=list+in&admin=1", "web".to_owned()),
+    ] {
+        assert_eq!(get(&port, target).await.trim_end(), expected, "{target}");
+    }
+    within(port.close()).await;
+}
+
+/// Compared with 3.5.0, which answers what is no command as at a terminal.
+#[tokio::test]
+async fn lines_of_a_request_are_answered_as_at_a_terminal() {
+    const NOT_UNDERSTOOD: &str = "Port command not understood.\n\
+        Type d to send data to the port's owner.\nType ? for help.\n";
+    let port = talker().await;
+    for (target, expected, field) in [
+        ("data=a,b", format!("a\n{NOT_UNDERSTOOD}"), "a,b"),
+        ("data=x+$n+y&n=7", "x 7 y\n".to_owned(), "x 7 y"),
+        ("?data=$nope+z", "z\n".to_owned(), " z"),
+        (
+            "?cmd=d%0Ahello+there%0Aa%0A[ver]",
+            "hello there\n[ver] 1 2 3\n".to_owned(),
+            "",
+        ),
+        ("?cmd=x", NOT_UNDERSTOOD.to_owned(), ""),
+        ("q", String::new(), ""),
+    ] {
+        let page = get(&port, target).await;
+        assert_eq!(shown(&page), expected, "{target}");
+        let field = format!("name=\"data\" value=\"{field}\"");
+        assert!(page.contains(&field), "{field} in {page}");
+    }
+    let page = get(&port, "?cmd=*").await;
+    assert!(
+        shown(&page).starts_with("This is /port at tcp://"),
+        "{page}"
+    );
+    within(port.close()).await;
+}
+
+/// The bytes are those of 3.5.0.
+#[tokio::test]
+async fn a_page_of_the_owner_may_go_on() {
+    let port = talker().await;
+    let mut raw = Raw::to(&port).await;
+    let request =
+        "GET /?req=say+\"(stream+1)+(web+<p>)+(mime+text/x)\"&format=html HTTP/1.1\r\n\r\n";
+    raw.send(request).await;
+    let blanks = " ".repeat(2048);
+    raw.expect(format!(
+        "HTTP/1.1 200 OK\r\nContent-Type: text/x\r\nTransfer-Encoding: chunked\r\n\r\n\
+         803\r\n{blanks}<p>\r\n"
+    ))
+    .await;
+    common::until(|| port.outputs() == ["web"]).await;
+    assert_eq!(
+        within(port.write(&bottle("(web \"<b>hi</b>\\n\") 3"))).await,
+        1
+    );
+    raw.expect("a\r\n<b>hi</b>\n\r\n").await;
+    within(port.close()).await;
+}
+
+#[tokio::test]
+async fn a_page_that_is_read_shows_what_stands_under_web() {
+    let port = open("/port", PortOptions::new()).await;
+    let mut raw = Raw::to(&port).await;
+    raw.send(b"GET /r HTTP/1.1\r\n\r\n").await;
+    common::until(|| port.outputs() == ["web"]).await;
+    for text in ["(web \"<b>hi</b>\") 3", "web (a b)", "web \"\""] {
+        assert_eq!(within(port.write(&bottle(text))).await, 1);
+    }
+    within(port.close()).await;
+    let page = String::from_utf8(raw.ended().await).unwrap();
+    assert!(
+        page.contains("\r\n9\r\n<b>hi</b>\r\n3\r\na b\r\n"),
+        "{page}"
+    );
+    // No text is no end of the page.
+    assert!(page.contains("<pre>web &quot;&quot;</pre>"), "{page}");
+}

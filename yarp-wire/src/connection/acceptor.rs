@@ -1,0 +1,213 @@
+//! The side that listened.
+
+use std::net::SocketAddrV4;
+
+use bytes::BytesMut;
+
+use super::{Initiator, put_acknowledgement};
+use crate::bottle::detect;
+use crate::carrier::{Carrier, MAGIC, Sender};
+use crate::http::Request;
+use crate::limits::Limits;
+use crate::message::{Command, Form, WireObject};
+use crate::protocol::{
+    Handshake, HandshakeDecoder, Incoming, Message, MessageDecoder, ProtocolError,
+};
+use crate::wire_version::WireVersion;
+
+/// What an acceptor has learned.
+#[derive(Debug)]
+pub enum Event {
+    /// The header is complete: the peer is this sender on this carrier. On a carrier that does not
+    /// push it is a reader, and the connection goes on as one that the port writes to.
+    Opened {
+        /// The carrier.
+        carrier: &'static Carrier,
+        /// Who it is and what it asks for.
+        sender: Sender,
+        /// Where messages come, on a carrier of groups.
+        group: Option<SocketAddrV4>,
+    },
+    /// A message. Answer it with [`Acceptor::reply`] and [`Acceptor::acknowledge`] as it asks.
+    Message(Message),
+    /// What a browser asks for; the driver answers it whole, and the connection ends.
+    HttpRequest(Request),
+}
+
+/// The side of a connection that listened.
+#[derive(Debug)]
+pub struct Acceptor {
+    port: u16,
+    wire_version: WireVersion,
+    version_detected: bool,
+    limits: Limits,
+    state: State,
+}
+
+#[derive(Debug)]
+enum State {
+    Magic,
+    Header(&'static Carrier, Box<dyn HandshakeDecoder>),
+    Open(&'static Carrier, Box<dyn MessageDecoder>),
+}
+
+impl Acceptor {
+    /// An acceptor on TCP port `port`, for a peer of unknown generation.
+    ///
+    /// `wire_version` is what replies are written in until the peer's own messages betray another.
+    pub fn new(port: u16, wire_version: WireVersion, limits: Limits) -> Self {
+        Self {
+            port,
+            wire_version,
+            version_detected: false,
+            limits,
+            state: State::Magic,
+        }
+    }
+
+    /// The carrier, once it is known.
+    pub fn carrier(&self) -> Option<&'static Carrier> {
+        match &self.state {
+            State::Magic => None,
+            State::Header(carrier, _) | State::Open(carrier, _) => Some(carrier),
+        }
+    }
+
+    /// The generation the peer is taken to be of.
+    pub fn wire_version(&self) -> WireVersion {
+        self.wire_version
+    }
+
+    /// Takes the peer to be of a generation, until its own messages betray another.
+    pub fn set_wire_version(&mut self, wire_version: WireVersion) {
+        self.wire_version = wire_version;
+        if let State::Open(_, messages) = &mut self.state {
+            messages.set_wire_version(wire_version);
+        }
+    }
+
+    /// Takes the next event from `input`; what the protocol answers by itself goes to `output`.
+    ///
+    /// `None` while bytes are missing.
+    pub fn poll(
+        &mut self,
+        input: &mut BytesMut,
+        output: &mut BytesMut,
+    ) -> Result<Option<Event>, ProtocolError> {
+        loop {
+            match &mut self.state {
+                State::Magic => {
+                    let Some(magic) = input.first_chunk::<MAGIC>() else {
+                        return Ok(None);
+                    };
+                    let carrier = Carrier::detect(magic)
+                        .ok_or(ProtocolError::UnknownCarrier { magic: *magic })?;
+                    self.state =
+                        State::Header(carrier, carrier.protocol.handshake_decoder(carrier, input));
+                }
+                State::Header(carrier, handshake_decoder) => {
+                    let carrier = *carrier;
+                    let opened = handshake_decoder.read(self.port, self.limits, input, output)?;
+                    let Some(Handshake { sender, group }) = opened else {
+                        return Ok(None);
+                    };
+                    let messages = carrier
+                        .protocol
+                        .message_decoder(self.wire_version, self.limits);
+                    self.state = State::Open(carrier, messages);
+                    return Ok(Some(Event::Opened {
+                        carrier,
+                        sender,
+                        group,
+                    }));
+                }
+                State::Open(_, messages) => {
+                    let incoming = messages.read(input, output)?;
+                    if let Some(Incoming::Message(message)) = &incoming {
+                        self.detect_wire_version(message);
+                    }
+                    return Ok(incoming.map(Event::from));
+                }
+            }
+        }
+    }
+
+    /// Bytes that the message in progress still needs, as far as it has said.
+    pub fn missing(&self, input: &BytesMut) -> usize {
+        match &self.state {
+            State::Open(_, messages) => messages.missing(input),
+            _ => 0,
+        }
+    }
+
+    /// Appends the reply to the message at hand.
+    pub fn reply(&self, object: &dyn WireObject, output: &mut BytesMut) {
+        if let State::Open(carrier, _) = &self.state {
+            carrier
+                .protocol
+                .put_reply(object, self.wire_version, output);
+        }
+    }
+
+    /// The writing side of the same connection, once the peer has become its reader; `None` before
+    /// the header is complete.
+    pub fn into_initiator(self) -> Option<Initiator> {
+        let State::Open(carrier, messages) = self.state else {
+            return None;
+        };
+        let initiator = Initiator::established(carrier, self.wire_version, self.limits);
+        Some(match messages.into_reply_decoder(self.limits) {
+            None => initiator,
+            Some(answers) => initiator.with(answers),
+        })
+    }
+
+    /// Appends lines in answer to a command; only text connections have them.
+    pub fn answer_lines(&self, lines: &str, output: &mut BytesMut) {
+        if let State::Open(carrier, _) = &self.state {
+            carrier.protocol.put_lines(lines, output);
+        }
+    }
+
+    /// Appends the acknowledgement of the message at hand, if the carrier has them.
+    pub fn acknowledge(&self, output: &mut BytesMut) {
+        if let State::Open(carrier, _) = &self.state {
+            put_acknowledgement(output, carrier);
+        }
+    }
+
+    /// Settles the generation of the peer as soon as a message that wants a reply is_version_specific it.
+    fn detect_wire_version(&mut self, message: &Message) {
+        let wants_reply = matches!(
+            message.command,
+            Command::Admin | Command::Data { reply: true, .. }
+        );
+        if self.version_detected || !wants_reply || message.payload.form() == Form::Text {
+            return;
+        }
+        if let Some(wire_version) = detect(&message.payload.bytes(), self.limits) {
+            self.set_wire_version(wire_version);
+            self.version_detected = true;
+        }
+    }
+}
+
+impl From<Incoming> for Event {
+    fn from(incoming: Incoming) -> Self {
+        match incoming {
+            Incoming::Message(message) => Self::Message(message),
+            Incoming::Request(request) => Self::HttpRequest(request),
+        }
+    }
+}
+
+/// What stock tells a peer whose first bytes select no carrier.
+pub const REFUSAL: &str = "\
+* Error. Protocol not found.\r\n\
+* Hello. You appear to be trying to communicate with a YARP Port.\r\n\
+* The first 8 bytes sent to a YARP Port are critical for identifying the\r\n\
+* protocol you wish to speak.\r\n\
+* The first 8 bytes you sent were not associated with any particular protocol.\r\n\
+* If you are a human, try typing \"CONNECT foo\" followed by a <RETURN>.\r\n\
+* The 8 bytes \"CONNECT \" correspond to a simple text-mode protocol.\r\n\
+* Goodbye.\r\n";

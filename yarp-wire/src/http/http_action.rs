@@ -1,0 +1,260 @@
+//! What a request asks of the port.
+
+use std::collections::BTreeMap;
+
+use super::Request;
+use super::bottle_json::Outer;
+use crate::bottle::{Bottle, Value};
+
+/// What a request asks of the port.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Action {
+    /// Lines as a person types them at a terminal, and what was sent to the owner with them, to be
+    /// shown beside the answers on the page.
+    Type {
+        /// Commands and what belongs to them.
+        lines: String,
+        /// The message, if it is one.
+        data: String,
+    },
+    /// A message, whose answer comes back alone.
+    Ask {
+        /// The message.
+        message: Bottle,
+        /// Who is asked.
+        who: Who,
+        /// The answer comes back as JSON, its outermost list as this.
+        json: Option<Outer>,
+    },
+    /// All messages that the port writes from now on.
+    Read,
+}
+
+/// Who is asked.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub enum Who {
+    /// The owner, as by any message.
+    Owner,
+    /// The owner, for a page of its own.
+    Pages,
+    /// The port itself, as by an administrative message.
+    Port,
+}
+
+/// Longest text that fields are put into: they may stand in it many times.
+const MAX_TEXT_LEN: usize = 1 << 20;
+
+type Fields<'a> = BTreeMap<&'a str, &'a str>;
+
+impl Action {
+    /// What `request` asks; as in stock, `cmd` before `req` before `data` before the address.
+    pub fn of(request: &Request) -> Self {
+        let fields: Fields = request
+            .fields
+            .iter()
+            .map(|(key, value)| (key.as_str(), value.as_str()))
+            .collect();
+        if let Some(text) = fields.get("cmd") {
+            return Self::typed_or_asked(text, request, fields, Who::Owner);
+        }
+        if let Some(text) = fields.get("req") {
+            let text = with_fields(text, &fields);
+            return Self::ask(&text, request, fields, Who::Owner, Some("json"));
+        }
+        if let Some(text) = fields.get("data") {
+            let data = with_fields(text, &fields);
+            let lines = broken(&format!("d\n{data}"));
+            return Self::Type { lines, data };
+        }
+        Self::typed_or_asked(&request.target, request, fields, Who::Pages)
+    }
+
+    /// An address or command: for people if it is short or one of those that stock knows, else for
+    /// programs.
+    fn typed_or_asked(text: &str, request: &Request, fields: Fields<'_>, who: Who) -> Self {
+        let mut letters = text.chars();
+        let is_question = letters.next() == Some('?') || letters.next() == Some('?');
+        let known = ["d\n", "form", "data", "favi"];
+        let is_known = known.iter().any(|start| text.starts_with(start));
+        if text.len() > 1 && !is_question && !is_known {
+            let path = text.split('?').next().unwrap_or_default();
+            return Self::ask(&path.replace('/', " "), request, fields, who, None);
+        }
+        if text.starts_with('r') {
+            return Self::Read;
+        }
+        let lines = match text {
+            "" => "*".to_owned(),
+            text => broken(text),
+        };
+        let data = String::new();
+        Self::Type { lines, data }
+    }
+
+    /// The message has the fields behind it as `(key value)` lists sorted by key, with what stock
+    /// adds of its own.
+    fn ask<'a>(
+        text: &str,
+        request: &'a Request,
+        mut fields: Fields<'a>,
+        who: Who,
+        format: Option<&'a str>,
+    ) -> Self {
+        fields.insert("REQUEST_URI", &request.target);
+        if let Some(format) = format {
+            fields.entry("format").or_insert(format);
+        }
+        let json = fields.get("format") == Some(&"json");
+        let outer = Outer::named(fields.get("outer").copied().unwrap_or_default());
+        let who = match fields.contains_key("admin") {
+            true => Who::Port,
+            false => who,
+        };
+        let mut message = Bottle::parse(text).unwrap_or_default();
+        let pair = |(key, value): (&str, &str)| -> Value {
+            Bottle::from_iter([key.into(), value.into()]).into()
+        };
+        message.extend(fields.into_iter().map(pair));
+        Self::Ask {
+            message,
+            who,
+            json: json.then_some(outer),
+        }
+    }
+}
+
+/// A comma stands for the end of a line.
+fn broken(text: &str) -> String {
+    text.replace(',', "\n").replace('+', " ")
+}
+
+/// `$name` stands for the field of that name, or for nothing.
+fn with_fields(text: &str, fields: &Fields<'_>) -> String {
+    let mut out = String::new();
+    let mut rest = text;
+    while let Some((before, after)) = rest.split_once('$') {
+        out.push_str(before);
+        let is_name = |c: char| c.is_ascii_alphanumeric() || c == '_';
+        let (name, after) = after.split_at(after.find(|c| !is_name(c)).unwrap_or(after.len()));
+        let value = fields.get(name).copied().unwrap_or_default();
+        if out.len() + value.len() <= MAX_TEXT_LEN {
+            out.push_str(value);
+        }
+        rest = after;
+    }
+    out.push_str(rest);
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn action(target: &str) -> Action {
+        let mut reader = super::super::RequestReader::default();
+        let text = format!("GET /{target} HTTP/1.1\r\n\r\n");
+        let mut input = bytes::BytesMut::from(text.as_bytes());
+        let request = reader.read(&mut input, crate::Limits::DEFAULT).unwrap();
+        Action::of(&request.unwrap())
+    }
+
+    fn typed(lines: &str, data: &str) -> Action {
+        let (lines, data) = (lines.to_owned(), data.to_owned());
+        Action::Type { lines, data }
+    }
+
+    #[track_caller]
+    fn asks(target: &str, message: &str, who: Who, json: Option<Outer>) {
+        let message = Bottle::parse(message).unwrap();
+        assert_eq!(
+            action(target),
+            Action::Ask { message, who, json },
+            "{target}"
+        );
+    }
+
+    /// Compared with 3.5.0: what its port was told for each of these.
+    #[test]
+    fn requests_mean_what_they_mean_to_stock() {
+        assert_eq!(action(""), typed("*", ""));
+        assert_eq!(action("?x=1"), typed("?x=1", ""));
+        assert_eq!(action("favicon.ico"), typed("favicon.ico", ""));
+        assert_eq!(action("r"), Action::Read);
+        assert_eq!(action("r?x=1"), Action::Read);
+        assert_eq!(action("data=list"), typed("d\nlist", "list"));
+        asks(
+            "?req=hello&x=1",
+            "hello (REQUEST_URI \"?req=hello&x=1\") (format json) (req hello) (x \"1\")",
+            Who::Owner,
+            Some(Outer::Any),
+        );
+        asks(
+            "web/main.css",
+            "web \"main.css\" (REQUEST_URI \"web/main.css\")",
+            Who::Pages,
+            None,
+        );
+        asks(
+            "a/5/1.5?e=",
+            "a 5 1.5 (REQUEST_URI \"a/5/1.5?e=\")",
+            Who::Pages,
+            None,
+        );
+        asks(
+            "list/in?admin=1",
+            "list in (REQUEST_URI \"list/in?admin=1\") (admin \"1\")",
+            Who::Port,
+            None,
+        );
+    }
+
+    #[test]
+    fn a_command_is_typed_if_it_is_short_and_else_asked() {
+        assert_eq!(action("?cmd=*&data=x"), typed("*", ""));
+        assert_eq!(action("?cmd=d%0Aa,a%0A[ver]"), typed("d\na\na\n[ver]", ""));
+        asks(
+            "?cmd=a/b",
+            "a b (REQUEST_URI \"?cmd=a/b\") (cmd \"a/b\")",
+            Who::Owner,
+            None,
+        );
+    }
+
+    #[test]
+    fn the_form_of_the_answer_can_be_chosen() {
+        let message = "a (REQUEST_URI \"?req=a&format=html\") (format html) (req a)";
+        asks("?req=a&format=html", message, Who::Owner, None);
+        for (name, outer) in [
+            ("list", Outer::List),
+            ("dict", Outer::Dict),
+            ("x", Outer::Any),
+        ] {
+            let target = format!("ab?format=json&outer={name}");
+            let message = format!("ab (REQUEST_URI \"{target}\") (format json) (outer {name})");
+            asks(&target, &message, Who::Pages, Some(outer));
+        }
+    }
+
+    #[test]
+    fn fields_stand_in_messages_and_commas_end_lines() {
+        assert_eq!(action("?data=a,b"), typed("d\na\nb", "a,b"));
+        assert_eq!(action("?data=x+$n.&n=7"), typed("d\nx 7.", "x 7."));
+        assert_eq!(action("?data=$nope+z"), typed("d\n z", " z"));
+        asks(
+            "?req=x+$n&n=1",
+            "x 1 (REQUEST_URI \"?req=x+$n&n=1\") (format json) (n \"1\") (req \"x $n\")",
+            Who::Owner,
+            Some(Outer::Any),
+        );
+    }
+
+    /// A field that stands many times in a message took the square of what came.
+    #[test]
+    fn a_field_that_stands_many_times_stays_small() {
+        let target = format!("?data={}&n={}", "$n.".repeat(9000), "x".repeat(9000));
+        let Action::Type { data, .. } = action(&target) else {
+            panic!("no message");
+        };
+        assert!(data.len() <= MAX_TEXT_LEN + 9000, "{}", data.len());
+    }
+}

@@ -1,0 +1,197 @@
+//! One request, out of bytes that arrive in pieces.
+
+use bytes::{Buf, BytesMut};
+
+use crate::connection::ProtocolError;
+use crate::limits::Limits;
+
+/// A request for a page.
+#[derive(Clone, Debug, Default, Eq, PartialEq)]
+pub struct Request {
+    /// What is asked for, without the leading `/`, as it came.
+    pub target: String,
+    /// The host that the browser thinks it talks to, with its port.
+    pub host: String,
+    /// The key of a page that asks to go on in frames.
+    pub web_socket_key: Option<String>,
+    /// The fields of query or form, decoded, in the order in which they came.
+    pub fields: Vec<(String, String)>,
+}
+
+/// Collects a request: the line, the headers, and the body of a form.
+#[derive(Debug, Default)]
+pub struct RequestReader {
+    head: Option<Head>,
+}
+
+#[derive(Debug)]
+struct Head {
+    target: String,
+    host: String,
+    upgrade: bool,
+    key: Option<String>,
+    form: bool,
+    body: usize,
+}
+
+/// Longest line and headers together.
+const MAX_HEAD_LEN: usize = 64 * 1024;
+
+impl RequestReader {
+    /// Takes the request from `input`, which begins with its first letter; `None` while bytes are
+    /// missing.
+    pub fn read(
+        &mut self,
+        input: &mut BytesMut,
+        limits: Limits,
+    ) -> Result<Option<Request>, ProtocolError> {
+        if self.head.is_none() {
+            let Some(end) = end_of_head(input) else {
+                if input.len() > MAX_HEAD_LEN {
+                    let limit = MAX_HEAD_LEN;
+                    return Err(ProtocolError::LineTooLong { limit });
+                }
+                return Ok(None);
+            };
+            let head = input.split_to(end);
+            self.head = Some(parse_head(&String::from_utf8_lossy(&head)));
+        }
+        let head = self.head.as_ref().expect("read above");
+        if head.body > limits.line {
+            let limit = limits.line;
+            return Err(ProtocolError::LineTooLong { limit });
+        }
+        if input.len() < head.body {
+            return Ok(None);
+        }
+        let body = String::from_utf8_lossy(&input[..head.body]).into_owned();
+        input.advance(head.body);
+        let head = self.head.take().expect("read above");
+        let query = if head.form { &body } else { &head.target };
+        let fields = fields(query);
+        Ok(Some(Request {
+            target: head.target,
+            host: head.host,
+            web_socket_key: head.key.filter(|_| head.upgrade),
+            fields,
+        }))
+    }
+}
+
+/// Where the empty line after the headers ends.
+fn end_of_head(input: &[u8]) -> Option<usize> {
+    let crlf = input
+        .windows(4)
+        .position(|w| w == b"\r\n\r\n")
+        .map(|at| at + 4);
+    let lf = input.windows(2).position(|w| w == b"\n\n").map(|at| at + 2);
+    match (crlf, lf) {
+        (Some(a), Some(b)) => Some(a.min(b)),
+        (a, b) => a.or(b),
+    }
+}
+
+fn parse_head(head: &str) -> Head {
+    let mut lines = head.lines();
+    let line = lines.next().unwrap_or_default();
+    let target = line.split_whitespace().nth(1).unwrap_or("/");
+    let mut parsed = Head {
+        target: target.strip_prefix('/').unwrap_or(target).to_owned(),
+        host: String::new(),
+        upgrade: false,
+        key: None,
+        form: false,
+        body: 0,
+    };
+    for line in lines {
+        let Some((key, value)) = line.split_once(':') else {
+            continue;
+        };
+        let value = value.trim();
+        match key.to_ascii_lowercase().as_str() {
+            "host" => value.clone_into(&mut parsed.host),
+            "upgrade" => parsed.upgrade = value.eq_ignore_ascii_case("websocket"),
+            "sec-websocket-key" => parsed.key = Some(value.to_owned()),
+            "content-length" => parsed.body = value.parse().unwrap_or(0),
+            "content-type" => {
+                parsed.form = value.starts_with("application/x-www-form-urlencoded");
+            }
+            _ => {}
+        }
+    }
+    parsed
+}
+
+/// The fields of a query; what stands before `?` is no field, a field without value is ignored.
+fn fields(query: &str) -> Vec<(String, String)> {
+    let query = query.rsplit_once('?').map_or(query, |(_, query)| query);
+    query
+        .split('&')
+        .filter_map(|field| field.split_once('='))
+        .filter(|(_, value)| !value.is_empty())
+        .map(|(key, value)| (decode(key), decode(value)))
+        .collect()
+}
+
+/// Undoes `+` and `%XX`.
+fn decode(text: &str) -> String {
+    let mut bytes = Vec::with_capacity(text.len());
+    let mut rest = text.as_bytes();
+    while let Some((&byte, after)) = rest.split_first() {
+        rest = after;
+        match byte {
+            b'+' => bytes.push(b' '),
+            b'%' => {
+                let digits = after.get(..2).and_then(|d| std::str::from_utf8(d).ok());
+                match digits.and_then(|digits| u8::from_str_radix(digits, 16).ok()) {
+                    Some(value) => {
+                        bytes.push(value);
+                        rest = &after[2..];
+                    }
+                    None => bytes.push(b'%'),
+                }
+            }
+            other => bytes.push(other),
+        }
+    }
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Request {
+        let mut reader = RequestReader::default();
+        let mut input = BytesMut::new();
+        for byte in text.bytes() {
+            assert_eq!(reader.read(&mut input, Limits::DEFAULT), Ok(None));
+            input.extend_from_slice(&[byte]);
+        }
+        reader.read(&mut input, Limits::DEFAULT).unwrap().unwrap()
+    }
+
+    #[test]
+    fn requests_are_read_whatever_their_pieces() {
+        let request = read("GET /?req=hello&x=1 HTTP/1.1\r\nHost: h:1\r\n\r\n");
+        assert_eq!(request.target, "?req=hello&x=1");
+        assert_eq!(request.host, "h:1");
+        let field = |k: &str, v: &str| (k.to_owned(), v.to_owned());
+        assert_eq!(request.fields, [field("req", "hello"), field("x", "1")]);
+        let form = "POST /form HTTP/1.1\r\nContent-Length: 18\r\n\
+            Content-Type: application/x-www-form-urlencoded\r\n\r\ndata=hello%20there";
+        assert_eq!(read(form).fields, [field("data", "hello there")]);
+        assert_eq!(
+            read("GET /data=list HTTP/1.1\n\n").fields,
+            [field("data", "list")]
+        );
+    }
+
+    #[test]
+    fn a_lying_length_is_refused() {
+        let mut input =
+            BytesMut::from("POST /form HTTP/1.1\r\nContent-Length: 99999999999\r\n\r\n");
+        let result = RequestReader::default().read(&mut input, Limits::DEFAULT);
+        assert!(matches!(result, Err(ProtocolError::LineTooLong { .. })));
+    }
+}

@@ -1,0 +1,298 @@
+//! Requests as bytes.
+
+use std::fmt;
+
+use crate::{Bottle, Value};
+
+use super::name_request::{Command, Form, RegisterRequest, Request};
+use super::{PREFIX, SERVER_CHOOSES};
+
+/// How a request goes out: the three ways of stock clients, each on a connection of its own.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub enum Style {
+    /// `NAME_SERVER CMD ARGS\n`: queries, `unregister`, `announce`.
+    ///
+    /// Quotes are lost, so no argument can hold a blank. Answered by the lines of the answer and
+    /// nothing else.
+    Line,
+    /// `NAME_SERVER CMD ARGS\r\n`: what stock's carrier `name_ser` sends for `register` and
+    /// `set`. Quotes are lost. Stock reads only the first line of the answer.
+    NameSer,
+    /// The opening of carrier `text_ack` and the request as its one message:
+    /// `CONNACK admin\r\n`, `d\r\n`, `CMD ARGS\r\n`. Answered by `Welcome admin`, the lines of
+    /// the answer and `<ACK>`.
+    TextAck,
+}
+
+impl Request {
+    /// The request as the bytes of a whole conversation's outgoing half.
+    ///
+    /// Source: recorded traffic of 3.12.3 and 4.0.0 (`name_commands`).
+    pub fn to_bytes(&self, style: Style) -> Vec<u8> {
+        let text = self.to_string();
+        match style {
+            Style::Line => format!("{PREFIX} {}\n", text.replace('"', "")),
+            Style::NameSer => format!("{PREFIX} {}\r\n", text.replace('"', "")),
+            Style::TextAck => format!("CONNACK admin\r\nd\r\n{text}\r\n"),
+        }
+        .into_bytes()
+    }
+
+    /// The request as a bottle, for binary carriers.
+    pub fn to_bottle(&self) -> Bottle {
+        match self.form {
+            Form::Plain => self.command.to_bottle(),
+            Form::Bot => Bottle::of("bot")
+                .into_iter()
+                .chain(self.command.to_bottle())
+                .collect(),
+        }
+    }
+}
+
+impl fmt::Display for Request {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.to_bottle().fmt(f)
+    }
+}
+
+impl Command {
+    /// The command and its arguments; empty arguments at the end are left out.
+    pub fn to_bottle(&self) -> Bottle {
+        let words = |words: &[&str]| -> Bottle {
+            let used = words.iter().rposition(|word| !word.is_empty());
+            let used = used.map_or(0, |last| last + 1);
+            words[..used]
+                .iter()
+                .map(|word| Value::from(*word))
+                .collect()
+        };
+        match self {
+            Self::Register(registering) => registering.to_bottle(),
+            Self::Unregister { name } => words(&["unregister", name]),
+            Self::Query { name } => words(&["query", name]),
+            Self::List { prefix } => words(&["list", prefix]),
+            Self::Set { name, key, values } => {
+                let mut bottle = words(&["set", name, key]);
+                bottle.extend(values.iter().map(|value| Value::from(value.as_str())));
+                bottle
+            }
+            Self::Get { name, key } => words(&["get", name, key]),
+            Self::Check { name, key, value } => words(&["check", name, key, value]),
+            Self::Route {
+                source,
+                destination,
+            } => words(&["route", source, destination]),
+            Self::CollectGarbage => words(&["gc"]),
+            Self::Runners => words(&["runners"]),
+            Self::Help => words(&["help"]),
+            Self::Announce { name, alive: true } => words(&["announce", name]),
+            Self::Announce { name, alive: false } => words(&["announce", name]).with(0),
+            Self::Subscribe {
+                source,
+                destination,
+                mode,
+            } => words(&["subscribe", source, destination, mode]),
+            Self::Subscriptions { port } => words(&["subscribe", port]),
+            Self::Unsubscribe {
+                source,
+                destination,
+            } => words(&["unsubscribe", source, destination]),
+            Self::Topic { name, structure } => words(&["topic", name, structure]),
+            Self::Topics => words(&["topic"]),
+            Self::Untopic { name } => words(&["untopic", name]),
+            Self::Type {
+                family,
+                name,
+                value,
+            } => words(&["type", family, name, value.as_deref().unwrap_or("")]),
+            Self::Lease { holders } | Self::Passed { holders } => {
+                let mut bottle = words(&[match self {
+                    Self::Passed { .. } => "passed",
+                    _ => "lease",
+                }]);
+                for holder in holders {
+                    bottle.push(holder.name.as_str());
+                    bottle.push(holder.host.as_str());
+                    bottle.push(i32::from(holder.number));
+                }
+                bottle
+            }
+            Self::States { prefix } => words(&["state", prefix]),
+            Self::Web(arguments) => {
+                let mut bottle = words(&["web"]);
+                bottle.extend(arguments.clone());
+                bottle
+            }
+            Self::Other(bottle) => bottle.clone(),
+        }
+    }
+}
+
+impl RegisterRequest {
+    /// `register NAME` alone if nothing else is asked for, else all four fields, with `...` for
+    /// an open one and `-1` for an open number, as stock clients write it.
+    fn to_bottle(&self) -> Bottle {
+        let mut bottle = Bottle::of("register").with(self.name.as_str());
+        let Self {
+            carrier,
+            host,
+            number,
+            type_name,
+            ..
+        } = self;
+        if (carrier, host, number, type_name) == (&None, &None, &None, &None) {
+            return bottle;
+        }
+        bottle.push(carrier.as_deref().unwrap_or(SERVER_CHOOSES));
+        bottle.push(host.as_deref().unwrap_or(SERVER_CHOOSES));
+        bottle.push(
+            number.map_or(Value::from(-1), |number| match i32::try_from(number) {
+                Ok(number) => number.into(),
+                Err(_) => number.into(),
+            }),
+        );
+        if let Some(type_name) = type_name {
+            bottle.push(type_name.as_str());
+        }
+        bottle
+    }
+}
+
+/// One word of an old-style answer: its text form with every quote taken out.
+///
+/// Stock strips the quotes from the whole line, so a blank inside a word is lost as a boundary
+/// and a backslash that was written for a quote stays. Line ends come out escaped: no word can
+/// start a new line of the answer.
+///
+/// ```
+/// use yarp_wire::name_service::plain_text;
+/// assert_eq!(plain_text("hello world"), "hello world");
+/// assert_eq!(plain_text("a\nb"), r"a\nb");
+/// ```
+pub fn plain_text(word: &str) -> String {
+    Value::from(word).to_string().replace('"', "")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[track_caller]
+    fn check(request: &Request, style: Style, expected: &str) {
+        let bytes = request.to_bytes(style);
+        assert_eq!(String::from_utf8(bytes).unwrap(), expected);
+    }
+
+    /// The exact bytes of recorded stock clients.
+    #[test]
+    fn requests_print_as_stock_clients_do() {
+        let plain = Request::plain;
+        let name = || "/fake/a".to_owned();
+        let query = plain(Command::Query { name: name() });
+        check(&query, Style::Line, "NAME_SERVER query /fake/a\n");
+        let register = |registering| plain(Command::Register(registering));
+        check(
+            &register(RegisterRequest::named("/fake/a")),
+            Style::NameSer,
+            "NAME_SERVER register /fake/a\r\n",
+        );
+        check(
+            &register(RegisterRequest {
+                carrier: Some("tcp".into()),
+                host: Some("127.0.0.1".into()),
+                number: Some(10077),
+                ..RegisterRequest::named("/fake/b")
+            }),
+            Style::NameSer,
+            "NAME_SERVER register /fake/b tcp 127.0.0.1 10077\r\n",
+        );
+        check(
+            &register(RegisterRequest {
+                type_name: Some("yarp/image".into()),
+                ..RegisterRequest::named("/cam")
+            }),
+            Style::NameSer,
+            "NAME_SERVER register /cam ... ... -1 yarp/image\r\n",
+        );
+        let owns = Command::Set {
+            name: "/wr".into(),
+            key: "owns".into(),
+            values: vec!["/tmp/port/1".into()],
+        };
+        check(
+            &Request::bot(owns),
+            Style::NameSer,
+            "NAME_SERVER bot set /wr owns /tmp/port/1\r\n",
+        );
+        let topic = Command::Topic {
+            name: "/top/ic".into(),
+            structure: String::new(),
+        };
+        check(
+            &plain(topic),
+            Style::TextAck,
+            "CONNACK admin\r\nd\r\ntopic \"/top/ic\"\r\n",
+        );
+        let list = Command::List {
+            prefix: String::new(),
+        };
+        check(
+            &Request::bot(list),
+            Style::TextAck,
+            "CONNACK admin\r\nd\r\nbot list\r\n",
+        );
+        let dud = Command::Announce {
+            name: "/a".into(),
+            alive: false,
+        };
+        check(&plain(dud), Style::Line, "NAME_SERVER announce /a 0\n");
+    }
+
+    #[test]
+    fn no_word_can_start_a_second_line() {
+        let name = "/a\nregister /evil\r\n".to_owned();
+        let request = Request::plain(Command::Query { name });
+        for style in [Style::Line, Style::NameSer] {
+            let bytes = request.to_bytes(style);
+            assert_eq!(bytes.iter().filter(|byte| **byte == b'\n').count(), 1);
+        }
+    }
+
+    #[test]
+    fn requests_survive_a_round_trip() {
+        for line in [
+            "register /a",
+            "register /a udp 1.2.3.4 5 yarp/image",
+            "unregister /a",
+            "query /a",
+            "list",
+            "list /a/",
+            "bot list",
+            "set /a k v \"x y\"",
+            "get /a k",
+            "check /a k v",
+            "route /a /b",
+            "gc",
+            "runners",
+            "help",
+            "announce /a",
+            "announce /a 0",
+            "subscribe",
+            "subscribe /a",
+            "subscribe /a udp://b from",
+            "unsubscribe /a /b",
+            "topic",
+            "topic /t",
+            "topic /t structure",
+            "untopic /t",
+            "type yarp /n",
+            "type yarp /n value",
+            "web /main.css",
+            "something (else 1)",
+        ] {
+            let request = Request::parse(line).unwrap();
+            assert_eq!(Request::parse(&request.to_string()).unwrap(), request);
+        }
+    }
+}
