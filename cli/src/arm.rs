@@ -6,7 +6,9 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr, ToSocketAddrs};
 use std::str::FromStr;
 use std::sync::Arc;
 
-use yarp_devices::embedded::{ARM_PORT, DriverOptions, EmbeddedWam, Meeting, PACKET_PORT, Places};
+use yarp_devices::embedded::{
+    ARM_PORT, DriverOptions, EmbeddedWam, LinkAddresses, LinkMode, PACKET_PORT,
+};
 use yarp_devices::wam::can::{CanOptions, CanWam};
 use yarp_devices::wam::{DynamicWam, SimulatedWam};
 use yarp_devices::{Device, DeviceError};
@@ -60,7 +62,7 @@ impl fmt::Display for Arm {
 
 impl Arm {
     /// Starts it; `meeting` is for one behind its embedded PC.
-    pub(crate) fn start(self, meeting: Meeting) -> Result<Arc<dyn Device>, DeviceError> {
+    pub(crate) fn start(self, meeting: LinkMode) -> Result<Arc<dyn Device>, DeviceError> {
         Ok(match self {
             Self::Simulated => Arc::new(SimulatedWam::new()),
             Self::Dynamic => Arc::new(DynamicWam::start()?),
@@ -89,23 +91,23 @@ pub(crate) struct MeetingArgs {
 
 impl MeetingArgs {
     /// As told; where nothing is told, one listens and the other connects on this machine.
-    pub(crate) fn meeting(&self, listens: bool) -> io::Result<Meeting> {
+    pub(crate) fn meeting(&self, listens: bool) -> io::Result<LinkMode> {
         let &[arm, packets] = self.ports.as_slice() else {
             return Err(io::Error::new(
                 io::ErrorKind::InvalidInput,
                 format!("--ports needs two numbers, as in {ARM_PORT},{PACKET_PORT}"),
             ));
         };
-        let at = |address: IpAddr| Places {
+        let at = |address: IpAddr| LinkAddresses {
             arm: SocketAddr::new(address, arm),
             packets: SocketAddr::new(address, packets),
         };
         let here = IpAddr::V4(Ipv4Addr::LOCALHOST);
         Ok(match (&self.listen, &self.connect) {
-            (Some(address), _) => Meeting::Listen(at(*address)),
-            (None, Some(host)) => Meeting::Connect(at(resolve(host)?)),
-            (None, None) if listens => Meeting::Listen(at(here)),
-            (None, None) => Meeting::Connect(at(here)),
+            (Some(address), _) => LinkMode::Listen(at(*address)),
+            (None, Some(host)) => LinkMode::Connect(at(resolve(host)?)),
+            (None, None) if listens => LinkMode::Listen(at(here)),
+            (None, None) => LinkMode::Connect(at(here)),
         })
     }
 }
@@ -153,20 +155,20 @@ mod tests {
             };
             args.meeting(listens).unwrap()
         };
-        let at = |address: &str| Places {
+        let at = |address: &str| LinkAddresses {
             arm: format!("{address}:1").parse().unwrap(),
             packets: format!("{address}:2").parse().unwrap(),
         };
         let here = at("127.0.0.1");
-        assert_eq!(meet(None, None, true), Meeting::Listen(here));
-        assert_eq!(meet(None, None, false), Meeting::Connect(here));
+        assert_eq!(meet(None, None, true), LinkMode::Listen(here));
+        assert_eq!(meet(None, None, false), LinkMode::Connect(here));
         assert_eq!(
             meet(Some("0.0.0.0"), None, false),
-            Meeting::Listen(at("0.0.0.0"))
+            LinkMode::Listen(at("0.0.0.0"))
         );
         assert_eq!(
             meet(None, Some("127.0.0.2"), true),
-            Meeting::Connect(at("127.0.0.2"))
+            LinkMode::Connect(at("127.0.0.2"))
         );
     }
 }

@@ -43,7 +43,9 @@ fn a_finger_is_moved_by_typing_and_over_the_hand_server() {
     );
     board.signal("TERM").finish().with(0);
 
-    let options = RemoteHandOptions::new().arrival(PATIENCE).motion(PATIENCE);
+    let options = RemoteHandOptions::new()
+        .connect_timeout(PATIENCE)
+        .motion_timeout(PATIENCE);
     let remote = RemoteHand::listen("127.0.0.1:0", options).expect("a port is free");
     let place = remote.address();
     let node = home

@@ -10,7 +10,7 @@ use yarp_nameserver::{Server, ServerOptions};
 use yarp_wire::WireVersion;
 use yarp_wire::message::{ReadObject, WireObject};
 use yarp_wire::typed;
-use yarp_wrappers::frame_grabber::messages::image;
+use yarp_wrappers::frame_grabber::messages::image_message;
 use yarp_wrappers::{FrameGrabberOptions, FrameGrabberServer};
 
 /// Bytes of the recorded images: a header and 32 x 24 pixels.
@@ -73,12 +73,12 @@ fn recorded_images_become_ours_and_ours_become_the_same_bytes() {
         assert!(images.len() >= 3, "{generation}");
         for bytes in images {
             let received = typed::Image::read_binary(&bytes, wire_version).expect("an image");
-            let ours = image::from_wire(&received).expect("colours");
+            let ours = image_message::from_wire(&received).expect("colours");
             // A green ball around the middle, with a light one in it.
             assert_eq!((ours.width(), ours.height()), (32, 24));
             assert_eq!(ours.pixel(16, 12), Some(&[0, 255, 255][..]));
             // 3.10 to 3.12 mark every image, which means nothing; ours has no mark.
-            let sent = image::to_wire(&ours).expect("it can be sent");
+            let sent = image_message::to_wire(&ours).expect("it can be sent");
             let mut written = BytesMut::new();
             sent.with_mark(marked)
                 .write_binary(&mut written, wire_version);

@@ -9,8 +9,8 @@ pub mod sync;
 use std::io;
 
 use yarp_devices::kinematics::{EulerXyz, Pose, Unsolved};
-use yarp_devices::simulation::MoveRefused;
-use yarp_devices::trajectory::LineRefused;
+use yarp_devices::simulation::MoveError;
+use yarp_devices::trajectory::StraightLineError;
 
 /// Why a demo ends early.
 #[derive(Debug, thiserror::Error)]
@@ -20,10 +20,10 @@ pub enum DemoError {
     Output(#[from] io::Error),
     /// The arm refuses a move.
     #[error(transparent)]
-    Move(#[from] MoveRefused<7>),
+    Move(#[from] MoveError<7>),
     /// A line cannot be followed.
     #[error(transparent)]
-    Line(#[from] LineRefused<7>),
+    Line(#[from] StraightLineError<7>),
     /// A pose cannot be reached.
     #[error(transparent)]
     Pose(#[from] Unsolved<7>),

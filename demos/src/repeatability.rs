@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 
 use nalgebra::Vector3;
 use yarp_devices::kinematics::{Joints, Pose, Redundancy, Solver, SolverOptions};
-use yarp_devices::simulation::{Arm, SimulatorOptions};
-use yarp_devices::trajectory::{JointLimits, LineOptions};
+use yarp_devices::simulation::{SimulatedArm, SimulatorOptions};
+use yarp_devices::trajectory::{JointLimits, StraightLineOptions};
 use yarp_devices::wam::WamModel;
 
 use crate::{DemoError, pose};
@@ -94,16 +94,16 @@ pub fn run(repeat: usize, out: &mut dyn Write) -> Result<(), DemoError> {
 fn measure(repeat: usize) -> Result<(Vec<Places>, Duration), DemoError> {
     let targets = THESIS.map(|row| pose(row.place, row.angles));
     let model = WamModel::<7>::new();
-    let mut arm = Arm::new(model.clone(), SimulatorOptions::default());
+    let mut arm = SimulatedArm::new(model.clone(), SimulatorOptions::default());
     arm.move_joints(
         &comfortable(&model, &targets[0])?,
         &JointLimits::uniform(0.75, 0.5),
     )?;
     arm.finish(SETTLE);
-    let line = LineOptions {
+    let line = StraightLineOptions {
         speed: SPEED,
         acceleration: SPEED,
-        ..LineOptions::default()
+        ..StraightLineOptions::default()
     };
     let mut ends = vec![Vec::with_capacity(repeat); targets.len()];
     for _ in 0..repeat {

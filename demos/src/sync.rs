@@ -9,8 +9,8 @@ use std::time::Duration;
 
 use nalgebra::{Matrix3, Vector3};
 use yarp_devices::kinematics::{Chain, Joints, Pose, Redundancy, Solver, SolverOptions, Task};
-use yarp_devices::simulation::{Arm, SimulatorOptions};
-use yarp_devices::trajectory::{JointLimits, Line, LineOptions};
+use yarp_devices::simulation::{SimulatedArm, SimulatorOptions};
+use yarp_devices::trajectory::{JointLimits, StraightLine, StraightLineOptions};
 use yarp_devices::wam::WamModel;
 
 use crate::{DemoError, pose};
@@ -60,7 +60,7 @@ pub fn run(out: &mut dyn Write) -> Result<(), DemoError> {
 
 /// A joint move: the share of its way each joint has done, at tenths of the time.
 fn joints_together(out: &mut dyn Write) -> Result<(), DemoError> {
-    let mut arm = Arm::new(WamModel::<7>::new(), SimulatorOptions::default());
+    let mut arm = SimulatedArm::new(WamModel::<7>::new(), SimulatorOptions::default());
     let start = Joints::<7>::from([0.2, 0.6, 0.0, 1.6, 0.0, 0.3, 0.0]);
     let target = Joints::<7>::from([-0.4, 0.2, 0.4, 2.0, -0.7, -0.4, 0.8]);
     arm.place(&start);
@@ -118,7 +118,7 @@ enum Way {
 
 /// Where the encoders saw the tool, in millimetres.
 fn line(model: &WamModel<7>, start: &Joints<7>, way: Way) -> Result<Vec<Vector3<f64>>, DemoError> {
-    let mut arm = Arm::new(model.clone(), SimulatorOptions::default());
+    let mut arm = SimulatedArm::new(model.clone(), SimulatorOptions::default());
     arm.place(start);
     let target = pose(TO, ANGLES);
     let mut places = Vec::new();
@@ -143,11 +143,11 @@ fn line(model: &WamModel<7>, start: &Joints<7>, way: Way) -> Result<Vec<Vector3<
     Ok(places.into_iter().step_by(EVERY).collect())
 }
 
-fn options() -> LineOptions {
-    LineOptions {
+fn options() -> StraightLineOptions {
+    StraightLineOptions {
         speed: 0.2,
         acceleration: 0.2,
-        ..LineOptions::default()
+        ..StraightLineOptions::default()
     }
 }
 
@@ -159,7 +159,7 @@ fn stations(model: &WamModel<7>, start: &Joints<7>, target: &Pose) -> Result<Vec
     };
     let solver = Solver::with_options(model.chain.clone(), once);
     let period = Duration::from_millis(2);
-    let mut line = Line::plan(&solver, start, target, &options(), period)?;
+    let mut line = StraightLine::plan(&solver, start, target, &options(), period)?;
     Ok(std::iter::from_fn(|| line.next_joints())
         .map(|joints| model.chain.forward(&joints))
         .collect())

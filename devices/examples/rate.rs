@@ -54,8 +54,8 @@ fn main() -> Result<(), DeviceError> {
     println!(
         "driver:           {:>8} periods, {} began more than a period late; {} positions left out, {} connections",
         after.periods - before.periods,
-        after.late - before.late,
-        after.left_out - before.left_out,
+        after.late_periods - before.late_periods,
+        after.missed_replies - before.missed_replies,
         after.connections
     );
     println!("thread beside it: {periods:>8} periods, {late} began more than a period late");

@@ -10,7 +10,7 @@
 use std::time::{Duration, Instant};
 
 use yarp_devices::kinematics::{Joints, Redundancy, Solver, SolverOptions};
-use yarp_devices::simulation::{Arm, SimulatorOptions};
+use yarp_devices::simulation::{SimulatedArm, SimulatorOptions};
 use yarp_devices::trajectory::JointLimits;
 use yarp_devices::wam::WamModel;
 
@@ -59,7 +59,7 @@ fn inverse_kinematics(redundancy: Redundancy<7>) {
 
 fn simulation() {
     const MOVES: u32 = 20;
-    let mut arm = Arm::new(WamModel::<7>::new(), SimulatorOptions::default());
+    let mut arm = SimulatedArm::new(WamModel::<7>::new(), SimulatorOptions::default());
     let limits = JointLimits::uniform(0.75, 0.5);
     let poses = [
         [0.5, -1.0, 0.3, 2.0, -0.5, 0.5, 0.5],

@@ -49,7 +49,7 @@ pub mod hand;
 pub mod iface;
 pub mod image;
 pub mod kinematics;
-mod random;
+mod pseudo_random;
 pub mod remapper;
 pub mod simulation;
 pub mod trajectory;
@@ -66,10 +66,10 @@ pub use iface::{
     FrameGrabberImage, FrameGrabberImageRaw, Grasp, GraspKind, Hand, Impedance, ImpedanceControl,
     ImpedanceLimits, Interaction, InteractionMode, Intrinsics, JointBrake, JointFault, JointType,
     Limits, Mode, MotionControl, Motor, MotorEncoders, MotorTorqueParameters, Pid, PidControl,
-    PidInfo, PidKind, PidUnits, PidValue, PositionControl, PositionDirect, Priority, PwmControl,
-    Reach, RemoteCalibrator, RemoteVariables, RgbVisualParams, SerialDevice, StampedPose, Target,
-    TaskPose, TaskVelocity, TorqueControl, TweakChange, Tweaks, UnknownGrasp, VariableValue,
-    VelocityControl, VelocityDirect, Window, WindowLimits,
+    PidInfo, PidKind, PidUnits, PidValue, PoseSolution, PositionControl, PositionDirect, Priority,
+    PwmControl, RemoteCalibrator, RemoteVariables, RgbVisualParams, SerialDevice, StampedPose,
+    Target, TaskPose, TaskVelocity, TorqueControl, TweakChange, Tweaks, UnknownGrasp,
+    VariableValue, VelocityControl, VelocityDirect, Window, WindowLimits,
 };
 
 /// Compiles the example of the README.

@@ -5,7 +5,7 @@ mod embedded;
 use std::sync::Arc;
 
 use embedded::{at_rest, driver_options, eventually, node_options, place};
-use yarp_devices::embedded::{EmbeddedWam, LinkState, Meeting, WamNode};
+use yarp_devices::embedded::{EmbeddedWam, LinkMode, LinkState, WamNode};
 use yarp_devices::wam::DynamicWam;
 use yarp_devices::{Axes, ControlMode, DeviceError, Mode, PositionControl};
 
@@ -33,12 +33,12 @@ fn height(arm: &DynamicWam) -> f64 {
 }
 
 fn connect(arm: &Arc<DynamicWam>, gravity: bool) -> (EmbeddedWam, WamNode) {
-    let mut options = driver_options(Meeting::anywhere());
+    let mut options = driver_options(LinkMode::listen_on_loopback());
     options.gravity = gravity;
     let driver = EmbeddedWam::start(options).expect("there are ports");
     let node = WamNode::start(
         Arc::clone(arm) as _,
-        node_options(Meeting::Connect(driver.places())),
+        node_options(LinkMode::Connect(driver.addresses())),
     )
     .expect("it starts");
     eventually("a connection", || driver.link().is_up());

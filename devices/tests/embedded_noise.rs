@@ -10,7 +10,7 @@ use embedded::{
     Listeners, Peer, at_rest, connect, driver_options, eventually, ideal_arm, node_options, place,
 };
 use yarp_devices::embedded::protocol::{Kind, Reply, Request};
-use yarp_devices::embedded::{EmbeddedWam, Meeting, WamNode};
+use yarp_devices::embedded::{EmbeddedWam, LinkMode, WamNode};
 use yarp_devices::{Axes, DeviceError, Encoders, PositionControl};
 
 /// Numbers that look random and are the same each time (xorshift).
@@ -59,8 +59,8 @@ fn spoilt(noise: &mut Noise, request: &Request) -> Vec<u8> {
 #[test]
 fn from_the_device_moves_nothing_and_the_driver_comes_back() {
     let listeners = Listeners::new();
-    let mut options = driver_options(Meeting::Connect(listeners.places()));
-    options.longest_pause = Duration::from_millis(2);
+    let mut options = driver_options(LinkMode::Connect(listeners.addresses()));
+    options.max_backoff = Duration::from_millis(2);
     let driver = EmbeddedWam::start(options).expect("it starts");
     let mut noise = Noise(0x5eed);
     let mut asked = Vec::new();
@@ -115,12 +115,13 @@ fn from_the_device_moves_nothing_and_the_driver_comes_back() {
 #[test]
 fn from_a_client_moves_nothing_and_the_next_is_served() {
     let arm = ideal_arm();
-    let node = WamNode::start(arm.clone(), node_options(Meeting::anywhere())).expect("it starts");
+    let node = WamNode::start(arm.clone(), node_options(LinkMode::listen_on_loopback()))
+        .expect("it starts");
     let home: Vec<f64> = (0..7).map(|joint| place(arm.as_ref(), joint)).collect();
     let mut noise = Noise(0xca5e);
     for _ in 0..CONNECTIONS {
         eventually("the end of the client before", || !node.status().connected);
-        let (mut stream, _packets) = connect(node.places());
+        let (mut stream, _packets) = connect(node.addresses());
         let mut bytes = if noise.below(2) == 0 {
             b"gra".to_vec()
         } else {
@@ -143,7 +144,7 @@ fn from_a_client_moves_nothing_and_the_next_is_served() {
     }
     assert!(arm.motion_done(Axes::All).unwrap());
     eventually("the end of the client before", || !node.status().connected);
-    let (mut stream, _packets) = connect(node.places());
+    let (mut stream, _packets) = connect(node.addresses());
     stream.write_all(b"gra").expect("it is there");
     let mut answer = [0];
     stream.read_exact(&mut answer).expect("it is answered");

@@ -7,13 +7,13 @@ use std::thread::{self, JoinHandle};
 
 use embedded::{Listeners, at_rest, driver_options, eventually};
 use yarp_devices::embedded::protocol::Request;
-use yarp_devices::embedded::{EmbeddedWam, Meeting};
+use yarp_devices::embedded::{EmbeddedWam, LinkMode};
 use yarp_devices::{Axes, DeviceError, PositionControl};
 
 #[test]
 fn of_three_moves_at_once_one_is_sent_one_refused_and_one_goes_next() {
     let listeners = Listeners::new();
-    let options = driver_options(Meeting::Connect(listeners.places()));
+    let options = driver_options(LinkMode::Connect(listeners.addresses()));
     let driver = Arc::new(EmbeddedWam::start(options).expect("it starts"));
     let mut peer = listeners.accept();
     let move_to = |degrees: f64| {

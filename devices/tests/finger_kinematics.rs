@@ -3,10 +3,10 @@
 use nalgebra::Vector3;
 use proptest::prelude::*;
 use yarp_devices::hand::gcl::Finger;
-use yarp_devices::hand::{FingerJoints, Links, coupling, kinematics};
+use yarp_devices::hand::{FingerJoints, Links, finger_coupling, finger_kinematics};
 
 fn engaged(spread: f64, inner: f64) -> FingerJoints {
-    let outer = inner * coupling::RATIO;
+    let outer = inner * finger_coupling::RATIO;
     FingerJoints {
         spread,
         links: Links { inner, outer },
@@ -14,7 +14,7 @@ fn engaged(spread: f64, inner: f64) -> FingerJoints {
 }
 
 fn tip(finger: Finger, joints: &FingerJoints) -> Vector3<f64> {
-    kinematics::tip(finger, joints).translation.vector
+    finger_kinematics::tip(finger, joints).translation.vector
 }
 
 /// Places worked out by hand from the manual's table, at spread 0, to a tenth of a millimetre.
@@ -28,7 +28,7 @@ fn tips_are_where_the_table_puts_them() {
                 "{degrees}: {place:?}, expected {expected:?}"
             );
         };
-        close(kinematics::outer_joint(Finger::F1, &joints), joint);
+        close(finger_kinematics::outer_joint(Finger::F1, &joints), joint);
         close(tip(Finger::F1, &joints), first);
         close(tip(Finger::F3, &joints), third);
     };
@@ -72,9 +72,9 @@ fn any_finger() -> impl Strategy<Value = Finger> {
 /// Joints that a motor can bring about: the outer link at least as far closed as the coupling turns it.
 fn any_joints() -> impl Strategy<Value = FingerJoints> {
     (0.0..std::f64::consts::PI, 0.0..1.0f64, 0.0..1.0f64).prop_map(|(spread, inner, more)| {
-        let inner = inner * coupling::INNER_LIMIT;
-        let least = inner * coupling::RATIO;
-        let outer = least + more * (coupling::OUTER_LIMIT - least);
+        let inner = inner * finger_coupling::INNER_LIMIT;
+        let least = inner * finger_coupling::RATIO;
+        let outer = least + more * (finger_coupling::OUTER_LIMIT - least);
         FingerJoints {
             spread,
             links: Links { inner, outer },
@@ -111,7 +111,7 @@ proptest! {
             }
             tip(finger, &joints)
         };
-        let jacobian = kinematics::jacobian(finger, &joints);
+        let jacobian = finger_kinematics::jacobian(finger, &joints);
         for column in 0..3 {
             let slope = (moved(column, STEP) - moved(column, -STEP)) / (2.0 * STEP);
             prop_assert!((jacobian.column(column) - slope).norm() < 1e-8);
@@ -122,10 +122,10 @@ proptest! {
     #[test]
     fn the_inverse_brings_the_tip_back(finger in any_finger(), joints in any_joints()) {
         let point = tip(finger, &joints);
-        let solution = kinematics::inverse(finger, &point);
+        let solution = finger_kinematics::inverse(finger, &point);
         prop_assert!(solution.distance < 1e-9, "{solution:?} of {joints:?}");
         prop_assert!((tip(finger, &solution.joints) - point).norm() < 1e-9);
-        prop_assert!(coupling::motor(solution.joints.links).is_some());
+        prop_assert!(finger_coupling::motor(solution.joints.links).is_some());
         prop_assert!((0.0..=std::f64::consts::PI).contains(&solution.joints.spread));
     }
 
@@ -135,12 +135,12 @@ proptest! {
         spread in 0.0..std::f64::consts::PI,
         part in 0.0..1.0f64,
     ) {
-        let joints = engaged(spread, part * coupling::INNER_LIMIT);
+        let joints = engaged(spread, part * finger_coupling::INNER_LIMIT);
         let point = tip(finger, &joints);
-        let solution = kinematics::inverse_engaged(finger, &point);
+        let solution = finger_kinematics::inverse_engaged(finger, &point);
         prop_assert!(solution.distance < 1e-7, "{solution:?} of {joints:?}");
         let links = solution.joints.links;
-        prop_assert!((links.outer - links.inner * coupling::RATIO).abs() < 1e-12);
+        prop_assert!((links.outer - links.inner * finger_coupling::RATIO).abs() < 1e-12);
     }
 
     /// Whatever is asked for, the answer is inside the limits, and says how far off it is.
@@ -152,10 +152,10 @@ proptest! {
         z in -1.0..1.0f64,
     ) {
         let point = Vector3::new(x, y, z);
-        for solution in [kinematics::inverse(finger, &point), kinematics::inverse_engaged(finger, &point)] {
+        for solution in [finger_kinematics::inverse(finger, &point), finger_kinematics::inverse_engaged(finger, &point)] {
             let left = (tip(finger, &solution.joints) - point).norm();
             prop_assert!((left - solution.distance).abs() < 1e-12);
-            prop_assert!(coupling::motor(solution.joints.links).is_some());
+            prop_assert!(finger_coupling::motor(solution.joints.links).is_some());
         }
     }
 }

@@ -5,7 +5,8 @@ use std::time::Duration;
 use nalgebra::Vector3;
 use yarp_devices::kinematics::Joints;
 use yarp_devices::simulation::{
-    Arm, Controller, Fault, Order, SafetyLimits, SafetyMode, Simulator, SimulatorOptions,
+    Fault, JointCommand, JointControllers, SafetyLimits, SafetyMode, SimulatedArm, Simulator,
+    SimulatorOptions,
 };
 use yarp_devices::trajectory::JointLimits;
 use yarp_devices::wam::{OPTICAL_COUNTS, WamModel};
@@ -122,7 +123,7 @@ fn a_stop_ends_every_motion_and_can_be_left_again() {
 
 #[test]
 fn after_an_emergency_stop_the_arm_sinks_gently() {
-    let mut arm = Arm::new(WamModel::<7>::new(), SimulatorOptions::default());
+    let mut arm = SimulatedArm::new(WamModel::<7>::new(), SimulatorOptions::default());
     arm.place(&REACHING.into());
     arm.run(Duration::from_secs(1));
     let held = arm.simulator().tool().translation.z;
@@ -157,7 +158,7 @@ fn after_an_emergency_stop_the_arm_sinks_gently() {
 
 #[test]
 fn a_floating_arm_stands_and_gives_way_to_a_hand() {
-    let mut arm = Arm::new(WamModel::<7>::new(), SimulatorOptions::default());
+    let mut arm = SimulatedArm::new(WamModel::<7>::new(), SimulatorOptions::default());
     arm.place(&REACHING.into());
     arm.set_floating(true);
     let start = arm.simulator().tool().translation.vector;
@@ -176,10 +177,10 @@ fn a_floating_arm_stands_and_gives_way_to_a_hand() {
 
 #[test]
 fn a_holding_arm_comes_back_when_the_hand_is_gone() {
-    let mut arm = Arm::new(WamModel::<7>::new(), SimulatorOptions::default());
+    let mut arm = SimulatedArm::new(WamModel::<7>::new(), SimulatorOptions::default());
     arm.place(&REACHING.into());
     arm.run(Duration::from_secs(1));
-    let place = |arm: &Arm<7>| arm.simulator().tool().translation.vector;
+    let place = |arm: &SimulatedArm<7>| arm.simulator().tool().translation.vector;
     let start = place(&arm);
     arm.simulator_mut().push(Vector3::new(0.0, 15.0, 0.0));
     arm.run(Duration::from_secs(1));
@@ -200,7 +201,7 @@ fn the_same_seed_gives_the_same_motion() {
             seed,
             ..SimulatorOptions::default()
         };
-        let mut arm = Arm::new(WamModel::<7>::new(), options);
+        let mut arm = SimulatedArm::new(WamModel::<7>::new(), options);
         let limits = JointLimits::uniform(0.7, 0.7);
         arm.move_joints(&REACHING.into(), &limits).unwrap();
         arm.finish(Duration::from_millis(100));
@@ -215,7 +216,7 @@ fn finer_encoders_see_smaller_motions() {
     let counts_seen = |model: WamModel<7>| {
         let mut arm = simulator(model, SimulatorOptions::default());
         let finest = arm.model().transmission.resolution();
-        let controller = Controller::new(arm.model().clone(), Duration::from_millis(2));
+        let controller = JointControllers::new(arm.model().clone(), Duration::from_millis(2));
         for step in 0..200 {
             let mut angles = Seven::from(REACHING);
             angles[0] += f64::from(step) * 1e-5;
@@ -239,7 +240,7 @@ fn finer_encoders_see_smaller_motions() {
 
 #[test]
 fn too_much_speed_takes_the_arm_out_of_active() {
-    let mut arm = Arm::new(WamModel::<7>::new(), SimulatorOptions::default());
+    let mut arm = SimulatedArm::new(WamModel::<7>::new(), SimulatorOptions::default());
     arm.place(&REACHING.into());
     arm.set_floating(true);
     arm.simulator_mut().push(Vector3::new(0.0, 120.0, 0.0));
@@ -303,13 +304,13 @@ fn what_is_no_number_does_no_harm() {
 #[test]
 fn a_controller_drives_floats_and_holds_joint_by_joint() {
     let arm = simulator(WamModel::<7>::new(), SimulatorOptions::default());
-    let mut controller = Controller::new(arm.model().clone(), Duration::from_millis(2));
+    let mut controller = JointControllers::new(arm.model().clone(), Duration::from_millis(2));
     let counts = arm.counts();
     let measured = controller.measure(&counts);
-    let mut orders = [Order::Float; 7];
+    let mut orders = [JointCommand::Float; 7];
     let gravity = controller.step(&counts, &orders);
-    orders[0] = Order::At(measured[0] + 0.01);
-    orders[1] = Order::Drive(1.5);
+    orders[0] = JointCommand::At(measured[0] + 0.01);
+    orders[1] = JointCommand::Drive(1.5);
     let added = controller.step(&counts, &orders) - gravity;
     // 900 Nm/rad, and hardly anything of the integral yet.
     assert!((added[0] - 9.0).abs() < 1e-3, "{}", added[0]);

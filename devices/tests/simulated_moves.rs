@@ -5,14 +5,14 @@ use std::time::Duration;
 use nalgebra::Rotation3;
 use yarp_devices::dynamics::Body;
 use yarp_devices::kinematics::{Joints, Pose};
-use yarp_devices::simulation::{Arm, MoveRefused, SimulatorOptions};
-use yarp_devices::trajectory::{JointLimits, LineOptions};
+use yarp_devices::simulation::{MoveError, SimulatedArm, SimulatorOptions};
+use yarp_devices::trajectory::{JointLimits, StraightLineOptions};
 use yarp_devices::wam::WamModel;
 
 const START: [f64; 7] = [0.2, 0.8, 0.0, 1.6, 0.0, 0.3, 0.0];
 
-fn arm() -> Arm<7> {
-    let mut arm = Arm::new(WamModel::<7>::new(), SimulatorOptions::default());
+fn arm() -> SimulatedArm<7> {
+    let mut arm = SimulatedArm::new(WamModel::<7>::new(), SimulatorOptions::default());
     arm.place(&START.into());
     arm
 }
@@ -43,9 +43,9 @@ fn the_tool_stays_near_its_line() {
     let mut target = from;
     target.translation.vector += nalgebra::Vector3::new(0.05, -0.25, 0.1);
     target.rotation = Rotation3::new(nalgebra::Vector3::x() * 0.2) * target.rotation;
-    let options = LineOptions {
+    let options = StraightLineOptions {
         speed: 0.2,
-        ..LineOptions::default()
+        ..StraightLineOptions::default()
     };
     arm.move_line(&target, &options).unwrap();
     let way = (target.translation.vector - from.translation.vector).normalize();
@@ -93,15 +93,17 @@ fn a_refused_move_leaves_the_running_one_alone() {
     outside[5] = f64::NAN;
     assert!(arm.move_joints(&outside, &limits).is_err());
     let far = Pose::translation(0.0, 0.0, 3.0);
-    let refused = arm.move_line(&far, &LineOptions::default()).unwrap_err();
-    assert!(matches!(refused, MoveRefused::Line(_)));
+    let refused = arm
+        .move_line(&far, &StraightLineOptions::default())
+        .unwrap_err();
+    assert!(matches!(refused, MoveError::StraightLine(_)));
     arm.finish(Duration::ZERO);
     assert_eq!(arm.set_point(), target);
 }
 
 #[test]
 fn an_arm_with_four_joints_moves_and_holds() {
-    let mut arm = Arm::new(WamModel::<4>::new(), SimulatorOptions::default());
+    let mut arm = SimulatedArm::new(WamModel::<4>::new(), SimulatorOptions::default());
     let target = Joints::<4>::from([0.4, -0.8, 0.2, 1.5]);
     arm.move_joints(&target, &JointLimits::uniform(0.75, 0.5))
         .unwrap();
@@ -115,7 +117,7 @@ fn an_arm_with_four_joints_moves_and_holds() {
 fn an_arm_carries_a_load_it_was_calibrated_with() {
     let load = Body::point(2.0, nalgebra::Vector3::new(0.0, 0.0, 0.08));
     let model = WamModel::<7>::new().with_load(load);
-    let mut arm = Arm::new(model, SimulatorOptions::default());
+    let mut arm = SimulatedArm::new(model, SimulatorOptions::default());
     arm.place(&[0.0, 1.0, 0.0, 0.8, 0.0, 0.2, 0.0].into());
     let held = arm.measured();
     arm.run(Duration::from_secs(2));

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use support::{PATIENCE, Stage};
 use yarp_devices::Axes;
-use yarp_devices::embedded::{Meeting, NodeOptions, WamNode};
+use yarp_devices::embedded::{LinkMode, NodeOptions, WamNode};
 use yarp_devices::hand::simulated::{SimulatedHand, SimulatedHandOptions};
 use yarp_devices::wam::SimulatedWam;
 
@@ -49,8 +49,9 @@ fn a_camera_is_served_and_seen() {
 fn an_arm_behind_its_pc_is_a_device() {
     let stage = Stage::new();
     let arm = std::sync::Arc::new(SimulatedWam::new());
-    let node = WamNode::start(arm, NodeOptions::new(Meeting::anywhere())).expect("it listens");
-    let places = node.places();
+    let node =
+        WamNode::start(arm, NodeOptions::new(LinkMode::listen_on_loopback())).expect("it listens");
+    let places = node.addresses();
     let (ports, host) = ((places.arm.port(), places.packets.port()), places.arm.ip());
     let text = format!("connect {host}\nports ({} {})\n", ports.0, ports.1);
     let hosted = stage.open("embeddedWam", &text).expect("it opens");

@@ -16,9 +16,9 @@ pub mod cartesian;
 pub mod control_board;
 pub mod frame_grabber;
 pub mod hand;
-mod linking;
-mod opening;
-mod periodic;
+mod open_ports;
+mod periodic_thread;
+mod reconnect;
 pub mod thrift;
 
 pub use cartesian::{

@@ -94,7 +94,7 @@ const CALLS: [&str; 16] = [
     "([ok]) 0.5 (1.0 2.0)",
 ];
 
-/// Requests to cameras of both generations, replies, and some that are wrong.
+/// Requests to cameras of both wire versions, replies, and some that are wrong.
 const CAMERA: [&str; 22] = [
     "[fgi] [get] [w]",
     "[fgi] [get] [crop] 0 (1 2 3 4)",
@@ -162,7 +162,7 @@ const TOOL: [&str; 16] = [
     "[rest] 99999999999",
 ];
 
-/// Heads of streamed commands of both generations.
+/// Heads of streamed commands of both wire versions.
 const HEADS: [&str; 8] = [
     "[vmo] 0",
     "[vmos]",

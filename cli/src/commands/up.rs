@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use yarp_devices::Device;
 use yarp_devices::cartesian::{CartesianController, CartesianOptions};
-use yarp_devices::embedded::{Meeting, Places};
+use yarp_devices::embedded::{LinkAddresses, LinkMode};
 use yarp_devices::wam::WamModel;
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_ports::config::{self, Configuration, NameServer};
@@ -197,7 +197,7 @@ async fn open(
     network: &Network,
     name: &str,
     arm: Arm,
-    meeting: Meeting,
+    meeting: LinkMode,
     cartesian: Option<CartesianVersion>,
 ) -> Result<Served> {
     let arm = arm.start(meeting)?;
@@ -247,16 +247,16 @@ impl Served {
 }
 
 /// How the PC of an arm is met.
-fn way(meeting: Meeting) -> String {
-    let at = |places: Places| format!("{} and {}", places.arm, places.packets);
+fn way(meeting: LinkMode) -> String {
+    let at = |places: LinkAddresses| format!("{} and {}", places.arm, places.packets);
     match meeting {
-        Meeting::Listen(places) => {
+        LinkMode::Listen(places) => {
             format!(
                 "waiting for it at {}; run `yarp wam-node` on it",
                 at(places)
             )
         }
-        Meeting::Connect(places) => format!(
+        LinkMode::Connect(places) => format!(
             "going to it at {}; run `yarp wam-node --listen` on it",
             at(places)
         ),
@@ -268,7 +268,7 @@ async fn tell(
     base: &Base,
     name: &str,
     arm: Arm,
-    meeting: Meeting,
+    meeting: LinkMode,
     cartesian: bool,
     out: &mut dyn Write,
 ) -> Result<()> {

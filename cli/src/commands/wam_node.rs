@@ -4,7 +4,7 @@ use std::io::Write;
 use std::process::ExitCode;
 use std::time::Duration;
 
-use yarp_devices::embedded::{Meeting, NodeOptions, WamNode};
+use yarp_devices::embedded::{LinkMode, NodeOptions, WamNode};
 
 use crate::arm::{Arm, MeetingArgs};
 use crate::error::{Failure, Result};
@@ -42,10 +42,10 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let mut interrupt = Interrupt::listen();
     let meeting = args.meeting.meeting(false).map_err(Failure::Meeting)?;
     let node = WamNode::start(args.arm.clone().start(meeting)?, NodeOptions::new(meeting))?;
-    let places = node.places();
+    let places = node.addresses();
     let verb = match meeting {
-        Meeting::Listen(_) => "waits for the driver at",
-        Meeting::Connect(_) => "goes to the driver at",
+        LinkMode::Listen(_) => "waits for the driver at",
+        LinkMode::Connect(_) => "goes to the driver at",
     };
     writeln!(
         out,

@@ -26,7 +26,8 @@ fn main() -> ExitCode {
     };
     let mut checks = Checks::new();
     for streams in [true, false] {
-        let mut options = RemoteFrameGrabberOptions::new(name, "/drive/camera").timeout(PATIENCE);
+        let mut options =
+            RemoteFrameGrabberOptions::new(name, "/drive/camera").max_state_age(PATIENCE);
         if !streams {
             println!("---- each image asked for");
             options = options.no_stream();
@@ -50,7 +51,7 @@ fn main() -> ExitCode {
 }
 
 fn drive(checks: &mut Checks, camera: &RemoteFrameGrabber, generation: &str, streams: bool) {
-    let found = camera.generation().to_string();
+    let found = camera.wire_version().to_string();
     checks.check("its generation", Ok(found), |found| found == generation);
     let row = || {
         let image = camera.image()?.image;

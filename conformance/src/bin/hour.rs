@@ -15,7 +15,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use yarp_devices::embedded::{
-    DriverOptions, EmbeddedWam, Meeting, NodeOptions, Pace, Timing, WamNode,
+    CycleStatistics, DriverOptions, EmbeddedWam, LinkMode, NodeOptions, PeriodicTimer, WamNode,
 };
 use yarp_devices::wam::{DynamicWam, SimulatedWam};
 use yarp_devices::{Axes, Device, Encoders, PositionControl};
@@ -95,15 +95,15 @@ fn run(words: &Words) -> Result<bool, Failure> {
     };
     let driver = EmbeddedWam::start(DriverOptions {
         period,
-        patience: STANDSTILL,
-        ..DriverOptions::new(Meeting::anywhere())
+        timeout: STANDSTILL,
+        ..DriverOptions::new(LinkMode::listen_on_loopback())
     })?;
     let node = WamNode::start(
         arm,
         NodeOptions {
-            patience: STANDSTILL,
-            silence: STANDSTILL,
-            ..NodeOptions::new(Meeting::Connect(driver.places()))
+            timeout: STANDSTILL,
+            idle_timeout: STANDSTILL,
+            ..NodeOptions::new(LinkMode::Connect(driver.addresses()))
         },
     )?;
     rest(&driver)?;
@@ -132,7 +132,7 @@ fn run(words: &Words) -> Result<bool, Failure> {
         }
     }
     let ours = driver.timing();
-    let ours = Timing {
+    let ours = CycleStatistics {
         cycles: ours.cycles - before.cycles,
         missed: ours.missed - before.missed,
         // From the start of the driver on: nobody knows which was the longest since.
@@ -151,7 +151,7 @@ fn run(words: &Words) -> Result<bool, Failure> {
         "{:<34} {:>10} {:>8} {:>12}",
         "", "cycles", "missed", "longest"
     );
-    let tell = |what: &str, timing: Timing| {
+    let tell = |what: &str, timing: CycleStatistics| {
         let longest = format!("{:.3} ms", timing.longest.as_secs_f64() * 1e3);
         println!(
             "{what:<34} {:>10} {:>8} {longest:>12}",
@@ -207,8 +207,8 @@ fn keep(
     end: Instant,
     period: Duration,
     mut what: impl FnMut() -> std::io::Result<()>,
-) -> Result<Timing, Failure> {
-    let mut pace = Pace::new(Instant::now(), period);
+) -> Result<CycleStatistics, Failure> {
+    let mut pace = PeriodicTimer::new(Instant::now(), period);
     while pace.next() < end {
         loop {
             let now = Instant::now();
@@ -224,7 +224,7 @@ fn keep(
 }
 
 /// As many bytes there and back as a question for the joints, without anything around it.
-fn bare(end: Instant, period: Duration) -> Result<Timing, Failure> {
+fn bare(end: Instant, period: Duration) -> Result<CycleStatistics, Failure> {
     let listener = TcpListener::bind("127.0.0.1:0")?;
     let mut near = TcpStream::connect(listener.local_addr()?)?;
     let mut far = listener.accept()?.0;

@@ -6,8 +6,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use socketcan::{CanError, CanErrorFrame, CanFrame, CanSocket, Socket};
-use yarp_devices::can::{BusError, CanBus, Frame, SocketCan};
+use socketcan::{CanError, CanErrorFrame, CanFrame as KernelFrame, CanSocket, Socket};
+use yarp_devices::can::{BusError, CanBus, CanFrame, SocketCan};
 use yarp_devices::simulation::{SimulatedPucks, SimulatorOptions, serve_pucks};
 use yarp_devices::wam::WamModel;
 use yarp_devices::wam::can::OpenBus;
@@ -109,7 +109,7 @@ impl Rig for Kernel {
                 let socket = CanSocket::open(&interface).expect("the interface is up");
                 let frame = CanErrorFrame::from(CanError::BusOff);
                 socket
-                    .write_frame(&CanFrame::from(frame))
+                    .write_frame(&KernelFrame::from(frame))
                     .expect("an error frame is sent");
             }
         })
@@ -135,7 +135,8 @@ fn noise_of_others_moves_nothing(rig: &dyn Rig) {
                 let bytes = number.to_le_bytes();
                 // Senders that no arm has, so that nobody is told what to do.
                 let id = 0x200 | (number >> 40) as u16 & 0x5FF;
-                let frame = Frame::new(id, &bytes[..(number >> 60) as usize % 9]).expect("a frame");
+                let frame =
+                    CanFrame::new(id, &bytes[..(number >> 60) as usize % 9]).expect("a frame");
                 sent += u64::from(bus.send(&frame).is_ok());
                 let _ = bus.receive(Instant::now() + Duration::from_micros(200));
             }
@@ -146,7 +147,7 @@ fn noise_of_others_moves_nothing(rig: &dyn Rig) {
     quiet.store(true, Ordering::Release);
     let sent = noisy.join().expect("noise ends");
     assert!(sent > 100, "only {sent} frames of noise");
-    assert_eq!(arm.status().trouble, None);
+    assert_eq!(arm.status().last_error, None);
 }
 
 /// Prints what control periods cost here; no time is asserted.
@@ -160,7 +161,7 @@ fn five_hundred_periods_a_second_and_more(rig: &dyn Rig) {
     println!(
         "  {:.0} periods a second; {} late, {} positions left out",
         (after.periods - before.periods) as f64 / time.as_secs_f64(),
-        after.late - before.late,
-        after.left_out - before.left_out,
+        after.late_periods - before.late_periods,
+        after.missed_replies - before.missed_replies,
     );
 }

@@ -7,8 +7,8 @@
 
 use std::time::Duration;
 
-use yarp_devices::can::Frame;
-use yarp_devices::can::puck::{Address, Message, Node, Target as Receiver};
+use yarp_devices::can::CanFrame;
+use yarp_devices::can::puck::{Address, Node, PuckMessage, Target as Receiver};
 use yarp_devices::simulation::{SafetyMode, SimulatedPucks, SimulatorOptions};
 use yarp_devices::wam::WamModel;
 
@@ -16,11 +16,11 @@ use yarp_devices::wam::WamModel;
 const BYTES: usize = 11;
 
 /// A frame from two bytes of identifier, one of length and up to eight of data.
-fn frame(bytes: &[u8]) -> Option<Frame> {
+fn frame(bytes: &[u8]) -> Option<CanFrame> {
     let (&[high, low, length], data) = bytes.split_first_chunk::<3>()?;
     let id = u16::from_be_bytes([high, low]) & 0x7FF;
     let length = usize::from(length % 9).min(data.len());
-    Frame::new(id, &data[..length])
+    CanFrame::new(id, &data[..length])
 }
 
 /// A frame: what is understood is written so that it is understood as the same.
@@ -28,11 +28,11 @@ pub fn puck_frame(data: &[u8]) {
     let Some(frame) = frame(data) else {
         return;
     };
-    match Message::read(&frame) {
+    match PuckMessage::read(&frame) {
         Ok((address, message)) => {
             let written = message.frame(address);
             assert_eq!(written.id(), frame.id());
-            assert_eq!(Message::read(&written), Ok((address, message)));
+            assert_eq!(PuckMessage::read(&written), Ok((address, message)));
         }
         Err(error) => assert!(!error.to_string().is_empty()),
     }
@@ -50,7 +50,7 @@ pub fn pucks(data: &[u8]) {
         pucks.advance(Duration::from_millis(1), &mut answers);
         assert!(answers.len() <= 8);
         for answer in answers.drain(..) {
-            let (address, _) = Message::read(&answer).expect("pucks speak their language");
+            let (address, _) = PuckMessage::read(&answer).expect("pucks speak their language");
             let to_pucks = matches!(address.to, Receiver::Node(_));
             assert!(address.from != Node::HOST && (!to_pucks || address.from == Node::SAFETY));
             assert_eq!(Address::of_id(answer.id()), address);

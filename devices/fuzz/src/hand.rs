@@ -1,6 +1,6 @@
 //! The hand's parsers: answers and commands of its language, blocks of RealTime, requests and answers of its server.
 
-use yarp_devices::hand::gcl::{Command, Header, Layout, MotorLayout, Motors, Reply, ReplyReader};
+use yarp_devices::hand::gcl::{Command, Header, Layout, MotorLayout, MotorSet, Reply, ReplyReader};
 use yarp_devices::hand::node::{NodeReplyReader, Request, RequestReader};
 use yarp_devices::hand::simulated::Firmware;
 
@@ -71,7 +71,11 @@ pub fn block(data: &[u8]) {
         position: bit(4),
         change: bit(5).then_some(1),
     };
-    let motors = if bit(6) { Motors::ALL } else { Motors::FINGERS };
+    let motors = if bit(6) {
+        MotorSet::ALL
+    } else {
+        MotorSet::FINGERS
+    };
     let layout = Layout {
         temperature: bit(7),
         ..Layout::same(motors, motor)

@@ -3,13 +3,13 @@
 //! * [`CanBus`]: a bus, as a driver needs it; `SocketCan` is the one of the Linux kernel.
 //! * [`puck`]: the frames of pucks and safety module, as values. No bus, no clock.
 
-mod bus;
-mod frame;
+mod can_bus;
+mod can_frame;
 pub mod puck;
 #[cfg(target_os = "linux")]
-mod socket;
+mod socketcan;
 
-pub use bus::{BusError, CanBus};
-pub use frame::Frame;
+pub use can_bus::{BusError, CanBus};
+pub use can_frame::CanFrame;
 #[cfg(target_os = "linux")]
-pub use socket::SocketCan;
+pub use socketcan::SocketCan;

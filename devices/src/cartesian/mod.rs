@@ -19,20 +19,20 @@
 //!
 //! | file | what it is about |
 //! | --- | --- |
-//! | `arm` | the device, in rad |
-//! | `geometry` | poses of the interface, checked |
-//! | `path` | the line and its time law |
-//! | `settings` | what can be set; joints for a target |
-//! | `motion` | what is under way |
-//! | `controller` | orders, and the thread that carries them out |
-//! | `interface` | the interface, said in orders |
+//! | `arm_adapter` | the device, in rad |
+//! | `pose_conversion` | poses of the interface, checked |
+//! | `minimum_jerk_path` | the line and its time law |
+//! | `cartesian_settings` | what can be set; joints for a target |
+//! | `tool_motion` | what is under way |
+//! | `cartesian_controller` | orders, and the thread that carries them out |
+//! | `cartesian_interface` | the interface, said in orders |
 
-mod arm;
-mod controller;
-mod geometry;
-mod interface;
-mod motion;
-mod path;
-mod settings;
+mod arm_adapter;
+mod cartesian_controller;
+mod cartesian_interface;
+mod cartesian_settings;
+mod minimum_jerk_path;
+mod pose_conversion;
+mod tool_motion;
 
-pub use controller::{CartesianController, CartesianOptions};
+pub use cartesian_controller::{CartesianController, CartesianOptions};

@@ -5,7 +5,7 @@
 //! more than ten degrees of room each, and be at rest. A check moves joints and leaves them elsewhere; it ends with everything at rest.
 //!
 //! A device may be at the far end of a network: its readings may be late and its refusals come without a reason. So
-//! a check waits until something becomes true, for at most `patience`, and never asks how long it took or
+//! a check waits until something becomes true, for at most `timeout`, and never asks how long it took or
 //! which error it got.
 //!
 //! ```
@@ -18,20 +18,20 @@
 //! # }
 //! ```
 
-mod board;
-pub mod camera;
-pub mod firewire;
-mod motors;
-pub mod tool;
+mod board_under_test;
+pub mod camera_checks;
+pub mod cartesian_checks;
+pub mod firewire_checks;
+mod motor_checks;
 
 use std::time::Duration;
 
-pub use self::camera::CAMERA;
-pub use self::firewire::FIREWIRE;
-pub use self::tool::TOOL;
+pub use self::camera_checks::CAMERA;
+pub use self::cartesian_checks::TOOL;
+pub use self::firewire_checks::FIREWIRE;
 
-use self::board::{Board, CLOSE, DISTANCE};
-pub use self::motors::{
+use self::board_under_test::{Board, DISTANCE, POSITION_TOLERANCE};
+pub use self::motor_checks::{
     a_joint_that_works_has_no_fault, amplifiers_switch_joints_off, brakes_hold,
     calibration_is_done, control_loops_keep_what_they_are_told, currents_push_joints,
     direct_positions_are_followed, direct_velocities_are_followed, duty_cycles_push_joints,
@@ -191,8 +191,8 @@ macro_rules! each_check_of_a_board_of_4 {
 }
 
 /// There is at least one axis, each has a name of its own and a kind, and none comes after the last.
-pub fn axes_have_names(device: &dyn Device, patience: Duration) {
-    let board = Board::new(device, patience);
+pub fn axes_have_names(device: &dyn Device, timeout: Duration) {
+    let board = Board::new(device, timeout);
     let mut names: Vec<String> = board
         .indices()
         .map(|axis| board.info.axis_name(axis).expect("each axis has a name"))
@@ -208,8 +208,8 @@ pub fn axes_have_names(device: &dyn Device, patience: Duration) {
 }
 
 /// Readings come one per axis, and their times go on.
-pub fn readings_carry_fresh_times(device: &dyn Device, patience: Duration) {
-    let board = Board::new(device, patience);
+pub fn readings_carry_fresh_times(device: &dyn Device, timeout: Duration) {
+    let board = Board::new(device, timeout);
     let first = board.readings();
     assert_eq!(first.len(), board.total);
     board.eventually("newer readings", || {
@@ -223,8 +223,8 @@ pub fn readings_carry_fresh_times(device: &dyn Device, patience: Duration) {
 }
 
 /// A joint told to go somewhere arrives there, stays, and says so.
-pub fn a_move_ends_at_its_target(device: &dyn Device, patience: Duration) {
-    let board = Board::new(device, patience);
+pub fn a_move_ends_at_its_target(device: &dyn Device, timeout: Duration) {
+    let board = Board::new(device, timeout);
     for axis in board.indices() {
         let target = board.inward(axis);
         board
@@ -235,15 +235,15 @@ pub fn a_move_ends_at_its_target(device: &dyn Device, patience: Duration) {
             .position
             .target_positions(axis.into())
             .expect("it has a target");
-        assert!((targets[0] - target).abs() < CLOSE);
+        assert!((targets[0] - target).abs() < POSITION_TOLERANCE);
         board.arrives(axis, target);
     }
     assert!(board.position.motion_done(Axes::All).expect("it answers"));
 }
 
 /// A relative move ends that far from where the joint was.
-pub fn a_relative_move_adds_up(device: &dyn Device, patience: Duration) {
-    let board = Board::new(device, patience);
+pub fn a_relative_move_adds_up(device: &dyn Device, timeout: Duration) {
+    let board = Board::new(device, timeout);
     let axis = AxisIndex::from(0);
     let start = board.at(axis);
     let distance = board.inward(axis) - start;
@@ -255,8 +255,8 @@ pub fn a_relative_move_adds_up(device: &dyn Device, patience: Duration) {
 }
 
 /// Joints that are not named in a command stay where they are.
-pub fn a_group_move_leaves_the_others_alone(device: &dyn Device, patience: Duration) {
-    let board = Board::new(device, patience);
+pub fn a_group_move_leaves_the_others_alone(device: &dyn Device, timeout: Duration) {
+    let board = Board::new(device, timeout);
     let before = board.readings();
     // The last axis first: values follow the order of the group, not of the axes.
     let group = [AxisIndex::from(board.total - 1), AxisIndex::from(0)];
@@ -271,13 +271,13 @@ pub fn a_group_move_leaves_the_others_alone(device: &dyn Device, patience: Durat
     let after = board.readings();
     for axis in board.indices().filter(|axis| !group.contains(axis)) {
         let place = axis.index();
-        assert!((after[place].position - before[place].position).abs() < CLOSE);
+        assert!((after[place].position - before[place].position).abs() < POSITION_TOLERANCE);
     }
 }
 
 /// A target given during a move takes the place of the one before.
-pub fn a_new_target_replaces_the_old(device: &dyn Device, patience: Duration) {
-    let board = Board::new(device, patience);
+pub fn a_new_target_replaces_the_old(device: &dyn Device, timeout: Duration) {
+    let board = Board::new(device, timeout);
     let axis = AxisIndex::from(0);
     let start = board.at(axis);
     board
@@ -285,7 +285,7 @@ pub fn a_new_target_replaces_the_old(device: &dyn Device, patience: Duration) {
         .position_move(axis.into(), &[board.inward(axis)])
         .expect("it is allowed");
     board.eventually("a move under way", || {
-        (board.at(axis) - start).abs() > CLOSE
+        (board.at(axis) - start).abs() > POSITION_TOLERANCE
     });
     board
         .position
@@ -295,8 +295,8 @@ pub fn a_new_target_replaces_the_old(device: &dyn Device, patience: Duration) {
 }
 
 /// A stopped joint comes to rest where it is, and that becomes its target.
-pub fn a_stop_ends_a_move(device: &dyn Device, patience: Duration) {
-    let board = Board::new(device, patience);
+pub fn a_stop_ends_a_move(device: &dyn Device, timeout: Duration) {
+    let board = Board::new(device, timeout);
     let axis = AxisIndex::from(0);
     let start = board.at(axis);
     let far = board.far_end(axis);
@@ -305,7 +305,7 @@ pub fn a_stop_ends_a_move(device: &dyn Device, patience: Duration) {
         .position_move(axis.into(), &[far])
         .expect("the limit itself is allowed");
     board.eventually("a move under way", || {
-        (board.at(axis) - start).abs() > CLOSE
+        (board.at(axis) - start).abs() > POSITION_TOLERANCE
     });
     board
         .position
@@ -316,12 +316,15 @@ pub fn a_stop_ends_a_move(device: &dyn Device, patience: Duration) {
         .target_positions(axis.into())
         .expect("it has a target")[0];
     board.arrives(axis, target);
-    assert!((target - far).abs() > CLOSE, "it did not go on to the end");
+    assert!(
+        (target - far).abs() > POSITION_TOLERANCE,
+        "it did not go on to the end"
+    );
 }
 
 /// When one target of several is not allowed, no joint moves.
-pub fn a_bad_target_for_one_moves_none(device: &dyn Device, patience: Duration) {
-    let board = Board::new(device, patience);
+pub fn a_bad_target_for_one_moves_none(device: &dyn Device, timeout: Duration) {
+    let board = Board::new(device, timeout);
     let last = AxisIndex::from(board.total - 1);
     for bad in [
         board.position_limits(last).max + 1.0,
@@ -337,14 +340,14 @@ pub fn a_bad_target_for_one_moves_none(device: &dyn Device, patience: Duration) 
         );
         board.time_passes();
         for (before, after) in before.iter().zip(board.readings()) {
-            assert!((before.position - after.position).abs() < CLOSE);
+            assert!((before.position - after.position).abs() < POSITION_TOLERANCE);
         }
     }
 }
 
 /// Missing axes, repeated axes and wrong numbers of values are refused.
-pub fn a_malformed_command_is_refused(device: &dyn Device, patience: Duration) {
-    let board = Board::new(device, patience);
+pub fn a_malformed_command_is_refused(device: &dyn Device, timeout: Duration) {
+    let board = Board::new(device, timeout);
     let here = board.at(0.into());
     let missing = AxisIndex::from(board.total);
     let refused = |axes: Axes<'_>, targets: &[f64]| {
@@ -366,8 +369,8 @@ pub fn a_malformed_command_is_refused(device: &dyn Device, patience: Duration) {
 }
 
 /// Reference speeds and accelerations come back as set; impossible ones are refused.
-pub fn references_are_kept(device: &dyn Device, patience: Duration) {
-    let board = Board::new(device, patience);
+pub fn references_are_kept(device: &dyn Device, timeout: Duration) {
+    let board = Board::new(device, timeout);
     let position = board.position;
     let group = [AxisIndex::from(1), AxisIndex::from(0)];
     position
@@ -427,8 +430,8 @@ pub fn references_are_kept(device: &dyn Device, patience: Duration) {
 }
 
 /// An acceleration that no joint has is as hard as the joint can, which it tells.
-pub fn too_hard_is_as_hard_as_it_can(device: &dyn Device, patience: Duration) {
-    let board = Board::new(device, patience);
+pub fn too_hard_is_as_hard_as_it_can(device: &dyn Device, timeout: Duration) {
+    let board = Board::new(device, timeout);
     let in_force = |asked: f64| {
         let axis = Axes::One(0.into());
         board
@@ -448,8 +451,8 @@ pub fn too_hard_is_as_hard_as_it_can(device: &dyn Device, patience: Duration) {
 }
 
 /// As hard as it can, a joint gets to the velocity asked for, and no faster.
-pub fn the_hardest_start_ends_at_the_velocity(device: &dyn Device, patience: Duration) {
-    let board = Board::new(device, patience);
+pub fn the_hardest_start_ends_at_the_velocity(device: &dyn Device, timeout: Duration) {
+    let board = Board::new(device, timeout);
     let axis = AxisIndex::from(0);
     let speed = 4.0_f64.copysign(board.inward(axis) - board.at(axis));
     board.set_mode(Mode::Velocity);
@@ -463,15 +466,18 @@ pub fn the_hardest_start_ends_at_the_velocity(device: &dyn Device, patience: Dur
         .expect("it is allowed");
     board.eventually("the velocity asked for", || {
         let now = board.reading(axis).speed;
-        assert!(now.abs() < speed.abs() + CLOSE, "{now} is too fast");
-        (now - speed).abs() < CLOSE
+        assert!(
+            now.abs() < speed.abs() + POSITION_TOLERANCE,
+            "{now} is too fast"
+        );
+        (now - speed).abs() < POSITION_TOLERANCE
     });
     board.velocity_ends(axis.into());
 }
 
 /// Modes come back as set, joint by joint; one nobody can command is refused for all.
-pub fn modes_are_kept(device: &dyn Device, patience: Duration) {
-    let board = Board::new(device, patience);
+pub fn modes_are_kept(device: &dyn Device, timeout: Duration) {
+    let board = Board::new(device, timeout);
     let group = [AxisIndex::from(1), AxisIndex::from(0)];
     board
         .modes
@@ -497,8 +503,8 @@ pub fn modes_are_kept(device: &dyn Device, patience: Duration) {
 }
 
 /// A joint in another mode refuses point-to-point moves, and then nothing moves.
-pub fn position_moves_need_position_mode(device: &dyn Device, patience: Duration) {
-    let board = Board::new(device, patience);
+pub fn position_moves_need_position_mode(device: &dyn Device, timeout: Duration) {
+    let board = Board::new(device, timeout);
     for mode in [Mode::Idle, Mode::Velocity] {
         board.set_mode_of(0.into(), mode);
         let targets: Vec<f64> = board.indices().map(|axis| board.inward(axis)).collect();
@@ -512,15 +518,15 @@ pub fn position_moves_need_position_mode(device: &dyn Device, patience: Duration
         );
         board.time_passes();
         for (before, after) in before.iter().zip(board.readings()) {
-            assert!((before.position - after.position).abs() < CLOSE);
+            assert!((before.position - after.position).abs() < POSITION_TOLERANCE);
         }
     }
     board.set_mode(Mode::Position);
 }
 
 /// A joint goes on at the velocity asked for until it is stopped; in position mode it does not begin.
-pub fn a_velocity_holds_until_told_otherwise(device: &dyn Device, patience: Duration) {
-    let board = Board::new(device, patience);
+pub fn a_velocity_holds_until_told_otherwise(device: &dyn Device, timeout: Duration) {
+    let board = Board::new(device, timeout);
     let axis = AxisIndex::from(0);
     let speed = 4.0_f64.copysign(board.inward(axis) - board.at(axis));
 
@@ -528,7 +534,7 @@ pub fn a_velocity_holds_until_told_otherwise(device: &dyn Device, patience: Dura
     let start = board.at(axis);
     let _ = board.velocity().velocity_move(axis.into(), &[speed]);
     board.time_passes();
-    assert!((board.at(axis) - start).abs() < CLOSE);
+    assert!((board.at(axis) - start).abs() < POSITION_TOLERANCE);
 
     board.set_mode(Mode::Velocity);
     board
@@ -536,13 +542,13 @@ pub fn a_velocity_holds_until_told_otherwise(device: &dyn Device, patience: Dura
         .velocity_move(axis.into(), &[speed])
         .expect("it is allowed");
     board.eventually("the velocity asked for", || {
-        (board.reading(axis).speed - speed).abs() < CLOSE
+        (board.reading(axis).speed - speed).abs() < POSITION_TOLERANCE
     });
     board.eventually("that velocity given back", || {
         board
             .velocity()
             .reference_velocities(axis.into())
-            .is_ok_and(|all| (all[0] - speed).abs() < CLOSE)
+            .is_ok_and(|all| (all[0] - speed).abs() < POSITION_TOLERANCE)
     });
     let start = board.at(axis);
     board.eventually("progress", || {
@@ -552,8 +558,8 @@ pub fn a_velocity_holds_until_told_otherwise(device: &dyn Device, patience: Dura
 }
 
 /// A velocity never takes a joint beyond its limit, and it can leave the limit again.
-pub fn a_velocity_ends_at_the_position_limit(device: &dyn Device, patience: Duration) {
-    let board = Board::new(device, patience);
+pub fn a_velocity_ends_at_the_position_limit(device: &dyn Device, timeout: Duration) {
+    let board = Board::new(device, timeout);
     let axis = AxisIndex::from(board.total - 1);
     let limits = board.position_limits(axis);
     let near = limits.max - DISTANCE;
@@ -572,7 +578,7 @@ pub fn a_velocity_ends_at_the_position_limit(device: &dyn Device, patience: Dura
     board.eventually("the limit", || {
         let now = board.reading(axis);
         assert!(limits.contains(now.position), "{now:?} is outside");
-        (now.position - limits.max).abs() < CLOSE && now.speed == 0.0
+        (now.position - limits.max).abs() < POSITION_TOLERANCE && now.speed == 0.0
     });
     board
         .velocity()
@@ -583,8 +589,8 @@ pub fn a_velocity_ends_at_the_position_limit(device: &dyn Device, patience: Dura
 }
 
 /// Limits come back as set, and bind.
-pub fn limits_are_kept(device: &dyn Device, patience: Duration) {
-    let board = Board::new(device, patience);
+pub fn limits_are_kept(device: &dyn Device, timeout: Duration) {
+    let board = Board::new(device, timeout);
     let axis = AxisIndex::from(0);
     let wide = board.position_limits(axis);
     let here = board.at(axis);

@@ -8,10 +8,10 @@
 //! Metres, kilograms, radians, seconds and newtons; nothing allocates, no clock, no friction: that is
 //! [`simulation`](crate::simulation).
 
-mod body;
-mod calibration;
+mod gravity_calibration;
 mod newton_euler;
+mod rigid_body;
 
-pub use body::Body;
-pub use calibration::GravityCalibration;
+pub use gravity_calibration::GravityCalibration;
 pub use newton_euler::{Dynamics, MassMatrix};
+pub use rigid_body::Body;

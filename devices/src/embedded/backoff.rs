@@ -26,7 +26,7 @@ impl Backoff {
         self.next = self.first;
     }
 
-    fn pause(&mut self) -> Duration {
+    fn next_delay(&mut self) -> Duration {
         let pause = self.next;
         self.next = (self.next * 2).min(self.longest);
         pause
@@ -34,7 +34,7 @@ impl Backoff {
 
     /// Sleeps for the next pause, or until `ending` is set and the thread unparked.
     pub(super) fn wait(&mut self, ending: &AtomicBool) {
-        sleep_until(Instant::now() + self.pause(), ending);
+        sleep_until(Instant::now() + self.next_delay(), ending);
     }
 }
 
@@ -57,10 +57,10 @@ mod tests {
     fn pauses_double_up_to_the_longest_and_begin_anew() {
         let milliseconds = Duration::from_millis;
         let mut backoff = Backoff::new(milliseconds(50), milliseconds(150));
-        let pauses: Vec<_> = (0..4).map(|_| backoff.pause()).collect();
+        let pauses: Vec<_> = (0..4).map(|_| backoff.next_delay()).collect();
         assert_eq!(pauses, [50, 100, 150, 150].map(milliseconds));
         backoff.reset();
-        assert_eq!(backoff.pause(), milliseconds(50));
+        assert_eq!(backoff.next_delay(), milliseconds(50));
     }
 
     #[test]

@@ -3,21 +3,21 @@
 //! * [`protocol`]: the bytes, without sockets.
 //! * [`EmbeddedWam`]: the driver, a [`Device`](crate::Device) on the host.
 //! * [`WamNode`]: the server on the arm's PC, around any other [`Device`](crate::Device) with seven joints.
-//! * [`Meeting`]: which of the two listens. In the thesis the driver does, since Barrett's libraries could not be linked
+//! * [`LinkMode`]: which of the two listens. In the thesis the driver does, since Barrett's libraries could not be linked
 //!   with a server.
 //!
 //! ```
 //! use std::sync::Arc;
 //! use std::thread;
-//! use yarp_devices::embedded::{DriverOptions, EmbeddedWam, Meeting, NodeOptions, WamNode};
+//! use yarp_devices::embedded::{DriverOptions, EmbeddedWam, LinkMode, NodeOptions, WamNode};
 //! use yarp_devices::wam::SimulatedWam;
 //! use yarp_devices::{Axes, PositionControl};
 //!
 //! # fn main() -> Result<(), yarp_devices::DeviceError> {
-//! let driver = EmbeddedWam::start(DriverOptions::new(Meeting::anywhere()))?;
+//! let driver = EmbeddedWam::start(DriverOptions::new(LinkMode::listen_on_loopback()))?;
 //! let node = WamNode::start(
 //!     Arc::new(SimulatedWam::new()),
-//!     NodeOptions::new(Meeting::Connect(driver.places())),
+//!     NodeOptions::new(LinkMode::Connect(driver.addresses())),
 //! )?;
 //! while !driver.link().is_up() {
 //!     thread::yield_now();
@@ -58,14 +58,14 @@
 //! 11. When the connection breaks, or is silent for long, the server stops the move and holds. No reconnection resumes it.
 
 mod backoff;
+mod cycle_timer;
 mod driver;
-mod meeting;
+mod link_error;
+mod link_setup;
 mod node;
-mod pace;
 pub mod protocol;
-mod trouble;
 
-pub use driver::{CartesianPose, DriverOptions, EmbeddedWam, Link, LinkState};
-pub use meeting::{ARM_PORT, Meeting, PACKET_PORT, Places};
+pub use cycle_timer::{CycleStatistics, PeriodicTimer};
+pub use driver::{CartesianPose, DriverOptions, EmbeddedWam, LinkState, LinkStatus};
+pub use link_setup::{ARM_PORT, LinkAddresses, LinkMode, PACKET_PORT};
 pub use node::{NodeOptions, NodeStatus, WamNode};
-pub use pace::{Pace, Timing};

@@ -126,7 +126,7 @@ impl AxisInfo for Guarded {
 impl MotionControl for Guarded {
     fn stop(&self, axes: Axes<'_>) -> Result<(), DeviceError> {
         self.motion(|control| control.stop(axes), |control| control.stop(axes))?;
-        self.watch.ended(axes, self.total());
+        self.watch.end_streams(axes, self.total());
         Ok(())
     }
 
@@ -210,7 +210,7 @@ impl VelocityControl for Guarded {
         let accelerations = control.reference_accelerations(axes)?;
         control.velocity_move(axes, velocities)?;
         for ((joint, velocity), acceleration) in pairs(axes, total, velocities).zip(accelerations) {
-            self.watch.told(joint, velocity, acceleration);
+            self.watch.record_velocity(joint, velocity, acceleration);
         }
         Ok(())
     }
@@ -261,7 +261,7 @@ impl ControlMode for Guarded {
         // A joint that is already in velocity mode goes on with what it does, and stays watched.
         for (joint, mode) in axes.iter(total).zip(modes) {
             if !matches!(mode, Mode::Velocity | Mode::Torque) {
-                self.watch.ended(joint.into(), total);
+                self.watch.end_streams(joint.into(), total);
             }
         }
         Ok(())

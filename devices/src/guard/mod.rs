@@ -9,15 +9,15 @@
 //! A refusal is a [`DeviceError::Guarded`](crate::DeviceError::Guarded): it names the guard, the joint, what
 //! was asked and what is allowed. A refused command does not reach the device.
 
-mod guarded;
+mod guarded_device;
 mod interfaces;
 mod joint_limits;
 mod rate_limits;
-mod streams;
+mod streaming_interfaces;
 mod torque_limits;
-mod watch;
+mod watchdog;
 
-pub use guarded::{Guarded, GuardedOptions};
+pub use guarded_device::{Guarded, GuardedOptions};
 pub use joint_limits::JointLimits;
 pub use rate_limits::RateLimits;
 pub use torque_limits::TorqueLimits;

@@ -5,7 +5,7 @@ use crate::{AxisIndex, DeviceError, Limits};
 
 const NAME: &str = "rate limits";
 /// How long a joint may take to a place it is sent to at once, s: what networks delay and more.
-const STEP: f64 = 0.1;
+const STEP_TIME: f64 = 0.1;
 
 /// How fast each joint may be told to move and to speed up, per second and per second squared; joints beyond
 /// the end of a list are free.
@@ -41,7 +41,8 @@ impl RateLimits {
         position: f64,
         unit: &'static str,
     ) -> Result<(), DeviceError> {
-        let near = |most: f64| Limits::new(position - most * STEP, position + most * STEP);
+        let near =
+            |most: f64| Limits::new(position - most * STEP_TIME, position + most * STEP_TIME);
         let allowed = self.speed(joint).map(near);
         check(NAME, joint, "position at once", asked, allowed, unit)
     }

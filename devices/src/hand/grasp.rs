@@ -1,6 +1,6 @@
 //! The grasps that the thesis gave names to.
 
-use super::gcl::{Command, Motor, Motors, Verb};
+use super::gcl::{Command, Motor, MotorSet, Verb};
 use super::units;
 use crate::GraspKind;
 
@@ -12,22 +12,22 @@ const ISOMETRIC: i32 = 1200;
 /// exactly 90 degrees by the data sheet.
 const RECTANGULAR: i32 = 1500;
 
-const PEG: Motors = Motors::NONE.with(Motor::F1).with(Motor::F2);
+const PEG: MotorSet = MotorSet::NONE.with(Motor::F1).with(Motor::F2);
 
 /// The commands that make up a grasp, to be given one after the other.
 ///
 /// Source: tables 3 and 18 and figure 9 of the thesis; `peg close` has no command there and closes fingers 1 and 2 as
 /// its words say.
 pub fn commands(kind: GraspKind) -> Vec<Command> {
-    let spread = |counts| Command::new(Motors::SPREAD, Verb::Move(Some(counts)));
+    let spread = |counts| Command::new(MotorSet::SPREAD, Verb::Move(Some(counts)));
     match kind {
         GraspKind::OpenWide => vec![Command::new(
-            Motors::FINGERS.with(Motor::Spread),
+            MotorSet::FINGERS.with(Motor::Spread),
             Verb::Open,
         )],
         GraspKind::Isometric => vec![spread(ISOMETRIC)],
         GraspKind::Rectangular => vec![spread(RECTANGULAR)],
-        GraspKind::Palm => vec![Command::new(Motors::SPREAD, Verb::Close)],
+        GraspKind::Palm => vec![Command::new(MotorSet::SPREAD, Verb::Close)],
         GraspKind::Needle => vec![Command::from((Motor::F3, Verb::Move(Some(NEARLY_CLOSED))))],
         GraspKind::Peg => vec![
             spread(RECTANGULAR),
@@ -41,7 +41,7 @@ pub fn commands(kind: GraspKind) -> Vec<Command> {
 pub fn expected(kind: GraspKind) -> [Option<f64>; 4] {
     let mut expected = [None; 4];
     for command in commands(kind) {
-        for motor in command.motors.into_iter().flat_map(Motors::iter) {
+        for motor in command.motors.into_iter().flat_map(MotorSet::iter) {
             let counts = match command.verb {
                 Verb::Open => 0.0,
                 Verb::Close => units::whole_way(motor),

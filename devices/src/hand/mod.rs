@@ -3,8 +3,8 @@
 //! | file | what it is about |
 //! | --- | --- |
 //! | `gcl/` | the language: commands, answers, blocks; no line, no clock |
-//! | `line`, `driver`, `session` | the serial line; commands over it; RealTime over it |
-//! | `control`, `grasp` | the interfaces [`Hand`](crate::Hand) and [`Grasp`](crate::Grasp), made of commands |
+//! | `serial_line`, `driver`, `session` | the serial line; commands over it; RealTime over it |
+//! | `gcl_connection`, `grasp` | the interfaces [`Hand`](crate::Hand) and [`Grasp`](crate::Grasp), made of commands |
 //! | `board/` | the hand as a control board of four axes, in RealTime mode |
 //! | `node/` | a hand behind a server, over TCP: both sides |
 //! | `units`, `coupling`, `kinematics` | counts and degrees; what a motor does to two links; where fingertips are |
@@ -13,24 +13,24 @@
 //! Source: Barrett's manuals of the BH8 series; tables 3, 4 and 17 to 23, section 5.5.1 and annex B.3.1 of the thesis.
 
 mod board;
-mod control;
-pub mod coupling;
-mod driver;
-mod error;
+pub mod finger_coupling;
+pub mod finger_kinematics;
 pub mod gcl;
+mod gcl_connection;
 pub mod grasp;
-pub mod kinematics;
-mod line;
+mod hand_error;
 pub mod node;
-mod session;
+mod realtime_session;
+mod serial_driver;
+mod serial_line;
 #[cfg(unix)]
 pub mod simulated;
 pub mod units;
 
 pub use board::HandBoard;
-pub use control::{GclLine, check_move, read};
-pub use coupling::Links;
-pub use driver::{BarrettHand, HandOptions};
-pub use error::{HandError, HandErrorKind};
-pub use kinematics::{FingerJoints, FingerSolution};
-pub use session::RealTime;
+pub use finger_coupling::Links;
+pub use finger_kinematics::{FingerJoints, FingerSolution};
+pub use gcl_connection::{GclConnection, check_move, read};
+pub use hand_error::{HandError, HandErrorKind};
+pub use realtime_session::RealTimeSession;
+pub use serial_driver::{BarrettHand, HandOptions};

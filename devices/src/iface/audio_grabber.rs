@@ -9,14 +9,14 @@ use crate::DeviceError;
 pub trait AudioGrabber: Send + Sync {
     /// What was recorded and not fetched yet: at least `at_least` moments and at most `at_most` (`getSound`).
     ///
-    /// Blocks until there is enough, for `patience` at the most, and then gives what there is.
+    /// Blocks until there is enough, for `timeout` at the most, and then gives what there is.
     ///
     /// Errors: [`DeviceError::Unsuitable`] when `at_least` is more than `at_most` or than the buffer holds.
     fn sound(
         &self,
         at_least: usize,
         at_most: usize,
-        patience: Duration,
+        timeout: Duration,
     ) -> Result<Audio, DeviceError>;
 
     /// Begins to record, or ends it (`startRecording`, `stopRecording`).

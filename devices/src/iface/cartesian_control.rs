@@ -56,13 +56,13 @@ pub trait CartesianControl: Send + Sync {
     fn go_to_sync(&self, target: Target, time: Option<f64>) -> Result<(), DeviceError>;
 
     /// The pose last gone to, as far as it can be reached, and its joints (`getDesired`).
-    fn desired(&self) -> Result<Reach, DeviceError>;
+    fn desired(&self) -> Result<PoseSolution, DeviceError>;
 
     /// How a target would be reached; nothing moves (`askForPose`, `askForPosition`).
     ///
     /// * `start`: where the joints begin, degrees; where they are if there is none.
     /// * Answers the nearest that was found, with its pose: how far that is away is for the caller to judge.
-    fn ask(&self, target: Target, start: Option<&[f64]>) -> Result<Reach, DeviceError>;
+    fn ask(&self, target: Target, start: Option<&[f64]>) -> Result<PoseSolution, DeviceError>;
 
     /// Which joints are used (`getDOF`).
     fn dof(&self) -> Result<Vec<bool>, DeviceError>;
@@ -245,7 +245,7 @@ pub enum Priority {
 
 /// A pose that can be reached, and how.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Reach {
+pub struct PoseSolution {
     /// The pose.
     pub pose: TaskPose,
     /// All joints, degrees.

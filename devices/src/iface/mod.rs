@@ -50,7 +50,7 @@ pub use audio_render::AudioRender;
 pub use axis_info::{AxisInfo, JointType};
 pub(crate) use cartesian_control::EVENTS_KEPT;
 pub use cartesian_control::{
-    CartesianControl, CartesianEvent, CartesianInfo, Priority, Reach, StampedPose, Target,
+    CartesianControl, CartesianEvent, CartesianInfo, PoseSolution, Priority, StampedPose, Target,
     TaskPose, TaskVelocity, TweakChange, Tweaks,
 };
 pub use control_calibration::{CalibrationParameters, ControlCalibration};

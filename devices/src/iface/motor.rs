@@ -2,7 +2,7 @@
 
 use crate::{Axes, AxisIndex, AxisInfo, DeviceError};
 
-/// Temperatures and gears of the motors (stock: `IMotor`). Motors are numbered as the axes.
+/// Temperatures and gears of the motors (stock: `IMotor`). MotorSet are numbered as the axes.
 pub trait Motor: AxisInfo {
     /// Temperatures, °C (`getTemperature(s)`).
     ///

@@ -2,7 +2,7 @@
 
 use crate::{Axes, AxisIndex, AxisInfo, DeviceError, EncoderReading};
 
-/// The motor side of the joints (stock: `IMotorEncoders`). Motors are numbered as the axes.
+/// The motor side of the joints (stock: `IMotorEncoders`). MotorSet are numbered as the axes.
 pub trait MotorEncoders: AxisInfo {
     /// One reading per motor, in degrees of the motor's shaft or the device's own unit (`getMotorEncoder(s)Timed`,
     /// `getMotorEncoderSpeed(s)`, `getMotorEncoderAcceleration(s)`).

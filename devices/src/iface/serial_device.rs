@@ -13,13 +13,13 @@ pub trait SerialDevice: Send + Sync {
 
     /// What has come, at most so many bytes (`receiveBytes`, `receiveChar`).
     ///
-    /// Blocks until there is something, for `patience` at the most; nothing then is no error.
-    fn receive(&self, at_most: usize, patience: Duration) -> Result<Vec<u8>, DeviceError>;
+    /// Blocks until there is something, for `timeout` at the most; nothing then is no error.
+    fn receive(&self, at_most: usize, timeout: Duration) -> Result<Vec<u8>, DeviceError>;
 
     /// What has come up to the next line feed, with it, at most so many bytes (`receiveLine`).
     ///
-    /// Blocks until a line is there, for `patience` at the most, and then gives nothing: a line that is not whole stays.
-    fn receive_line(&self, at_most: usize, patience: Duration) -> Result<Vec<u8>, DeviceError>;
+    /// Blocks until a line is there, for `timeout` at the most, and then gives nothing: a line that is not whole stays.
+    fn receive_line(&self, at_most: usize, timeout: Duration) -> Result<Vec<u8>, DeviceError>;
 
     /// Raises or lowers the line "data terminal ready" (`setDTR`).
     fn set_data_terminal_ready(&self, ready: bool) -> Result<(), DeviceError>;

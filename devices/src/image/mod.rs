@@ -3,26 +3,26 @@
 //! | file | what it is about |
 //! | --- | --- |
 //! | `mod` | [`Image`] and [`PixelFormat`] |
-//! | `frame` | [`Frame`]: an image with its number and time |
-//! | `crop` | [`Crop`]: a part of an image |
-//! | `file` | PPM, PNG and JPEG |
+//! | `stamped_image` | [`Frame`]: an image with its number and time |
+//! | `image_crop` | [`Crop`]: a part of an image |
+//! | `image_file` | PPM, PNG and JPEG |
 //!
 //! Pixels are shared, never copied by cloning. How an image travels is not known here: network wrappers turn it into a
 //! message, and share the pixels where the message lays them out the same.
 
-mod crop;
-pub mod file;
-mod frame;
+mod image_crop;
+pub mod image_file;
+mod stamped_image;
 
 use bytes::Bytes;
 
-pub use crop::Crop;
-pub use frame::Frame;
+pub use image_crop::Crop;
+pub use stamped_image::Frame;
 
 use crate::DeviceError;
 
 /// The longest side of an image that devices make or read, in pixels.
-pub const LONGEST_SIDE: usize = 16_384;
+pub const MAX_IMAGE_SIDE: usize = 16_384;
 
 /// What the bytes of a pixel are.
 #[derive(Clone, Copy, Debug, Eq, Hash, PartialEq)]

@@ -2,11 +2,11 @@
 //!
 //! | file | what it is about |
 //! | --- | --- |
-//! | `layout` | which joint is whose, and how a call falls into one per device |
-//! | `calls` | asking and telling the devices, and what is said when one of them refuses |
-//! | `ranges` | what the devices would refuse, as far as that is known beforehand |
-//! | `motion`, `motors` | the interfaces |
-//! | `variables` | variables of several devices |
+//! | `axis_mapping` | which joint is whose, and how a call falls into one per device |
+//! | `fan_out` | asking and telling the devices, and what is said when one of them refuses |
+//! | `range_checks` | what the devices would refuse, as far as that is known beforehand |
+//! | `motion_interfaces`, `motors` | the interfaces |
+//! | `remapped_variables` | variables of several devices |
 //!
 //! A call goes to each device once, with the joints that are its own. Before a command reaches any device, the selection
 //! is checked whole, and each device has to have the interface. Devices judge the values themselves; those that will
@@ -18,12 +18,12 @@
 //!
 //! Source: the behaviour of stock's `ControlBoardRemapper.cpp` of YARP 3.5.
 
-mod calls;
-mod layout;
-mod motion;
-mod motors;
-mod ranges;
-mod variables;
+mod axis_mapping;
+mod fan_out;
+mod motion_interfaces;
+mod motor_interfaces;
+mod range_checks;
+mod remapped_variables;
 
 use std::sync::Arc;
 
@@ -34,9 +34,9 @@ use crate::{
     RemoteCalibrator, RemoteVariables, TorqueControl, VelocityControl, VelocityDirect,
 };
 
-use self::calls::Interface;
-use self::layout::{Part, Place};
-use self::ranges::Ranges;
+use self::axis_mapping::{DeviceAxis, RemappedDevice};
+use self::fan_out::Interface;
+use self::range_checks::Ranges;
 
 /// A device and what it is called among the others.
 pub type Named = (String, Arc<dyn Device>);
@@ -65,8 +65,8 @@ pub type Named = (String, Arc<dyn Device>);
 /// # }
 /// ```
 pub struct Remapper {
-    parts: Vec<Part>,
-    axes: Vec<Place>,
+    parts: Vec<RemappedDevice>,
+    axes: Vec<DeviceAxis>,
     names: Vec<String>,
     known: Ranges,
 }
@@ -145,8 +145,8 @@ impl Remapper {
     /// Asks every device for the names of its joints, which takes its time behind a network.
     /// Errors: [`RemapError`].
     pub fn of_names(devices: Vec<Named>, names: &[String]) -> Result<Self, RemapError> {
-        let theirs = layout::names_of(&devices)?;
-        let joints = layout::find(&devices, &theirs, names)?;
+        let theirs = axis_mapping::names_of(&devices)?;
+        let joints = axis_mapping::find(&devices, &theirs, names)?;
         Self::of_joints(devices, &joints)
     }
 
@@ -158,8 +158,8 @@ impl Remapper {
         devices: Vec<Named>,
         joints: &[(usize, AxisIndex)],
     ) -> Result<Self, RemapError> {
-        let (parts, axes) = layout::arrange(devices, joints)?;
-        let names = layout::distinct_names(&parts, &axes)?;
+        let (parts, axes) = axis_mapping::arrange(devices, joints)?;
+        let names = axis_mapping::distinct_names(&parts, &axes)?;
         Ok(Self {
             parts,
             axes,

@@ -4,26 +4,26 @@ use std::time::Duration;
 
 use nalgebra::Vector3;
 
-use super::plant::{Load, Plant};
-use super::safety::SafetyMode;
-use super::warmth::Warmth;
+use super::arm_mechanics::{Load, Plant};
+use super::safety_module::SafetyMode;
+use super::thermal::ThermalModel;
 use super::{SafetyLimits, SafetyModule};
 use crate::Limits;
 use crate::dynamics::Body;
 use crate::kinematics::{Joints, Pose};
-use crate::random::Random;
+use crate::pseudo_random::Random;
 use crate::wam::{Friction, UNITS_PER_AMPERE, WamModel};
 
 /// How far outside the joint limits the stops are, rad. Not published.
-const STOPS_OUTSIDE: f64 = 0.03;
+const STOP_MARGIN: f64 = 0.03;
 /// The joint whose frame is at the elbow, and how far beyond it the forearm ends, m: where velocity is judged.
 const ELBOW: usize = 3;
 const FOREARM: f64 = 0.35;
 /// The largest torque command there is room for on the bus: 13 bits and a sign.
-const LARGEST_COMMAND: f64 = 8191.0;
+const MAX_COMMAND_UNITS: f64 = 8191.0;
 
 /// What an arm is pushed with at most, N or Nm: a car, so that numbers stay numbers.
-const LARGEST_PUSH: f64 = 1e4;
+const MAX_PUSH: f64 = 1e4;
 
 /// The value cut to a magnitude; 0 for what is no number.
 fn within(value: f64, most: f64) -> f64 {
@@ -98,7 +98,7 @@ pub struct Simulator<const N: usize> {
     twist: Joints<N>,
     load: Body,
     random: Random,
-    warmth: Warmth<N>,
+    thermal: ThermalModel<N>,
     steps: u64,
 }
 
@@ -108,7 +108,7 @@ impl<const N: usize> Simulator<N> {
         let stops = model
             .chain
             .limits()
-            .map(|limits| Limits::new(limits.min - STOPS_OUTSIDE, limits.max + STOPS_OUTSIDE));
+            .map(|limits| Limits::new(limits.min - STOP_MARGIN, limits.max + STOP_MARGIN));
         let plant = Plant::new(model.dynamics(), stops, model.home);
         // A brake on each motor, seen at the joints: J2Mᵀ B J2M. With equal motors at a differential it is diagonal.
         let braking = Joints::from_fn(|joint, _| {
@@ -129,7 +129,7 @@ impl<const N: usize> Simulator<N> {
             twist: Joints::zeros(),
             load: Body::default(),
             random: Random::new(options.seed),
-            warmth: Warmth::at_rest(),
+            thermal: ThermalModel::at_rest(),
             steps: 0,
             model,
             options,
@@ -167,7 +167,7 @@ impl<const N: usize> Simulator<N> {
             self.plant.advance(&load, seconds / f64::from(substeps));
         }
         let drawn = self.drawn();
-        self.warmth.advance(|motor| drawn[motor], seconds);
+        self.thermal.advance(|motor| drawn[motor], seconds);
         self.steps += 1;
         self.counts()
     }
@@ -182,9 +182,9 @@ impl<const N: usize> Simulator<N> {
         Duration::from_secs_f64(self.options.period.as_secs_f64() * self.steps as f64)
     }
 
-    /// How warm the pucks of the motors are, °C: see `warmth.rs` for what is assumed.
+    /// How warm the pucks of the motors are, °C: see `thermal.rs` for what is assumed.
     pub fn temperatures(&self) -> [f64; N] {
-        self.warmth.temperatures()
+        self.thermal.temperatures()
     }
 
     /// How it runs.
@@ -264,12 +264,12 @@ impl<const N: usize> Simulator<N> {
 
     /// Pushes the tool with a force in the base frame, N, until told otherwise; what is no number does not push.
     pub fn push(&mut self, force: Vector3<f64>) {
-        self.push = force.map(|value| within(value, LARGEST_PUSH));
+        self.push = force.map(|value| within(value, MAX_PUSH));
     }
 
     /// Twists the joints from outside, Nm, until told otherwise; what is no number does not twist.
     pub fn twist(&mut self, torques: Joints<N>) {
-        self.twist = torques.map(|value| within(value, LARGEST_PUSH));
+        self.twist = torques.map(|value| within(value, MAX_PUSH));
     }
 
     /// The speed the safety module judges: of the elbow or of the end of the forearm, m/s.
@@ -294,7 +294,7 @@ impl<const N: usize> Simulator<N> {
         let motors = self.model.transmission.motor_torques(torques);
         for (motor, command) in self.commands.iter_mut().enumerate() {
             let units = self.model.motors[motor].units_per_newton_metre * motors[motor];
-            *command = within(units.floor(), LARGEST_COMMAND);
+            *command = within(units.floor(), MAX_COMMAND_UNITS);
         }
     }
 

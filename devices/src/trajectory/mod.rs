@@ -1,12 +1,12 @@
 //! Paths of a whole arm, from rest to rest with a trapezoid in speed.
 //!
-//! * [`Synchronised`]: all joints begin and end together, each in proportion to its way.
-//! * [`Line`]: the tool goes straight and turns evenly; planned completely before it begins.
+//! * [`SynchronisedMove`]: all joints begin and end together, each in proportion to its way.
+//! * [`StraightLine`]: the tool goes straight and turns evenly; planned completely before it begins.
 //!
 //! Units are those of [`kinematics`](crate::kinematics).
 
-mod line;
-mod synchronised;
+mod straight_line;
+mod synchronised_joints;
 
-pub use line::{Line, LineOptions, LineRefused, MAX_TOOL_SPEED};
-pub use synchronised::{JointLimits, Synchronised};
+pub use straight_line::{MAX_TOOL_SPEED, StraightLine, StraightLineError, StraightLineOptions};
+pub use synchronised_joints::{JointLimits, SynchronisedMove};

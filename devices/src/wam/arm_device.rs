@@ -7,7 +7,7 @@ use std::thread::{self, JoinHandle};
 use tracing::{debug, info};
 
 use super::{AXES, ArmControl};
-use crate::can::puck::Property;
+use crate::can::puck::PuckProperty;
 use crate::clock::wall_clock;
 use crate::{
     Axes, AxisIndex, AxisInfo, ControlLimits, ControlMode, Device, DeviceError, EncoderReading,
@@ -16,7 +16,7 @@ use crate::{
 };
 
 /// An [`ArmControl`] and the machine under it.
-pub trait SteeredArm: Send + 'static {
+pub trait ControlledArm: Send + 'static {
     /// What the arm is, in words.
     const DESCRIPTION: &'static str;
 
@@ -41,7 +41,7 @@ pub trait SteeredArm: Send + 'static {
     fn puck_property(
         device: &ArmDevice<Self>,
         motor: AxisIndex,
-        property: Property,
+        property: PuckProperty,
     ) -> Result<i32, DeviceError>
     where
         Self: Sized;
@@ -106,7 +106,7 @@ impl<A> Shared<A> {
     }
 }
 
-impl<A: SteeredArm> ArmDevice<A> {
+impl<A: ControlledArm> ArmDevice<A> {
     /// Runs an arm by a thread of this name, which does `control` until it is told to end.
     pub(super) fn spawn(
         arm: A,
@@ -161,7 +161,7 @@ impl<A> Drop for ArmDevice<A> {
     }
 }
 
-impl<A: SteeredArm> Device for ArmDevice<A> {
+impl<A: ControlledArm> Device for ArmDevice<A> {
     crate::offers! {
         axis_info: AxisInfo,
         position_control: PositionControl,
@@ -185,7 +185,7 @@ impl<A: SteeredArm> Device for ArmDevice<A> {
     }
 }
 
-impl<A: SteeredArm> AxisInfo for ArmDevice<A> {
+impl<A: ControlledArm> AxisInfo for ArmDevice<A> {
     fn axes(&self) -> usize {
         AXES
     }
@@ -199,7 +199,7 @@ impl<A: SteeredArm> AxisInfo for ArmDevice<A> {
     }
 }
 
-impl<A: SteeredArm> MotionControl for ArmDevice<A> {
+impl<A: ControlledArm> MotionControl for ArmDevice<A> {
     fn stop(&self, axes: Axes<'_>) -> Result<(), DeviceError> {
         self.control(|arm| arm.stop(axes))
     }
@@ -220,7 +220,7 @@ impl<A: SteeredArm> MotionControl for ArmDevice<A> {
     }
 }
 
-impl<A: SteeredArm> PositionControl for ArmDevice<A> {
+impl<A: ControlledArm> PositionControl for ArmDevice<A> {
     fn position_move(&self, axes: Axes<'_>, targets: &[f64]) -> Result<(), DeviceError> {
         self.control(|arm| arm.position_move(axes, targets))
     }
@@ -246,7 +246,7 @@ impl<A: SteeredArm> PositionControl for ArmDevice<A> {
     }
 }
 
-impl<A: SteeredArm> VelocityControl for ArmDevice<A> {
+impl<A: ControlledArm> VelocityControl for ArmDevice<A> {
     fn velocity_move(&self, axes: Axes<'_>, velocities: &[f64]) -> Result<(), DeviceError> {
         self.control(|arm| arm.velocity_move(axes, velocities))
     }
@@ -256,7 +256,7 @@ impl<A: SteeredArm> VelocityControl for ArmDevice<A> {
     }
 }
 
-impl<A: SteeredArm> Encoders for ArmDevice<A> {
+impl<A: ControlledArm> Encoders for ArmDevice<A> {
     fn read_encoders(&self, axes: Axes<'_>, out: &mut [EncoderReading]) -> Result<(), DeviceError> {
         axes.check(AXES)?;
         axes.check_count(AXES, "slots for readings", out.len())?;
@@ -281,7 +281,7 @@ impl<A: SteeredArm> Encoders for ArmDevice<A> {
     }
 }
 
-impl<A: SteeredArm> ControlMode for ArmDevice<A> {
+impl<A: ControlledArm> ControlMode for ArmDevice<A> {
     fn available_control_modes(&self, axis: AxisIndex) -> Result<Vec<Mode>, DeviceError> {
         self.control(|arm| arm.available_control_modes(axis))
     }
@@ -295,7 +295,7 @@ impl<A: SteeredArm> ControlMode for ArmDevice<A> {
     }
 }
 
-impl<A: SteeredArm> ControlLimits for ArmDevice<A> {
+impl<A: ControlledArm> ControlLimits for ArmDevice<A> {
     fn position_limits(&self, axis: AxisIndex) -> Result<Limits, DeviceError> {
         self.control(|arm| arm.set_points().position_limits(axis))
     }

@@ -6,13 +6,13 @@
 //! simulated arm is controlled as the real one, so it refuses them as well.
 
 use super::AXES;
-use super::arm_device::{ArmDevice, SteeredArm};
+use super::arm_device::{ArmDevice, ControlledArm};
 use crate::{
     Axes, AxisIndex, CurrentControl, DeviceError, Impedance, ImpedanceControl, ImpedanceLimits,
     Interaction, InteractionMode, Limits, PwmControl,
 };
 
-impl<A: SteeredArm> InteractionMode for ArmDevice<A> {
+impl<A: ControlledArm> InteractionMode for ArmDevice<A> {
     fn interactions(&self, axes: Axes<'_>) -> Result<Vec<Interaction>, DeviceError> {
         self.control(|arm| arm.interactions(axes))
     }
@@ -26,7 +26,7 @@ impl<A: SteeredArm> InteractionMode for ArmDevice<A> {
     }
 }
 
-impl<A: SteeredArm> ImpedanceControl for ArmDevice<A> {
+impl<A: ControlledArm> ImpedanceControl for ArmDevice<A> {
     fn impedance(&self, axis: AxisIndex) -> Result<Impedance, DeviceError> {
         self.control(|arm| arm.impedance(axis))
     }
@@ -49,7 +49,7 @@ impl<A: SteeredArm> ImpedanceControl for ArmDevice<A> {
 }
 
 /// Of the motors, beside what gravity takes: see [`ArmControl`](super::ArmControl).
-impl<A: SteeredArm> CurrentControl for ArmDevice<A> {
+impl<A: ControlledArm> CurrentControl for ArmDevice<A> {
     fn currents(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
         self.control(|arm| arm.currents(axes))
     }
@@ -81,7 +81,7 @@ fn no_duty_cycles<T>() -> Result<T, DeviceError> {
 }
 
 /// Refused, in words.
-impl<A: SteeredArm> PwmControl for ArmDevice<A> {
+impl<A: ControlledArm> PwmControl for ArmDevice<A> {
     fn duty_cycles(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
         axes.check(AXES)?;
         no_duty_cycles()

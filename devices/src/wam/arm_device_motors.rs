@@ -1,6 +1,6 @@
 //! The interfaces of an arm under control that concern its motors.
 
-use super::arm_device::{ArmDevice, SteeredArm};
+use super::arm_device::{ArmDevice, ControlledArm};
 use super::{AXES, ArmControl};
 use crate::simulation::Gains;
 use crate::{
@@ -15,7 +15,7 @@ fn not_supported<T>(what: &str) -> Result<T, DeviceError> {
     })
 }
 
-impl<A: SteeredArm> PositionDirect for ArmDevice<A> {
+impl<A: ControlledArm> PositionDirect for ArmDevice<A> {
     fn set_direct_positions(&self, axes: Axes<'_>, positions: &[f64]) -> Result<(), DeviceError> {
         self.control(|arm| arm.set_direct_positions(axes, positions))
     }
@@ -25,7 +25,7 @@ impl<A: SteeredArm> PositionDirect for ArmDevice<A> {
     }
 }
 
-impl<A: SteeredArm> TorqueControl for ArmDevice<A> {
+impl<A: ControlledArm> TorqueControl for ArmDevice<A> {
     fn set_reference_torques(&self, axes: Axes<'_>, torques: &[f64]) -> Result<(), DeviceError> {
         self.control(|arm| arm.set_reference_torques(axes, torques))
     }
@@ -56,7 +56,7 @@ impl<A: SteeredArm> TorqueControl for ArmDevice<A> {
     }
 }
 
-impl<A: SteeredArm> ArmDevice<A> {
+impl<A: ControlledArm> ArmDevice<A> {
     /// Only positions are controlled by a loop.
     fn check_loop(kind: PidKind, axes: Axes<'_>) -> Result<(), DeviceError> {
         if kind != PidKind::Position {
@@ -67,7 +67,7 @@ impl<A: SteeredArm> ArmDevice<A> {
 }
 
 /// One loop per joint, that of its position: gains in Nm per degree, per degree and second, and seconds per degree.
-impl<A: SteeredArm> PidControl for ArmDevice<A> {
+impl<A: ControlledArm> PidControl for ArmDevice<A> {
     fn available_pids(&self, axis: AxisIndex) -> Result<Vec<PidKind>, DeviceError> {
         Axes::One(axis).check(AXES)?;
         Ok(vec![PidKind::Position])
@@ -174,7 +174,7 @@ impl<A: SteeredArm> PidControl for ArmDevice<A> {
     }
 }
 
-impl<A: SteeredArm> MotorEncoders for ArmDevice<A> {
+impl<A: ControlledArm> MotorEncoders for ArmDevice<A> {
     /// Degrees of the shafts.
     fn motor_readings(&self, axes: Axes<'_>) -> Result<Vec<EncoderReading>, DeviceError> {
         axes.check(AXES)?;
@@ -217,7 +217,7 @@ impl<A: SteeredArm> MotorEncoders for ArmDevice<A> {
     }
 }
 
-impl<A: SteeredArm> JointFault for ArmDevice<A> {
+impl<A: ControlledArm> JointFault for ArmDevice<A> {
     /// Code 1 is a fault of the safety module or of the way to the arm, which concerns all joints.
     fn last_fault(&self, axis: AxisIndex) -> Result<Fault, DeviceError> {
         Axes::One(axis).check(AXES)?;

@@ -4,10 +4,12 @@ use std::ops::{Deref, DerefMut};
 
 use nalgebra::Vector3;
 
-use super::arm_device::{ArmDevice, SteeredArm};
+use super::arm_device::{ArmDevice, ControlledArm};
 use super::{AXES, ArmControl, WamModel, dynamic_variables};
-use crate::can::puck::Property;
-use crate::simulation::{HOT, SUPPLY, SafetyMode, SafetyModule, Simulator, SimulatorOptions};
+use crate::can::puck::PuckProperty;
+use crate::simulation::{
+    MAX_TEMPERATURE, SUPPLY_VOLTAGE, SafetyMode, SafetyModule, Simulator, SimulatorOptions,
+};
 use crate::{Axes, AxisIndex, DeviceError, Mode, VariableValue};
 
 /// The seven-joint arm with masses, friction, encoders and a PID per joint, in **degrees**, as pure model.
@@ -51,7 +53,7 @@ impl DynamicArm {
 
     /// Lets one control period pass.
     pub fn tick(&mut self) {
-        self.look_at_safety();
+        self.poll_safety_module();
         for joint in 0..AXES {
             let idle = self.control.mode(AxisIndex::from(joint)) == Mode::Idle;
             self.simulator.set_idle(joint, idle);
@@ -61,7 +63,7 @@ impl DynamicArm {
         self.control.take_counts(counts);
     }
 
-    fn look_at_safety(&mut self) {
+    fn poll_safety_module(&mut self) {
         let active = self.simulator.safety().mode() == SafetyMode::Active;
         self.control.set_ready(active);
     }
@@ -88,12 +90,12 @@ impl DynamicArm {
 
     /// As [`ArmControl::set_control_modes`]; [`Mode::ForceIdle`] presses the buttons of the pendant if need be.
     pub fn set_control_modes(&mut self, axes: Axes<'_>, modes: &[Mode]) -> Result<(), DeviceError> {
-        self.look_at_safety();
+        self.poll_safety_module();
         self.control.set_control_modes(axes, modes)?;
         if modes.contains(&Mode::ForceIdle) && !self.control.is_ready() {
             self.simulator.safety_mut().press_idle();
             self.simulator.safety_mut().press_activate();
-            self.look_at_safety();
+            self.poll_safety_module();
         }
         Ok(())
     }
@@ -120,7 +122,7 @@ fn no_pucks<T>(what: &str) -> Result<T, DeviceError> {
     })
 }
 
-impl SteeredArm for DynamicArm {
+impl ControlledArm for DynamicArm {
     const DESCRIPTION: &'static str =
         "a simulated seven-joint WAM arm with masses, friction, motors and a controller";
 
@@ -153,11 +155,11 @@ impl SteeredArm for DynamicArm {
     fn puck_property(
         _: &ArmDevice<Self>,
         _: AxisIndex,
-        property: Property,
+        property: PuckProperty,
     ) -> Result<i32, DeviceError> {
         match property {
-            Property::OTEMP => Ok(HOT),
-            Property::VBUS => Ok(SUPPLY),
+            PuckProperty::OTEMP => Ok(MAX_TEMPERATURE),
+            PuckProperty::VBUS => Ok(SUPPLY_VOLTAGE),
             _ => no_pucks("what only a puck can tell"),
         }
     }

@@ -1,10 +1,10 @@
 //! What can be changed of the simulated machine while it runs, by name.
 
 use super::AXES;
-use super::dynamic::DynamicWam;
+use super::arm_variables::{get_load, no_variable, numbers, set_load};
 use super::dynamic_arm::DynamicArm;
-use super::model::Friction;
-use super::variables::{load_asked, load_told, no_variable, numbers};
+use super::dynamic_wam::DynamicWam;
+use super::wam_model::Friction;
 use crate::{DeviceError, VariableValue};
 
 pub(super) const NAMES: [&str; 3] = [LOAD, COULOMB, VISCOUS];
@@ -12,9 +12,9 @@ const LOAD: &str = "load";
 const COULOMB: &str = "coulomb_friction";
 const VISCOUS: &str = "viscous_friction";
 /// More holds any joint, Nm.
-const MOST_COULOMB: f64 = 100.0;
+const MAX_COULOMB: f64 = 100.0;
 /// Nm s/deg.
-const MOST_VISCOUS: f64 = 10.0;
+const MAX_VISCOUS: f64 = 10.0;
 
 pub(super) fn variable(device: &DynamicWam, name: &str) -> Result<Vec<VariableValue>, DeviceError> {
     let each = |of: fn(&Friction) -> f64| {
@@ -25,7 +25,7 @@ pub(super) fn variable(device: &DynamicWam, name: &str) -> Result<Vec<VariableVa
         })
     };
     match name {
-        LOAD => Ok(device.with(|arm: &mut DynamicArm| load_told(arm.simulator().load()))),
+        LOAD => Ok(device.with(|arm: &mut DynamicArm| set_load(arm.simulator().load()))),
         COULOMB => Ok(each(|friction| friction.coulomb)),
         VISCOUS => Ok(each(|friction| friction.viscous.to_radians())),
         _ => no_variable(name),
@@ -48,15 +48,15 @@ pub(super) fn set_variable(
     };
     match name {
         LOAD => {
-            let load = load_asked(LOAD, value)?;
+            let load = get_load(LOAD, value)?;
             device.with(|arm| arm.simulator_mut().set_load(load));
         }
         COULOMB => rub(
-            numbers(COULOMB, value, [(0.0, MOST_COULOMB); AXES])?,
+            numbers(COULOMB, value, [(0.0, MAX_COULOMB); AXES])?,
             |joint, number| joint.coulomb = number,
         ),
         VISCOUS => rub(
-            numbers(VISCOUS, value, [(0.0, MOST_VISCOUS); AXES])?,
+            numbers(VISCOUS, value, [(0.0, MAX_VISCOUS); AXES])?,
             // Per radian it is more.
             |joint, number| joint.viscous = number.to_degrees(),
         ),

@@ -8,17 +8,19 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use yarp_devices::embedded::protocol::{ARM, Packet, Reply, Request, RequestReader, TRAJECTORY};
-use yarp_devices::embedded::{DriverOptions, EmbeddedWam, Meeting, NodeOptions, Places, WamNode};
+use yarp_devices::embedded::{
+    DriverOptions, EmbeddedWam, LinkAddresses, LinkMode, NodeOptions, WamNode,
+};
 use yarp_devices::wam::SimulatedWam;
 use yarp_devices::{Axes, Device, Encoders, PositionControl};
 
 /// Longer than anything here takes on a busy machine.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(60);
+pub(crate) const TEST_TIMEOUT: Duration = Duration::from_secs(60);
 
 /// Waits until `condition` holds.
 #[track_caller]
 pub(crate) fn eventually(what: &str, mut condition: impl FnMut() -> bool) {
-    let deadline = Instant::now() + PATIENCE;
+    let deadline = Instant::now() + TEST_TIMEOUT;
     while !condition() {
         assert!(Instant::now() < deadline, "{what} did not come");
         thread::sleep(Duration::from_millis(1));
@@ -26,30 +28,30 @@ pub(crate) fn eventually(what: &str, mut condition: impl FnMut() -> bool) {
 }
 
 /// A driver that waits on free ports, patient with a busy machine and quick to come back.
-pub(crate) fn driver_options(meeting: Meeting) -> DriverOptions {
+pub(crate) fn driver_options(link_mode: LinkMode) -> DriverOptions {
     DriverOptions {
         period: Duration::from_millis(5),
-        patience: Duration::from_secs(20),
-        trusted: Duration::from_secs(30),
-        first_pause: Duration::from_millis(1),
-        longest_pause: Duration::from_millis(20),
-        ..DriverOptions::new(meeting)
+        timeout: Duration::from_secs(20),
+        max_state_age: Duration::from_secs(30),
+        initial_backoff: Duration::from_millis(1),
+        max_backoff: Duration::from_millis(20),
+        ..DriverOptions::new(link_mode)
     }
 }
 
 /// As [`driver_options`].
-pub(crate) fn node_options(meeting: Meeting) -> NodeOptions {
+pub(crate) fn node_options(link_mode: LinkMode) -> NodeOptions {
     NodeOptions {
-        patience: Duration::from_secs(20),
-        silence: Duration::from_secs(60),
-        first_pause: Duration::from_millis(1),
-        longest_pause: Duration::from_millis(20),
-        ..NodeOptions::new(meeting)
+        timeout: Duration::from_secs(20),
+        idle_timeout: Duration::from_secs(60),
+        initial_backoff: Duration::from_millis(1),
+        max_backoff: Duration::from_millis(20),
+        ..NodeOptions::new(link_mode)
     }
 }
 
 pub(crate) fn driver() -> EmbeddedWam {
-    EmbeddedWam::start(driver_options(Meeting::anywhere())).expect("there are ports")
+    EmbeddedWam::start(driver_options(LinkMode::listen_on_loopback())).expect("there are ports")
 }
 
 pub(crate) fn ideal_arm() -> Arc<SimulatedWam> {
@@ -65,17 +67,17 @@ pub(crate) enum Listens {
 
 /// A driver and a node of `arm`, connected and at rest.
 pub(crate) fn connected(arm: Arc<dyn Device>, listens: Listens) -> (EmbeddedWam, WamNode) {
-    let start_node = |meeting| WamNode::start(arm, node_options(meeting)).expect("it starts");
-    let start = |meeting| EmbeddedWam::start(driver_options(meeting)).expect("it starts");
+    let start_node = |link_mode| WamNode::start(arm, node_options(link_mode)).expect("it starts");
+    let start = |link_mode| EmbeddedWam::start(driver_options(link_mode)).expect("it starts");
     let (driver, node) = match listens {
         Listens::Driver => {
-            let driver = start(Meeting::anywhere());
-            let node = start_node(Meeting::Connect(driver.places()));
+            let driver = start(LinkMode::listen_on_loopback());
+            let node = start_node(LinkMode::Connect(driver.addresses()));
             (driver, node)
         }
         Listens::Node => {
-            let node = start_node(Meeting::anywhere());
-            (start(Meeting::Connect(node.places())), node)
+            let node = start_node(LinkMode::listen_on_loopback());
+            (start(LinkMode::Connect(node.addresses())), node)
         }
     };
     at_rest(&driver);
@@ -115,12 +117,12 @@ impl Cut {
 }
 
 /// Connects to both ports.
-pub(crate) fn connect(places: Places) -> (TcpStream, TcpStream) {
+pub(crate) fn connect(places: LinkAddresses) -> (TcpStream, TcpStream) {
     let connect = |place: SocketAddr| {
         let stream = TcpStream::connect(place).expect("it listens");
         stream.set_nodelay(true).expect("the system can");
         stream
-            .set_read_timeout(Some(PATIENCE))
+            .set_read_timeout(Some(TEST_TIMEOUT))
             .expect("the system can");
         stream
     };
@@ -236,7 +238,7 @@ impl Listeners {
             let listener = TcpListener::bind("127.0.0.1:0").expect("there are ports");
             // On Linux this is for accepting too.
             socket2::SockRef::from(&listener)
-                .set_read_timeout(Some(PATIENCE))
+                .set_read_timeout(Some(TEST_TIMEOUT))
                 .expect("the system can");
             listener
         };
@@ -246,9 +248,9 @@ impl Listeners {
         }
     }
 
-    pub(crate) fn places(&self) -> Places {
+    pub(crate) fn addresses(&self) -> LinkAddresses {
         let place = |listener: &TcpListener| listener.local_addr().expect("it has an address");
-        Places {
+        LinkAddresses {
             arm: place(&self.arm),
             packets: place(&self.packets),
         }
@@ -260,7 +262,7 @@ impl Listeners {
             let stream = listener.accept().expect("a driver comes").0;
             stream.set_nodelay(true).expect("the system can");
             stream
-                .set_read_timeout(Some(PATIENCE))
+                .set_read_timeout(Some(TEST_TIMEOUT))
                 .expect("the system can");
             stream
         };

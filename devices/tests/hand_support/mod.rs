@@ -13,7 +13,7 @@ use yarp_devices::hand::simulated::{SimulatedHand, SimulatedHandOptions};
 use yarp_devices::hand::{BarrettHand, HandOptions};
 
 /// Long enough for a machine whose CPU is taken away for seconds.
-pub const PATIENCE: Duration = Duration::from_secs(60);
+pub const TEST_TIMEOUT: Duration = Duration::from_secs(60);
 
 /// How much faster than a real hand the simulated one is.
 pub const SPEED: f64 = 20.0;
@@ -43,9 +43,9 @@ impl Stage {
 
     pub fn options(&self) -> HandOptions {
         HandOptions::new(&self.path)
-            .echo(Duration::from_secs(10))
-            .motion(PATIENCE)
-            .block(PATIENCE)
+            .echo_timeout(Duration::from_secs(10))
+            .motion_timeout(TEST_TIMEOUT)
+            .block_timeout(TEST_TIMEOUT)
     }
 
     pub fn open(&self) -> BarrettHand {
@@ -62,7 +62,7 @@ impl Stage {
 
 /// Waits until something is true.
 pub fn eventually(what: &str, mut is: impl FnMut() -> bool) {
-    let deadline = Instant::now() + PATIENCE;
+    let deadline = Instant::now() + TEST_TIMEOUT;
     while !is() {
         assert!(Instant::now() < deadline, "never came: {what}");
         std::thread::sleep(Duration::from_millis(2));

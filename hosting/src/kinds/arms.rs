@@ -3,7 +3,9 @@
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, ToSocketAddrs};
 use std::sync::Arc;
 
-use yarp_devices::embedded::{ARM_PORT, DriverOptions, EmbeddedWam, Meeting, PACKET_PORT, Places};
+use yarp_devices::embedded::{
+    ARM_PORT, DriverOptions, EmbeddedWam, LinkAddresses, LinkMode, PACKET_PORT,
+};
 use yarp_devices::wam::can::{CanOptions, CanWam};
 use yarp_devices::wam::{DynamicWam, SimulatedWam};
 use yarp_wire::settings::Parameters;
@@ -37,7 +39,7 @@ pub(super) async fn on_a_bus(opening: Opening<'_>) -> Outcome {
     Ok(Box::new(Local::machine(arm)))
 }
 
-fn meeting(parameters: &Parameters) -> Result<Meeting, HostError> {
+fn meeting(parameters: &Parameters) -> Result<LinkMode, HostError> {
     let usual = vec![ARM_PORT.into(), PACKET_PORT.into()];
     let ports = parameters.list::<usize>("ports")?.unwrap_or(usual);
     let ports: Option<Vec<u16>> = ports.iter().map(|port| (*port).try_into().ok()).collect();
@@ -45,7 +47,7 @@ fn meeting(parameters: &Parameters) -> Result<Meeting, HostError> {
         let expected = "two TCP ports, for commands and for packets, as in (4321 4323)";
         return Err(parameters.refuse("ports", expected).into());
     };
-    let at = |address: IpAddr| Places {
+    let at = |address: IpAddr| LinkAddresses {
         arm: SocketAddr::new(address, *arm),
         packets: SocketAddr::new(address, *packets),
     };
@@ -59,16 +61,16 @@ fn meeting(parameters: &Parameters) -> Result<Meeting, HostError> {
             let address = listen.parse().map_err(|_| {
                 parameters.refuse("listen", "an address of this machine, as in 0.0.0.0")
             })?;
-            Ok(Meeting::Listen(at(address)))
+            Ok(LinkMode::Listen(at(address)))
         }
         (None, Some(host)) => {
             let found = (host.as_str(), 0).to_socket_addrs();
             let address = found.ok().and_then(|mut addresses| addresses.next());
             let address =
                 address.ok_or_else(|| parameters.refuse("connect", "a host that can be found"))?;
-            Ok(Meeting::Connect(at(address.ip())))
+            Ok(LinkMode::Connect(at(address.ip())))
         }
-        (None, None) => Ok(Meeting::Listen(at(Ipv4Addr::LOCALHOST.into()))),
+        (None, None) => Ok(LinkMode::Listen(at(Ipv4Addr::LOCALHOST.into()))),
     }
 }
 
@@ -78,7 +80,7 @@ mod tests {
 
     use super::*;
 
-    fn of(text: &str) -> Result<Meeting, String> {
+    fn of(text: &str) -> Result<LinkMode, String> {
         let mut settings = Settings::new();
         settings.read_text("f.ini", text, &NoSource);
         let parameters = Parameters::new("arm", settings, Origin::line("f.ini", 1));
@@ -87,17 +89,17 @@ mod tests {
 
     #[test]
     fn one_end_listens_and_the_other_connects() {
-        let here = |address: &str| Places {
+        let here = |address: &str| LinkAddresses {
             arm: format!("{address}:{ARM_PORT}").parse().unwrap(),
             packets: format!("{address}:{PACKET_PORT}").parse().unwrap(),
         };
-        assert_eq!(of(""), Ok(Meeting::Listen(here("127.0.0.1"))));
-        assert_eq!(of("listen 0.0.0.0"), Ok(Meeting::Listen(here("0.0.0.0"))));
+        assert_eq!(of(""), Ok(LinkMode::Listen(here("127.0.0.1"))));
+        assert_eq!(of("listen 0.0.0.0"), Ok(LinkMode::Listen(here("0.0.0.0"))));
         assert_eq!(
             of("connect 127.0.0.2"),
-            Ok(Meeting::Connect(here("127.0.0.2")))
+            Ok(LinkMode::Connect(here("127.0.0.2")))
         );
-        let Ok(Meeting::Listen(places)) = of("ports (5 6)") else {
+        let Ok(LinkMode::Listen(places)) = of("ports (5 6)") else {
             panic!("it listens");
         };
         assert_eq!((places.arm.port(), places.packets.port()), (5, 6));

@@ -42,7 +42,7 @@ pub(super) fn options(
         options = options.carrier(carrier);
     }
     if let Some(timeout) = parameters.get::<Duration>(&named("timeout"))? {
-        options = options.timeout(timeout);
+        options = options.max_state_age(timeout);
     }
     if parameters.has(&named("ignoreProtocolCheck")) {
         options = options.ignore_protocol_version();

@@ -8,7 +8,7 @@ use yarp_wire::message::{ReadObject, WireObject};
 use yarp_wire::{Bottle, Limits, WireVersion};
 use yarp_wrappers::cartesian::messages as cartesian;
 use yarp_wrappers::control_board::messages::{
-    Command, JointData, MotionNews, Numbered, Reply, Request,
+    Command, JointData, MotionUpdate, Numbered, Reply, Request,
 };
 use yarp_wrappers::frame_grabber::messages as grabber;
 use yarp_wrappers::hand::messages as hands;
@@ -67,8 +67,8 @@ pub fn numbered(data: &[u8]) {
             let again = again.expect("our own words");
             assert_eq!(format!("{again:?}"), format!("{wanted:?}"), "{printed}");
         }
-        if let Some(news) = MotionNews::from_bottle(&bottle) {
-            assert_eq!(MotionNews::from_bottle(&news.to_bottle()), Some(news));
+        if let Some(news) = MotionUpdate::from_bottle(&bottle) {
+            assert_eq!(MotionUpdate::from_bottle(&news.to_bottle()), Some(news));
         }
         let _ = Numbered::read_drops(&bottle);
     }
@@ -96,7 +96,7 @@ pub fn call(data: &[u8]) {
     }
 }
 
-/// Streamed commands: what reads also writes, and reads the same again.
+/// StreamingCommand commands: what reads also writes, and reads the same again.
 pub fn streamed(data: &[u8]) {
     let bytes = Bytes::copy_from_slice(data);
     for wire_version in DIALECTS {
@@ -123,7 +123,7 @@ pub fn state(data: &[u8]) {
     }
 }
 
-/// Requests to cameras and replies, of both generations: what is understood is said again the same way.
+/// Requests to cameras and replies, of both wire versions: what is understood is said again the same way.
 pub fn camera(data: &[u8]) {
     let bytes = Bytes::copy_from_slice(data);
     for wire_version in DIALECTS {
@@ -215,9 +215,9 @@ pub fn tool(data: &[u8]) {
 
 /// Files of pictures and films.
 pub fn picture(data: &[u8]) {
-    let _ = yarp_devices::image::file::decode(data);
-    for place in yarp_devices::camera::mjpeg::pictures(data) {
-        let _ = yarp_devices::image::file::decode(&data[place]);
+    let _ = yarp_devices::image::image_file::decode(data);
+    for place in yarp_devices::camera::mjpeg_splitter::images(data) {
+        let _ = yarp_devices::image::image_file::decode(&data[place]);
     }
 }
 

@@ -5,16 +5,16 @@
 //! | `messages` | what is said |
 //! | `server` | a controller on ports |
 //! | `client` | a controller in another program |
-//! | `version` | what the two say which protocol this is |
+//! | `cartesian_version` | what the two say which protocol this is |
 //!
 //! **Invariant:** a malformed message is answered `[nack]`, or dropped where nobody waits for an answer, and never moves
 //! anything.
 
+mod cartesian_version;
 mod client;
 pub mod messages;
 mod server;
-mod version;
 
+pub use cartesian_version::CartesianVersion;
 pub use client::{RemoteCartesianControl, RemoteCartesianOptions};
 pub use server::{CartesianServer, CartesianServerOptions};
-pub use version::CartesianVersion;

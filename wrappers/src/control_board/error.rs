@@ -59,7 +59,7 @@ pub enum OpenError {
     },
     /// The remote device did not answer as it should.
     #[error("the device did not say {question}")]
-    Question {
+    Query {
         /// What it was asked.
         question: &'static str,
         /// Why it is not known.

@@ -12,11 +12,11 @@ use yarp_wire::Bottle;
 use super::messages::{Answer, Reply, Request};
 use super::port_of;
 use crate::OpenError;
-use crate::linking::{CLOSING, RPC_CARRIER, keep, there};
-use crate::opening::{close_all, open};
+use crate::open_ports::{close_all, open};
+use crate::reconnect::{PORT_CLOSE_TIMEOUT, RPC_CARRIER, check_exists, connect_supervised};
 
 /// How often it is looked whether a call has ended that was aborted.
-const LOOK: Duration = Duration::from_millis(5);
+const POLL_INTERVAL: Duration = Duration::from_millis(5);
 
 /// How a [`RemoteHand`] is opened.
 #[derive(Clone, Debug)]
@@ -24,8 +24,8 @@ const LOOK: Duration = Duration::from_millis(5);
 pub struct RemoteHandOptions {
     remote: String,
     local: String,
-    deadline: Duration,
-    motion: Duration,
+    rpc_timeout: Duration,
+    motion_timeout: Duration,
 }
 
 impl RemoteHandOptions {
@@ -36,27 +36,27 @@ impl RemoteHandOptions {
         Self {
             remote: remote.into(),
             local: local.into(),
-            deadline: Duration::from_secs(2),
-            motion: Duration::from_secs(120),
+            rpc_timeout: Duration::from_secs(2),
+            motion_timeout: Duration::from_secs(120),
         }
     }
 
     /// How long each step of opening, and whether the hand is connected, is waited for.
-    pub fn deadline(mut self, deadline: Duration) -> Self {
-        self.deadline = deadline;
+    pub fn rpc_timeout(mut self, rpc_timeout: Duration) -> Self {
+        self.rpc_timeout = rpc_timeout;
         self
     }
 
     /// How long a call that may move the hand is waited for.
-    pub fn motion(mut self, motion: Duration) -> Self {
-        self.motion = motion;
+    pub fn motion_timeout(mut self, motion_timeout: Duration) -> Self {
+        self.motion_timeout = motion_timeout;
         self
     }
 }
 
 /// A hand in another program: a [`Hand`] and a [`Grasp`] as the one there.
 ///
-/// * Calls block until the motion has ended there, and never longer than [`RemoteHandOptions::motion`].
+/// * Calls block until the motion has ended there, and never longer than [`RemoteHandOptions::motion_timeout`].
 /// * One call at a time: a second one from this program is refused as [`HandError::Busy`], one from another program by the
 ///   hand. [`abort`](Hand::abort) works at any time, over a connection of its own.
 /// * What the hand complains of is a [`HandError`] here too, of the same [`kind`](HandError::kind).
@@ -81,12 +81,12 @@ impl RemoteHandOptions {
 pub struct RemoteHand {
     /// Taken only on drop.
     link: Option<Arc<Link>>,
-    calling: Mutex<Calling>,
+    calling: Mutex<ActiveCall>,
 }
 
 /// Whether a call is under way.
 #[derive(Debug, Default)]
-struct Calling {
+struct ActiveCall {
     /// How many there have been.
     count: u64,
     /// What the one under way asks for.
@@ -117,7 +117,7 @@ impl Link {
     async fn open(network: &Network, options: RemoteHandOptions) -> Result<Self, OpenError> {
         let peer = port_of(&options.remote);
         // Before anything of our own is opened: usually the server is just not running.
-        there(network, peer.clone()).await?;
+        check_exists(network, peer.clone()).await?;
         let local = |end: &str| format!("{}/{end}", options.local);
         let calls = open(network, local("rpc:o"), PortOptions::new().rpc_client()).await?;
         let aborts = match open(network, local("abort:o"), PortOptions::new().rpc_client()).await {
@@ -145,13 +145,18 @@ impl Link {
 
     async fn greet(&mut self) -> Result<(), OpenError> {
         for port in [&self.calls, &self.aborts] {
-            let kept = keep(port, &self.peer, RPC_CARRIER, self.options.deadline).await;
+            let kept =
+                connect_supervised(port, &self.peer, RPC_CARRIER, self.options.rpc_timeout).await;
             self.kept.push(kept?);
         }
-        let asked = self.ask(&self.aborts, &Request::IsConnected, self.options.deadline);
+        let asked = self.ask(
+            &self.aborts,
+            &Request::IsConnected,
+            self.options.rpc_timeout,
+        );
         match asked.await {
             Ok(_) => Ok(()),
-            Err(source) => Err(OpenError::Question {
+            Err(source) => Err(OpenError::Query {
                 question: "whether it is a hand",
                 source,
             }),
@@ -163,10 +168,10 @@ impl Link {
         &self,
         port: &Port,
         request: &Request,
-        deadline: Duration,
+        rpc_timeout: Duration,
     ) -> Result<Answer, DeviceError> {
         let message = request.to_bottle();
-        let reply = port.call_within::<Bottle>(&message, deadline).await;
+        let reply = port.call_within::<Bottle>(&message, rpc_timeout).await;
         let reply = reply.map_err(|error| self.lost(&message, error))?;
         match Reply::read(request, &reply) {
             Some(Reply::Done(answer)) => Ok(answer),
@@ -199,7 +204,10 @@ impl Link {
     /// Closes the ports; takes a few seconds at the most.
     async fn close(self) {
         let closing = close_all([self.calls, self.aborts]);
-        if tokio::time::timeout(CLOSING, closing).await.is_err() {
+        if tokio::time::timeout(PORT_CLOSE_TIMEOUT, closing)
+            .await
+            .is_err()
+        {
             tracing::warn!(peer = %self.peer, "closing took too long; names may be left behind");
         }
     }
@@ -210,9 +218,9 @@ impl RemoteHand {
     ///
     /// * Blocks for a few deadlines at the most.
     /// * Errors: [`OpenError::NoRemote`], [`OpenError::NameTaken`], [`OpenError::Port`], [`OpenError::Connect`],
-    ///   [`OpenError::Question`]; then nothing stays open.
+    ///   [`OpenError::Query`]; then nothing stays open.
     pub fn open(network: &Network, options: RemoteHandOptions) -> Result<Self, OpenError> {
-        let network = network.with_timeout(options.deadline);
+        let network = network.with_timeout(options.rpc_timeout);
         let link = blocking::wait(async move { Link::open(&network, options).await })?;
         tracing::info!(peer = link.peer, "remote hand connected");
         Ok(Self {
@@ -230,7 +238,7 @@ impl RemoteHand {
         self.link.as_ref().expect("taken only on drop")
     }
 
-    fn calling(&self) -> MutexGuard<'_, Calling> {
+    fn calling(&self) -> MutexGuard<'_, ActiveCall> {
         self.calling.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -247,7 +255,9 @@ impl RemoteHand {
         let _ended = Ended(self);
         let link = Arc::clone(self.link());
         blocking::wait(async move {
-            let answer = link.ask(&link.calls, &request, link.options.motion).await;
+            let answer = link
+                .ask(&link.calls, &request, link.options.motion_timeout)
+                .await;
             // Before anybody learns of the answer, so that dropping the hand finds itself alone.
             drop(link);
             answer
@@ -255,10 +265,10 @@ impl RemoteHand {
     }
 
     /// A call that is answered at once, whatever the hand does.
-    fn call_beside(&self, request: Request, deadline: Duration) -> Result<Answer, DeviceError> {
+    fn call_beside(&self, request: Request, rpc_timeout: Duration) -> Result<Answer, DeviceError> {
         let link = Arc::clone(self.link());
         blocking::wait(async move {
-            let answer = link.ask(&link.aborts, &request, deadline).await;
+            let answer = link.ask(&link.aborts, &request, rpc_timeout).await;
             drop(link);
             answer
         })
@@ -299,11 +309,11 @@ impl Hand for RemoteHand {
 
     fn abort(&self) -> Result<(), DeviceError> {
         /// Longer than the server itself waits for the end of motions.
-        const PATIENCE: Duration = Duration::from_secs(35);
+        const TEST_TIMEOUT: Duration = Duration::from_secs(35);
         let number = self.calling().count;
-        let deadline = Instant::now() + PATIENCE;
+        let deadline = Instant::now() + TEST_TIMEOUT;
         loop {
-            self.call_beside(Request::Abort, PATIENCE)?;
+            self.call_beside(Request::Abort, TEST_TIMEOUT)?;
             // A call that was on its way to the server when the abort came there has begun since.
             let calling = self.calling();
             let doing = calling.doing.clone().filter(|_| calling.count == number);
@@ -313,13 +323,13 @@ impl Hand for RemoteHand {
                 Some(doing) if Instant::now() > deadline => {
                     return Err(HandError::Busy { doing }.at(self.peer()));
                 }
-                Some(_) => thread::sleep(LOOK),
+                Some(_) => thread::sleep(POLL_INTERVAL),
             }
         }
     }
 
     fn is_connected(&self) -> bool {
-        let asked = self.call_beside(Request::IsConnected, self.link().options.deadline);
+        let asked = self.call_beside(Request::IsConnected, self.link().options.rpc_timeout);
         matches!(asked, Ok(Answer::Flag(true)))
     }
 

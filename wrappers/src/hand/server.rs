@@ -16,12 +16,12 @@ use yarp_wire::Bottle;
 use super::messages::{Answer, Refused, Reply, Request, help};
 use super::port_of;
 use crate::OpenError;
-use crate::opening::open;
+use crate::open_ports::open;
 
 /// How long the end of motions is waited for when the hand is stopped.
-const STOPPING: Duration = Duration::from_secs(30);
+const STOP_TIMEOUT: Duration = Duration::from_secs(30);
 /// How often it is looked whether they have ended.
-const LOOK: Duration = Duration::from_millis(5);
+const POLL_INTERVAL: Duration = Duration::from_millis(5);
 
 /// A hand, served as a whole on `NAME/hand/rpc:i`.
 ///
@@ -54,7 +54,7 @@ pub struct HandServer {
 
 struct Running {
     port: Port,
-    served: Arc<Served>,
+    served: Arc<ServedHand>,
 }
 
 impl std::fmt::Debug for Running {
@@ -76,7 +76,7 @@ impl HandServer {
         if device.hand().is_none() || device.grasp().is_none() {
             return Err(OpenError::NoInterface("interfaces of a hand"));
         }
-        let served = Arc::new(Served {
+        let served = Arc::new(ServedHand {
             device,
             under_way: Mutex::default(),
             ending: AtomicBool::new(false),
@@ -128,34 +128,34 @@ impl Running {
 }
 
 /// The hand behind the port, and what is asked of it.
-struct Served {
+struct ServedHand {
     device: Arc<dyn Device>,
-    under_way: Mutex<UnderWay>,
+    under_way: Mutex<RunningMotions>,
     ending: AtomicBool,
 }
 
 /// Requests that last, from when they arrive until they are answered.
 #[derive(Default)]
-struct UnderWay {
+struct RunningMotions {
     next: u64,
     /// By their number, whether they were aborted.
     waiting: BTreeMap<u64, bool>,
 }
 
 /// One of them; it is over when this is dropped.
-struct Lasting {
-    served: Arc<Served>,
+struct RunningMotion {
+    served: Arc<ServedHand>,
     number: u64,
 }
 
-impl Drop for Lasting {
+impl Drop for RunningMotion {
     fn drop(&mut self) {
         self.served.under_way().waiting.remove(&self.number);
     }
 }
 
-impl Served {
-    fn under_way(&self) -> MutexGuard<'_, UnderWay> {
+impl ServedHand {
+    fn under_way(&self) -> MutexGuard<'_, RunningMotions> {
         self.under_way
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
@@ -190,16 +190,20 @@ impl Served {
         }))
     }
 
-    fn begin(self: &Arc<Self>) -> Lasting {
+    fn begin(self: &Arc<Self>) -> RunningMotion {
         let mut under_way = self.under_way();
         let number = under_way.next;
         under_way.next += 1;
         under_way.waiting.insert(number, false);
         let served = Arc::clone(self);
-        Lasting { served, number }
+        RunningMotion { served, number }
     }
 
-    fn carry_out(&self, request: &Request, lasting: Option<&Lasting>) -> Result<Answer, Refused> {
+    fn carry_out(
+        &self,
+        request: &Request,
+        lasting: Option<&RunningMotion>,
+    ) -> Result<Answer, Refused> {
         if self.is_called_off(lasting) {
             let command = request.to_bottle().to_string();
             return Err((&HandError::Aborted { command }).into());
@@ -232,7 +236,7 @@ impl Served {
     }
 
     /// Whether a request that lasts shall not begin any more.
-    fn is_called_off(&self, lasting: Option<&Lasting>) -> bool {
+    fn is_called_off(&self, lasting: Option<&RunningMotion>) -> bool {
         let Some(lasting) = lasting else { return false };
         let aborted = self.under_way().waiting.get(&lasting.number) == Some(&true);
         aborted || self.ending.load(Ordering::Acquire)
@@ -248,7 +252,7 @@ impl Served {
                 .for_each(|aborted| *aborted = true);
             under_way.next
         };
-        let deadline = Instant::now() + STOPPING;
+        let deadline = Instant::now() + STOP_TIMEOUT;
         loop {
             // Again and again: some may have been about to begin.
             self.hand()?.0.abort()?;
@@ -259,7 +263,7 @@ impl Served {
                 let doing = "a motion that does not end when it is aborted".to_owned();
                 return Err((&HandError::Busy { doing }).into());
             }
-            thread::sleep(LOOK);
+            thread::sleep(POLL_INTERVAL);
         }
     }
 }

@@ -12,10 +12,10 @@
 //!
 //! Source: `WireWriter.cpp`, `ReturnValue.cpp` and the generated code of YARP 4.0; recorded traffic of 4.0.0.
 
-mod item;
 mod return_code;
-mod version;
+mod service_version;
+mod thrift_item;
 
-pub use item::{Item, Message};
 pub use return_code::ReturnCode;
-pub use version::{GET_VERSION, ServiceVersion};
+pub use service_version::{GET_VERSION, ServiceVersion};
+pub use thrift_item::{Item, Message};

@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use yarp_devices::embedded::Pace;
+use yarp_devices::embedded::PeriodicTimer;
 use yarp_ports::{Answer, Network, Port, PortOptions, remote_admin};
 
 use crate::Failure;
@@ -106,7 +106,7 @@ async fn connect(network: &Network, from: &str, to: &str, carrier: &str) -> Resu
 
 /// What the machine makes of a thread that only waits for its deadlines; those that it misses count as lost.
 fn bare(period: Duration, duration: Duration) -> Arrivals {
-    let mut pace = Pace::new(Instant::now(), period);
+    let mut pace = PeriodicTimer::new(Instant::now(), period);
     let end = Instant::now() + duration;
     let mut times = Vec::with_capacity(2 * (duration.as_nanos() / period.as_nanos()) as usize);
     while pace.next() < end {

@@ -26,7 +26,7 @@ fn mode(checks: &mut Checks, robot: &Robot, mode: Mode) {
 
 /// Whether the board speaks as 4.0 does.
 fn is_4(robot: &Robot) -> bool {
-    robot.generation() == yarp_wire::WireVersion::V4
+    robot.wire_version() == yarp_wire::WireVersion::V4
 }
 
 pub(crate) fn drive(checks: &mut Checks, robot: &Robot) {

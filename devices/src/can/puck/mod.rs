@@ -4,19 +4,19 @@
 //! libbarrett (`products/puck.h`, `detail/puck-inl.h`, `puck_group.h`, `property_list.cpp`).
 //!
 //! * [`Address`], [`Node`], [`Group`]: who speaks to whom, in the identifier.
-//! * [`Property`]: what can be asked and set, by number.
-//! * [`Message`]: what a frame says; [`Message::read`] takes any bytes.
+//! * [`PuckProperty`]: what can be asked and set, by number.
+//! * [`PuckMessage`]: what a frame says; [`PuckMessage::read`] takes any bytes.
 //! * [`pack_torques`], [`pack_position`]: numbers of 14 and 22 bits.
 //! * [`Pendant`]: what the display of the safety module shows.
 
-mod address;
-mod message;
-mod packed;
-mod pendant;
-mod property;
+mod bit_packing;
+mod pendant_lamps;
+mod puck_address;
+mod puck_message;
+mod puck_property;
 
-pub use address::{Address, Group, Node, Target};
-pub use message::{BadFrame, Message};
-pub use packed::{pack_position, pack_torques, unpack_position, unpack_torques};
-pub use pendant::{Lamp, Pendant};
-pub use property::{Property, mode, role, status};
+pub use bit_packing::{pack_position, pack_torques, unpack_position, unpack_torques};
+pub use pendant_lamps::{Lamp, Pendant};
+pub use puck_address::{Address, Group, Node, Target};
+pub use puck_message::{InvalidFrame, PuckMessage};
+pub use puck_property::{PuckProperty, mode, role, status};

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use super::shared::{Goal, LinkState, State};
+use super::driver_state::{Goal, LinkState, State};
 use super::{EmbeddedWam, Request};
 use crate::embedded::protocol::Kind;
 use crate::{
@@ -54,7 +54,7 @@ impl State {
     }
 
     /// The newest readings, if they can be trusted.
-    fn trusted(&self, limit: std::time::Duration) -> Result<&[EncoderReading], DeviceError> {
+    fn fresh_readings(&self, limit: std::time::Duration) -> Result<&[EncoderReading], DeviceError> {
         let what = "encoder reading";
         let Some(read_at) = self.read_at else {
             return Err(DeviceError::NoDataYet { what });
@@ -132,7 +132,7 @@ impl MotionControl for EmbeddedWam {
 }
 
 impl EmbeddedWam {
-    /// Sends all joints to these places, degrees, which were checked.
+    /// Sends all joints to these addresses, degrees, which were checked.
     fn move_joints(&self, goals: Vec<f64>) -> Result<(), DeviceError> {
         let angles = goals.iter().map(|goal| goal.to_radians()).collect();
         self.ask(Request::MoveJoints(angles), Goal::Joints(goals))
@@ -160,7 +160,7 @@ impl EmbeddedWam {
                     needed,
                 });
             }
-            state.trusted(self.shared.options.trusted)?;
+            state.fresh_readings(self.shared.options.max_state_age)?;
             let mut goals = state.goals(self.total());
             for (joint, &value) in axes.iter(self.total()).zip(values) {
                 let asked = place(&state, joint, value);
@@ -232,7 +232,7 @@ impl Encoders for EmbeddedWam {
         axes.check(self.total())?;
         axes.check_count(self.total(), "slots for readings", out.len())?;
         let state = self.shared.lock();
-        let readings = state.trusted(self.shared.options.trusted)?;
+        let readings = state.fresh_readings(self.shared.options.max_state_age)?;
         for (slot, axis) in out.iter_mut().zip(axes.iter(self.total())) {
             *slot = readings[axis.index()];
         }
@@ -300,7 +300,7 @@ impl ControlLimits for EmbeddedWam {
                 what: "change its limits",
             });
         }
-        let here = state.trusted(self.shared.options.trusted)?[axis.index()].position;
+        let here = state.fresh_readings(self.shared.options.max_state_age)?[axis.index()].position;
         let built = &self.shared.options.joints[axis.index()].limits;
         state.limits.place(axis, built.clamp(here))?;
         state.limits.set_position_limits(axis, limits)

@@ -1,11 +1,11 @@
 //! The driver: the arm as a device, at the host's end of the connection.
 
+mod cartesian_pose;
+mod driver_session;
+mod driver_state;
+mod driver_variables;
 mod interfaces;
-mod mailbox;
-mod pose;
-mod session;
-mod shared;
-mod variables;
+mod pending_requests;
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -14,16 +14,16 @@ use std::time::Duration;
 
 use tracing::info;
 
-use self::mailbox::Order;
-pub use self::pose::CartesianPose;
-use self::session::{End, Session};
-use self::shared::{Goal, Shared};
-pub use self::shared::{Link, LinkState};
-use super::Timing;
+pub use self::cartesian_pose::CartesianPose;
+use self::driver_session::{End, Session};
+use self::driver_state::{Goal, Shared};
+pub use self::driver_state::{LinkState, LinkStatus};
+use self::pending_requests::PendingRequest;
+use super::CycleStatistics;
 use super::backoff::Backoff;
-use super::meeting::{Meeter, Meeting, Places, join};
-use super::protocol::{MOST_JOINTS, Reply, Request};
-use super::trouble::{Cause, Trouble};
+use super::link_error::{LinkError, LinkErrorKind};
+use super::link_setup::{LinkAddresses, LinkConnector, LinkMode, join};
+use super::protocol::{MAX_JOINTS, Reply, Request};
 use crate::DeviceError;
 use crate::fake::AxisParameters;
 
@@ -31,17 +31,17 @@ use crate::fake::AxisParameters;
 #[derive(Clone, Debug)]
 pub struct DriverOptions {
     /// Who listens, and where. In the thesis the driver.
-    pub meeting: Meeting,
+    pub link_mode: LinkMode,
     /// How often the joints are read: 50 times a second in the thesis.
     pub period: Duration,
     /// How long an acknowledgement may take before the connection counts as broken.
-    pub patience: Duration,
+    pub timeout: Duration,
     /// How old a reading may be to be told to anybody.
-    pub trusted: Duration,
+    pub max_state_age: Duration,
     /// The pause after a connection that failed; it doubles with each that fails in a row.
-    pub first_pause: Duration,
+    pub initial_backoff: Duration,
     /// The longest such pause.
-    pub longest_pause: Duration,
+    pub max_backoff: Duration,
     /// Whether gravity compensation is switched on (`gra`) as soon as a connection is there; otherwise by setting position mode.
     pub gravity: bool,
     /// The joints of the arm, base to tool: the protocol tells neither names nor limits.
@@ -50,14 +50,14 @@ pub struct DriverOptions {
 
 impl DriverOptions {
     /// The thesis's numbers, for a WAM with seven joints.
-    pub fn new(meeting: Meeting) -> Self {
+    pub fn new(link_mode: LinkMode) -> Self {
         Self {
-            meeting,
+            link_mode,
             period: Duration::from_millis(20),
-            patience: Duration::from_secs(1),
-            trusted: Duration::from_millis(500),
-            first_pause: Duration::from_millis(50),
-            longest_pause: Duration::from_secs(1),
+            timeout: Duration::from_secs(1),
+            max_state_age: Duration::from_millis(500),
+            initial_backoff: Duration::from_millis(50),
+            max_backoff: Duration::from_secs(1),
             gravity: true,
             joints: crate::wam::parameters().to_vec(),
         }
@@ -68,7 +68,7 @@ impl DriverOptions {
 ///
 /// * A thread of its own owns the connections, reads the joints at a fixed rate and connects again by itself, with longer and
 ///   longer pauses. [`link`](Self::link) tells how it stands.
-/// * Calls that need the arm wait for its acknowledgement, at most some times the patience of the options, and fail at once while
+/// * Calls that need the arm wait for its acknowledgement, at most some times the timeout of the options, and fail at once while
 ///   there is no connection. An error says which step failed. When the connection breaks the arm holds by itself, and
 ///   nothing that was asked before is carried out later.
 /// * It offers axis info, encoders, position control, direct positions, control modes, limits, homing and variables. What the
@@ -84,7 +84,7 @@ impl DriverOptions {
 #[derive(Debug)]
 pub struct EmbeddedWam {
     shared: Arc<Shared>,
-    places: Places,
+    addresses: LinkAddresses,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -94,40 +94,40 @@ impl EmbeddedWam {
     /// Errors: [`DeviceError::Start`] if the ports to listen at are taken, or the machine has no thread left;
     /// [`DeviceError::NotSupported`] for an arm with more than seven joints or none.
     pub fn start(options: DriverOptions) -> Result<Self, DeviceError> {
-        if !(1..=MOST_JOINTS).contains(&options.joints.len()) {
+        if !(1..=MAX_JOINTS).contains(&options.joints.len()) {
             return Err(DeviceError::NotSupported {
                 what: format!("an arm with {} joints", options.joints.len()),
             });
         }
         let failed = |what| move |source| DeviceError::Start { what, source };
-        let (meeter, places) =
-            Meeter::begin(options.meeting).map_err(failed("the sockets of the driver"))?;
+        let (connector, addresses) =
+            LinkConnector::start(options.link_mode).map_err(failed("the sockets of the driver"))?;
         let shared = Arc::new(Shared::new(options));
         let theirs = Arc::clone(&shared);
         let thread = thread::Builder::new()
             .name("embedded-wam".into())
-            .spawn(move || theirs.run(&meeter))
+            .spawn(move || theirs.run(&connector))
             .map_err(failed("the thread of the driver"))?;
-        info!(arm = %places.arm, packets = %places.packets, "driver of the embedded arm started");
+        info!(arm = %addresses.arm, packets = %addresses.packets, "driver of the embedded arm started");
         Ok(Self {
             shared,
-            places,
+            addresses,
             thread: Some(thread),
         })
     }
 
     /// Where it listens or connects to.
-    pub fn places(&self) -> Places {
-        self.places
+    pub fn addresses(&self) -> LinkAddresses {
+        self.addresses
     }
 
     /// How the connection stands.
-    pub fn link(&self) -> Link {
+    pub fn link(&self) -> LinkStatus {
         self.shared.lock().link.clone()
     }
 
     /// How the rate of reading was kept, over all connections.
-    pub fn timing(&self) -> Timing {
+    pub fn timing(&self) -> CycleStatistics {
         self.shared.lock().timing
     }
 
@@ -169,24 +169,24 @@ impl EmbeddedWam {
     /// Hands a request to the thread and waits for what becomes of it.
     fn ask(&self, request: Request, goal: Goal) -> Result<Reply, DeviceError> {
         let kind = request.kind();
-        let (order, answer) = Order::new(request, goal);
+        let (order, answer) = PendingRequest::new(request, goal);
         let abandoned = Arc::clone(&order.abandoned);
         {
             let mut state = self.shared.lock();
             state.check_up(kind.step())?;
-            if let Some(older) = state.mailbox.put(order) {
+            if let Some(older) = state.pending.put(order) {
                 older.fail_as_replaced(&state.link.peer);
             }
         }
         self.wake();
-        // Everything before it in the mailbox may take its own time; one that takes too long breaks the connection.
-        let patience = self.shared.options.patience * 5;
-        answer.recv_timeout(patience).unwrap_or_else(|_| {
+        // Everything before it in the pending may take its own time; one that takes too long breaks the connection.
+        let timeout = self.shared.options.timeout * 5;
+        answer.recv_timeout(timeout).unwrap_or_else(|_| {
             abandoned.store(true, Ordering::Release);
             let state = self.shared.lock();
-            Err(state.link.failed(&Trouble {
+            Err(state.link.failed(&LinkError {
                 step: format!("{}, waiting for its turn", kind.step()),
-                cause: Cause::Silent(patience),
+                cause: LinkErrorKind::Silent(timeout),
             }))
         })
     }
@@ -209,39 +209,39 @@ impl Drop for EmbeddedWam {
 
 impl Shared {
     /// The life of the thread: connect, serve, and again.
-    fn run(&self, meeter: &Meeter) {
+    fn run(&self, connector: &LinkConnector) {
         let options = &self.options;
-        let mut backoff = Backoff::new(options.first_pause, options.longest_pause);
+        let mut backoff = Backoff::new(options.initial_backoff, options.max_backoff);
         while !self.ending.load(Ordering::Acquire) {
-            let trouble = match meeter.meet(&self.ending) {
+            let error = match connector.connect(&self.ending) {
                 Ok(None) => break,
                 Ok(Some(pair)) => {
-                    let (opened, end) = Session::run(self, meeter, pair);
+                    let (opened, end) = Session::run(self, connector, pair);
                     if opened {
                         backoff.reset();
                     }
                     match end {
                         End::Asked => break,
-                        End::Lost(trouble) => trouble,
+                        End::Lost(error) => error,
                     }
                 }
-                Err(error) => Trouble {
+                Err(error) => LinkError {
                     step: "connecting".to_owned(),
-                    cause: Cause::io(&error, options.patience),
+                    cause: LinkErrorKind::io(&error, options.timeout),
                 },
             };
-            self.lose(&trouble);
+            self.lose(&error);
             backoff.wait(&self.ending);
         }
-        self.lock().close(&Trouble {
+        self.lock().close(&LinkError {
             step: "going on".to_owned(),
-            cause: Cause::Closed,
+            cause: LinkErrorKind::Closed,
         });
     }
 
-    fn lose(&self, trouble: &Trouble) {
+    fn lose(&self, error: &LinkError) {
         let mut state = self.lock();
-        state.lose(trouble);
+        state.lose(error);
         state.link.failures += 1;
     }
 }

@@ -1,8 +1,8 @@
 //! The embedded server: what the arm's PC runs.
 
-mod arm;
-mod motion;
-mod session;
+mod motion_completion;
+mod node_arm;
+mod node_session;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -11,36 +11,36 @@ use std::time::Duration;
 
 use tracing::{info, warn};
 
-use self::arm::Arm;
-use self::session::{End, Session};
+use self::node_arm::Arm;
+use self::node_session::{End, Session};
 use super::backoff::Backoff;
-use super::meeting::{Meeter, Meeting, Places, join};
+use super::link_setup::{LinkAddresses, LinkConnector, LinkMode, join};
 use crate::{Device, DeviceError};
 
 /// How a server runs.
 #[derive(Clone, Copy, Debug)]
 pub struct NodeOptions {
     /// Who listens, and where. In the thesis the driver does, so that the server connects.
-    pub meeting: Meeting,
+    pub link_mode: LinkMode,
     /// How long the rest of a request that has begun may take, and a client to take an answer.
-    pub patience: Duration,
+    pub timeout: Duration,
     /// How long a client may say nothing before it counts as gone. Our driver asks for the joints all the time.
-    pub silence: Duration,
+    pub idle_timeout: Duration,
     /// The pause after a connection that ended; it doubles with each that fails in a row.
-    pub first_pause: Duration,
+    pub initial_backoff: Duration,
     /// The longest such pause.
-    pub longest_pause: Duration,
+    pub max_backoff: Duration,
 }
 
 impl NodeOptions {
     /// A second for the rest of a request, five of silence, and an attempt to connect each second.
-    pub fn new(meeting: Meeting) -> Self {
+    pub fn new(link_mode: LinkMode) -> Self {
         Self {
-            meeting,
-            patience: Duration::from_secs(1),
-            silence: Duration::from_secs(5),
-            first_pause: Duration::from_millis(50),
-            longest_pause: Duration::from_secs(1),
+            link_mode,
+            timeout: Duration::from_secs(1),
+            idle_timeout: Duration::from_secs(5),
+            initial_backoff: Duration::from_millis(50),
+            max_backoff: Duration::from_secs(1),
         }
     }
 }
@@ -69,7 +69,7 @@ pub struct NodeStatus {
 #[derive(Debug)]
 pub struct WamNode {
     shared: Arc<Shared>,
-    places: Places,
+    addresses: LinkAddresses,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -95,25 +95,25 @@ impl WamNode {
         let arm = Arm::new(device)?;
         arm.rest()?;
         let failed = |what| move |source| DeviceError::Start { what, source };
-        let (meeter, places) =
-            Meeter::begin(options.meeting).map_err(failed("the sockets of the arm's server"))?;
+        let (connector, addresses) = LinkConnector::start(options.link_mode)
+            .map_err(failed("the sockets of the arm's server"))?;
         let shared = Arc::new(Shared::default());
         let theirs = Arc::clone(&shared);
         let thread = thread::Builder::new()
             .name("wam-node".into())
-            .spawn(move || theirs.run(&meeter, arm, &options))
+            .spawn(move || theirs.run(&connector, arm, &options))
             .map_err(failed("the thread of the arm's server"))?;
-        info!(arm = %places.arm, packets = %places.packets, "server of the arm started");
+        info!(arm = %addresses.arm, packets = %addresses.packets, "server of the arm started");
         Ok(Self {
             shared,
-            places,
+            addresses,
             thread: Some(thread),
         })
     }
 
     /// Where it listens or connects to.
-    pub fn places(&self) -> Places {
-        self.places
+    pub fn addresses(&self) -> LinkAddresses {
+        self.addresses
     }
 
     /// How it stands.
@@ -132,11 +132,11 @@ impl Drop for WamNode {
 }
 
 impl Shared {
-    fn run(&self, meeter: &Meeter, mut arm: Arm, options: &NodeOptions) {
-        let mut backoff = Backoff::new(options.first_pause, options.longest_pause);
+    fn run(&self, connector: &LinkConnector, mut arm: Arm, options: &NodeOptions) {
+        let mut backoff = Backoff::new(options.initial_backoff, options.max_backoff);
         let mut told = String::new();
         while !self.ending.load(Ordering::Acquire) {
-            match meeter.meet(&self.ending) {
+            match connector.connect(&self.ending) {
                 Ok(None) => break,
                 Ok(Some(pair)) => {
                     {
@@ -144,14 +144,14 @@ impl Shared {
                         status.connected = true;
                         status.sessions += 1;
                     }
-                    let (served, end) = Session::run(self, meeter, &mut arm, options, pair);
+                    let (served, end) = Session::run(self, connector, &mut arm, options, pair);
                     arm.hold();
                     if served > 0 {
                         backoff.reset();
                     }
                     match &end {
                         End::Shutdown => info!("the client said goodbye; the arm holds"),
-                        End::Lost(trouble) => warn!(%trouble, "the client is gone; the arm holds"),
+                        End::Lost(error) => warn!(%error, "the client is gone; the arm holds"),
                     }
                     let mut status = self.status();
                     status.connected = false;

@@ -16,18 +16,18 @@
 //! assert_eq!(driver.push(&Reply::Joints(vec![0.5; 7]).to_bytes()), Ok(Some(Reply::Joints(vec![0.5; 7]))));
 //! ```
 
-mod error;
-mod numbers;
-mod packet;
-mod reply;
-mod request;
+mod async_packet;
+mod embedded_reply;
+mod embedded_request;
+mod number_encoding;
+mod protocol_error;
 
-pub use error::ProtocolError;
-pub use packet::{ARM, HAND, Packet, PacketReader, TRAJECTORY};
-pub use reply::{Reply, ReplyReader};
-pub use request::{Kind, Request, RequestReader};
+pub use async_packet::{ARM, HAND, Packet, PacketReader, TRAJECTORY};
+pub use embedded_reply::{Reply, ReplyReader};
+pub use embedded_request::{Kind, Request, RequestReader};
+pub use protocol_error::ProtocolError;
 
 /// The most joints an arm of this protocol has.
-pub const MOST_JOINTS: usize = 7;
+pub const MAX_JOINTS: usize = 7;
 /// Place (m) and orientation (rad) together.
 pub const POSE: usize = 6;

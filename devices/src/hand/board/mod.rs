@@ -1,11 +1,11 @@
 //! The hand as a control board of four axes: `finger_1`, `finger_2`, `finger_3`, `spread`.
 //!
 //! A thread of its own keeps the hand in RealTime mode: each round it tells the motors their speeds and gets their
-//! positions, some sixty times a second at 9600 bits per second. Paths come from the same [`Model`] as those of the
+//! positions, some sixty times a second at 9600 bits per second. Paths come from the same [`AxesModel`] as those of the
 //! simulated arm. A grasp, or any other command of the hand's own language, interrupts that until it has ended.
 
-mod follow;
 mod interfaces;
+mod position_servo;
 
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -16,23 +16,23 @@ use std::time::{Duration, Instant};
 
 use tracing::{info, warn};
 
-use self::follow::Follower;
-use super::control::GclLine;
-use super::driver::BarrettHand;
-use super::error::HandError;
-use super::gcl::{Feedback, Layout, MotorLayout, Motors, Reply, Status};
+use self::position_servo::PositionServo;
+use super::gcl::{Feedback, Layout, MotorLayout, MotorSet, Reply, Status};
+use super::gcl_connection::GclConnection;
+use super::hand_error::HandError;
+use super::serial_driver::BarrettHand;
 use crate::clock::wall_clock;
-use crate::fake::{AxisParameters, Model};
+use crate::fake::{AxesModel, AxisParameters};
 use crate::{Axes, DeviceError, JointType, Limits};
 
 /// How many axes it has.
 const AXES: usize = 4;
 /// How long it waits before it looks again for a hand that is not there, or not initialised.
-const PAUSE: Duration = Duration::from_millis(100);
+const RETRY_INTERVAL: Duration = Duration::from_millis(100);
 /// How often it is looked whether an abort was passed on.
-const LOOK: Duration = Duration::from_millis(1);
+const ABORT_POLL_INTERVAL: Duration = Duration::from_millis(1);
 /// How long a command of the hand's own language is waited for at most, with all that may go before it.
-const LONGEST: Duration = Duration::from_secs(120);
+const COMMAND_TIMEOUT: Duration = Duration::from_secs(120);
 
 /// A hand as a control board, and as a hand.
 ///
@@ -69,14 +69,14 @@ struct Shared {
 }
 
 struct State {
-    set_points: Model,
+    set_points: AxesModel,
     readiness: Readiness,
     /// What was measured, degrees and per second.
     measured: [Measured; AXES],
     /// Seconds since the start of 1970; `None` before the first.
     time: Option<f64>,
     /// What is to be carried out next.
-    job: Option<Job>,
+    job: Option<QueuedCommands>,
     /// Whether the hand carries one out.
     running: bool,
     /// Whether somebody waits for the end of one.
@@ -99,19 +99,19 @@ enum Readiness {
 }
 
 /// Lines of the hand's language, and where their answers go.
-struct Job {
+struct QueuedCommands {
     lines: Vec<String>,
     answers: SyncSender<Result<Vec<Reply>, HandError>>,
 }
 
 /// The answer to a job, which goes out when it is dropped.
-struct Answer<'s> {
+struct ReplyOnDrop<'s> {
     shared: &'s Shared,
     to: SyncSender<Result<Vec<Reply>, HandError>>,
     outcome: Option<Result<Vec<Reply>, HandError>>,
 }
 
-impl Drop for Answer<'_> {
+impl Drop for ReplyOnDrop<'_> {
     fn drop(&mut self) {
         self.shared.state().at_work = false;
         if let Some(outcome) = self.outcome.take() {
@@ -129,7 +129,7 @@ impl HandBoard {
         let shared = Arc::new(Shared {
             hand,
             state: Mutex::new(State {
-                set_points: Model::new(parameters()),
+                set_points: AxesModel::new(parameters()),
                 readiness: Readiness::NotInitialised,
                 measured: Default::default(),
                 time: None,
@@ -199,7 +199,7 @@ impl Shared {
                     self.tell(&error);
                     let state = self.state();
                     if state.job.is_none() && !self.is_ending() {
-                        drop(self.news.wait_timeout(state, PAUSE));
+                        drop(self.news.wait_timeout(state, RETRY_INTERVAL));
                     }
                 }
             }
@@ -207,7 +207,7 @@ impl Shared {
     }
 
     /// Carries out what was asked for in the hand's own language.
-    fn work(&self) -> Option<Answer<'_>> {
+    fn work(&self) -> Option<ReplyOnDrop<'_>> {
         let job = {
             let mut state = self.state();
             let job = state.job.take()?;
@@ -226,7 +226,7 @@ impl Shared {
         {
             self.tell(error);
         }
-        Some(Answer {
+        Some(ReplyOnDrop {
             shared: self,
             to: job.answers,
             outcome: Some(outcome),
@@ -235,10 +235,10 @@ impl Shared {
 
     /// Stays in RealTime mode until there is something else to do. The answer goes out once the axes take orders again, or
     /// cannot.
-    fn realtime(&self, answer: Option<Answer<'_>>) -> Result<(), HandError> {
+    fn realtime(&self, answer: Option<ReplyOnDrop<'_>>) -> Result<(), HandError> {
         let mut session = self.hand.realtime(layout())?;
         let feedback = session.ask()?;
-        let mut follower = Follower::new(&feedback, Instant::now());
+        let mut follower = PositionServo::new(&feedback, Instant::now());
         self.begin(&mut follower, &feedback);
         drop(answer);
         loop {
@@ -260,7 +260,7 @@ impl Shared {
     }
 
     /// The motors answer: set points begin where they are.
-    fn begin(&self, follower: &mut Follower, feedback: &Feedback) {
+    fn begin(&self, follower: &mut PositionServo, feedback: &Feedback) {
         let mut guard = self.state();
         let state = &mut *guard;
         let before = std::mem::replace(&mut state.readiness, Readiness::Ready);
@@ -293,7 +293,7 @@ impl Shared {
     }
 }
 
-impl GclLine for HandBoard {
+impl GclConnection for HandBoard {
     fn peer(&self) -> &str {
         self.shared.hand.path()
     }
@@ -308,10 +308,10 @@ impl GclLine for HandBoard {
             }
             state.at_work = true;
             let lines = lines.to_vec();
-            state.job = Some(Job { lines, answers });
+            state.job = Some(QueuedCommands { lines, answers });
         }
         self.shared.news.notify_all();
-        let deadline = LONGEST * (lines.len().max(1) as u32);
+        let deadline = COMMAND_TIMEOUT * (lines.len().max(1) as u32);
         match answer.recv_timeout(deadline) {
             Ok(outcome) => outcome,
             Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {
@@ -345,19 +345,19 @@ impl GclLine for HandBoard {
             // With the state held, so that it is for this job and no other.
             self.shared.hand.set_abort(true);
         }
-        let deadline = Instant::now() + LONGEST;
+        let deadline = Instant::now() + COMMAND_TIMEOUT;
         while self.shared.hand.is_abort_set() {
             if Instant::now() > deadline {
                 let doing = "a command that does not end".to_owned();
                 return Err(HandError::Busy { doing });
             }
-            thread::sleep(LOOK);
+            thread::sleep(ABORT_POLL_INTERVAL);
         }
         Ok(())
     }
 
     fn is_connected(&self) -> bool {
-        GclLine::is_connected(&self.shared.hand)
+        GclConnection::is_connected(&self.shared.hand)
     }
 }
 
@@ -368,7 +368,7 @@ fn layout() -> Layout {
         position: true,
         ..MotorLayout::default()
     };
-    Layout::same(Motors::ALL, motor)
+    Layout::same(MotorSet::ALL, motor)
 }
 
 /// What the axes are built like: ranges of the data sheet, speeds up to what a block can say.

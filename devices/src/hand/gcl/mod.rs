@@ -2,12 +2,12 @@
 //!
 //! | file | what it is about |
 //! | --- | --- |
-//! | `motors` | the four motors, and the prefix of a command |
-//! | `parameter` | what can be set and read, with ranges |
-//! | `command` | a command as a value, written and read |
-//! | `status` | the bits of an error |
-//! | `reply` | where an answer ends, and what it says |
-//! | `realtime` | the blocks of RealTime mode |
+//! | `motor_set` | the four motors, and the prefix of a command |
+//! | `gcl_parameter` | what can be set and read, with ranges |
+//! | `gcl_command` | a command as a value, written and read |
+//! | `status_code` | the bits of an error |
+//! | `gcl_reply` | where an answer ends, and what it says |
+//! | `realtime_blocks` | the blocks of RealTime mode |
 //!
 //! No line, thread or clock here; the driver and the simulated hand share it. Any split of the bytes gives the same
 //! answer.
@@ -15,18 +15,18 @@
 //! Source: Barrett, *BH8-Series User's Manual*, firmware 4.3x and 4.4.x, chapters 5 to 7; tables 20 to 23 of the
 //! thesis. What they leave open is marked where it is decided.
 
-mod command;
-mod motors;
-mod parameter;
-mod realtime;
-mod reply;
-mod status;
+mod gcl_command;
+mod gcl_parameter;
+mod gcl_reply;
+mod motor_set;
+mod realtime_blocks;
+mod status_code;
 
-pub use command::{Command, Kept, Listing, Verb};
-pub use motors::{Finger, Motor, Motors};
-pub use parameter::{Parameter, Scope};
-pub use realtime::{
+pub use gcl_command::{Command, Listing, SettingsCommand, Verb};
+pub use gcl_parameter::{Parameter, Scope};
+pub use gcl_reply::{ABORT, BANNER, MAX_REPLY, PROMPT, Reply, ReplyError, ReplyReader};
+pub use motor_set::{Finger, Motor, MotorSet};
+pub use realtime_blocks::{
     BlockError, Control, Feedback, Header, Layout, MotorControl, MotorFeedback, MotorLayout,
 };
-pub use reply::{ABORT, BANNER, MAX_REPLY, PROMPT, Reply, ReplyError, ReplyReader};
-pub use status::{Status, StatusBits};
+pub use status_code::{Status, StatusBits};

@@ -14,20 +14,22 @@
 //!
 //! | file | what it is about |
 //! | --- | --- |
-//! | `messages` | the bytes; no socket |
-//! | `driver` | [`RemoteHand`]: waits for the server and gives it requests |
-//! | `server` | [`HandNode`]: what runs beside the hand |
+//! | `node_protocol` | the bytes; no socket |
+//! | `remote_hand` | [`RemoteHand`]: waits for the server and gives it requests |
+//! | `node_server` | [`HandNode`]: what runs beside the hand |
 //!
 //! Source: tables 4 and 17 of the thesis. What it leaves open (the end of a line, what a refusal says, how ^C goes
 //! through) is decided here: the 00, the text behind `q`, and the port 4322 are ours.
 
-mod driver;
-mod messages;
-mod server;
+mod node_protocol;
+mod node_server;
+mod remote_hand;
 
-pub use driver::{RemoteHand, RemoteHandOptions};
-pub use messages::{MAX_LINE, NodeReply, NodeReplyReader, Request, RequestError, RequestReader};
-pub use server::HandNode;
+pub use node_protocol::{
+    MAX_LINE, NodeReply, NodeReplyReader, Request, RequestError, RequestReader,
+};
+pub use node_server::HandNode;
+pub use remote_hand::{RemoteHand, RemoteHandOptions};
 
 /// The port on which the driver waits for the server.
 pub const PORT: u16 = 4322;

@@ -1,30 +1,30 @@
 //! The interpreter: what comes down the line, and what the hand does and says.
 
 use super::super::gcl::{
-    ABORT, BANNER, Command, Control, Feedback, Header, Layout, Motor, MotorFeedback, Motors,
+    ABORT, BANNER, Command, Control, Feedback, Header, Layout, Motor, MotorFeedback, MotorSet,
     PROMPT, Parameter, Scope, Status, Verb,
 };
-use super::motion::{Motion, Purpose, strain};
-use super::motor::{Drive, Object, SimulatedMotor};
-use super::settings::Settings;
+use super::hand_motion::{Motion, Purpose, strain};
+use super::parameter_values::Settings;
+use super::simulated_motor::{Drive, Object, SimulatedMotor};
 
 /// How long the hand needs after power-up until it listens, s.
-const BOOTING: f64 = 0.5;
+const BOOT_TIME: f64 = 0.5;
 /// The longest piece of time in which nothing is looked at, s.
-const STEP: f64 = 0.001;
+const MAX_STEP: f64 = 0.001;
 /// The longest line; what is typed beyond is not repeated.
-const LONGEST_LINE: usize = 255;
+const MAX_LINE_BYTES: usize = 255;
 /// Counts/s of a unit of speed in RealTime.
 const REALTIME_UNIT: f64 = 100.0;
 /// Fingers closed farther than this are in the way of the spread, counts.
-const IN_THE_WAY: f64 = 14000.0;
+const SPREAD_CLEARANCE: f64 = 14000.0;
 /// Of the room, °C; how fast the hand cools down to it, 1/s; what a pushing and a moving motor add, °C/s.
-const ROOM: f64 = 35.0;
-const COOLING: f64 = 1.0 / 300.0;
-const PUSHING_HEATS: f64 = 2.0;
-const MOVING_HEATS: f64 = 0.02;
+const ROOM_TEMPERATURE: f64 = 35.0;
+const COOLING_RATE: f64 = 1.0 / 300.0;
+const PUSHING_HEAT_RATE: f64 = 2.0;
+const MOVING_HEAT_RATE: f64 = 0.02;
 /// How far below its limit a hot hand must cool before it moves again, °C.
-const COOLED: f64 = 5.0;
+const COOLING_MARGIN: f64 = 5.0;
 
 /// The hand's processor, motors and all: bytes and time in, bytes out.
 ///
@@ -42,7 +42,7 @@ pub struct Firmware {
     state: State,
     settings: Settings,
     motors: [SimulatedMotor; 4],
-    initialised: Motors,
+    initialised: MotorSet,
     /// °C.
     temperature: f64,
     peak: f64,
@@ -84,12 +84,12 @@ impl Firmware {
     /// A hand that has just got power, with its fingers somewhere.
     pub fn new() -> Self {
         Self {
-            state: State::Booting(BOOTING),
+            state: State::Booting(BOOT_TIME),
             settings: Settings::new(),
             motors: Motor::ALL.map(SimulatedMotor::new),
-            initialised: Motors::NONE,
-            temperature: ROOM,
-            peak: ROOM,
+            initialised: MotorSet::NONE,
+            temperature: ROOM_TEMPERATURE,
+            peak: ROOM_TEMPERATURE,
             hot: false,
             up: 0.0,
             frozen: false,
@@ -99,9 +99,9 @@ impl Firmware {
 
     /// Takes its power and gives it back: it forgets what was not saved, and fingers stay where they are.
     pub fn restart(&mut self) {
-        self.state = State::Booting(BOOTING);
+        self.state = State::Booting(BOOT_TIME);
         self.settings.restart();
-        self.initialised = Motors::NONE;
+        self.initialised = MotorSet::NONE;
         self.up = 0.0;
         self.motors.iter_mut().for_each(SimulatedMotor::stop);
     }
@@ -121,7 +121,7 @@ impl Firmware {
                         self.execute(&line);
                     }
                     b'\n' => {}
-                    _ if line.len() < LONGEST_LINE => {
+                    _ if line.len() < MAX_LINE_BYTES => {
                         line.push(byte);
                         self.output.push(byte);
                     }
@@ -138,7 +138,7 @@ impl Firmware {
     pub fn advance(&mut self, seconds: f64) {
         let mut left = seconds;
         while left > 0.0 {
-            let step = left.min(STEP);
+            let step = left.min(MAX_STEP);
             left -= step;
             self.step(step);
         }
@@ -187,7 +187,9 @@ impl Firmware {
     fn step(&mut self, seconds: f64) {
         self.up += seconds;
         let positions = self.positions();
-        let fingers_block = positions[..3].iter().any(|position| *position > IN_THE_WAY);
+        let fingers_block = positions[..3]
+            .iter()
+            .any(|position| *position > SPREAD_CLEARANCE);
         self.motors[Motor::Spread.index()].blocked = fingers_block;
         for motor in self.motors.iter_mut().filter(|_| !self.frozen) {
             motor.step(seconds);
@@ -218,15 +220,17 @@ impl Firmware {
             .motors
             .iter()
             .map(|motor| match motor {
-                motor if motor.pushing() > 0.0 => PUSHING_HEATS,
-                motor if motor.speed() != 0.0 => MOVING_HEATS,
+                motor if motor.pushing() > 0.0 => PUSHING_HEAT_RATE,
+                motor if motor.speed() != 0.0 => MOVING_HEAT_RATE,
                 _ => 0.0,
             })
             .sum();
-        self.temperature += (heating - (self.temperature - ROOM) * COOLING) * seconds;
+        self.temperature +=
+            (heating - (self.temperature - ROOM_TEMPERATURE) * COOLING_RATE) * seconds;
         self.peak = self.peak.max(self.temperature);
         let limit = f64::from(self.settings.hand("OTEMP")) / 10.0;
-        self.hot = self.temperature > limit || (self.hot && self.temperature > limit - COOLED);
+        self.hot =
+            self.temperature > limit || (self.hot && self.temperature > limit - COOLING_MARGIN);
     }
 
     /// The motion is over.
@@ -237,7 +241,7 @@ impl Firmware {
             State::Moving(motion) => {
                 let status = motion.status.and(status);
                 if motion.purpose == Purpose::Initialise && status.is_fine() {
-                    self.initialised = motion.motors.iter().fold(self.initialised, Motors::with);
+                    self.initialised = motion.motors.iter().fold(self.initialised, MotorSet::with);
                 }
                 status
             }
@@ -320,7 +324,7 @@ impl Firmware {
     }
 
     /// Begins a motion or RealTime, if nothing speaks against it.
-    fn set_off(&mut self, motors: Motors, verb: &Verb) {
+    fn set_off(&mut self, motors: MotorSet, verb: &Verb) {
         let ready = motors.iter().all(|motor| self.initialised.contains(motor));
         if !ready && *verb != Verb::Initialise {
             return self.complain(Status::NOT_INITIALISED);
@@ -335,11 +339,11 @@ impl Firmware {
         self.state = State::Moving(motion);
     }
 
-    fn enabled(&self) -> Motors {
-        Motors::ALL
+    fn enabled(&self) -> MotorSet {
+        MotorSet::ALL
             .iter()
             .filter(|motor| self.settings.motor("EN", *motor) != 0)
-            .fold(Motors::NONE, Motors::with)
+            .fold(MotorSet::NONE, MotorSet::with)
     }
 
     /// What a parameter is now.
@@ -370,7 +374,7 @@ impl Firmware {
         }
     }
 
-    fn enter_realtime(&mut self, motors: Motors) {
+    fn enter_realtime(&mut self, motors: MotorSet) {
         let value = |name: &str, motor| self.settings.motor(name, motor);
         let temperature = self.settings.hand("LFT") != 0;
         self.state = State::RealTime(Loop {
@@ -491,9 +495,9 @@ impl Firmware {
 }
 
 /// The motors that a value is about: a parameter of the hand has one value.
-fn about(scope: Scope, motors: Motors) -> Motors {
+fn about(scope: Scope, motors: MotorSet) -> MotorSet {
     match scope {
         Scope::Motor => motors,
-        Scope::Hand => Motors::from(Motor::F1),
+        Scope::Hand => MotorSet::from(Motor::F1),
     }
 }

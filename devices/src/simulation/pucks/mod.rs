@@ -1,22 +1,22 @@
 //! An arm as its CAN bus shows it: seven pucks and a safety module, with the mechanics behind them.
 
-mod motor;
-mod safety;
-mod serve;
+mod motor_puck;
+mod puck_bus_server;
+mod safety_puck;
 
 use std::time::Duration;
 
-use motor::MotorPuck;
-use safety::SafetyPuck;
-pub use serve::serve_pucks;
+use motor_puck::MotorPuck;
+pub use puck_bus_server::serve_pucks;
+use safety_puck::SafetyPuck;
 
 use super::{SafetyMode, Simulator, SimulatorOptions};
-use crate::can::Frame;
-use crate::can::puck::{Address, Group, Message, Node, Property, Target, mode};
+use crate::can::CanFrame;
+use crate::can::puck::{Address, Group, Node, PuckMessage, PuckProperty, Target, mode};
 use crate::wam::{AXES, WamModel};
 
 /// How often the safety module broadcasts something of its own.
-const BROADCAST: Duration = Duration::from_secs(1);
+const BROADCAST_INTERVAL: Duration = Duration::from_secs(1);
 /// To group 0 from node 10; what is in it is not published.
 const BROADCAST_ID: u16 = 0x540;
 
@@ -30,14 +30,14 @@ const BROADCAST_ID: u16 = 0x540;
 /// For tests, pucks can fall silent or restart, and the pendant has buttons.
 ///
 /// ```
-/// use yarp_devices::can::Frame;
+/// use yarp_devices::can::CanFrame;
 /// use yarp_devices::simulation::{SimulatedPucks, SimulatorOptions};
 /// use yarp_devices::wam::WamModel;
 ///
 /// let mut pucks = SimulatedPucks::new(WamModel::<7>::new(), SimulatorOptions::default());
 /// let mut answers = Vec::new();
 /// // Puck 1, what state are you in? Just switched on.
-/// pucks.receive(&Frame::new(0x001, &[0x05]).unwrap(), &mut answers);
+/// pucks.receive(&CanFrame::new(0x001, &[0x05]).unwrap(), &mut answers);
 /// assert_eq!(answers[0].to_string(), "426: 85 00 00 00");
 /// ```
 #[derive(Clone, Debug)]
@@ -74,8 +74,8 @@ impl SimulatedPucks {
     }
 
     /// Hears a frame; answers are added to `answers`.
-    pub fn receive(&mut self, frame: &Frame, answers: &mut Vec<Frame>) {
-        let Ok((address, message)) = Message::read(frame) else {
+    pub fn receive(&mut self, frame: &CanFrame, answers: &mut Vec<CanFrame>) {
+        let Ok((address, message)) = PuckMessage::read(frame) else {
             return;
         };
         if address.from != Node::HOST {
@@ -87,8 +87,8 @@ impl SimulatedPucks {
             if self.silent[usize::from(node.number())] || !puck.listens(address.to, node) {
                 continue;
             }
-            self.commanded |= matches!(message, Message::Torques(_));
-            if let Some((group, answer)) = puck.hear(message, counts[motor]) {
+            self.commanded |= matches!(message, PuckMessage::Torques(_));
+            if let Some((group, answer)) = puck.handle_message(message, counts[motor]) {
                 answers.push(answer.frame(Address {
                     from: node,
                     to: group.into(),
@@ -98,8 +98,8 @@ impl SimulatedPucks {
         if self.silent[usize::from(Node::SAFETY.number())] {
             return;
         }
-        if let Message::Value {
-            property: Property::P,
+        if let PuckMessage::Value {
+            property: PuckProperty::P,
             ..
         } = message
             && address.to != Target::Node(Node::SAFETY)
@@ -108,7 +108,9 @@ impl SimulatedPucks {
                 .see_position_written(self.simulator.safety_mut());
         }
         if address.to == Target::Node(Node::SAFETY)
-            && let Some(answer) = self.safety.hear(message, self.simulator.safety_mut())
+            && let Some(answer) = self
+                .safety
+                .handle_message(message, self.simulator.safety_mut())
         {
             answers.push(answer.frame(Address {
                 from: Node::SAFETY,
@@ -119,7 +121,7 @@ impl SimulatedPucks {
     }
 
     /// Lets time pass, in whole control periods; the rest is kept. Frames that come of it are added to `frames`.
-    pub fn advance(&mut self, time: Duration, frames: &mut Vec<Frame>) {
+    pub fn advance(&mut self, time: Duration, frames: &mut Vec<CanFrame>) {
         let period = self.simulator.options().period;
         self.owed += time;
         while !period.is_zero() && self.owed >= period {
@@ -128,9 +130,9 @@ impl SimulatedPucks {
             self.switch(frames);
         }
         self.since_broadcast += time;
-        if self.since_broadcast >= BROADCAST {
+        if self.since_broadcast >= BROADCAST_INTERVAL {
             self.since_broadcast = Duration::ZERO;
-            frames.extend(Frame::new(BROADCAST_ID, &[0x2B, 0, 0]));
+            frames.extend(CanFrame::new(BROADCAST_ID, &[0x2B, 0, 0]));
         }
     }
 
@@ -147,12 +149,12 @@ impl SimulatedPucks {
         self.simulator.step_units(commanded.then_some(&units));
         let temperatures = self.simulator.temperatures();
         for (puck, temperature) in self.motors.iter_mut().zip(temperatures) {
-            puck.feel(temperature);
+            puck.set_temperature(temperature);
         }
     }
 
     /// The safety module switches the motors when its mode has changed.
-    fn switch(&mut self, frames: &mut Vec<Frame>) {
+    fn switch(&mut self, frames: &mut Vec<CanFrame>) {
         let now = self.simulator.safety().mode();
         if now == self.switched {
             return;
@@ -164,8 +166,8 @@ impl SimulatedPucks {
         };
         for (motor, puck) in self.motors.iter_mut().enumerate() {
             puck.switch(value);
-            let order = Message::Value {
-                property: Property::MODE,
+            let order = PuckMessage::Value {
+                property: PuckProperty::MODE,
                 value,
             };
             frames.push(order.frame(Address {
@@ -178,13 +180,13 @@ impl SimulatedPucks {
     /// Whether a frame is the question that a control period begins with: where all motors are.
     ///
     /// Whoever wants an arm whose time goes with the traffic, and not with the clock, lets a period pass for each.
-    pub fn asks_for_positions(frame: &Frame) -> bool {
+    pub fn asks_for_positions(frame: &CanFrame) -> bool {
         matches!(
-            Message::read(frame),
+            PuckMessage::read(frame),
             Ok((
                 Address { from: Node::HOST, to: Target::Group(_) },
-                Message::Get(property),
-            )) if property == Property::P
+                PuckMessage::Get(property),
+            )) if property == PuckProperty::P
         )
     }
 

@@ -8,12 +8,12 @@
 //! of joint and cables takes is not felt, so that a joint stays up to friction over stiffness off its set point.
 
 use super::{ArmControl, Stream};
-use crate::simulation::Order;
+use crate::simulation::JointCommand;
 use crate::wam::AXES;
 use crate::{Axes, AxisIndex, DeviceError, Impedance, ImpedanceLimits, Interaction, Limits, Mode};
 
 /// How soft a joint is that was told nothing, beside its position loop.
-const SOFTNESS: f64 = 10.0;
+const DEFAULT_SOFTNESS: f64 = 10.0;
 
 /// How a joint meets the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,7 +30,7 @@ impl Compliance {
         Self {
             yields: false,
             impedance: Impedance {
-                stiffness: limits.stiffness.max / SOFTNESS,
+                stiffness: limits.stiffness.max / DEFAULT_SOFTNESS,
                 damping: limits.damping.max,
             },
             offset: 0.0,
@@ -45,17 +45,17 @@ impl Compliance {
 
 impl ArmControl {
     /// What brings a joint to a place, degrees, that moves with a speed.
-    pub(super) fn towards(&self, joint: usize, place: f64, speed: f64) -> Order {
+    pub(super) fn towards(&self, joint: usize, place: f64, speed: f64) -> JointCommand {
         let compliance = &self.compliance[joint];
         if !compliance.yields {
-            return Order::At(place.to_radians());
+            return JointCommand::At(place.to_radians());
         }
         let now = &self.measured[joint];
         let Impedance { stiffness, damping } = compliance.impedance;
         let torque = stiffness * (place - now.position)
             + damping * (speed - now.velocity)
             + compliance.offset;
-        Order::Drive(self.range_of_loop(joint).clamp(torque))
+        JointCommand::Drive(self.range_of_loop(joint).clamp(torque))
     }
 
     /// As [`InteractionMode::interactions`](crate::InteractionMode::interactions).

@@ -1,18 +1,18 @@
 //! What the control computer of an arm does behind the calls of the device interfaces; stepped by its owner.
 
 mod compliance;
-mod currents;
+mod motor_currents;
 
 use std::time::Duration;
 
 use self::compliance::Compliance;
-pub(crate) use self::currents::UNITS_PER_AMPERE;
+pub(crate) use self::motor_currents::UNITS_PER_AMPERE;
 use super::units::{degrees, gains_per_degree, gains_per_radian};
 use super::{AXES, WamModel, parameters};
 use crate::dynamics::Body;
-use crate::fake::{Model, MotionState};
+use crate::fake::{AxesModel, MotionState};
 use crate::kinematics::Joints;
-use crate::simulation::{Controller, Gains, Order};
+use crate::simulation::{Gains, JointCommand, JointControllers};
 use crate::{Axes, AxisIndex, DeviceError, Limits, Mode};
 
 /// What a joint can be set to.
@@ -27,22 +27,22 @@ const MODES: [Mode; 6] = [
 /// The low-pass behind the difference quotient of positions, rad/s (libbarrett, `wam7w.conf`).
 const SPEED_FILTER: f64 = 180.0;
 /// A joint slower than this stands, deg/s: less than what one count of an encoder makes of it.
-const STANDING: f64 = 1.0;
+const STANDSTILL_SPEED: f64 = 1.0;
 
 /// Moves, streams, loops and modes of a seven-joint arm, from encoder counts to torques, in **degrees**.
 ///
 /// The methods are those of the interfaces in [`iface`](crate::iface) and keep their contracts, with what a machine
 /// adds: a move ends near its target, as near as gains and friction allow; encoders count; while the machine is
 /// not [ready](Self::set_ready) all joints are in [`Mode::HardwareFault`]. Set points come from the same
-/// [`Model`] as those of [`SimulatedWam`](super::SimulatedWam).
+/// [`AxesModel`] as those of [`SimulatedWam`](super::SimulatedWam).
 ///
 /// What turns torques into motion is not in here: [`DynamicArm`](super::DynamicArm) has a simulator for it,
 /// [`CanWam`](super::can::CanWam) an arm on its bus.
 #[derive(Clone, Debug)]
 pub struct ArmControl {
     model: WamModel<AXES>,
-    set_points: Model,
-    controller: Controller<AXES>,
+    set_points: AxesModel,
+    controller: JointControllers<AXES>,
     period: Duration,
     counts: [i32; AXES],
     /// What the last period drove the joints with, Nm.
@@ -54,12 +54,12 @@ pub struct ArmControl {
     compliance: [Compliance; AXES],
     load: Body,
     ready: bool,
-    trouble: Option<Trouble>,
+    error: Option<ArmError>,
 }
 
 /// Why the machine cannot be reached, for whoever commands it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Trouble {
+pub struct ArmError {
     /// Who should answer, for instance `the arm on can0`.
     pub peer: String,
     /// What was being done, and what happened.
@@ -68,12 +68,12 @@ pub struct Trouble {
     pub advice: String,
 }
 
-impl From<&Trouble> for DeviceError {
-    fn from(trouble: &Trouble) -> Self {
+impl From<&ArmError> for DeviceError {
+    fn from(error: &ArmError) -> Self {
         Self::Remote {
-            peer: trouble.peer.clone(),
-            step: trouble.step.clone(),
-            advice: trouble.advice.clone(),
+            peer: error.peer.clone(),
+            step: error.step.clone(),
+            advice: error.advice.clone(),
             source: None,
         }
     }
@@ -95,12 +95,12 @@ enum Stream {
 impl ArmControl {
     /// Control of an arm at rest at these counts, ready, in position mode.
     pub fn new(model: WamModel<AXES>, period: Duration, counts: [i32; AXES]) -> Self {
-        let controller = Controller::new(model.clone(), period);
+        let controller = JointControllers::new(model.clone(), period);
         let compliance =
             std::array::from_fn(|joint| Compliance::stiff(Self::largest_impedance(&model, joint)));
         let mut control = Self {
             model,
-            set_points: Model::new(parameters()),
+            set_points: AxesModel::new(parameters()),
             controller,
             period,
             counts,
@@ -111,7 +111,7 @@ impl ArmControl {
             compliance,
             load: Body::default(),
             ready: true,
-            trouble: None,
+            error: None,
         };
         control.forget_motion(counts);
         control
@@ -128,11 +128,11 @@ impl ArmControl {
             }
             match self.streams[joint] {
                 Stream::Position(place) => self.towards(joint, place, 0.0),
-                Stream::Torque(torque) => Order::Drive(torque),
-                Stream::Current => Order::Drive(by_current[joint]),
+                Stream::Torque(torque) => JointCommand::Drive(torque),
+                Stream::Current => JointCommand::Drive(by_current[joint]),
                 Stream::None if self.mode(axis) == Mode::Idle => {
                     self.put_set_point(axis, self.measured[joint].position);
-                    Order::Float
+                    JointCommand::Float
                 }
                 Stream::None => {
                     let set_point = self.set_point(axis);
@@ -192,8 +192,8 @@ impl ArmControl {
     }
 
     /// Says why the machine cannot be reached, or that it can: commands and readings are refused with it.
-    pub fn set_trouble(&mut self, trouble: Option<Trouble>) {
-        self.trouble = trouble;
+    pub fn set_error(&mut self, error: Option<ArmError>) {
+        self.error = error;
     }
 
     /// What the arm is built like.
@@ -215,7 +215,7 @@ impl ArmControl {
     }
 
     pub(super) fn reachable(&self) -> Result<(), DeviceError> {
-        self.trouble.as_ref().map_or(Ok(()), |why| Err(why.into()))
+        self.error.as_ref().map_or(Ok(()), |why| Err(why.into()))
     }
 
     /// Position, filtered velocity, and how that changes.
@@ -243,12 +243,12 @@ impl ArmControl {
     }
 
     /// The part of it that makes set points for position and velocity mode, to be asked for names, limits and references.
-    pub fn set_points(&self) -> &Model {
+    pub fn set_points(&self) -> &AxesModel {
         &self.set_points
     }
 
     /// The same, to set limits and references.
-    pub fn set_points_mut(&mut self) -> &mut Model {
+    pub fn set_points_mut(&mut self) -> &mut AxesModel {
         &mut self.set_points
     }
 
@@ -294,7 +294,7 @@ impl ArmControl {
     pub fn motion_done(&self, axes: Axes<'_>) -> Result<bool, DeviceError> {
         let arrived = self.set_points.motion_done(axes)?;
         self.reachable()?;
-        let still = |axis: AxisIndex| self.measured[axis.index()].velocity.abs() < STANDING;
+        let still = |axis: AxisIndex| self.measured[axis.index()].velocity.abs() < STANDSTILL_SPEED;
         Ok(arrived && axes.iter(AXES).all(still))
     }
 

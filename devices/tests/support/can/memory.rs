@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use yarp_devices::can::{BusError, CanBus, Frame};
+use yarp_devices::can::{BusError, CanBus, CanFrame};
 use yarp_devices::simulation::{SimulatedPucks, SimulatorOptions};
 use yarp_devices::wam::WamModel;
 use yarp_devices::wam::can::OpenBus;
@@ -15,7 +15,7 @@ use super::{Hook, Plug, Rig, Shared, Switch, run_hook};
 const PERIOD: Duration = Duration::from_millis(2);
 
 /// Changes what the host hears.
-pub type Noise = Box<dyn FnMut(Vec<Frame>) -> Vec<Frame> + Send>;
+pub type Noise = Box<dyn FnMut(Vec<CanFrame>) -> Vec<CanFrame> + Send>;
 
 pub struct Memory {
     pucks: Shared<SimulatedPucks>,
@@ -25,7 +25,7 @@ pub struct Memory {
 
 #[derive(Default)]
 pub struct Wire {
-    to_host: VecDeque<Frame>,
+    to_host: VecDeque<CanFrame>,
     /// What everything on the bus fails with. Time at the other end stands still meanwhile.
     pub failure: Option<BusError>,
     pub noise: Option<Noise>,
@@ -53,7 +53,7 @@ struct End {
 }
 
 impl CanBus for End {
-    fn send(&mut self, frame: &Frame) -> Result<(), BusError> {
+    fn send(&mut self, frame: &CanFrame) -> Result<(), BusError> {
         run_hook(&self.hook, frame);
         let mut wire = self.wire.lock();
         if let Some(failure) = &wire.failure {
@@ -72,7 +72,7 @@ impl CanBus for End {
         Ok(())
     }
 
-    fn receive(&mut self, _: Instant) -> Result<Option<Frame>, BusError> {
+    fn receive(&mut self, _: Instant) -> Result<Option<CanFrame>, BusError> {
         let mut wire = self.wire.lock();
         match &wire.failure {
             Some(failure) => Err(failure.clone()),

@@ -8,13 +8,13 @@ pub mod scenarios;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use yarp_devices::can::puck::{Address, Message};
-use yarp_devices::can::{BusError, CanBus, Frame};
+use yarp_devices::can::puck::{Address, PuckMessage};
+use yarp_devices::can::{BusError, CanBus, CanFrame};
 use yarp_devices::simulation::SimulatedPucks;
 use yarp_devices::wam::can::OpenBus;
 
 /// What happens before the pucks hear a frame; true ends it.
-pub type Hook = Box<dyn FnMut(&Frame) -> bool + Send>;
+pub type Hook = Box<dyn FnMut(&CanFrame) -> bool + Send>;
 
 /// A bus with simulated pucks.
 pub trait Rig: Sync {
@@ -64,7 +64,7 @@ impl<T> Clone for Shared<T> {
 }
 
 /// Lets the hook see a frame, and forgets it when it is done.
-pub fn run_hook(hook: &Shared<Option<Hook>>, frame: &Frame) {
+pub fn run_hook(hook: &Shared<Option<Hook>>, frame: &CanFrame) {
     // Out of the lock while it runs: it may take its time.
     let Some(mut found) = hook.lock().take() else {
         return;
@@ -81,11 +81,11 @@ pub struct Hooked<B> {
 }
 
 impl<B: CanBus> CanBus for Hooked<B> {
-    fn send(&mut self, frame: &Frame) -> Result<(), BusError> {
+    fn send(&mut self, frame: &CanFrame) -> Result<(), BusError> {
         self.bus.send(frame)
     }
 
-    fn receive(&mut self, deadline: Instant) -> Result<Option<Frame>, BusError> {
+    fn receive(&mut self, deadline: Instant) -> Result<Option<CanFrame>, BusError> {
         let frame = self.bus.receive(deadline)?;
         if let Some(frame) = &frame {
             run_hook(&self.hook, frame);
@@ -95,8 +95,8 @@ impl<B: CanBus> CanBus for Hooked<B> {
 }
 
 /// Whether a frame says this to this receiver.
-pub fn says(frame: &Frame, address: Address, message: Message) -> bool {
-    Message::read(frame) == Ok((address, message))
+pub fn says(frame: &CanFrame, address: Address, message: PuckMessage) -> bool {
+    PuckMessage::read(frame) == Ok((address, message))
 }
 
 /// Waits for what shall come true.

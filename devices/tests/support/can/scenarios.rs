@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use yarp_devices::can::puck::{Address, Group, Message, Node, Property, status};
+use yarp_devices::can::puck::{Address, Group, Node, PuckMessage, PuckProperty, status};
 use yarp_devices::simulation::{SafetyLimits, SafetyMode};
 use yarp_devices::wam::WamModel;
 use yarp_devices::wam::can::{CanOptions, CanWam};
@@ -59,8 +59,8 @@ pub const ALL: [Scenario; 10] = [
 pub fn options() -> CanOptions {
     let model = WamModel::<7>::new();
     CanOptions {
-        marks: Some(model.transmission.counts(&model.home)),
-        retry: Duration::from_millis(20),
+        home_marks: Some(model.transmission.counts(&model.home)),
+        retry_interval: Duration::from_millis(20),
         ..CanOptions::default()
     }
 }
@@ -141,34 +141,34 @@ fn safety(rig: &dyn Rig) -> SafetyMode {
 }
 
 /// The first frame of each phase of the start-up, and what the driver calls the phase.
-fn phases(node: Node) -> Vec<(&'static str, Message)> {
-    let get = Message::Get;
+fn phases(node: Node) -> Vec<(&'static str, PuckMessage)> {
+    let get = PuckMessage::Get;
     let mut phases = vec![
-        ("looking for pucks", get(Property::STAT)),
+        ("looking for pucks", get(PuckProperty::STAT)),
         (
             "waking pucks",
-            Message::Value {
-                property: Property::STAT,
+            PuckMessage::Value {
+                property: PuckProperty::STAT,
                 value: status::READY,
             },
         ),
-        ("identifying pucks", get(Property::VERS)),
+        ("identifying pucks", get(PuckProperty::VERS)),
     ];
     if node == Node::SAFETY {
         phases.push((
             "setting the limits of the safety module",
-            get(Property::VL1),
+            get(PuckProperty::VL1),
         ));
-        phases.push(("telling the pucks where they are", get(Property::ZERO)));
+        phases.push(("telling the pucks where they are", get(PuckProperty::ZERO)));
     } else {
-        phases.push(("reading the units of pucks", get(Property::CTS)));
-        phases.push(("telling the pucks where they are", get(Property::P)));
+        phases.push(("reading the units of pucks", get(PuckProperty::CTS)));
+        phases.push(("telling the pucks where they are", get(PuckProperty::P)));
     }
     phases
 }
 
 /// Does something when this is said to a node, before it hears it.
-fn when(rig: &dyn Rig, node: Node, message: Message, what: impl Fn() + Send + 'static) {
+fn when(rig: &dyn Rig, node: Node, message: PuckMessage, what: impl Fn() + Send + 'static) {
     let address = Address::from_host(node);
     *rig.hook().lock() = Some(Box::new(move |frame| {
         let now = says(frame, address, message);
@@ -263,8 +263,8 @@ pub fn bus_off_is_told_and_the_arm_is_found_again(rig: &dyn Rig) {
     let arm = active(rig);
     (rig.switch())(Plug::BusOff);
     until("bus-off told", || {
-        let trouble = arm.status().trouble;
-        trouble.is_some_and(|trouble| trouble.to_string().contains("bus-off"))
+        let error = arm.status().last_error;
+        error.is_some_and(|error| error.to_string().contains("bus-off"))
     });
     (rig.switch())(Plug::PutBack);
     until("the arm found again", || {
@@ -298,8 +298,8 @@ pub fn a_puck_that_restarts_has_lost_its_position(rig: &dyn Rig) {
     let arm = active(rig);
     rig.pucks().lock().restart_motor(1);
     until("the lost position told", || {
-        let trouble = arm.status().trouble;
-        trouble.is_some_and(|trouble| trouble.to_string().contains("lost its position"))
+        let error = arm.status().last_error;
+        error.is_some_and(|error| error.to_string().contains("lost its position"))
     });
     rig.pucks().lock().press_activate();
     let refused = arm.position_move(ELBOW, &[90.0]).unwrap_err().to_string();
@@ -373,7 +373,7 @@ pub fn pucks_answer_callers(rig: &dyn Rig) {
 }
 
 /// Whether a frame has torques in it.
-pub fn is_torque(frame: &yarp_devices::can::Frame) -> bool {
+pub fn is_torque(frame: &yarp_devices::can::CanFrame) -> bool {
     [Group::LOWER_TORQUES, Group::UPPER_TORQUES]
         .iter()
         .any(|&group| frame.id() == Address::from_host(group).id())

@@ -15,14 +15,17 @@ use yarp_devices::{CartesianInfo, DeviceError};
 use yarp_ports::{Answer, Network, Port, PortOptions, Received, ReconnectingConnection};
 use yarp_wire::Bottle;
 
-use super::latest::Latest;
+use super::latest_pose::LatestPose;
 use super::options::RemoteCartesianOptions;
 use crate::OpenError;
 use crate::cartesian::CartesianVersion;
 use crate::cartesian::messages::reply::{self, Values};
-use crate::cartesian::messages::{Question, Request};
-use crate::linking::{CLOSING, RPC_CARRIER, WATCHING, fetch, keep, said, there};
-use crate::opening::{close_all, open};
+use crate::cartesian::messages::{Query, Request};
+use crate::open_ports::{close_all, open};
+use crate::reconnect::{
+    PORT_CLOSE_TIMEOUT, RPC_CARRIER, WATCH_INTERVAL, check_exists, connect_supervised, subscribe,
+    to_text,
+};
 
 /// Ports connected to a server.
 #[derive(Debug)]
@@ -32,8 +35,8 @@ pub(super) struct Link {
     /// Those that only take in.
     inputs: Vec<Port>,
     remote: String,
-    deadline: Duration,
-    pub(super) latest: Arc<Latest>,
+    rpc_timeout: Duration,
+    pub(super) latest: Arc<LatestPose>,
     /// Connections of ours, made again whenever they are lost.
     kept: Vec<ReconnectingConnection>,
     /// Asks the server for its streams again; ends with the link.
@@ -47,9 +50,9 @@ impl Link {
         options: &RemoteCartesianOptions,
     ) -> Result<Self, OpenError> {
         for suffix in ["rpc:i", "command:i", "state:o", "events:o"] {
-            there(network, format!("{}/{suffix}", options.remote)).await?;
+            check_exists(network, format!("{}/{suffix}", options.remote)).await?;
         }
-        let latest = Arc::new(Latest::new(options.timeout));
+        let latest = Arc::new(LatestPose::new(options.max_state_age));
         let local = |suffix: &str| format!("{}/{suffix}", options.local);
         let command = open(network, local("command:o"), PortOptions::new()).await?;
         let rpc = match open(network, local("rpc:o"), PortOptions::new().rpc_client()).await {
@@ -64,7 +67,7 @@ impl Link {
             command,
             inputs: Vec::new(),
             remote: options.remote.clone(),
-            deadline: options.deadline,
+            rpc_timeout: options.rpc_timeout,
             latest,
             kept: Vec::new(),
             asking: JoinSet::new(),
@@ -94,20 +97,21 @@ impl Link {
         })
         .await?;
         let rpc = self.at("rpc:i");
-        let kept = keep(&self.rpc, &rpc, RPC_CARRIER, self.deadline).await?;
+        let kept = connect_supervised(&self.rpc, &rpc, RPC_CARRIER, self.rpc_timeout).await?;
         self.kept.push(kept);
         let info = self
-            .question(Question::Info, "its version", Values::info)
+            .question(Query::Info, "its version", Values::info)
             .await?;
         self.check_version(&info)?;
         let command = self.at("command:i");
-        let kept = keep(&self.command, &command, &options.carrier, self.deadline).await?;
+        let kept =
+            connect_supervised(&self.command, &command, &options.carrier, self.rpc_timeout).await?;
         self.kept.push(kept);
         for (from, to) in [("state:o", 0), ("events:o", 1)] {
             let latest = self.latest.clone();
             let ends = (self.at(from), self.inputs[to].name().to_owned());
-            let are_missing = move || latest.is_older_than(2 * WATCHING);
-            fetch(
+            let are_missing = move || latest.is_older_than(2 * WATCH_INTERVAL);
+            subscribe(
                 network,
                 (&ends.0, &ends.1),
                 &options.carrier,
@@ -117,17 +121,13 @@ impl Link {
             .await?;
         }
         match self
-            .question(
-                Question::IsOn,
-                "that its solver is there",
-                Values::yes_or_no,
-            )
+            .question(Query::IsOn, "that its solver is there", Values::yes_or_no)
             .await?
         {
             true => Ok(()),
-            false => Err(OpenError::Question {
+            false => Err(OpenError::Query {
                 question: "that its solver is there",
-                source: self.refused(&Request::Get(Question::IsOn).to_bottle()),
+                source: self.refused(&Request::Get(Query::IsOn).to_bottle()),
             }),
         }
     }
@@ -140,7 +140,7 @@ impl Link {
                 tracing::warn!(remote = %self.remote, "the server does not say its version");
                 Ok(())
             }
-            other => Err(OpenError::Question {
+            other => Err(OpenError::Query {
                 question: "the version of the protocol that is expected",
                 source: DeviceError::Unsuitable {
                     what: "version",
@@ -170,12 +170,12 @@ impl Link {
 
     async fn question<T>(
         &self,
-        question: Question,
+        question: Query,
         what: &'static str,
         read: impl Fn(&Values) -> Option<T>,
     ) -> Result<T, OpenError> {
         let asked = self.ask(&Request::Get(question), read).await;
-        asked.map_err(|source| OpenError::Question {
+        asked.map_err(|source| OpenError::Query {
             question: what,
             source,
         })
@@ -210,14 +210,14 @@ impl Link {
             };
         let answer = self
             .rpc
-            .call_within::<Bottle>(&message, self.deadline)
+            .call_within::<Bottle>(&message, self.rpc_timeout)
             .await;
         let answer = answer.map_err(|error| {
             let peer = self.at("rpc:i");
             let advice =
                 format!("`yarp ping {peer}`; when the server is back, it is connected again");
             remote(
-                format!("`{}`", said(&message)),
+                format!("`{}`", to_text(&message)),
                 advice,
                 Some(Box::new(error)),
             )
@@ -228,7 +228,7 @@ impl Link {
             None => Err(()),
         }
         .map_err(|()| {
-            let step = format!("understanding the answer to `{}`", said(&message));
+            let step = format!("understanding the answer to `{}`", to_text(&message));
             remote(
                 step,
                 "whether it is a cartesian controller".to_owned(),
@@ -240,7 +240,7 @@ impl Link {
     fn refused(&self, message: &Bottle) -> DeviceError {
         DeviceError::Refused {
             peer: self.at("rpc:i"),
-            step: format!("`{}`", said(message)),
+            step: format!("`{}`", to_text(message)),
             advice: "the log of the server".to_owned(),
         }
     }
@@ -251,7 +251,7 @@ impl Link {
         match self.command.write_strict(&message, None).await {
             0 => Err(DeviceError::Remote {
                 peer: self.at("command:i"),
-                step: format!("`{}`", said(&message)),
+                step: format!("`{}`", to_text(&message)),
                 advice: "again in a second; the connection is being made anew".to_owned(),
                 source: None,
             }),
@@ -263,7 +263,10 @@ impl Link {
     pub(super) async fn close(mut self) {
         self.asking.shutdown().await;
         let closing = close_all([self.rpc, self.command].into_iter().chain(self.inputs));
-        if tokio::time::timeout(CLOSING, closing).await.is_err() {
+        if tokio::time::timeout(PORT_CLOSE_TIMEOUT, closing)
+            .await
+            .is_err()
+        {
             tracing::warn!(remote = %self.remote, "closing took too long; names may be left behind");
         }
     }

@@ -4,11 +4,11 @@
 //! | --- | --- |
 //! | `options` | whom to call, as whom, and how long to wait |
 //! | `link` | the four ports, the conversation at opening, calls |
-//! | `latest` | the newest pose, and who listens to events |
-//! | `interface` | the interface, said in messages |
+//! | `latest_pose` | the newest pose, and who listens to events |
+//! | `cartesian_interface` | the interface, said in messages |
 
-mod interface;
-mod latest;
+mod cartesian_interface;
+mod latest_pose;
 mod link;
 mod options;
 
@@ -67,9 +67,9 @@ impl RemoteCartesianControl {
     /// * Asks for the version of the protocol and whether the solver is there. Does not wait for the first pose.
     /// * Blocks for a few deadlines at the most.
     /// * Errors: [`OpenError::NoRemote`], [`OpenError::NameTaken`], [`OpenError::Port`], [`OpenError::Connect`],
-    ///   [`OpenError::Question`]; then nothing stays open.
+    ///   [`OpenError::Query`]; then nothing stays open.
     pub fn open(network: &Network, options: RemoteCartesianOptions) -> Result<Self, OpenError> {
-        let network = network.with_timeout(options.deadline);
+        let network = network.with_timeout(options.rpc_timeout);
         let link = blocking::wait(async move { Link::open(&network, &options).await })?;
         tracing::info!(remote = link.remote(), "remote tool connected");
         Ok(Self {
@@ -91,11 +91,11 @@ impl RemoteCartesianControl {
 
 impl Drop for RemoteCartesianControl {
     fn drop(&mut self) {
-        let contexts = interface::lock(&self.contexts)
+        let contexts = cartesian_interface::lock(&self.contexts)
             .iter()
             .copied()
             .collect::<Vec<_>>();
-        let checkpoints = interface::lock(&self.checkpoints).clone();
+        let checkpoints = cartesian_interface::lock(&self.checkpoints).clone();
         let forget = (!contexts.is_empty()).then_some(Request::Delete(Some(contexts)));
         let requests: Vec<Request> = forget
             .into_iter()

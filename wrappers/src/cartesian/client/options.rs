@@ -9,8 +9,8 @@ pub struct RemoteCartesianOptions {
     pub(super) remote: String,
     pub(super) local: String,
     pub(super) carrier: String,
-    pub(super) timeout: Duration,
-    pub(super) deadline: Duration,
+    pub(super) max_state_age: Duration,
+    pub(super) rpc_timeout: Duration,
 }
 
 impl RemoteCartesianOptions {
@@ -22,8 +22,8 @@ impl RemoteCartesianOptions {
             remote: remote.into(),
             local: local.into(),
             carrier: "udp".to_owned(),
-            timeout: Duration::from_millis(100),
-            deadline: Duration::from_secs(2),
+            max_state_age: Duration::from_millis(100),
+            rpc_timeout: Duration::from_secs(2),
         }
     }
 
@@ -34,14 +34,14 @@ impl RemoteCartesianOptions {
     }
 
     /// How old the newest pose may be to be trusted (stock: `timeout`).
-    pub fn timeout(mut self, age: Duration) -> Self {
-        self.timeout = age;
+    pub fn max_state_age(mut self, age: Duration) -> Self {
+        self.max_state_age = age;
         self
     }
 
     /// How long an answer, or each step of opening, is waited for. Stock waits for ever.
-    pub fn deadline(mut self, deadline: Duration) -> Self {
-        self.deadline = deadline;
+    pub fn rpc_timeout(mut self, rpc_timeout: Duration) -> Self {
+        self.rpc_timeout = rpc_timeout;
         self
     }
 }

@@ -1,17 +1,17 @@
 //! Answers, written by the server and read by the client: `[ack]` and what was asked, or `[nack]`.
 
 use yarp_devices::{
-    CartesianInfo, Limits, Priority, Reach, StampedPose, TaskPose, TaskVelocity, TweakChange,
-    Tweaks,
+    CartesianInfo, Limits, PoseSolution, Priority, StampedPose, TaskPose, TaskVelocity,
+    TweakChange, Tweaks,
 };
 use yarp_wire::{Bottle, Value};
 
-use super::event::KINDS;
+use super::motion_event::KINDS;
 use super::request::{
     group, numbers, priority_word, read_pose, read_priority, read_tweaks, read_velocity,
     tweak_list, velocity_list,
 };
-use super::words::*;
+use super::vocabulary::*;
 use crate::cartesian::CartesianVersion;
 use crate::control_board::messages::{count, float, floats};
 
@@ -75,7 +75,7 @@ pub(crate) fn list(values: &[f64]) -> Bottle {
     acknowledged().with(numbers(values))
 }
 
-pub(crate) fn reach(reach: &Reach) -> Bottle {
+pub(crate) fn reach(reach: &PoseSolution) -> Bottle {
     acknowledged()
         .with(Bottle::of(X).with(numbers(&reach.pose.to_array())))
         .with(Bottle::of(Q).with(numbers(&reach.joints)))
@@ -163,8 +163,8 @@ impl Values {
         floats(self.first_list()?)
     }
 
-    pub(crate) fn reach(&self) -> Option<Reach> {
-        Some(Reach {
+    pub(crate) fn reach(&self) -> Option<PoseSolution> {
+        Some(PoseSolution {
             pose: read_pose(group(&self.0, X)?.get(1)?.as_list()?)?,
             joints: floats(group(&self.0, Q)?.get(1)?.as_list()?)?,
         })

@@ -3,7 +3,7 @@
 use yarp_devices::{AxisIndex, Limits, Priority, Target, TaskPose, TaskVelocity, TweakChange};
 use yarp_wire::{Bottle, Value, Vocab32};
 
-use super::words::*;
+use super::vocabulary::*;
 use crate::control_board::messages::{axis, count, float, floats, integer};
 
 /// What a client wants.
@@ -24,7 +24,7 @@ pub enum Request {
     /// Forgets kept settings; as with [`Restore`](Self::Restore).
     Delete(Option<Vec<i32>>),
     /// A question.
-    Get(Question),
+    Get(Query),
     /// A setting.
     Set(Setting),
     /// Announces a fraction of the path.
@@ -38,7 +38,7 @@ pub enum Request {
 /// What is asked.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 #[allow(missing_docs, reason = "each is a question of the interface")]
-pub enum Question {
+pub enum Query {
     Tracking,
     Reference,
     Priority,
@@ -82,23 +82,23 @@ pub enum Setting {
 pub struct Malformed;
 
 /// The questions without anything more.
-const QUESTIONS: [(Question, Vocab32); 16] = [
-    (Question::Tracking, MODE),
-    (Question::Reference, REFERENCE),
-    (Question::Priority, PRIORITY),
-    (Question::Time, TIME),
-    (Question::Tolerance, TOLERANCE),
-    (Question::Done, DONE),
-    (Question::IsOn, IS_ON),
-    (Question::Dof, DOF),
-    (Question::Rest, REST),
-    (Question::Weights, WEIGHTS),
-    (Question::Desired, DESIRED),
-    (Question::JointVelocities, Q_VELOCITY),
-    (Question::TaskVelocity, X_VELOCITY),
-    (Question::Tip, TIP),
-    (Question::Info, INFO),
-    (Question::Tweaks, TWEAK),
+const QUERIES: [(Query, Vocab32); 16] = [
+    (Query::Tracking, MODE),
+    (Query::Reference, REFERENCE),
+    (Query::Priority, PRIORITY),
+    (Query::Time, TIME),
+    (Query::Tolerance, TOLERANCE),
+    (Query::Done, DONE),
+    (Query::IsOn, IS_ON),
+    (Query::Dof, DOF),
+    (Query::Rest, REST),
+    (Query::Weights, WEIGHTS),
+    (Query::Desired, DESIRED),
+    (Query::JointVelocities, Q_VELOCITY),
+    (Query::TaskVelocity, X_VELOCITY),
+    (Query::Tip, TIP),
+    (Query::Info, INFO),
+    (Query::Tweaks, TWEAK),
 ];
 
 fn array<const N: usize>(list: &Bottle) -> Option<[f64; N]> {
@@ -228,7 +228,7 @@ fn read(message: &[Value]) -> Option<Request> {
             let ids: Option<Vec<i32>> = ids.as_list()?.iter().map(id).collect();
             Request::Delete(Some(ids?))
         }
-        (GET, [word, rest @ ..]) => Request::Get(Question::read(word.as_vocab()?, rest)?),
+        (GET, [word, rest @ ..]) => Request::Get(Query::read(word.as_vocab()?, rest)?),
         (SET, [word, value, rest @ ..]) => {
             Request::Set(Setting::read(word.as_vocab()?, value, rest)?)
         }
@@ -298,13 +298,13 @@ pub(super) fn read_tweaks(list: &Bottle) -> Option<TweakChange> {
     tweaks(list)
 }
 
-impl Question {
+impl Query {
     fn read(word: Vocab32, rest: &[Value]) -> Option<Self> {
         match word {
             LIMITS => axis(rest.first()?).map(Self::Limits),
             POSE => axis(rest.first()?).map(Self::Pose),
             _ => {
-                let found = QUESTIONS.iter().find(|(_, known)| *known == word);
+                let found = QUERIES.iter().find(|(_, known)| *known == word);
                 found.map(|(question, _)| *question)
             }
         }
@@ -316,7 +316,7 @@ impl Question {
             Self::Limits(axis) => ask.with(LIMITS).with(integer(axis.index())),
             Self::Pose(axis) => ask.with(POSE).with(integer(axis.index())),
             plain => {
-                let found = QUESTIONS.iter().find(|(known, _)| *known == plain);
+                let found = QUERIES.iter().find(|(known, _)| *known == plain);
                 found.iter().fold(ask, |ask, (_, word)| ask.with(*word))
             }
         }

@@ -110,7 +110,7 @@ fn what_is_malformed_is_not_understood() {
 
 #[test]
 fn a_question_has_the_bytes_of_stock() {
-    let bytes = Request::Get(Question::IsOn)
+    let bytes = Request::Get(Query::IsOn)
         .to_bottle()
         .encode(WireVersion::V3);
     let stock = [

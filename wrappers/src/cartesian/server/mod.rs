@@ -2,11 +2,11 @@
 //!
 //! | file | what it is about |
 //! | --- | --- |
-//! | `desk` | the controller, and what requests mean for it |
+//! | `request_handler` | the controller, and what requests mean for it |
 //! | `publisher` | its pose and events, every period |
 
-mod desk;
 mod publisher;
+mod request_handler;
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -19,18 +19,18 @@ use yarp_devices::{CartesianEvent, Device};
 use yarp_ports::{Answer, Network, Port, PortOptions, Received};
 use yarp_wire::Stamp;
 
-use self::desk::Desk;
+use self::request_handler::RequestHandler;
 use super::CartesianVersion;
 use super::messages::to_event;
 use crate::OpenError;
-use crate::linking::CLOSING;
-use crate::opening::{close_all, open_all};
-use crate::periodic::{Periodic, check_period};
+use crate::open_ports::{close_all, open_all};
+use crate::periodic_thread::{PeriodicThread, check_period};
+use crate::reconnect::PORT_CLOSE_TIMEOUT;
 
 /// Stock's default.
-const PERIOD: Duration = Duration::from_millis(10);
+const DEFAULT_PERIOD: Duration = Duration::from_millis(10);
 /// How long the end of publishing is waited for.
-const ENDING: Duration = Duration::from_secs(1);
+const CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// How a controller is served.
 #[derive(Clone, Debug)]
@@ -43,7 +43,7 @@ pub struct CartesianServerOptions {
 impl Default for CartesianServerOptions {
     fn default() -> Self {
         Self {
-            period: PERIOD,
+            period: DEFAULT_PERIOD,
             version: CartesianVersion::default(),
         }
     }
@@ -91,7 +91,7 @@ struct Running {
     inputs: [Port; 2],
     state: Arc<Port>,
     events: Arc<Port>,
-    publisher: Periodic,
+    publisher: PeriodicThread,
     /// Ends when the publisher does; gives its last word.
     writer: JoinHandle<()>,
 }
@@ -101,7 +101,7 @@ impl CartesianServer {
     ///
     /// * `name`: begins with `/`.
     /// * Errors: [`OpenError::NoInterface`] when the device controls no tool, [`OpenError::Period`],
-    ///   [`OpenError::NameTaken`], [`OpenError::Port`], [`OpenError::Question`], [`OpenError::Thread`]; then all that was
+    ///   [`OpenError::NameTaken`], [`OpenError::Port`], [`OpenError::Query`], [`OpenError::Thread`]; then all that was
     ///   opened is closed again.
     pub async fn open(
         network: &Network,
@@ -114,21 +114,21 @@ impl CartesianServer {
         if device.cartesian_control().is_none() {
             return Err(OpenError::NoInterface("tool to be moved in space"));
         }
-        let desk = Arc::new(Desk::new(device, name, version));
+        let handler = Arc::new(RequestHandler::new(device, name, version));
         let question = "what happens on its way";
-        let events = desk.controller().and_then(|arm| arm.events());
-        let events = events.map_err(|source| OpenError::Question { question, source })?;
+        let events = handler.controller().and_then(|arm| arm.events());
+        let events = events.map_err(|source| OpenError::Query { question, source })?;
         let wanted = [
             ("state:o", PortOptions::new().type_name("yarp/vector")),
             ("events:o", PortOptions::new()),
-            ("command:i", obeying(&desk)),
-            ("rpc:i", answering(&desk)),
+            ("command:i", obeying(&handler)),
+            ("rpc:i", answering(&handler)),
         ];
         let [state, told, command, rpc] = open_all(network, name, wanted).await?;
         let inputs = [command, rpc];
         let (state, told) = (Arc::new(state), Arc::new(told));
         let (sender, receiver) = unbounded_channel();
-        match publisher::start(desk, state.clone(), events, sender, period) {
+        match publisher::start(handler, state.clone(), events, sender, period) {
             Ok(publisher) => {
                 tracing::info!(name, ?period, "controller of a tool served");
                 let writer = tokio::spawn(write_events(told.clone(), receiver));
@@ -180,9 +180,12 @@ impl Running {
     async fn close(self) {
         // Nothing new is taken on, then what happened is told to the end.
         close_all(self.inputs).await;
-        self.publisher.end(ENDING).await;
+        self.publisher.end(CLOSE_TIMEOUT).await;
         let mut writer = self.writer;
-        if tokio::time::timeout(CLOSING, &mut writer).await.is_err() {
+        if tokio::time::timeout(PORT_CLOSE_TIMEOUT, &mut writer)
+            .await
+            .is_err()
+        {
             writer.abort();
             let _ = writer.await;
         }
@@ -214,21 +217,21 @@ async fn write_events(port: Arc<Port>, mut events: UnboundedReceiver<CartesianEv
     port.flush().await;
 }
 
-fn obeying(desk: &Arc<Desk>) -> PortOptions {
-    let desk = desk.clone();
+fn obeying(handler: &Arc<RequestHandler>) -> PortOptions {
+    let handler = handler.clone();
     let take = move |received: &mut Received| {
         let message = received.bottle().unwrap_or_default();
-        desk.obey(&message, &received.from);
+        handler.obey(&message, &received.from);
         Answer::Nothing
     };
     PortOptions::new().handler(take).input_only()
 }
 
-fn answering(desk: &Arc<Desk>) -> PortOptions {
-    let desk = desk.clone();
+fn answering(handler: &Arc<RequestHandler>) -> PortOptions {
+    let handler = handler.clone();
     let answer = move |received: &mut Received| {
         let request = received.bottle().unwrap_or_default();
-        Answer::reply(desk.answer(&request, &received.from))
+        Answer::reply(handler.answer(&request, &received.from))
     };
     PortOptions::new().handler(answer).input_only()
 }

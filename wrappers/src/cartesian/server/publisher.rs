@@ -12,25 +12,25 @@ use yarp_ports::Port;
 use yarp_wire::Stamp;
 use yarp_wire::float_vector::Vector;
 
-use super::desk::Desk;
-use crate::periodic::Periodic;
+use super::request_handler::RequestHandler;
+use crate::periodic_thread::PeriodicThread;
 
 /// Starts publishing poses on `state`, and passes `events` on to whoever writes them.
 pub(super) fn start(
-    desk: Arc<Desk>,
+    handler: Arc<RequestHandler>,
     state: Arc<Port>,
     events: Receiver<CartesianEvent>,
     written: UnboundedSender<CartesianEvent>,
     period: Duration,
-) -> io::Result<Periodic> {
+) -> io::Result<PeriodicThread> {
     // Stock counts from 0.
     let mut stamp = Stamp::new(-1, 0.0);
     let mut failing = false;
-    Periodic::start("cartesian-server", period, move || {
-        match desk.controller().and_then(|arm| arm.pose()) {
+    PeriodicThread::start("cartesian-server", period, move || {
+        match handler.controller().and_then(|arm| arm.pose()) {
             Ok(now) => {
                 stamp = stamp.next(now.time);
-                desk.count.store(stamp.count, Ordering::Relaxed);
+                handler.count.store(stamp.count, Ordering::Relaxed);
                 let pose = Vector(now.pose.to_array().into());
                 state.write_if_idle(&pose, Some(stamp.into()));
                 failing = false;

@@ -8,10 +8,10 @@ use yarp_devices::{
 use yarp_wire::Value;
 
 use super::super::messages::{
-    Action, Question, Range, Selection, Set, Setting, joint_type_from_value,
+    Action, Query, Range, Selection, Set, Setting, joint_type_from_value,
 };
 use super::RemoteControlBoard;
-use super::asking::{codes, pair};
+use super::board_requests::{codes, pair};
 
 impl AxisInfo for RemoteControlBoard {
     fn axes(&self) -> usize {
@@ -20,13 +20,13 @@ impl AxisInfo for RemoteControlBoard {
 
     fn axis_name(&self, axis: AxisIndex) -> Result<String, DeviceError> {
         Axes::One(axis).check(self.axes)?;
-        self.about(Question::Name, axis)?
+        self.about(Query::Name, axis)?
             .read(|values| values.first().map(Value::to_plain_string))
     }
 
     fn joint_type(&self, axis: AxisIndex) -> Result<JointType, DeviceError> {
         Axes::One(axis).check(self.axes)?;
-        self.about(Question::Type, axis)?
+        self.about(Query::Type, axis)?
             .read(|values| joint_type_from_value(values.first()?))
     }
 }
@@ -71,7 +71,7 @@ impl ControlMode for RemoteControlBoard {
     fn available_control_modes(&self, axis: AxisIndex) -> Result<Vec<Mode>, DeviceError> {
         Axes::One(axis).check(self.axes)?;
         self.asking_4("listing control modes")?;
-        self.about(Question::AvailableModes, axis)?
+        self.about(Query::AvailableModes, axis)?
             .read(|values| codes(values.first()?, Mode::from))
     }
 
@@ -101,7 +101,7 @@ impl ControlMode for RemoteControlBoard {
 impl ControlLimits for RemoteControlBoard {
     fn position_limits(&self, axis: AxisIndex) -> Result<Limits, DeviceError> {
         Axes::One(axis).check(self.axes)?;
-        self.about(Question::Range(Range::Position), axis)?
+        self.about(Query::Range(Range::Position), axis)?
             .read(limits)
     }
 
@@ -112,7 +112,7 @@ impl ControlLimits for RemoteControlBoard {
 
     fn velocity_limits(&self, axis: AxisIndex) -> Result<Limits, DeviceError> {
         Axes::One(axis).check(self.axes)?;
-        self.about(Question::Range(Range::Velocity), axis)?
+        self.about(Query::Range(Range::Velocity), axis)?
             .read(limits)
     }
 

@@ -23,13 +23,16 @@ use yarp_wire::{Bottle, Value, WireVersion};
 
 use super::super::OpenError;
 use super::super::messages::{
-    Command, Get, ProtocolVersion, Question, Reply, Request, Selection, count,
+    Command, Get, ProtocolVersion, Query, Reply, Request, Selection, count,
 };
-use super::latest::Latest;
-use super::numbered::Announcements;
+use super::latest_state::LatestState;
+use super::motion_completion::Announcements;
 use super::options::RemoteControlBoardOptions;
-use crate::linking::{CLOSING, RPC_CARRIER, WATCHING, fetch, keep, no_message, said, there};
-use crate::opening::{close_all, open};
+use crate::open_ports::{close_all, open};
+use crate::reconnect::{
+    PORT_CLOSE_TIMEOUT, RPC_CARRIER, WATCH_INTERVAL, check_exists, connect_supervised, subscribe,
+    to_text, unsupported_request,
+};
 use crate::thrift::{ReturnCode, ServiceVersion};
 
 const RPC_3: (&str, &str) = ("rpc:o", "rpc:i");
@@ -38,15 +41,15 @@ const RPC_4: (&str, &str) = ("nwc/rpc:o", "nws/rpc:i");
 /// Ports connected to a board.
 #[derive(Debug)]
 pub(super) struct Link {
-    pub(super) generation: WireVersion,
+    pub(super) wire_version: WireVersion,
     rpc: Port,
     command: Port,
     feed: Port,
     remote: String,
     rpc_peer: String,
     command_peer: String,
-    deadline: Duration,
-    pub(super) latest: Arc<Latest>,
+    rpc_timeout: Duration,
+    pub(super) latest: Arc<LatestState>,
     /// The connections to the board, made again whenever they are lost.
     kept: Vec<ReconnectingConnection>,
     /// Asks the board for its state again; ends with the link.
@@ -81,15 +84,15 @@ impl Link {
     ) -> Result<(Self, About), OpenError> {
         let remote_name = |suffix: &str| format!("{}/{suffix}", options.remote);
         // Before anything of our own is opened: usually the board is just not running.
-        let generation = generation(network, options).await?;
-        let (from, to) = match generation {
+        let wire_version = wire_version(network, options).await?;
+        let (from, to) = match wire_version {
             WireVersion::V3 => RPC_3,
             WireVersion::V4 => RPC_4,
         };
         for suffix in ["command:i", "stateExt:o"] {
-            there(network, remote_name(suffix)).await?;
+            check_exists(network, remote_name(suffix)).await?;
         }
-        let latest = Arc::new(Latest::new(options.timeout));
+        let latest = Arc::new(LatestState::new(options.max_state_age));
         let newest = latest.clone();
         let take = move |received: &mut Received| {
             newest.take(received);
@@ -103,7 +106,7 @@ impl Link {
         let mut opened = Vec::new();
         for (suffix, port) in wanted {
             let name = format!("{}/{suffix}", options.local);
-            match open(network, name, port.wire_version(generation)).await {
+            match open(network, name, port.wire_version(wire_version)).await {
                 Ok(port) => opened.push(port),
                 Err(error) => {
                     close_all(opened).await;
@@ -113,14 +116,14 @@ impl Link {
         }
         let [rpc, command, feed]: [Port; 3] = opened.try_into().expect("three were asked for");
         let mut link = Self {
-            generation,
+            wire_version,
             rpc,
             command,
             feed,
             remote: options.remote.clone(),
             rpc_peer: remote_name(to),
             command_peer: remote_name("command:i"),
-            deadline: options.deadline,
+            rpc_timeout: options.rpc_timeout,
             latest,
             kept: Vec::new(),
             asking: JoinSet::new(),
@@ -146,32 +149,33 @@ impl Link {
         options: &RemoteControlBoardOptions,
     ) -> Result<About, OpenError> {
         let carrier = options.carrier.as_str();
-        if self.generation == WireVersion::V3 {
+        if self.wire_version == WireVersion::V3 {
             self.kept.push(self.call_port().await?);
         }
-        let command = keep(&self.command, &self.command_peer, carrier, self.deadline);
+        let command =
+            connect_supervised(&self.command, &self.command_peer, carrier, self.rpc_timeout);
         self.kept.push(command.await?);
         let state = format!("{}/stateExt:o", options.remote);
         let latest = self.latest.clone();
-        let are_missing = move || latest.is_older_than(2 * WATCHING);
+        let are_missing = move || latest.is_older_than(2 * WATCH_INTERVAL);
         let ends = (state.as_str(), self.feed.name());
-        fetch(network, ends, carrier, &mut self.asking, are_missing).await?;
-        if self.generation == WireVersion::V4 {
+        subscribe(network, ends, carrier, &mut self.asking, are_missing).await?;
+        if self.wire_version == WireVersion::V4 {
             self.kept.push(self.call_port().await?);
         }
         if !options.ignores_protocol {
             self.check_version().await?;
         }
         let question = "how many axes it has";
-        let asked = Request::Get(Get::About(Question::Axes, Selection::All));
-        let failed = |source| OpenError::Question { question, source };
+        let asked = Request::Get(Get::About(Query::Axes, Selection::All));
+        let failed = |source| OpenError::Query { question, source };
         let results = self.exchange(&asked).await.map_err(failed)?;
         let axes = match results.values.first().and_then(count) {
             Some(0) => return Err(OpenError::NoAxes),
             Some(axes) => axes,
             None => return Err(failed(self.unreadable(&results))),
         };
-        let interfaces = match self.generation {
+        let interfaces = match self.wire_version {
             WireVersion::V3 => None,
             WireVersion::V4 => Some(self.interfaces().await?),
         };
@@ -179,15 +183,15 @@ impl Link {
     }
 
     async fn call_port(&self) -> Result<ReconnectingConnection, OpenError> {
-        keep(&self.rpc, &self.rpc_peer, RPC_CARRIER, self.deadline).await
+        connect_supervised(&self.rpc, &self.rpc_peer, RPC_CARRIER, self.rpc_timeout).await
     }
 
     async fn check_version(&self) -> Result<(), OpenError> {
-        let failed = |source| OpenError::Question {
+        let failed = |source| OpenError::Query {
             question: "which version of the protocol it speaks",
             source,
         };
-        let (expected, found) = match self.generation {
+        let (expected, found) = match self.wire_version {
             WireVersion::V3 => {
                 let results = self.exchange(&Request::ProtocolVersion).await;
                 let results = results.map_err(failed)?;
@@ -217,7 +221,7 @@ impl Link {
 
     async fn interfaces(&self) -> Result<HashSet<String>, OpenError> {
         let question = "which interfaces it has";
-        let failed = |source| OpenError::Question { question, source };
+        let failed = |source| OpenError::Query { question, source };
         let results = self.exchange(&Request::Interfaces).await.map_err(failed)?;
         let named = |entry: &Value| {
             let [name, there] = entry.as_list()?.as_slice() else {
@@ -266,22 +270,21 @@ impl Link {
     }
 
     async fn exchange(&self, request: &Request) -> Result<Results, DeviceError> {
-        match self.generation {
+        match self.wire_version {
             WireVersion::V3 => self.exchange_words(request).await,
             WireVersion::V4 => self.exchange_call(request).await,
         }
     }
 
     async fn exchange_words(&self, request: &Request) -> Result<Results, DeviceError> {
-        let message = request.to_bottle().ok_or_else(|| no_message(request))?;
+        let message = request
+            .to_bottle()
+            .ok_or_else(|| unsupported_request(request))?;
         let reply = self.send::<Bottle>(&message).await;
         let reply = Reply::from_bottle(reply.map_err(|error| self.lost(&message, error))?);
         let said = message.to_string();
         // Whether a joint is calibrated is answered by `[ok]` and `[fail]` themselves.
-        let done = matches!(
-            request,
-            Request::Get(Get::About(Question::CalibrationDone, _))
-        );
+        let done = matches!(request, Request::Get(Get::About(Query::CalibrationDone, _)));
         if reply.is_refusal() && !done {
             return Err(self.refused(said, "the log of the control board, which has the reason"));
         }
@@ -300,15 +303,14 @@ impl Link {
     }
 
     async fn exchange_call(&self, request: &Request) -> Result<Results, DeviceError> {
-        let message = request.to_call().ok_or_else(|| no_message(request))?;
+        let message = request
+            .to_call()
+            .ok_or_else(|| unsupported_request(request))?;
         let reply = self.send::<Bottle>(&message).await;
         let reply = reply.map_err(|error| self.lost(&message, error))?;
-        let said = said(&message);
+        let said = to_text(&message);
         let answer = reply.clone().into_items();
-        let done = matches!(
-            request,
-            Request::Get(Get::About(Question::CalibrationDone, _))
-        );
+        let done = matches!(request, Request::Get(Get::About(Query::CalibrationDone, _)));
         match ReturnCode::read(reply) {
             Some((ReturnCode::Ok, _)) if done => Ok(Results {
                 values: vec![Value::Int32(1)],
@@ -334,7 +336,7 @@ impl Link {
         &self,
         message: &impl WireObject,
     ) -> Result<R, PortError> {
-        self.rpc.call_within::<R>(message, self.deadline).await
+        self.rpc.call_within::<R>(message, self.rpc_timeout).await
     }
 
     pub(super) fn refused(&self, said: String, advice: &str) -> DeviceError {
@@ -346,7 +348,7 @@ impl Link {
     }
 
     pub(super) fn lost(&self, message: &impl WireObject, error: PortError) -> DeviceError {
-        let step = format!("`{}`", said(message));
+        let step = format!("`{}`", to_text(message));
         failed(&self.rpc_peer, step, Some(Box::new(error)))
     }
 
@@ -355,7 +357,7 @@ impl Link {
         let link = self.clone();
         let sent = blocking::wait(async move {
             let writing = link.command.write_strict(&command, None);
-            let sent = tokio::time::timeout(link.deadline, writing).await;
+            let sent = tokio::time::timeout(link.rpc_timeout, writing).await;
             drop(link);
             sent
         });
@@ -381,7 +383,10 @@ impl Link {
         DeviceError::Remote {
             peer: self.rpc_peer.clone(),
             step: format!("understanding the answer `{answer}` to `{said}`"),
-            advice: format!("whether it is a control board of YARP {}", self.generation),
+            advice: format!(
+                "whether it is a control board of YARP {}",
+                self.wire_version
+            ),
             source: None,
         }
     }
@@ -392,26 +397,33 @@ impl Link {
         let announced = self.announcements.into_inner().map(|ends| ends.port);
         let ports = [self.rpc, self.command, self.feed];
         let closing = close_all(ports.into_iter().chain(announced));
-        if tokio::time::timeout(CLOSING, closing).await.is_err() {
+        if tokio::time::timeout(PORT_CLOSE_TIMEOUT, closing)
+            .await
+            .is_err()
+        {
             tracing::warn!(remote = %self.remote, "closing took too long; names may be left behind");
         }
     }
 }
 
-/// Which generation the board is of: that of the port it has for calls.
-async fn generation(
+/// Which wire version the board is of: that of the port it has for calls.
+async fn wire_version(
     network: &Network,
     options: &RemoteControlBoardOptions,
 ) -> Result<WireVersion, OpenError> {
     let name = |(_, to): (&str, &str)| format!("{}/{to}", options.remote);
-    match options.generation {
-        Some(WireVersion::V3) => there(network, name(RPC_3)).await.map(|()| WireVersion::V3),
-        Some(WireVersion::V4) => there(network, name(RPC_4)).await.map(|()| WireVersion::V4),
-        None => match there(network, name(RPC_4)).await {
+    match options.wire_version {
+        Some(WireVersion::V3) => check_exists(network, name(RPC_3))
+            .await
+            .map(|()| WireVersion::V3),
+        Some(WireVersion::V4) => check_exists(network, name(RPC_4))
+            .await
+            .map(|()| WireVersion::V4),
+        None => match check_exists(network, name(RPC_4)).await {
             Ok(()) => Ok(WireVersion::V4),
-            Err(OpenError::NoRemote { .. }) => {
-                there(network, name(RPC_3)).await.map(|()| WireVersion::V3)
-            }
+            Err(OpenError::NoRemote { .. }) => check_exists(network, name(RPC_3))
+                .await
+                .map(|()| WireVersion::V3),
             Err(error) => Err(error),
         },
     }

@@ -4,18 +4,18 @@
 //! | --- | --- |
 //! | `options` | whom to call, as whom, and how long to wait |
 //! | `link` | the three ports, the conversation at opening, calls |
-//! | `latest` | the newest state that has come |
-//! | `asking` | one value per joint, whichever message says it |
-//! | `numbered` | moves with a number, and the wait for their ends |
+//! | `latest_state` | the newest state that has come |
+//! | `board_requests` | one value per joint, whichever message says it |
+//! | `motion_completion` | moves with a number, and the wait for their ends |
 //! | `interfaces`, `motion`, `motors` | the device interfaces, said in messages |
 
-mod asking;
+mod board_requests;
 mod interfaces;
-mod latest;
+mod latest_state;
 mod link;
-mod motion;
-mod motors;
-mod numbered;
+mod motion_completion;
+mod motion_interfaces;
+mod motor_interfaces;
 mod options;
 
 use std::collections::HashSet;
@@ -33,7 +33,7 @@ use yarp_wire::{Value, WireVersion};
 use self::link::{Link, Results};
 use super::OpenError;
 use super::messages::{Get, Request, Set};
-pub use numbered::RemoteMotion;
+pub use motion_completion::RemoteMotion;
 pub use options::RemoteControlBoardOptions;
 
 /// A control board in another program, as stock's `remote_controlboard` (3.x) and `controlBoard_nwc_yarp` (4.0) cast
@@ -54,7 +54,7 @@ pub use options::RemoteControlBoardOptions;
 /// * **What the protocol has no message for** is refused with [`DeviceError::NotSupported`]: in 3.x the lists of
 ///   available control modes and loops, in both setting the encoders of some joints by one call, in 4.0 setting the
 ///   encoder of one joint to anything but a whole number.
-/// * **Connections that are lost** are made again when the board is back, as long as it is of the same generation.
+/// * **Connections that are lost** are made again when the board is back, as long as it is of the same wire version.
 ///   Until then calls fail.
 ///
 /// Dropping it closes its ports and unregisters their names; that takes a few seconds at the most.
@@ -89,13 +89,13 @@ impl RemoteControlBoard {
     /// * Asks for the version of the protocol, for the number of axes and, of 4.0, for the interfaces. Does not wait for the first state.
     /// * Blocks for a few deadlines at the most.
     /// * Errors: [`OpenError::NoRemote`], [`OpenError::NameTaken`], [`OpenError::Port`], [`OpenError::Connect`],
-    ///   [`OpenError::ProtocolVersion`], [`OpenError::Question`], [`OpenError::NoAxes`]; then nothing stays open.
+    ///   [`OpenError::ProtocolVersion`], [`OpenError::Query`], [`OpenError::NoAxes`]; then nothing stays open.
     pub fn open(network: &Network, options: RemoteControlBoardOptions) -> Result<Self, OpenError> {
-        let network = network.with_timeout(options.deadline);
+        let network = network.with_timeout(options.rpc_timeout);
         let opening = async move { Link::open(&network, &options).await };
         let (link, about) = blocking::wait(opening)?;
-        let (remote, generation, axes) = (link.remote(), link.generation, about.axes);
-        tracing::info!(remote, %generation, axes, "remote control board connected");
+        let (remote, wire_version, axes) = (link.remote(), link.wire_version, about.axes);
+        tracing::info!(remote, %wire_version, axes, "remote control board connected");
         Ok(Self {
             link: Some(Arc::new(link)),
             axes,
@@ -108,9 +108,9 @@ impl RemoteControlBoard {
         self.link().remote()
     }
 
-    /// The generation of YARP that is spoken with the board.
-    pub fn generation(&self) -> WireVersion {
-        self.link().generation
+    /// The wire version of YARP that is spoken with the board.
+    pub fn wire_version(&self) -> WireVersion {
+        self.link().wire_version
     }
 
     fn link(&self) -> &Arc<Link> {
@@ -168,12 +168,12 @@ macro_rules! interfaces {
             })*
 
             fn velocity_direct(&self) -> Option<&dyn VelocityDirect> {
-                let there = self.generation() == WireVersion::V4 && self.has("iVelocityDirect");
+                let there = self.wire_version() == WireVersion::V4 && self.has("iVelocityDirect");
                 there.then_some(self as &dyn VelocityDirect)
             }
 
             fn joint_brake(&self) -> Option<&dyn JointBrake> {
-                let there = self.generation() == WireVersion::V4 && self.has("iJointBrake");
+                let there = self.wire_version() == WireVersion::V4 && self.has("iJointBrake");
                 there.then_some(self as &dyn JointBrake)
             }
         }

@@ -11,10 +11,10 @@ pub struct RemoteControlBoardOptions {
     pub(super) remote: String,
     pub(super) local: String,
     pub(super) carrier: String,
-    pub(super) timeout: Duration,
-    pub(super) deadline: Duration,
+    pub(super) max_state_age: Duration,
+    pub(super) rpc_timeout: Duration,
     pub(super) ignores_protocol: bool,
-    pub(super) generation: Option<WireVersion>,
+    pub(super) wire_version: Option<WireVersion>,
 }
 
 impl RemoteControlBoardOptions {
@@ -26,10 +26,10 @@ impl RemoteControlBoardOptions {
             remote: remote.into(),
             local: local.into(),
             carrier: "fast_tcp".to_owned(),
-            timeout: Duration::from_millis(500),
-            deadline: Duration::from_secs(2),
+            max_state_age: Duration::from_millis(500),
+            rpc_timeout: Duration::from_secs(2),
             ignores_protocol: false,
-            generation: None,
+            wire_version: None,
         }
     }
 
@@ -40,14 +40,14 @@ impl RemoteControlBoardOptions {
     }
 
     /// How old the newest state may be to be trusted (stock: `timeout`, as here 0.5 s).
-    pub fn timeout(mut self, age: Duration) -> Self {
-        self.timeout = age;
+    pub fn max_state_age(mut self, age: Duration) -> Self {
+        self.max_state_age = age;
         self
     }
 
     /// How long an answer, or each step of opening, is waited for. Stock waits for ever.
-    pub fn deadline(mut self, deadline: Duration) -> Self {
-        self.deadline = deadline;
+    pub fn rpc_timeout(mut self, rpc_timeout: Duration) -> Self {
+        self.rpc_timeout = rpc_timeout;
         self
     }
 
@@ -57,10 +57,10 @@ impl RemoteControlBoardOptions {
         self
     }
 
-    /// Speaks as this generation does, instead of finding out which the board is of. A board that serves both is
+    /// Speaks as this wire version does, instead of finding out which the board is of. A board that serves both is
     /// spoken to as 4.0 otherwise.
-    pub fn generation(mut self, generation: WireVersion) -> Self {
-        self.generation = Some(generation);
+    pub fn wire_version(mut self, wire_version: WireVersion) -> Self {
+        self.wire_version = Some(wire_version);
         self
     }
 }

@@ -1,9 +1,9 @@
-//! The numbers that can be asked for and set, one for each joint, and how each generation spells them.
+//! The numbers that can be asked for and set, one for each joint, and how each wire version spells them.
 
 use yarp_devices::{AmplifierLimit, Axes, DeviceError, PidKind, PidValue};
 use yarp_wire::{Vocab32, WireVersion};
 
-use super::selection::{Forms, Functions, Selection, Words};
+use super::axis_selection::{Forms, Functions, Selection, Words};
 use super::vocabulary as word;
 
 /// A number that can be asked for.
@@ -116,16 +116,16 @@ pub(crate) struct Spelling {
 }
 
 impl Spelling {
-    /// The selections that mean these joints to a board of this generation, see [`Forms::sayable`].
+    /// The selections that mean these joints to a board of this wire version, see [`Forms::sayable`].
     pub(crate) fn sayable(
         self,
-        generation: WireVersion,
+        wire_version: WireVersion,
         axes: Axes<'_>,
         total: usize,
         what: &str,
         each: bool,
     ) -> Result<Vec<Selection>, DeviceError> {
-        match generation {
+        match wire_version {
             WireVersion::V3 => self.words.sayable(axes, total, what, each),
             WireVersion::V4 => self.functions.sayable(axes, total, what, each),
         }

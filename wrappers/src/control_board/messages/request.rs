@@ -1,4 +1,4 @@
-//! What clients want of a control board, in whichever generation they say it.
+//! What clients want of a control board, in whichever wire version they say it.
 //!
 //! `words` says it as 3.x does, `calls` as 4.0 does.
 
@@ -8,8 +8,8 @@ use yarp_devices::{
 };
 use yarp_wire::Vocab32;
 
+use super::axis_selection::{Forms, Functions, Selection, Words};
 use super::quantity::{Quantity, Setting, Spelling};
-use super::selection::{Forms, Functions, Selection, Words};
 use super::vocabulary as word;
 
 /// What a client wants of a control board.
@@ -33,14 +33,14 @@ pub enum Get {
     /// A number for each joint.
     Values(Quantity, Selection),
     /// Anything else about joints. What is about the board is asked of [`Selection::All`].
-    About(Question, Selection),
+    About(Query, Selection),
     /// The value of a variable.
     Variable(String),
 }
 
 /// What is not one number for each joint.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
-pub enum Question {
+pub enum Query {
     /// Number of axes.
     Axes,
     /// Name of an axis.
@@ -222,7 +222,7 @@ impl Set {
     }
 }
 
-impl Question {
+impl Query {
     /// Every question; those about control loops for positions, in the place of all kinds.
     pub(super) const ALL: [Self; 29] = {
         use PidKind::Position;

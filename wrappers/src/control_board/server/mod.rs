@@ -2,26 +2,26 @@
 //!
 //! | file | what it is about |
 //! | --- | --- |
-//! | `board` | the device, and the decision what a request is |
-//! | `line` | orders that wait while the device takes an earlier one |
-//! | `turn` | an order on its way through the line, and the watch over what it moves |
-//! | `motions` | numbered motions, and how they ended |
-//! | `question`, `order` | what questions and orders mean for the device |
-//! | `interfaces` | which interfaces the device has |
+//! | `request_handler` | the device, and the decision what a request is |
+//! | `command_queue` | orders that wait while the device takes an earlier one |
+//! | `submit` | an order on its way through the line, and the watch over what it moves |
+//! | `motion_tracker` | numbered motions, and how they ended |
+//! | `execute_get`, `order` | what questions and orders mean for the device |
+//! | `supported_interfaces` | which interfaces the device has |
 //! | `publisher` | the state, every period |
-//! | `slips` | periods that began late |
-//! | `usage` | help for people |
+//! | `deadline_monitor` | periods that began late |
+//! | `help_text` | help for people |
 
-mod board;
-mod interfaces;
-mod line;
-mod motions;
-mod order;
+mod command_queue;
+mod deadline_monitor;
+mod execute_get;
+mod execute_set;
+mod help_text;
+mod motion_tracker;
 mod publisher;
-mod question;
-mod slips;
-mod turn;
-mod usage;
+mod request_handler;
+mod submit;
+mod supported_interfaces;
 
 use std::io;
 use std::sync::Arc;
@@ -36,18 +36,18 @@ use yarp_devices::Device;
 use yarp_ports::{Answer, Network, Port, PortOptions, Received};
 use yarp_wire::WireVersion;
 
-use self::board::Board;
+use self::request_handler::RequestHandler;
 use super::OpenError;
-use super::messages::{Command, MotionNews, Numbered};
-use crate::opening::{close_all, open_all};
-use crate::periodic::{Periodic, check_period};
+use super::messages::{Command, MotionUpdate, Numbered};
+use crate::open_ports::{close_all, open_all};
+use crate::periodic_thread::{PeriodicThread, check_period};
 
 /// How often the state is published: 50 Hz, as stock.
-const PERIOD: Duration = Duration::from_millis(20);
+const DEFAULT_PERIOD: Duration = Duration::from_millis(20);
 /// How long the end of publishing, and of other work on the device, is waited for.
-const ENDING: Duration = Duration::from_secs(1);
+const CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
 /// How long an announcement waits for room at a reader that is slow.
-const ANNOUNCING: Duration = Duration::from_secs(1);
+const ANNOUNCE_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// How a control board is served.
 #[derive(Clone, Debug)]
@@ -58,7 +58,9 @@ pub struct ControlBoardOptions {
 
 impl Default for ControlBoardOptions {
     fn default() -> Self {
-        Self { period: PERIOD }
+        Self {
+            period: DEFAULT_PERIOD,
+        }
     }
 }
 
@@ -79,19 +81,19 @@ impl ControlBoardOptions {
 ///
 /// * `NAME/rpc:i` answers questions and carries out orders of 3.x, `NAME/nws/rpc:i` those of 4.0, one after the other
 ///   for each client. The device is called on the task of the connection: a device that blocks holds up that client.
-/// * `NAME/command:i` takes velocities, torques and the like as either generation says them, in the order in which
+/// * `NAME/command:i` takes velocities, torques and the like as either wire version says them, in the order in which
 ///   they come.
 /// * Orders to move, from all ports, reach the device one by one. While it takes one the others wait; one that waits is
 ///   dropped when a newer one of its kind for all its axes comes, or a stop for one of them. A client that waits for
 ///   the answer is then told `[fail]`; drops are counted, and told in the log.
 /// * `NAME/async:o` announces the end of each move that was asked for with a number, and of all that begin while it has
-///   a reader, as [`MotionNews`] says; whoever asks for a move by [`Numbered`] is told its number.
+///   a reader, as [`MotionUpdate`] says; whoever asks for a move by [`Numbered`] is told its number.
 /// * `NAME/state:o` and `NAME/stateExt:o` send joint positions and the whole state every period, to each reader that
 ///   is not more than 20 ms behind: while the machine does something else, those of 1 kHz wait and none is lost.
 ///   Both carry one stamp: its count goes up by one, its time is the mean of the encoder
 ///   times. A period is left out when the time of a joint is more than a second from that of the first, as in stock. A
 ///   period that begins more than 20 ms late is told in the log.
-/// * Each reader of `NAME/stateExt:o` gets the layout of its own generation, which is found out before the first state.
+/// * Each reader of `NAME/stateExt:o` gets the layout of its own wire version, which is found out before the first state.
 /// * A request that is malformed, or that the device has no interface for or refuses, is answered at once with `[fail]`
 ///   in 3.x and with its code in 4.0, and nothing moves. Parking is never waited for. Parts of the state that the device does not measure are zeros that are marked invalid; while it
 ///   does not know its positions nothing is sent on `state:o`, which has no mark.
@@ -124,10 +126,10 @@ pub struct ControlBoardServer {
 
 #[derive(Debug)]
 struct Running {
-    board: Arc<Board>,
+    board: Arc<RequestHandler>,
     inputs: [Port; 3],
     outputs: [Arc<Port>; 3],
-    publisher: Periodic,
+    publisher: PeriodicThread,
     workers: [oneshot::Receiver<()>; 2],
     announcer: JoinHandle<()>,
 }
@@ -149,7 +151,7 @@ impl ControlBoardServer {
     ) -> Result<Self, OpenError> {
         let period = options.period;
         check_period(period)?;
-        let (board, announced) = Board::new(device, name).ok_or(OpenError::NoAxes)?;
+        let (board, announced) = RequestHandler::new(device, name).ok_or(OpenError::NoAxes)?;
         let board = Arc::new(board);
         let wanted = [
             ("rpc:i", answering(board.clone())),
@@ -215,9 +217,9 @@ impl Drop for ControlBoardServer {
 impl Running {
     async fn close(self) {
         self.board.end();
-        self.publisher.end(ENDING).await;
+        self.publisher.end(CLOSE_TIMEOUT).await;
         for ended in self.workers {
-            if tokio::time::timeout(ENDING, ended).await.is_err() {
+            if tokio::time::timeout(CLOSE_TIMEOUT, ended).await.is_err() {
                 tracing::warn!("the device holds up the end of an order; going on without it");
             }
         }
@@ -235,20 +237,32 @@ fn owned(ports: [Arc<Port>; 3]) -> impl Iterator<Item = Port> {
 
 /// What works on the device beside the ports: orders that wait, the watch over motions; and publishing.
 fn start_threads(
-    board: &Arc<Board>,
+    board: &Arc<RequestHandler>,
     [state, extended, _]: &[Arc<Port>; 3],
     period: Duration,
-) -> io::Result<([oneshot::Receiver<()>; 2], Periodic)> {
+) -> io::Result<([oneshot::Receiver<()>; 2], PeriodicThread)> {
     let workers = [
-        start("control-board-orders", board.clone(), Board::work)?,
-        start("control-board-motions", board.clone(), Board::watch)?,
+        start(
+            "control-board-orders",
+            board.clone(),
+            RequestHandler::run_queue,
+        )?,
+        start(
+            "control-board-motions",
+            board.clone(),
+            RequestHandler::watch,
+        )?,
     ];
     let feeds = [state.clone(), extended.clone()];
     Ok((workers, publisher::start(board.clone(), feeds, period)?))
 }
 
 /// A thread that works on the board; its end is heard of when the board was let go.
-fn start(name: &str, board: Arc<Board>, work: fn(&Board)) -> io::Result<oneshot::Receiver<()>> {
+fn start(
+    name: &str,
+    board: Arc<RequestHandler>,
+    work: fn(&RequestHandler),
+) -> io::Result<oneshot::Receiver<()>> {
     let (alive, ended) = oneshot::channel();
     thread::Builder::new().name(name.into()).spawn(move || {
         work(&board);
@@ -259,19 +273,22 @@ fn start(name: &str, board: Arc<Board>, work: fn(&Board)) -> io::Result<oneshot:
 }
 
 /// Announces the ends of motions as they come.
-async fn announce(mut announced: mpsc::Receiver<MotionNews>, port: Arc<Port>) {
+async fn announce(mut announced: mpsc::Receiver<MotionUpdate>, port: Arc<Port>) {
     while let Some(news) = announced.recv().await {
         let message = news.to_bottle();
         let writing = port.write_strict(&message, None);
         // Whoever misses one can ask for it.
-        if tokio::time::timeout(ANNOUNCING, writing).await.is_err() {
+        if tokio::time::timeout(ANNOUNCE_TIMEOUT, writing)
+            .await
+            .is_err()
+        {
             tracing::debug!(port = port.name(), "a reader is too slow");
         }
     }
 }
 
 /// Counts who listens.
-fn announcing(board: Arc<Board>) -> PortOptions {
+fn announcing(board: Arc<RequestHandler>) -> PortOptions {
     PortOptions::new().on_connection_change(move |change| {
         let readers = &board.motions.readers;
         match (change.incoming, change.began) {
@@ -282,7 +299,7 @@ fn announcing(board: Arc<Board>) -> PortOptions {
     })
 }
 
-fn answering(board: Arc<Board>) -> PortOptions {
+fn answering(board: Arc<RequestHandler>) -> PortOptions {
     let answer = move |received: &mut Received| {
         let request = received.bottle().unwrap_or_default();
         match Numbered::parse(&request) {
@@ -293,7 +310,7 @@ fn answering(board: Arc<Board>) -> PortOptions {
     PortOptions::new().handler(answer).input_only()
 }
 
-fn answering_calls(board: Arc<Board>) -> PortOptions {
+fn answering_calls(board: Arc<RequestHandler>) -> PortOptions {
     let answer = move |received: &mut Received| {
         let call = received.bottle().unwrap_or_default();
         match Numbered::parse(&call) {
@@ -307,10 +324,10 @@ fn answering_calls(board: Arc<Board>) -> PortOptions {
         .wire_version(WireVersion::V4)
 }
 
-fn obeying(board: Arc<Board>) -> PortOptions {
+fn obeying(board: Arc<RequestHandler>) -> PortOptions {
     let obey = move |received: &mut Received| {
         match received.read::<Command>() {
-            Ok(command) => board.obey(command, &received.from),
+            Ok(command) => board.handle_command(command, &received.from),
             Err(error) => board.cannot_read(&error, &received.from),
         }
         Answer::Nothing

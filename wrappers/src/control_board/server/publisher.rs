@@ -10,26 +10,26 @@ use yarp_wire::Stamp;
 use yarp_wire::float_vector::Vector;
 
 use super::super::messages::{Field, JointData};
-use super::board::Board;
-use super::slips::Slips;
-use crate::periodic::Periodic;
+use super::deadline_monitor::DeadlineMonitor;
+use super::request_handler::RequestHandler;
+use crate::periodic_thread::PeriodicThread;
 use yarp_devices::clock::wall_clock;
 
 /// How far behind a reader may be and still get the next state.
-const BEHIND: Duration = Duration::from_millis(20);
+const MAX_BACKLOG: Duration = Duration::from_millis(20);
 /// How far apart the times of joints may be, in seconds. Source: stock from 3.7 on.
-const LARGEST_SPREAD: f64 = 1.0;
+const MAX_TIME_SPREAD: f64 = 1.0;
 
 /// Starts publishing on `[state, extended]`.
 pub(super) fn start(
-    board: Arc<Board>,
+    board: Arc<RequestHandler>,
     [state, extended]: [Arc<Port>; 2],
     period: Duration,
-) -> io::Result<Periodic> {
-    let mut slips = Slips::new(period);
+) -> io::Result<PeriodicThread> {
+    let mut deadline_monitor = DeadlineMonitor::new(period);
     let mut cycle = Cycle::new(board, [state, extended], backlog(period));
-    Periodic::start("control-board", period, move || {
-        if let Some(slipped) = slips.begins(Instant::now()) {
+    PeriodicThread::start("control-board", period, move || {
+        if let Some(slipped) = deadline_monitor.period_began(Instant::now()) {
             tracing::warn!(board = %cycle.board.name(), "{slipped}");
         }
         cycle.publish();
@@ -38,7 +38,7 @@ pub(super) fn start(
 
 /// One reading of the board after the other, in buffers that stay.
 struct Cycle {
-    board: Arc<Board>,
+    board: Arc<RequestHandler>,
     state: Arc<Port>,
     extended: Arc<Port>,
     readings: Vec<EncoderReading>,
@@ -50,7 +50,7 @@ struct Cycle {
 }
 
 impl Cycle {
-    fn new(board: Arc<Board>, [state, extended]: [Arc<Port>; 2], backlog: usize) -> Self {
+    fn new(board: Arc<RequestHandler>, [state, extended]: [Arc<Port>; 2], backlog: usize) -> Self {
         let axes = board.axes();
         Self {
             board,
@@ -170,9 +170,9 @@ impl Cycle {
     }
 }
 
-/// How many states, at one every `period`, are not more than [`BEHIND`].
+/// How many states, at one every `period`, are not more than [`MAX_BACKLOG`].
 fn backlog(period: Duration) -> usize {
-    (BEHIND.as_nanos() / period.as_nanos().max(1)) as usize
+    (MAX_BACKLOG.as_nanos() / period.as_nanos().max(1)) as usize
 }
 
 /// Takes over what was measured; a part that is not known is zeros, and said to be invalid.
@@ -199,7 +199,7 @@ fn common_time(readings: &[EncoderReading]) -> Option<f64> {
     let mut sum = 0.0;
     for reading in readings {
         let apart = reading.time - first;
-        if apart.abs() > LARGEST_SPREAD {
+        if apart.abs() > MAX_TIME_SPREAD {
             return None;
         }
         // Relative to the first, so that the sum keeps the microseconds.

@@ -43,7 +43,7 @@ impl RemoteFrameGrabber {
 
     /// Whether raw images can be asked for.
     fn has_raw(&self) -> bool {
-        self.generation() == WireVersion::V3
+        self.wire_version() == WireVersion::V3
     }
 }
 

@@ -16,25 +16,28 @@ use yarp_ports::{
 use yarp_wire::message::{ReadObject, WireObject};
 use yarp_wire::{Bottle, WireVersion};
 
-use super::latest::Latest;
+use super::latest_image::LatestImage;
 use super::options::RemoteFrameGrabberOptions;
 use crate::OpenError;
 use crate::control_board::messages::ProtocolVersion;
 use crate::frame_grabber::messages::{Answer, As, Reply, Request};
-use crate::linking::{CLOSING, RPC_CARRIER, WATCHING, fetch, keep, no_message, said, there};
-use crate::opening::{close_all, open};
+use crate::open_ports::{close_all, open};
+use crate::reconnect::{
+    PORT_CLOSE_TIMEOUT, RPC_CARRIER, WATCH_INTERVAL, check_exists, connect_supervised, subscribe,
+    to_text, unsupported_request,
+};
 use crate::thrift::{ReturnCode, ServiceVersion};
 
 /// Ports connected to a server.
 #[derive(Debug)]
 pub(super) struct Link {
-    pub(super) generation: WireVersion,
+    pub(super) wire_version: WireVersion,
     rpc: Port,
     stream: Option<Port>,
     remote: String,
     rpc_peer: String,
-    deadline: Duration,
-    pub(super) latest: Arc<Latest>,
+    rpc_timeout: Duration,
+    pub(super) latest: Arc<LatestImage>,
     /// The connection for calls, made again whenever it is lost.
     kept: Vec<ReconnectingConnection>,
     /// Asks the server for its images again; ends with the link.
@@ -49,25 +52,25 @@ impl Link {
     ) -> Result<Self, OpenError> {
         let rpc_peer = format!("{}/rpc", options.remote);
         // Before anything of our own is opened: usually the server is just not running.
-        there(network, rpc_peer.clone()).await?;
+        check_exists(network, rpc_peer.clone()).await?;
         if options.streams {
-            there(network, options.remote.clone()).await?;
+            check_exists(network, options.remote.clone()).await?;
         }
-        let latest = Arc::new(Latest::new(options.timeout));
+        let latest = Arc::new(LatestImage::new(options.max_state_age));
         let rpc_name = format!("{}/rpc_client", options.local);
         let mut calling = PortOptions::new().rpc_client();
-        if let Some(generation) = options.generation {
+        if let Some(wire_version) = options.wire_version {
             // One that speaks both says that it is of 3.x, whose words it takes callers to use.
-            calling = calling.peer_version(generation);
+            calling = calling.peer_version(wire_version);
         }
         let rpc = open(network, rpc_name, calling).await?;
         let mut link = Self {
-            generation: WireVersion::V3,
+            wire_version: WireVersion::V3,
             rpc,
             stream: None,
             remote: options.remote.clone(),
             rpc_peer,
-            deadline: options.deadline,
+            rpc_timeout: options.rpc_timeout,
             latest,
             kept: Vec::new(),
             asking: JoinSet::new(),
@@ -81,7 +84,7 @@ impl Link {
         }
     }
 
-    /// Connects the ports in the order of stock, and finds out the generation.
+    /// Connects the ports in the order of stock, and finds out the wire version.
     async fn greet(
         &mut self,
         network: &Network,
@@ -99,10 +102,10 @@ impl Link {
             self.stream = Some(stream);
             let latest = self.latest.clone();
             // Cameras may be slow on purpose.
-            let silence = options.timeout.max(2 * WATCHING);
+            let silence = options.max_state_age.max(2 * WATCH_INTERVAL);
             let are_missing = move || latest.is_older_than(silence);
             let ends = (options.remote.as_str(), local.as_str());
-            fetch(
+            subscribe(
                 network,
                 ends,
                 &options.carrier,
@@ -111,10 +114,10 @@ impl Link {
             )
             .await?;
         }
-        let kept = keep(&self.rpc, &self.rpc_peer, RPC_CARRIER, self.deadline);
+        let kept = connect_supervised(&self.rpc, &self.rpc_peer, RPC_CARRIER, self.rpc_timeout);
         self.kept.push(kept.await?);
-        self.generation = match options.generation {
-            Some(generation) => generation,
+        self.wire_version = match options.wire_version {
+            Some(wire_version) => wire_version,
             None => self.ask_generation().await?,
         };
         Ok(())
@@ -135,7 +138,7 @@ impl Link {
             Err(PortError::Unreadable { .. }) => Ok(WireVersion::V3),
             Err(error) => {
                 let source = self.lost(&call, error);
-                Err(OpenError::Question { question, source })
+                Err(OpenError::Query { question, source })
             }
         }
     }
@@ -152,7 +155,7 @@ impl Link {
     pub(super) fn call(self: &Arc<Self>, request: Request) -> Result<Answer, DeviceError> {
         let link = self.clone();
         blocking::wait(async move {
-            let answer = match link.generation {
+            let answer = match link.wire_version {
                 WireVersion::V3 => link.exchange_words(&request).await,
                 WireVersion::V4 => link.exchange_call(&request).await,
             };
@@ -163,7 +166,9 @@ impl Link {
     }
 
     async fn exchange_words(&self, request: &Request) -> Result<Answer, DeviceError> {
-        let message = request.to_bottle().ok_or_else(|| no_message(request))?;
+        let message = request
+            .to_bottle()
+            .ok_or_else(|| unsupported_request(request))?;
         let reply = self.send::<Bottle>(&message).await;
         let reply = reply.map_err(|error| self.lost(&message, error))?;
         match request.read_reply(&reply) {
@@ -174,7 +179,9 @@ impl Link {
     }
 
     async fn exchange_call(&self, request: &Request) -> Result<Answer, DeviceError> {
-        let message = request.to_call().ok_or_else(|| no_message(request))?;
+        let message = request
+            .to_call()
+            .ok_or_else(|| unsupported_request(request))?;
         let message = As(WireVersion::V4, message);
         let reply = self.send::<Bottle>(&message).await;
         let reply = reply.map_err(|error| self.lost(&message, error))?;
@@ -192,13 +199,13 @@ impl Link {
     }
 
     async fn send<R: ReadObject>(&self, message: &impl WireObject) -> Result<R, PortError> {
-        self.rpc.call_within::<R>(message, self.deadline).await
+        self.rpc.call_within::<R>(message, self.rpc_timeout).await
     }
 
     fn refused(&self, message: &impl WireObject, advice: String) -> DeviceError {
         DeviceError::Refused {
             peer: self.rpc_peer.clone(),
-            step: format!("`{}`", said(message)),
+            step: format!("`{}`", to_text(message)),
             advice,
         }
     }
@@ -207,7 +214,7 @@ impl Link {
         let peer = &self.rpc_peer;
         DeviceError::Remote {
             peer: peer.clone(),
-            step: format!("`{}`", said(message)),
+            step: format!("`{}`", to_text(message)),
             advice: format!("`yarp ping {peer}`; when the camera is back, it is connected again"),
             source: Some(Box::new(error)),
         }
@@ -217,8 +224,8 @@ impl Link {
     pub(super) fn unreadable(&self, message: &impl WireObject) -> DeviceError {
         DeviceError::Remote {
             peer: self.rpc_peer.clone(),
-            step: format!("understanding the answer to `{}`", said(message)),
-            advice: format!("whether it is a camera of YARP {}", self.generation),
+            step: format!("understanding the answer to `{}`", to_text(message)),
+            advice: format!("whether it is a camera of YARP {}", self.wire_version),
             source: None,
         }
     }
@@ -227,7 +234,10 @@ impl Link {
     pub(super) async fn close(mut self) {
         self.asking.shutdown().await;
         let closing = close_all([self.rpc].into_iter().chain(self.stream));
-        if tokio::time::timeout(CLOSING, closing).await.is_err() {
+        if tokio::time::timeout(PORT_CLOSE_TIMEOUT, closing)
+            .await
+            .is_err()
+        {
             tracing::warn!(remote = %self.remote, "closing took too long; names may be left behind");
         }
     }

@@ -4,12 +4,12 @@
 //! | --- | --- |
 //! | `options` | whom to call, as whom, and how long to wait |
 //! | `link` | the two ports, the conversation at opening, calls |
-//! | `latest` | the newest image that has come |
+//! | `latest_image` | the newest image that has come |
 //! | `interfaces` | the device interfaces, said in messages |
 
 mod firewire;
 mod interfaces;
-mod latest;
+mod latest_image;
 mod link;
 mod options;
 
@@ -37,7 +37,7 @@ pub use options::RemoteFrameGrabberOptions;
 ///   they then hold up.
 /// * **Refusals** are [`DeviceError::Refused`](yarp_devices::DeviceError::Refused). A server of 3.5 to 3.9 tells nobody
 ///   that it refused to turn a knob.
-/// * **Connections that are lost** are made again when the server is back, as long as it is of the same generation. Until
+/// * **Connections that are lost** are made again when the server is back, as long as it is of the same wire version. Until
 ///   then calls fail.
 ///
 /// Dropping it closes its ports and unregisters their names; that takes a few seconds at the most.
@@ -69,12 +69,12 @@ impl RemoteFrameGrabber {
     /// * Asks for the version of the protocol. Does not wait for the first image.
     /// * Blocks for a few deadlines at the most.
     /// * Errors: [`OpenError::NoRemote`], [`OpenError::NameTaken`], [`OpenError::Port`], [`OpenError::Connect`],
-    ///   [`OpenError::ProtocolVersion`], [`OpenError::Question`]; then nothing stays open.
+    ///   [`OpenError::ProtocolVersion`], [`OpenError::Query`]; then nothing stays open.
     pub fn open(network: &Network, options: RemoteFrameGrabberOptions) -> Result<Self, OpenError> {
-        let network = network.with_timeout(options.deadline);
+        let network = network.with_timeout(options.rpc_timeout);
         let link = blocking::wait(async move { Link::open(&network, &options).await })?;
-        let (remote, generation) = (link.remote(), link.generation);
-        tracing::info!(remote, %generation, "remote camera connected");
+        let (remote, wire_version) = (link.remote(), link.wire_version);
+        tracing::info!(remote, %wire_version, "remote camera connected");
         Ok(Self {
             link: Some(Arc::new(link)),
         })
@@ -85,9 +85,9 @@ impl RemoteFrameGrabber {
         self.link().remote()
     }
 
-    /// The generation of YARP that is spoken with the server.
-    pub fn generation(&self) -> WireVersion {
-        self.link().generation
+    /// The wire version of YARP that is spoken with the server.
+    pub fn wire_version(&self) -> WireVersion {
+        self.link().wire_version
     }
 
     fn link(&self) -> &Arc<Link> {

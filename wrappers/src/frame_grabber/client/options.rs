@@ -11,10 +11,10 @@ pub struct RemoteFrameGrabberOptions {
     pub(super) remote: String,
     pub(super) local: String,
     pub(super) carrier: String,
-    pub(super) timeout: Duration,
-    pub(super) deadline: Duration,
+    pub(super) max_state_age: Duration,
+    pub(super) rpc_timeout: Duration,
     pub(super) streams: bool,
-    pub(super) generation: Option<WireVersion>,
+    pub(super) wire_version: Option<WireVersion>,
 }
 
 impl RemoteFrameGrabberOptions {
@@ -26,10 +26,10 @@ impl RemoteFrameGrabberOptions {
             remote: remote.into(),
             local: local.into(),
             carrier: "fast_tcp".to_owned(),
-            timeout: Duration::from_secs(2),
-            deadline: Duration::from_secs(2),
+            max_state_age: Duration::from_secs(2),
+            rpc_timeout: Duration::from_secs(2),
             streams: true,
-            generation: None,
+            wire_version: None,
         }
     }
 
@@ -40,14 +40,14 @@ impl RemoteFrameGrabberOptions {
     }
 
     /// How old the newest image may be to be trusted. Stock gives an image out for ever.
-    pub fn timeout(mut self, age: Duration) -> Self {
-        self.timeout = age;
+    pub fn max_state_age(mut self, age: Duration) -> Self {
+        self.max_state_age = age;
         self
     }
 
     /// How long an answer, or each step of opening, is waited for. Stock waits for ever.
-    pub fn deadline(mut self, deadline: Duration) -> Self {
-        self.deadline = deadline;
+    pub fn rpc_timeout(mut self, rpc_timeout: Duration) -> Self {
+        self.rpc_timeout = rpc_timeout;
         self
     }
 
@@ -57,9 +57,9 @@ impl RemoteFrameGrabberOptions {
         self
     }
 
-    /// Speaks as this generation does, instead of finding out which the server is of.
-    pub fn generation(mut self, generation: WireVersion) -> Self {
-        self.generation = Some(generation);
+    /// Speaks as this wire version does, instead of finding out which the server is of.
+    pub fn wire_version(mut self, wire_version: WireVersion) -> Self {
+        self.wire_version = Some(wire_version);
         self
     }
 }

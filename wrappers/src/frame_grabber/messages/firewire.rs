@@ -1,4 +1,4 @@
-//! What is said to cameras on IEEE 1394, in both generations.
+//! What is said to cameras on IEEE 1394, in both wire versions.
 //!
 //! ```text
 //! [fgfw] [DR2m]                    ->  16777235                  getVideoModeMaskDC1394RPC            ->  ([ok]) 16777235
@@ -14,9 +14,9 @@
 
 use yarp_wire::{Bottle, Value, Vocab32};
 
-use super::answer::Answer;
+use super::reply_value::Answer;
 use super::request::{Malformed, Request, flag, integer};
-use super::words::Reply;
+use super::vocab_requests::Reply;
 use crate::thrift::Item;
 
 pub(super) const INTERFACE: Vocab32 = Vocab32::new("fgfw");

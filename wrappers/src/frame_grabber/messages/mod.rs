@@ -1,24 +1,24 @@
-//! What is said about a camera, in both generations.
+//! What is said about a camera, in both wire versions.
 //!
 //! | file | what it is about |
 //! | --- | --- |
 //! | `request` | [`Request`]: what is wanted, whichever way it is said |
-//! | `words` | requests and replies of 3.x |
-//! | `calls` | requests and replies of 4.0 |
+//! | `vocab_requests` | requests and replies of 3.x |
+//! | `thrift_calls` | requests and replies of 4.0 |
 //! | `firewire` | what is said to cameras on IEEE 1394 |
-//! | `answer` | [`Answer`]: results, in both layouts |
+//! | `reply_value` | [`Answer`]: results, in both layouts |
 //! | [`image`] | images of devices as messages, and back |
 //!
-//! Both generations speak on one port: what begins with the name of a function is 4.0's.
+//! Both wire versions speak on one port: what begins with the name of a function is 4.0's.
 
-mod answer;
-mod calls;
 mod firewire;
-pub mod image;
+pub mod image_message;
+mod reply_value;
 mod request;
 #[cfg(test)]
 mod tests;
-mod words;
+mod thrift_calls;
+mod vocab_requests;
 
 use bytes::BytesMut;
 use yarp_wire::message::WireObject;
@@ -26,41 +26,41 @@ use yarp_wire::{Bottle, WireVersion};
 
 use crate::thrift::{Message, ReturnCode};
 
-pub use answer::Answer;
-pub use calls::help;
 pub use firewire::Firewire;
+pub use reply_value::Answer;
 pub use request::{Ability, Channel, Malformed, Request};
-pub use words::Reply;
+pub use thrift_calls::help;
+pub use vocab_requests::Reply;
 
 impl Request {
     /// The request as 3.x says it; `None` if it does not.
     pub fn to_bottle(&self) -> Option<Bottle> {
-        words::to_bottle(self)
+        vocab_requests::to_bottle(self)
     }
 
     /// The request as 4.0 says it; `None` if it does not.
     pub fn to_call(&self) -> Option<Message> {
-        calls::to_call(self)
+        thrift_calls::to_call(self)
     }
 
     /// The reply of 3.x to a request that was done; `None` if the result fits into no message.
     pub fn reply(&self, answer: &Answer) -> Option<Bottle> {
-        words::reply(self, answer)
+        vocab_requests::reply(self, answer)
     }
 
     /// The reply of 4.0 to a request that was done; `None` if the result fits into no message.
     pub fn reply_to_call(&self, answer: &Answer) -> Option<Message> {
-        calls::reply(answer)
+        thrift_calls::reply(answer)
     }
 
     /// The reply of 4.0 to a request that was refused.
     pub fn refuse_call(&self, code: ReturnCode) -> Message {
-        calls::refusal(self, code)
+        thrift_calls::refusal(self, code)
     }
 
     /// Reads a reply of 3.x; `None` for what is no answer to this.
     pub fn read_reply(&self, reply: &Bottle) -> Option<Reply> {
-        words::read(self, reply)
+        vocab_requests::read(self, reply)
     }
 
     /// Reads the results in a reply of 4.0; `None` for what are no results of this.
@@ -71,10 +71,10 @@ impl Request {
 
 /// The reply of 3.x to what was not understood or not done.
 pub fn refusal(message: &Bottle, why: &str) -> Bottle {
-    words::refusal(message, why)
+    vocab_requests::refusal(message, why)
 }
 
-/// A message that is written as one generation does, to whomever it goes.
+/// A message that is written as one wire version does, to whomever it goes.
 ///
 /// A call of 4.0 is answered as 4.0 reads it, even where nothing on the connection said so before.
 #[derive(Clone, Debug)]

@@ -3,7 +3,7 @@
 use yarp_devices::image::Crop;
 use yarp_wire::{Bottle, Value, Vocab32};
 
-use super::{Firewire, calls, words};
+use super::{Firewire, thrift_calls, vocab_requests};
 
 /// Which images are meant.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
@@ -85,14 +85,14 @@ pub enum Malformed {
 impl Request {
     /// Whether a message is said as in 4.0. What is said on the same port as in 3.x begins with a word.
     pub fn is_call(message: &Bottle) -> bool {
-        matches!(message.get(0), Some(Value::String(name)) if name.as_str().is_some_and(calls::is_name))
+        matches!(message.get(0), Some(Value::String(name)) if name.as_str().is_some_and(thrift_calls::is_name))
     }
 
-    /// Reads a message of either generation.
+    /// Reads a message of either wire version.
     pub fn parse(message: &Bottle) -> Result<Self, Malformed> {
         match Self::is_call(message) {
-            true => calls::parse(message),
-            false => words::parse(message),
+            true => thrift_calls::parse(message),
+            false => vocab_requests::parse(message),
         }
     }
 }
@@ -105,7 +105,7 @@ pub(super) fn integer(value: &Value) -> Option<i32> {
     whole.then_some(number as i32)
 }
 
-/// A truth value as either generation says it: a word, or a number.
+/// A truth value as either wire version says it: a word, or a number.
 pub(super) fn flag(value: &Value) -> Option<bool> {
     match value {
         Value::Int8(_) | Value::Int16(_) | Value::Int32(_) | Value::Int64(_) => {

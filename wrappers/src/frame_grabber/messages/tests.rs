@@ -1,4 +1,4 @@
-//! Requests and replies in the words of both generations.
+//! Requests and replies in the words of both wire versions.
 
 use proptest::prelude::*;
 use yarp_devices::image::{Crop, Image, PixelFormat};

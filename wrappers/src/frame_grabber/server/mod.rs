@@ -2,12 +2,12 @@
 //!
 //! | file | what it is about |
 //! | --- | --- |
-//! | `camera` | the device, and what requests mean for it |
+//! | `request_handler` | the device, and what requests mean for it |
 //! | `publisher` | the newest image, every period |
 
-mod camera;
 mod firewire;
 mod publisher;
+mod request_handler;
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -16,15 +16,15 @@ use tokio::runtime::Handle;
 use yarp_devices::Device;
 use yarp_ports::{Network, Port, PortOptions, Received};
 
-use self::camera::Camera;
+use self::request_handler::RequestHandler;
 use crate::OpenError;
-use crate::opening::{close_all, open};
-use crate::periodic::{Periodic, check_period};
+use crate::open_ports::{close_all, open};
+use crate::periodic_thread::{PeriodicThread, check_period};
 
 /// How often it is looked for a new image: 30 times a second, as stock.
-const PERIOD: Duration = Duration::from_millis(33);
+const DEFAULT_PERIOD: Duration = Duration::from_millis(33);
 /// How long the end of publishing is waited for.
-const ENDING: Duration = Duration::from_secs(1);
+const CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Which images are streamed.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
@@ -47,7 +47,7 @@ pub struct FrameGrabberOptions {
 impl Default for FrameGrabberOptions {
     fn default() -> Self {
         Self {
-            period: PERIOD,
+            period: DEFAULT_PERIOD,
             capability: Capability::default(),
         }
     }
@@ -77,10 +77,10 @@ impl FrameGrabberOptions {
 /// * `NAME` sends images to each reader that is done with the one before, each image once: a reader that is slow misses
 ///   images, and never gets an old one behind a newer one. Their envelope is the number and time of the image. While
 ///   nobody reads, the camera is not asked.
-/// * `NAME/rpc` answers questions and carries out orders of both generations; so does `NAME`.
+/// * `NAME/rpc` answers questions and carries out orders of both wire versions; so does `NAME`.
 /// * Pixels are not copied on their way from the camera to a port where a row is a multiple of 8 bytes.
 /// * A request that is malformed, or that the camera has no interface for or refuses, is answered at once, as its
-///   generation reads it. Cameras on IEEE 1394 are not supported: calls for them are refused by name.
+///   wire version reads it. Cameras on IEEE 1394 are not supported: calls for them are refused by name.
 ///
 /// ```no_run
 /// # async fn example() -> Result<(), Box<dyn std::error::Error>> {
@@ -110,7 +110,7 @@ pub struct FrameGrabberServer {
 struct Running {
     rpc: Port,
     stream: Arc<Port>,
-    publisher: Periodic,
+    publisher: PeriodicThread,
 }
 
 impl FrameGrabberServer {
@@ -138,7 +138,7 @@ impl FrameGrabberServer {
             }
             _ => {}
         }
-        let camera = Arc::new(Camera::new(device.clone(), name));
+        let camera = Arc::new(RequestHandler::new(device.clone(), name));
         let rpc = open(
             network,
             format!("{name}/rpc"),
@@ -199,13 +199,13 @@ impl Drop for FrameGrabberServer {
 
 impl Running {
     async fn close(self) {
-        self.publisher.end(ENDING).await;
+        self.publisher.end(CLOSE_TIMEOUT).await;
         // The publisher has let its part go; if it still hangs, the port closes when it does.
         close_all([self.rpc].into_iter().chain(Arc::into_inner(self.stream))).await;
     }
 }
 
-fn answering(camera: &Arc<Camera>) -> PortOptions {
+fn answering(camera: &Arc<RequestHandler>) -> PortOptions {
     let camera = camera.clone();
     PortOptions::new().handler(move |received: &mut Received| {
         let request = received.bottle().unwrap_or_default();

@@ -10,8 +10,8 @@ use yarp_ports::Port;
 use yarp_wire::Stamp;
 
 use super::Capability;
-use crate::frame_grabber::messages::image;
-use crate::periodic::Periodic;
+use crate::frame_grabber::messages::image_message;
+use crate::periodic_thread::PeriodicThread;
 
 /// Starts to publish on `stream`.
 pub(super) fn start(
@@ -19,7 +19,7 @@ pub(super) fn start(
     stream: Arc<Port>,
     capability: Capability,
     period: Duration,
-) -> io::Result<Periodic> {
+) -> io::Result<PeriodicThread> {
     let mut cycle = Cycle {
         device,
         stream,
@@ -27,7 +27,7 @@ pub(super) fn start(
         sent: None,
         failing: false,
     };
-    Periodic::start("frame-grabber", period, move || cycle.publish())
+    PeriodicThread::start("frame-grabber", period, move || cycle.publish())
 }
 
 struct Cycle {
@@ -77,7 +77,7 @@ impl Cycle {
         }
         // The count of a stamp has 31 bits.
         let stamp = Stamp::new((frame.number & 0x7fff_ffff) as i32, frame.time);
-        let image = image::to_wire(&frame.image)?;
+        let image = image_message::to_wire(&frame.image)?;
         self.stream.write_if_idle(&image, Some(stamp.into()));
         self.sent = Some(frame.number);
         Ok(())

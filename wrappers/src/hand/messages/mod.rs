@@ -10,8 +10,8 @@
 //!
 //! People leave `[hand]` away and type whole words: `open`, `grasp rect`, `gcl FGET P`. Angles are degrees.
 //!
-//! Numbers are answered as text, which callers of either generation read alike: a request without floats does not tell of
-//! which they are. Floats in requests are understood as either generation says them.
+//! Numbers are answered as text, which callers of either wire version read alike: a request without floats does not tell of
+//! which they are. Floats in requests are understood as either wire version says them.
 
 mod reply;
 mod request;

@@ -1,0 +1,414 @@
+//! Orders, and the thread that carries them out.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use nalgebra::Vector3;
+
+use super::arm_adapter::ArmAdapter;
+use super::cartesian_settings::Settings;
+use super::tool_motion::{Motion, Progress};
+use crate::clock::wall_clock;
+use crate::iface::EVENTS_KEPT;
+use crate::kinematics::{Chain, Joints, Pose, Task};
+use crate::wam::periodic_timer::PeriodicTimer;
+use crate::{CartesianEvent, CartesianInfo, Device, DeviceError};
+
+/// Stock's default.
+const PERIOD: Duration = Duration::from_millis(10);
+/// The version of the protocol that clients ask for.
+const SERVER_VERSION: &str = "2.0";
+/// How many contexts are kept; a client that stores on and on does not fill the memory.
+const MAX_CONTEXTS: usize = 1000;
+
+/// How a controller works.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct CartesianOptions {
+    period: Duration,
+    part_type: String,
+}
+
+impl Default for CartesianOptions {
+    fn default() -> Self {
+        Self {
+            period: PERIOD,
+            part_type: "wam".to_owned(),
+        }
+    }
+}
+
+impl CartesianOptions {
+    /// A step every 10 ms, for an arm of the kind `wam`.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// How often the arm gets its next position (stock: `ControllerPeriod`).
+    pub fn period(mut self, period: Duration) -> Self {
+        self.period = period;
+        self
+    }
+
+    /// What kind of arm it is (stock: `KinematicType`).
+    pub fn part_type(mut self, part_type: impl Into<String>) -> Self {
+        self.part_type = part_type.into();
+        self
+    }
+}
+
+/// Moves the tool of an arm with `N` joints; see the [module](self).
+///
+/// Its thread moves the arm only while a motion is under way. Dropping it ends the motion; the arm holds.
+///
+/// ```
+/// use std::sync::Arc;
+/// use std::time::Duration;
+/// use yarp_devices::cartesian::{CartesianController, CartesianOptions};
+/// use yarp_devices::wam::{SimulatedWam, WamModel};
+/// use yarp_devices::{CartesianControl, Target};
+///
+/// # fn main() -> Result<(), yarp_devices::DeviceError> {
+/// let arm = Arc::new(SimulatedWam::new());
+/// let chain = WamModel::<7>::new().chain;
+/// let controller = CartesianController::start(arm, chain, CartesianOptions::new())?;
+/// controller.go_to(Target::Position([0.4, 0.1, 0.4]), Some(0.5))?;
+/// assert!(controller.wait_motion_done(Duration::from_millis(10), Duration::from_secs(60))?);
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Debug)]
+pub struct CartesianController<const N: usize> {
+    pub(super) shared: Arc<Shared<N>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+pub(super) struct Shared<const N: usize> {
+    pub(super) arm: ArmAdapter<N>,
+    /// The arm without tip, within the limits of chain and device.
+    pub(super) chain: Chain<N>,
+    pub(super) info: CartesianInfo,
+    state: Mutex<State<N>>,
+    ending: AtomicBool,
+}
+
+impl<const N: usize> std::fmt::Debug for Shared<N> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Shared")
+            .field("info", &self.info)
+            .finish_non_exhaustive()
+    }
+}
+
+/// What orders and the thread share.
+#[derive(Debug)]
+pub(super) struct State<const N: usize> {
+    pub(super) settings: Settings<N>,
+    contexts: BTreeMap<i32, Settings<N>>,
+    next_context: i32,
+    pub(super) motion: Option<Motion<N>>,
+    /// What the last target came down to; before it, where the arm stood when it was asked first.
+    desired: Option<(Pose, Joints<N>)>,
+    /// What the arm was told last.
+    commanded: Option<Joints<N>>,
+    pub(super) checkpoints: Vec<f64>,
+    listeners: Vec<SyncSender<CartesianEvent>>,
+}
+
+impl<const N: usize> CartesianController<N> {
+    /// Starts the thread of a controller; the arm stays where it is, and need not be within reach yet.
+    ///
+    /// * `chain`: what the arm is built like; its tool is where the tip begins.
+    /// * Errors: [`DeviceError::NotSupported`] where the device has no encoders, control modes, limits or positions step
+    ///   by step, [`DeviceError::WrongCount`] where it has not `N` axes, [`DeviceError::Start`].
+    pub fn start(
+        device: Arc<dyn Device>,
+        chain: Chain<N>,
+        options: CartesianOptions,
+    ) -> Result<Self, DeviceError> {
+        let arm = ArmAdapter::new(device)?;
+        let limits = arm.limits(chain.limits())?;
+        let chain = chain.with_limits(limits);
+        let settings = Settings::new(limits);
+        let shared = Arc::new(Shared {
+            info: CartesianInfo {
+                server_version: SERVER_VERSION.to_owned(),
+                part: "arm".to_owned(),
+                part_version: "1.0".to_owned(),
+                part_type: options.part_type,
+            },
+            state: Mutex::new(State {
+                contexts: BTreeMap::from([(0, settings.clone())]),
+                next_context: 1,
+                settings,
+                motion: None,
+                desired: None,
+                commanded: None,
+                checkpoints: Vec::new(),
+                listeners: Vec::new(),
+            }),
+            arm,
+            chain,
+            ending: AtomicBool::new(false),
+        });
+        let theirs = shared.clone();
+        let thread = thread::Builder::new()
+            .name("cartesian-control".into())
+            .spawn(move || theirs.run(options.period))
+            .map_err(|source| DeviceError::Start {
+                what: "the thread of the cartesian controller",
+                source,
+            })?;
+        Ok(Self {
+            shared,
+            thread: Some(thread),
+        })
+    }
+}
+
+impl<const N: usize> Drop for CartesianController<N> {
+    fn drop(&mut self) {
+        self.shared.ending.store(true, Ordering::Release);
+        if let Some(thread) = self.thread.take() {
+            thread.thread().unpark();
+            if thread.join().is_err() {
+                tracing::error!("the thread of the cartesian controller had panicked");
+            }
+        }
+        if let Err(error) = self.shared.stop() {
+            tracing::warn!(%error, "the arm was not stopped; it goes where it was sent last");
+        }
+        let time = wall_clock();
+        self.shared.lock().tell(CartesianEvent::Closing { time });
+    }
+}
+
+impl<const N: usize> Device for CartesianController<N> {
+    crate::offers! { cartesian_control: CartesianControl }
+}
+
+impl<const N: usize> Shared<N> {
+    pub(super) fn lock(&self) -> MutexGuard<'_, State<N>> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn run(&self, period: Duration) {
+        let mut pace = PeriodicTimer::without_catch_up(period);
+        while pace.wait(|| self.ending.load(Ordering::Acquire)) {
+            // After a pause of the machine a motion goes on from where it was: it does not jump.
+            self.lock().cycle(self, period.as_secs_f64());
+        }
+    }
+
+    /// Where a motion begins: what was told last to an arm under way or by reference, else what is measured.
+    pub(super) fn stand(&self) -> Result<Joints<N>, DeviceError> {
+        let told = {
+            let state = self.lock();
+            match &state.motion {
+                Some(motion) => Some(motion.commanded),
+                None if state.settings.reference => state.commanded,
+                None => None,
+            }
+        };
+        told.map_or_else(|| Ok(self.arm.measured()?.joints), Ok)
+    }
+
+    /// Where the last target leads; before the first one, where the arm stands.
+    pub(super) fn desired(&self) -> Result<(Pose, Joints<N>), DeviceError> {
+        if let Some(desired) = self.lock().desired {
+            return Ok(desired);
+        }
+        let joints = self.arm.measured()?.joints;
+        let here = (self.chain.forward(&joints), joints);
+        Ok(*self.lock().desired.get_or_insert(here))
+    }
+
+    /// Goes to a target.
+    pub(super) fn go(
+        &self,
+        target: Pose,
+        task: Task,
+        time: Option<f64>,
+    ) -> Result<(), DeviceError> {
+        // Searched without the lock: the arm does not wait for that.
+        let settings = self.lock().settings.clone();
+        let start = self.stand()?;
+        let goal = settings.reach(&settings.chain(&self.chain, &start), &target, task, &start);
+        let start = self.stand()?;
+        let mut state = self.lock();
+        // A step may have been taken in between.
+        let start = state
+            .motion
+            .as_ref()
+            .map_or(start, |motion| motion.commanded);
+        let chain = settings.chain(&self.chain, &goal);
+        let duration = time.filter(|&time| time > 0.0).unwrap_or(settings.time);
+        self.arm.engage(&settings.dof)?;
+        let desired = (chain.forward(&goal), goal);
+        let before = state.motion.take();
+        let motion = Motion::to(
+            &self.arm,
+            settings,
+            chain,
+            (start, goal),
+            (target, task),
+            duration,
+            before.as_ref(),
+        );
+        state.motion = Some(motion?);
+        state.desired = Some(desired);
+        Ok(())
+    }
+
+    /// Ends the motion; an arm that is behind what it was told last stops too.
+    pub(super) fn stop(&self) -> Result<(), DeviceError> {
+        let mut state = self.lock();
+        match state.end() {
+            Some(motion) => self.arm.stop(&motion.settings.dof),
+            None => Ok(()),
+        }
+    }
+
+    /// Moves at a velocity; none ends the motion.
+    pub(super) fn move_at(
+        &self,
+        linear: Vector3<f64>,
+        angular: Vector3<f64>,
+    ) -> Result<(), DeviceError> {
+        if linear.norm() == 0.0 && angular.norm() == 0.0 {
+            return self.stop();
+        }
+        let start = self.stand()?;
+        let mut state = self.lock();
+        let settings = state.settings.clone();
+        let chain = settings.chain(&self.chain, &start);
+        self.arm.engage(&settings.dof)?;
+        let motion = Motion::at(&self.arm, settings, chain, start, (linear, angular))?;
+        state.motion = Some(motion);
+        Ok(())
+    }
+
+    /// Changes settings; a target that is kept is gone to anew.
+    pub(super) fn change(&self, change: impl FnOnce(&mut Settings<N>)) -> Result<(), DeviceError> {
+        let kept = {
+            let mut state = self.lock();
+            change(&mut state.settings);
+            let motion = state.motion.as_ref().filter(|motion| motion.holds());
+            motion.and_then(|motion| motion.target)
+        };
+        match kept {
+            Some((target, task)) => self.go(target, task, None),
+            None => Ok(()),
+        }
+    }
+}
+
+impl<const N: usize> State<N> {
+    fn cycle(&mut self, shared: &Shared<N>, passed: f64) {
+        let Some(motion) = &mut self.motion else {
+            return;
+        };
+        let progress = motion.cycle(&shared.arm, passed);
+        self.commanded = Some(motion.commanded);
+        let keeps = self.settings.tracking;
+        match progress {
+            Ok(progress) => {
+                self.announce(progress);
+                if self.motion.as_ref().is_some_and(Motion::holds) && !keeps {
+                    self.motion = None;
+                }
+            }
+            Err(reason) => {
+                tracing::warn!(%reason, "the motion of the tool ends");
+                drop(self.end());
+            }
+        }
+    }
+
+    fn announce(&mut self, progress: Progress) {
+        let time = wall_clock();
+        if progress.onset {
+            self.tell(CartesianEvent::Onset { time });
+        }
+        if let Some((before, now)) = progress.covered {
+            let covered = |checkpoint: f64| before < checkpoint && checkpoint <= now;
+            let reached: Vec<f64> = self
+                .checkpoints
+                .iter()
+                .copied()
+                .filter(|&at| covered(at))
+                .collect();
+            for checkpoint in reached {
+                self.tell(CartesianEvent::Ongoing { time, checkpoint });
+            }
+        }
+        if progress.there {
+            self.tell(CartesianEvent::Done { time });
+        }
+    }
+
+    /// Whether nothing is under way.
+    pub(super) fn is_done(&self) -> bool {
+        self.motion.as_ref().is_none_or(Motion::holds)
+    }
+
+    /// Ends what is under way, and gives it back.
+    fn end(&mut self) -> Option<Motion<N>> {
+        let ended = self.motion.take().filter(|motion| !motion.holds());
+        if ended.is_some() {
+            let time = wall_clock();
+            self.tell(CartesianEvent::Done { time });
+        }
+        ended
+    }
+
+    /// Tells who listens; those who do not look miss it, those who are gone are forgotten.
+    fn tell(&mut self, event: CartesianEvent) {
+        self.listeners.retain(|listener| {
+            !matches!(listener.try_send(event), Err(TrySendError::Disconnected(_)))
+        });
+    }
+
+    pub(super) fn listen(&mut self) -> Receiver<CartesianEvent> {
+        let (sender, receiver) = sync_channel(EVENTS_KEPT);
+        self.listeners.push(sender);
+        receiver
+    }
+
+    pub(super) fn store(&mut self) -> Result<i32, DeviceError> {
+        if self.contexts.len() >= MAX_CONTEXTS {
+            return Err(DeviceError::Unsuitable {
+                what: "one more context",
+                asked: self.next_context.to_string(),
+                expected: format!("at most {MAX_CONTEXTS}; delete some"),
+            });
+        }
+        let id = self.next_context;
+        self.next_context += 1;
+        self.contexts.insert(id, self.settings.clone());
+        Ok(id)
+    }
+
+    pub(super) fn stored(&self, id: i32) -> Result<Settings<N>, DeviceError> {
+        let found = self.contexts.get(&id).cloned();
+        found.ok_or_else(|| DeviceError::Unsuitable {
+            what: "context",
+            asked: id.to_string(),
+            expected: "one that was stored".to_owned(),
+        })
+    }
+
+    pub(super) fn forget(&mut self, ids: &[i32]) -> Result<(), DeviceError> {
+        for &id in ids {
+            self.stored(id)?;
+        }
+        for id in ids.iter().filter(|&&id| id != 0) {
+            self.contexts.remove(id);
+        }
+        Ok(())
+    }
+}

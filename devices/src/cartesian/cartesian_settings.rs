@@ -1,0 +1,194 @@
+//! What can be set on a controller, and kept as a context.
+
+use crate::kinematics::{Chain, Joints, Pose, Redundancy, Solution, Solver, SolverOptions, Task};
+use crate::{Limits, Priority};
+
+/// How many starts are tried for a target, and for each step on the way to it.
+const SOLVER_ATTEMPTS: usize = 30;
+/// Stock's defaults: 2 s, and 1 cm.
+const DEFAULT_TRAJECTORY_TIME: f64 = 2.0;
+const DEFAULT_TOLERANCE: f64 = 0.01;
+
+/// All settings, joints in rad.
+#[derive(Clone, Debug)]
+pub(super) struct Settings<const N: usize> {
+    pub(super) tracking: bool,
+    pub(super) reference: bool,
+    pub(super) priority: Priority,
+    pub(super) time: f64,
+    pub(super) tolerance: f64,
+    pub(super) dof: [bool; N],
+    pub(super) rest: Joints<N>,
+    pub(super) weights: Joints<N>,
+    pub(super) limits: [Limits; N],
+    pub(super) tip: Pose,
+    pub(super) solver_tolerance: f64,
+    pub(super) iterations: usize,
+}
+
+impl<const N: usize> Settings<N> {
+    /// All joints are used, and drawn to the middle of their limits where there is a choice, as iKin does by default.
+    pub(super) fn new(limits: [Limits; N]) -> Self {
+        let solver = SolverOptions::<N>::default();
+        Self {
+            tracking: false,
+            reference: false,
+            priority: Priority::default(),
+            time: DEFAULT_TRAJECTORY_TIME,
+            tolerance: DEFAULT_TOLERANCE,
+            dof: [true; N],
+            rest: Joints::from_fn(|joint, _| (limits[joint].min + limits[joint].max) / 2.0),
+            weights: Joints::zeros(),
+            limits,
+            tip: Pose::identity(),
+            solver_tolerance: solver.position_tolerance,
+            iterations: solver.iterations,
+        }
+    }
+
+    /// The arm with its tip; joints that are not used are fixed where they stand.
+    pub(super) fn chain(&self, bare: &Chain<N>, stand: &Joints<N>) -> Chain<N> {
+        let limits = std::array::from_fn(|joint| match self.dof[joint] {
+            true => self.limits[joint],
+            false => Limits::new(stand[joint], stand[joint]),
+        });
+        let tool = bare.tool() * self.tip;
+        bare.clone().with_tool(tool).with_limits(limits)
+    }
+
+    fn solver(&self, chain: &Chain<N>, task: Task, attempts: usize, rest: bool) -> Solver<N> {
+        let weights = Joints::from_fn(|joint, _| match self.dof[joint] && rest {
+            true => self.weights[joint],
+            false => 0.0,
+        });
+        let to = self.rest;
+        Solver::with_options(
+            chain.clone(),
+            SolverOptions {
+                task,
+                attempts,
+                position_tolerance: self.solver_tolerance,
+                angle_tolerance: self.solver_tolerance,
+                iterations: self.iterations,
+                redundancy: Redundancy::PreferPosture { to, weights },
+                ..SolverOptions::default()
+            },
+        )
+    }
+
+    /// How the joints shall stand for a target. Out of reach: what has priority as near as it gets, then the rest.
+    pub(super) fn reach(
+        &self,
+        chain: &Chain<N>,
+        target: &Pose,
+        task: Task,
+        start: &Joints<N>,
+    ) -> Joints<N> {
+        let nearest = match self
+            .solver(chain, task, SOLVER_ATTEMPTS, true)
+            .solve(target, start)
+        {
+            Ok(found) => return found.joints,
+            Err(unsolved) => unsolved.nearest,
+        };
+        let first = match (task, self.priority) {
+            (Task::Pose, Priority::Position) => Task::Position,
+            (Task::Pose, Priority::Orientation) => Task::Orientation,
+            _ => return nearest.joints,
+        };
+        let found = self
+            .solver(chain, first, SOLVER_ATTEMPTS, false)
+            .solve(target, &nearest.joints);
+        either(found.map_err(|unsolved| unsolved.nearest)).joints
+    }
+
+    /// The next step on a way: the joints nearest to `guess` that bring the tool to `target`, or as near as it gets;
+    /// and whether it gets there.
+    pub(super) fn step(
+        &self,
+        chain: &Chain<N>,
+        target: &Pose,
+        task: Task,
+        guess: &Joints<N>,
+    ) -> (Joints<N>, bool) {
+        let found = self.solver(chain, task, 1, false).solve(target, guess);
+        let gets_there = found.is_ok();
+        let nearest = either(found.map_err(|unsolved| unsolved.nearest));
+        (nearest.joints, gets_there)
+    }
+}
+
+fn either<const N: usize>(found: Result<Solution<N>, Solution<N>>) -> Solution<N> {
+    found.unwrap_or_else(|nearest| nearest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::wam::WamModel;
+
+    fn bent() -> Joints<7> {
+        Joints::<7>::from_column_slice(&[0.3, 0.6, 0.1, 1.2, -0.2, 0.4, 0.5])
+    }
+
+    #[test]
+    fn joints_that_are_not_used_stay() {
+        let arm = WamModel::<7>::new().chain;
+        let mut settings = Settings::new(*arm.limits());
+        settings.dof[2] = false;
+        let start = bent().add_scalar(0.1);
+        let chain = settings.chain(&arm, &start);
+        let target = chain.forward(&bent());
+        let found = settings.reach(&chain, &target, Task::Position, &start);
+        assert_eq!(found[2], start[2]);
+        let off = chain.forward(&found).translation.vector - target.translation.vector;
+        assert!(off.norm() < 1e-5);
+    }
+
+    #[test]
+    fn what_has_priority_is_reached_where_a_pose_is_not() {
+        let arm = WamModel::<4>::new().chain;
+        let stand = Joints::<4>::new(0.2, 0.5, 0.1, 1.0);
+        let mut settings = Settings::new(*arm.limits());
+        let chain = settings.chain(&arm, &stand);
+        let mut target = chain.forward(&stand);
+        // Four joints cannot turn the tool about its own axis and keep its place.
+        target.rotation *= nalgebra::Rotation3::from_axis_angle(&nalgebra::Vector3::x_axis(), 0.3);
+        let off = |found: &Joints<4>| {
+            crate::kinematics::distances(&Task::Pose.error(&target, &chain.forward(found)))
+        };
+        let place_first = settings.reach(&chain, &target, Task::Pose, &stand);
+        assert!(off(&place_first).0 < 1e-5);
+        assert!(off(&place_first).1 > 1e-3);
+        settings.priority = Priority::Orientation;
+        let turn_first = settings.reach(&chain, &target, Task::Pose, &stand);
+        assert!(off(&turn_first).1 < 1e-5);
+        assert!(off(&turn_first).0 > 1e-3);
+    }
+
+    #[test]
+    fn a_place_out_of_reach_is_approached_as_far_as_the_arm_is_long() {
+        let arm = WamModel::<7>::new().chain;
+        let settings = Settings::new(*arm.limits());
+        let chain = settings.chain(&arm, &bent());
+        let target = Pose::translation(2.0, 0.0, 0.5);
+        let found = chain.forward(&settings.reach(&chain, &target, Task::Position, &bent()));
+        let direction = target.translation.vector.normalize();
+        let towards = found.translation.vector.normalize().dot(&direction);
+        assert!(towards > 0.999, "{found}");
+        assert!(found.translation.vector.norm() > 0.85);
+    }
+
+    #[test]
+    fn the_rest_posture_draws_where_there_is_a_choice() {
+        let arm = WamModel::<7>::new().chain;
+        let mut settings = Settings::new(*arm.limits());
+        let chain = settings.chain(&arm, &bent());
+        let target = chain.forward(&bent());
+        let free = settings.reach(&chain, &target, Task::Position, &bent());
+        settings.rest = bent().add_scalar(0.3);
+        settings.weights = Joints::repeat(1.0);
+        let drawn = settings.reach(&chain, &target, Task::Position, &bent());
+        assert!((drawn - settings.rest).norm() < (free - settings.rest).norm() - 0.01);
+    }
+}

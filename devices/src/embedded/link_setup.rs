@@ -1,0 +1,174 @@
+//! Which end listens, and how the two connections come about.
+
+use std::io;
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use super::backoff::sleep_until;
+
+/// The TCP port for commands, as the ancestor of the protocol had it.
+pub const ARM_PORT: u16 = 4321;
+/// The TCP port for asynchronous packets.
+pub const PACKET_PORT: u16 = 4323;
+
+/// How often a listener looks, as long as nobody is connected.
+const ACCEPT_POLL_INTERVAL: Duration = Duration::from_millis(5);
+/// How long one attempt to connect may take.
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(1);
+
+/// Where the two connections are accepted.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub struct LinkAddresses {
+    /// For commands.
+    pub arm: SocketAddr,
+    /// For asynchronous packets.
+    pub packets: SocketAddr,
+}
+
+/// Which end this is.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub enum LinkMode {
+    /// Waits for the other end; port 0 is any that is free.
+    Listen(LinkAddresses),
+    /// Goes to the other end, again and again.
+    Connect(LinkAddresses),
+}
+
+impl LinkMode {
+    /// Listens on free ports of the loopback interface.
+    pub fn listen_on_loopback() -> Self {
+        let place = SocketAddr::new(Ipv4Addr::LOCALHOST.into(), 0);
+        Self::Listen(LinkAddresses {
+            arm: place,
+            packets: place,
+        })
+    }
+}
+
+/// The two connections of a session.
+#[derive(Debug)]
+pub(super) struct SocketPair {
+    pub(super) arm: TcpStream,
+    pub(super) packets: TcpStream,
+}
+
+/// A [`LinkMode`] that has begun.
+#[derive(Debug)]
+pub(super) enum LinkConnector {
+    Listening {
+        arm: TcpListener,
+        packets: TcpListener,
+    },
+    Connecting(LinkAddresses),
+}
+
+impl LinkConnector {
+    /// Takes the ports, if it is to listen; answers also where it listens, or connects to.
+    pub(super) fn start(link_mode: LinkMode) -> io::Result<(Self, LinkAddresses)> {
+        let listen = |place: SocketAddr| {
+            let listener = TcpListener::bind(place).map_err(|error| {
+                io::Error::new(error.kind(), format!("cannot listen at {place}: {error}"))
+            })?;
+            listener.set_nonblocking(true)?;
+            Ok::<_, io::Error>(listener)
+        };
+        match link_mode {
+            LinkMode::Listen(addresses) => {
+                let (arm, packets) = (listen(addresses.arm)?, listen(addresses.packets)?);
+                let addresses = LinkAddresses {
+                    arm: arm.local_addr()?,
+                    packets: packets.local_addr()?,
+                };
+                Ok((Self::Listening { arm, packets }, addresses))
+            }
+            LinkMode::Connect(addresses) => Ok((Self::Connecting(addresses), addresses)),
+        }
+    }
+
+    /// Both connections; `None` when it is to end.
+    ///
+    /// A listener waits for as long as it takes. Who connects tries once.
+    pub(super) fn connect(&self, ending: &AtomicBool) -> io::Result<Option<SocketPair>> {
+        let pair = match self {
+            Self::Listening { arm, packets } => accept_both(arm, packets, ending)?,
+            Self::Connecting(addresses) => {
+                let connect = |place: SocketAddr| {
+                    TcpStream::connect_timeout(&place, CONNECT_TIMEOUT).map_err(|error| {
+                        io::Error::new(error.kind(), format!("cannot connect to {place}: {error}"))
+                    })
+                };
+                Some(SocketPair {
+                    arm: connect(addresses.arm)?,
+                    packets: connect(addresses.packets)?,
+                })
+            }
+        };
+        if let Some(pair) = &pair {
+            for stream in [&pair.arm, &pair.packets] {
+                stream.set_nodelay(true)?;
+            }
+        }
+        Ok(pair)
+    }
+
+    /// Closes connections that came while there is one.
+    pub(super) fn reject_pending(&self) -> usize {
+        let Self::Listening { arm, packets } = self else {
+            return 0;
+        };
+        [arm, packets]
+            .into_iter()
+            .filter(|listener| matches!(accept_newest(listener), Ok(Some(_))))
+            .count()
+    }
+}
+
+/// Waits for one connection at each. Where several have come the newest counts: the others are of a peer that gave up.
+fn accept_both(
+    arm: &TcpListener,
+    packets: &TcpListener,
+    ending: &AtomicBool,
+) -> io::Result<Option<SocketPair>> {
+    let (mut one, mut other) = (None, None);
+    while !ending.load(Ordering::Acquire) {
+        one = accept_newest(arm)?.or(one);
+        other = accept_newest(packets)?.or(other);
+        match (one.take(), other.take()) {
+            (Some(arm), Some(packets)) => return Ok(Some(SocketPair { arm, packets })),
+            (arm, packets) => (one, other) = (arm, packets),
+        }
+        sleep_until(Instant::now() + ACCEPT_POLL_INTERVAL, ending);
+    }
+    Ok(None)
+}
+
+/// The last of the connections that wait, if any does.
+fn accept_newest(listener: &TcpListener) -> io::Result<Option<TcpStream>> {
+    let mut newest = None;
+    // As many as a listener keeps; somebody who connects without end does not hold us up.
+    for _ in 0..128 {
+        match listener.accept() {
+            Ok((stream, _)) => {
+                // Some systems hand the listener's setting on.
+                stream.set_nonblocking(false)?;
+                newest = Some(stream);
+            }
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,
+            // It went away again while it waited.
+            Err(error) if error.kind() == io::ErrorKind::ConnectionAborted => {}
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(newest)
+}
+
+/// Wakes a thread and waits until it has ended.
+pub(super) fn join(thread: thread::JoinHandle<()>, what: &str) {
+    thread.thread().unpark();
+    if thread.join().is_err() {
+        tracing::error!("{what} had panicked");
+    }
+}

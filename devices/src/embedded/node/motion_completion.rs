@@ -1,0 +1,167 @@
+//! The move under way, and who wants to be told its end.
+
+use std::time::{Duration, Instant};
+
+/// A joint slower than this stands, rad/s.
+const STANDSTILL_SPEED: f64 = 0.02;
+/// For so long it must stand. The real arm ends up to 14 mm from its target, so that being there is no measure.
+const SETTLE_TIME: Duration = Duration::from_millis(50);
+/// More questions for one end than anybody has.
+const MAX_PENDING_QUERIES: usize = 100;
+
+/// Questions that are to be answered now, by their numbers.
+#[derive(Clone, Debug, Eq, PartialEq)]
+pub(super) struct Ended {
+    pub(super) questions: Vec<i32>,
+    /// Empty when the move came to its end.
+    pub(super) reason: String,
+}
+
+/// Whether the arm moves, and the `trf` that wait for the end of it.
+#[derive(Debug, Default)]
+pub(super) struct Motion {
+    running: bool,
+    still_since: Option<Instant>,
+    asked: i32,
+    questions: Vec<i32>,
+    /// Of the move that a newer one replaced.
+    replaced: Vec<i32>,
+}
+
+impl Motion {
+    pub(super) fn is_running(&self) -> bool {
+        self.running
+    }
+
+    pub(super) fn is_still(fastest: f64) -> bool {
+        fastest < STANDSTILL_SPEED
+    }
+
+    /// A move was accepted; it takes the place of the one before.
+    pub(super) fn begin(&mut self) {
+        self.running = true;
+        self.still_since = None;
+        self.replaced.append(&mut self.questions);
+    }
+
+    /// A `trf` came; whether there is room for it.
+    pub(super) fn ask(&mut self) -> bool {
+        if self.questions.len() + self.replaced.len() >= MAX_PENDING_QUERIES {
+            return false;
+        }
+        self.asked = self.asked.wrapping_add(1);
+        self.questions.push(self.asked);
+        true
+    }
+
+    /// The connection that asked is gone; the next counts from 1.
+    pub(super) fn drop_pending_queries(&mut self) {
+        self.asked = 0;
+        self.questions.clear();
+        self.replaced.clear();
+    }
+
+    /// What is to be told now, `still` being whether the arm has arrived and stands.
+    pub(super) fn look(&mut self, now: Instant, still: bool) -> Option<Ended> {
+        if !self.replaced.is_empty() {
+            return Some(Ended {
+                questions: std::mem::take(&mut self.replaced),
+                reason: "a newer move took its place".to_owned(),
+            });
+        }
+        if self.running {
+            let since = match (still, self.still_since) {
+                (false, _) => {
+                    self.still_since = None;
+                    return None;
+                }
+                (true, None) => *self.still_since.insert(now),
+                (true, Some(since)) => since,
+            };
+            if now.saturating_duration_since(since) < SETTLE_TIME {
+                return None;
+            }
+            self.running = false;
+        }
+        self.tell(String::new())
+    }
+
+    /// The move ended otherwise.
+    pub(super) fn fail(&mut self, reason: &str) -> Ended {
+        self.running = false;
+        Ended {
+            questions: self.all(),
+            reason: reason.to_owned(),
+        }
+    }
+
+    fn tell(&mut self, reason: String) -> Option<Ended> {
+        let questions = self.all();
+        (!questions.is_empty()).then_some(Ended { questions, reason })
+    }
+
+    fn all(&mut self) -> Vec<i32> {
+        let mut questions = std::mem::take(&mut self.replaced);
+        questions.append(&mut self.questions);
+        questions
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ended(questions: &[i32], reason: &str) -> Option<Ended> {
+        Some(Ended {
+            questions: questions.to_vec(),
+            reason: reason.to_owned(),
+        })
+    }
+
+    #[test]
+    fn without_a_move_the_end_is_told_at_once() {
+        let mut motion = Motion::default();
+        assert_eq!(motion.look(Instant::now(), false), None);
+        assert!(motion.ask());
+        assert_eq!(motion.look(Instant::now(), false), ended(&[1], ""));
+        assert_eq!(motion.look(Instant::now(), true), None);
+    }
+
+    #[test]
+    fn a_move_has_ended_when_the_arm_has_stood_for_a_while() {
+        let mut motion = Motion::default();
+        let now = Instant::now();
+        motion.begin();
+        assert!(motion.ask());
+        assert_eq!(motion.look(now, true), None);
+        assert_eq!(motion.look(now + SETTLE_TIME / 2, false), None);
+        assert_eq!(motion.look(now + SETTLE_TIME * 2, true), None);
+        assert_eq!(motion.look(now + SETTLE_TIME * 3, true), ended(&[1], ""));
+        assert!(!motion.is_running());
+    }
+
+    #[test]
+    fn a_newer_move_ends_the_older_one() {
+        let mut motion = Motion::default();
+        let now = Instant::now();
+        motion.begin();
+        assert!(motion.ask() && motion.ask());
+        motion.begin();
+        assert!(motion.ask());
+        let replaced = ended(&[1, 2], "a newer move took its place");
+        assert_eq!(motion.look(now, true), replaced);
+        assert_eq!(motion.look(now, true), None);
+        assert_eq!(motion.look(now + SETTLE_TIME, true), ended(&[3], ""));
+    }
+
+    #[test]
+    fn a_flood_of_questions_is_cut_and_a_new_client_counts_from_one() {
+        let mut motion = Motion::default();
+        motion.begin();
+        while motion.ask() {}
+        assert_eq!(motion.questions.len(), MAX_PENDING_QUERIES);
+        motion.drop_pending_queries();
+        assert!(motion.ask());
+        assert_eq!(motion.fail("fault").questions, [1]);
+    }
+}

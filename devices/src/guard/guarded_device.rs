@@ -1,0 +1,165 @@
+//! A device around a device.
+
+use std::sync::Arc;
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use super::watchdog::Watchdog;
+use super::{JointLimits, RateLimits, TorqueLimits};
+use crate::{Axes, Device, DeviceError};
+
+/// Which guards a [`Guarded`] device has; without any it passes everything on.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct GuardedOptions {
+    /// Where joints may be.
+    pub joint_limits: JointLimits,
+    /// How fast they may be told to move.
+    pub rate_limits: RateLimits,
+    /// How hard they may be told to push.
+    pub torque_limits: TorqueLimits,
+    /// How long a joint goes on with a velocity or a torque when no new one comes; `None` is for ever, as the device itself does.
+    ///
+    /// When the time is over the joint is stopped and holds. Whoever streams sends several commands within it.
+    pub watchdog: Option<Duration>,
+}
+
+/// A driver behind guards: it has the interfaces of the driver that the guards know, and refuses by name what
+/// they forbid.
+///
+/// Reference speeds and accelerations above the rate limits are brought down to them at the start. Interfaces that no
+/// guard knows are not offered, so that nothing gets past the guards. A thread of its own looks after joints that
+/// move at a velocity; it ends when the device is dropped.
+///
+/// ```
+/// use std::sync::Arc;
+/// use yarp_devices::guard::{Guarded, GuardedOptions, JointLimits};
+/// use yarp_devices::wam::SimulatedWam;
+/// use yarp_devices::{Axes, Device, Limits};
+///
+/// # fn main() -> Result<(), yarp_devices::DeviceError> {
+/// let options = GuardedOptions {
+///     joint_limits: JointLimits(vec![Limits::new(-90.0, 90.0)]),
+///     ..GuardedOptions::default()
+/// };
+/// let arm = Guarded::around(Arc::new(SimulatedWam::new()), options)?;
+/// let refused = arm.position_control().unwrap().position_move(Axes::One(0.into()), &[100.0]);
+/// assert_eq!(
+///     refused.unwrap_err().to_string(),
+///     "the joint limits of the guard forbid it: joint 0 asked for position 100 deg, allowed -90 to 90 deg"
+/// );
+/// # Ok(())
+/// # }
+/// ```
+pub struct Guarded {
+    pub(super) watch: Arc<Watchdog>,
+    pub(super) joint_limits: JointLimits,
+    pub(super) rate_limits: RateLimits,
+    pub(super) torque_limits: TorqueLimits,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Guarded {
+    /// Puts guards around a device.
+    ///
+    /// Errors: [`DeviceError::Start`] when the machine has no thread left, or what the device says to being asked
+    /// for its limits and references.
+    pub fn around(device: Arc<dyn Device>, options: GuardedOptions) -> Result<Self, DeviceError> {
+        slow_down(device.as_ref(), &options.rate_limits)?;
+        let axes = device.axis_info().map_or(0, |info| info.axes());
+        let limits = closer(device.as_ref(), &options.joint_limits, axes)?;
+        let watch = Arc::new(Watchdog::new(device, limits, options.watchdog, axes));
+        let theirs = Arc::clone(&watch);
+        let thread = thread::Builder::new()
+            .name("guard".into())
+            .spawn(move || theirs.run())
+            .map_err(|source| DeviceError::Start {
+                what: "the thread of the guard",
+                source,
+            })?;
+        Ok(Self {
+            watch,
+            joint_limits: options.joint_limits,
+            rate_limits: options.rate_limits,
+            torque_limits: options.torque_limits,
+            thread: Some(thread),
+        })
+    }
+
+    /// Checks torques before they are given to the device.
+    ///
+    /// Errors: [`DeviceError::Guarded`], or what is wrong with the selection.
+    pub fn check_torques(&self, axes: Axes<'_>, torques: &[f64]) -> Result<(), DeviceError> {
+        let total = self.total();
+        axes.check_command(total, "torques", torques.len())?;
+        self.torque_limits.check(axes, total, torques)
+    }
+
+    pub(super) fn device(&self) -> &dyn Device {
+        self.watch.device.as_ref()
+    }
+
+    pub(super) fn total(&self) -> usize {
+        self.device().axis_info().map_or(0, |info| info.axes())
+    }
+}
+
+impl Drop for Guarded {
+    fn drop(&mut self) {
+        self.watch.end();
+        if let Some(thread) = self.thread.take()
+            && thread.join().is_err()
+        {
+            tracing::error!("the thread of the guard had panicked");
+        }
+    }
+}
+
+/// Brings references above the limits down to them.
+fn slow_down(device: &dyn Device, rates: &RateLimits) -> Result<(), DeviceError> {
+    let Some(control) = device.position_control() else {
+        return Ok(());
+    };
+    for joint in (0..control.axes()).map(crate::AxisIndex::from) {
+        let axes = Axes::One(joint);
+        if let Some(most) = rates.speed(joint)
+            && control
+                .reference_speeds(axes)?
+                .iter()
+                .any(|speed| *speed > most)
+        {
+            control.set_reference_speeds(axes, &[most])?;
+        }
+        if let Some(most) = rates.acceleration(joint)
+            && control
+                .reference_accelerations(axes)?
+                .iter()
+                .any(|acceleration| *acceleration > most)
+        {
+            control.set_reference_accelerations(axes, &[most])?;
+        }
+    }
+    Ok(())
+}
+
+/// The limits a joint must be stopped at by us: those the device does not keep itself, the others wide open.
+fn closer(
+    device: &dyn Device,
+    limits: &JointLimits,
+    axes: usize,
+) -> Result<JointLimits, DeviceError> {
+    let Some(own) = device.control_limits() else {
+        return Ok(limits.clone());
+    };
+    let mut closer = limits.clone();
+    closer.0.truncate(axes);
+    for (joint, ours) in closer.0.iter_mut().enumerate() {
+        let theirs = own.position_limits(joint.into())?;
+        if ours.min <= theirs.min {
+            ours.min = f64::NEG_INFINITY;
+        }
+        if ours.max >= theirs.max {
+            ours.max = f64::INFINITY;
+        }
+    }
+    Ok(closer)
+}

@@ -1,0 +1,204 @@
+//! The thread that looks after joints in motion.
+
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use tracing::{error, warn};
+
+use super::JointLimits;
+use crate::{Axes, AxisIndex, Device, DeviceError, Mode};
+
+/// How often joints in motion are looked at.
+const CHECK_INTERVAL: Duration = Duration::from_millis(10);
+
+/// What the thread and the callers share.
+pub(super) struct Watchdog {
+    pub(super) device: Arc<dyn Device>,
+    /// Only limits that are closer than the device's own: it keeps those itself.
+    pub(super) limits: JointLimits,
+    pub(super) timeout: Option<Duration>,
+    state: Mutex<State>,
+    woken: Condvar,
+}
+
+struct State {
+    /// One per axis: the velocity it was told last, if that is not 0.
+    streams: Vec<Option<Stream>>,
+    ending: bool,
+}
+
+#[derive(Clone, Copy)]
+struct Stream {
+    /// When the command came.
+    told: Instant,
+    /// How hard the joint can brake, per second squared.
+    acceleration: f64,
+    /// Pushed by torques: it takes another mode to make it hold.
+    pushed: bool,
+}
+
+impl Watchdog {
+    pub(super) fn new(
+        device: Arc<dyn Device>,
+        limits: JointLimits,
+        timeout: Option<Duration>,
+        axes: usize,
+    ) -> Self {
+        Self {
+            device,
+            limits,
+            timeout,
+            state: Mutex::new(State {
+                streams: vec![None; axes],
+                ending: false,
+            }),
+            woken: Condvar::new(),
+        }
+    }
+
+    /// Takes note of a velocity that a joint was told; 0 ends its stream.
+    pub(super) fn record_velocity(&self, joint: AxisIndex, velocity: f64, acceleration: f64) {
+        let stream = Stream {
+            told: Instant::now(),
+            acceleration,
+            pushed: false,
+        };
+        self.note(joint, (velocity != 0.0).then_some(stream));
+    }
+
+    /// Takes note of a torque that a joint was told; 0 does not end its stream, for the joint may coast.
+    pub(super) fn record_torque(&self, joint: AxisIndex) {
+        let stream = Stream {
+            told: Instant::now(),
+            // Not known under torques: judged by where it would be after the two periods alone.
+            acceleration: f64::INFINITY,
+            pushed: true,
+        };
+        self.note(joint, Some(stream));
+    }
+
+    fn note(&self, joint: AxisIndex, stream: Option<Stream>) {
+        if let Some(slot) = self.lock().streams.get_mut(joint.index()) {
+            *slot = stream;
+        }
+        self.woken.notify_all();
+    }
+
+    /// Takes note that joints take no velocities any more.
+    pub(super) fn end_streams(&self, axes: Axes<'_>, total: usize) {
+        let mut state = self.lock();
+        for joint in axes.iter(total) {
+            if let Some(slot) = state.streams.get_mut(joint.index()) {
+                *slot = None;
+            }
+        }
+    }
+
+    pub(super) fn end(&self) {
+        self.lock().ending = true;
+        self.woken.notify_all();
+    }
+
+    /// What the thread does until [`end`](Self::end).
+    pub(super) fn run(&self) {
+        let mut state = self.lock();
+        while !state.ending {
+            if state.streams.iter().all(Option::is_none) {
+                state = self
+                    .woken
+                    .wait(state)
+                    .unwrap_or_else(PoisonError::into_inner);
+                continue;
+            }
+            let streams = state.streams.clone();
+            drop(state);
+            for (joint, stream) in streams.iter().enumerate() {
+                let Some(stream) = stream else { continue };
+                if let Some(why) = self.must_stop(joint.into(), stream) {
+                    self.stop(joint.into(), why, stream);
+                }
+            }
+            state = self.lock();
+            if !state.ending {
+                (state, _) = self
+                    .woken
+                    .wait_timeout(state, CHECK_INTERVAL)
+                    .unwrap_or_else(PoisonError::into_inner);
+            }
+        }
+    }
+
+    fn must_stop(&self, joint: AxisIndex, stream: &Stream) -> Option<&'static str> {
+        let over = |timeout: Duration| stream.told.elapsed() > timeout;
+        if self.timeout.is_some_and(over) {
+            return Some("its stream of commands has stopped");
+        }
+        let limits = self.limits.of(joint)?;
+        let reading = self
+            .device
+            .encoders()?
+            .encoder_readings(joint.into())
+            .and_then(|readings| readings.first().copied().ok_or(NO_READING));
+        let Ok(now) = reading else {
+            return Some("its position is not known");
+        };
+        // It goes on for two periods before a stop can take effect, and then brakes.
+        let going_on = now.speed * 2.0 * CHECK_INTERVAL.as_secs_f64();
+        let braking = now.speed * now.speed.abs() / (2.0 * stream.acceleration);
+        let rest = now.position + going_on + braking;
+        let leaves =
+            (now.speed > 0.0 && rest >= limits.max) || (now.speed < 0.0 && rest <= limits.min);
+        leaves.then_some("it comes to its limit")
+    }
+
+    /// Makes a joint hold; tried again in the next round if that fails.
+    fn stop(&self, joint: AxisIndex, why: &'static str, seen: &Stream) {
+        let stopped = if seen.pushed {
+            self.hold(joint)
+        } else {
+            match (
+                self.device.velocity_control(),
+                self.device.position_control(),
+            ) {
+                (Some(control), _) => control.stop(joint.into()),
+                (None, Some(control)) => control.stop(joint.into()),
+                (None, None) => return,
+            }
+        };
+        match stopped {
+            Ok(()) => {
+                warn!(%joint, why, "the guard stopped a joint");
+                let mut state = self.lock();
+                let slot = &mut state.streams[joint.index()];
+                // A command that came meanwhile is a stream of its own.
+                if slot.is_some_and(|now| now.told == seen.told) {
+                    *slot = None;
+                }
+            }
+            Err(error) => error!(%joint, why, %error, "the guard could not stop a joint"),
+        }
+    }
+
+    /// Takes a joint out of torque mode: in position mode it comes to rest and holds, idle where there is none.
+    fn hold(&self, joint: AxisIndex) -> Result<(), DeviceError> {
+        match self.device.control_mode() {
+            Some(modes) => {
+                let held = modes.set_control_modes(joint.into(), &[Mode::Position]);
+                held.or_else(|_| modes.set_control_modes(joint.into(), &[Mode::Idle]))
+            }
+            None => match self.device.torque_control() {
+                Some(control) => control.set_reference_torques(joint.into(), &[0.0]),
+                None => Ok(()),
+            },
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        // Each stream is whole between any two calls.
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+const NO_READING: DeviceError = DeviceError::NoDataYet {
+    what: "encoder reading",
+};

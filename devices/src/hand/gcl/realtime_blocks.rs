@@ -1,0 +1,411 @@
+//! The blocks of RealTime mode: small messages of fixed length, one control block for one feedback block.
+//!
+//! ```text
+//! control:   header  [speed] [gain]  [speed] [gain] ...     per motor of the LOOP command, 1 2 3 4
+//! feedback:  '*'  [speed] [strain] [position high, low] [change]  ...  [temperature]
+//! ```
+//!
+//! What stands in brackets is there if the parameter says so: `LCV`, `LCPG`; `LFV`, `LFS`, `LFAP`, `LFDP`; `LFT`.
+//! `LCT`, `LFBP` and `LFAIN` of firmware 4.4 have no published layout and are left off.
+//!
+//! Source: the manual of firmware 4.3x, pages 37 to 43, that of 4.4.x, pages 43 to 45.
+
+use super::{Command, Motor, MotorSet, Parameter, Reply, ReplyReader, Scope, Status, Verb};
+
+/// What is in the blocks, for each motor that takes part.
+#[derive(Clone, Debug, Default, Eq, PartialEq)]
+pub struct Layout {
+    /// Per motor in the order 1, 2, 3, 4; `None` for one that does not take part.
+    pub motors: [Option<MotorLayout>; 4],
+    /// Whether feedback ends with the temperature, as two bytes (4.3x; in 4.4 it is said to be one).
+    pub temperature: bool,
+}
+
+/// What is in the blocks for one motor.
+#[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
+pub struct MotorLayout {
+    /// A speed to go at, and how much one unit of it is worth (`LCV`, `LCVC`).
+    pub speed: Option<u8>,
+    /// A gain (`LCPG`).
+    pub gain: bool,
+    /// The speed measured, and how much one unit of it is worth (`LFV`, `LFVC`).
+    pub measured_speed: Option<u8>,
+    /// The strain gauge (`LFS`).
+    pub strain: bool,
+    /// The position (`LFAP`).
+    pub position: bool,
+    /// The way since the last feedback, and how much one unit of it is worth (`LFDP`, `LFDPC`).
+    pub change: Option<u8>,
+}
+
+/// The first letter of a control block.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub enum Header {
+    /// `C`: control data; feedback is asked for.
+    Control,
+    /// `c`: control data, no feedback.
+    ControlOnly,
+    /// `A`: no control data; feedback is asked for.
+    Ask,
+    /// `a`: neither.
+    Nothing,
+}
+
+impl Header {
+    /// The letter.
+    pub const fn byte(self) -> u8 {
+        match self {
+            Header::Control => b'C',
+            Header::ControlOnly => b'c',
+            Header::Ask => b'A',
+            Header::Nothing => b'a',
+        }
+    }
+
+    /// What the letter means.
+    pub const fn from_byte(byte: u8) -> Option<Header> {
+        match byte {
+            b'C' => Some(Header::Control),
+            b'c' => Some(Header::ControlOnly),
+            b'A' => Some(Header::Ask),
+            b'a' => Some(Header::Nothing),
+            _ => None,
+        }
+    }
+
+    /// Whether data for the motors follow.
+    pub const fn has_data(self) -> bool {
+        matches!(self, Header::Control | Header::ControlOnly)
+    }
+
+    /// Whether feedback is asked for.
+    pub const fn asks(self) -> bool {
+        matches!(self, Header::Control | Header::Ask)
+    }
+}
+
+/// What the motors are told; only what the layout has is sent.
+pub type Control = [MotorControl; 4];
+
+/// What one motor is told.
+#[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
+pub struct MotorControl {
+    /// Speed in units of the layout; closing is positive.
+    pub speed: i8,
+    /// Gain.
+    pub gain: u8,
+}
+
+/// What the hand tells; what the layout has not is `None`.
+#[derive(Clone, Debug, Default, Eq, PartialEq)]
+pub struct Feedback {
+    /// Per motor in the order 1, 2, 3, 4.
+    pub motors: [MotorFeedback; 4],
+    /// Tenths of a degree Celsius.
+    pub temperature: Option<i16>,
+}
+
+/// What the hand tells about one motor.
+#[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
+pub struct MotorFeedback {
+    /// The speed measured, in units of the layout.
+    pub speed: Option<i8>,
+    /// The strain gauge.
+    pub strain: Option<u8>,
+    /// Counts.
+    pub position: Option<i16>,
+    /// The way since the last feedback, in units of the layout.
+    pub change: Option<i8>,
+}
+
+/// Why bytes are no feedback.
+#[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum BlockError {
+    /// The hand left RealTime with a complaint.
+    #[error("the hand left RealTime: {0}")]
+    Ended(Status),
+    /// Something else than feedback or a complaint.
+    #[error("expected `*` of a feedback block, got \"{0}\"")]
+    Unexpected(String),
+}
+
+impl Layout {
+    /// The same for each of these motors.
+    pub fn same(motors: MotorSet, layout: MotorLayout) -> Self {
+        let each = |motor| motors.contains(motor).then_some(layout);
+        Self {
+            motors: Motor::ALL.map(each),
+            temperature: false,
+        }
+    }
+
+    /// The motors that take part.
+    pub fn taking_part(&self) -> MotorSet {
+        let each = Motor::ALL.into_iter().zip(&self.motors);
+        each.filter(|(_, layout)| layout.is_some())
+            .fold(MotorSet::NONE, |motors, (motor, _)| motors.with(motor))
+    }
+
+    /// The layout that these values of parameters make; the hand's way of looking at it.
+    pub fn from_parameters(
+        motors: MotorSet,
+        value: impl Fn(&str, Motor) -> i32,
+        temperature: bool,
+    ) -> Self {
+        let each = |motor: Motor| {
+            let on = |name| value(name, motor) != 0;
+            let scaled = |name, scale| on(name).then(|| value(scale, motor) as u8);
+            motors.contains(motor).then(|| MotorLayout {
+                speed: scaled("LCV", "LCVC"),
+                gain: on("LCPG"),
+                measured_speed: scaled("LFV", "LFVC"),
+                strain: on("LFS"),
+                position: on("LFAP"),
+                change: scaled("LFDP", "LFDPC"),
+            })
+        };
+        Self {
+            motors: Motor::ALL.map(each),
+            temperature,
+        }
+    }
+
+    /// The commands that bring the hand to this layout and into RealTime; the last one is `LOOP`.
+    pub fn commands(&self) -> Vec<Command> {
+        let mut commands = Vec::new();
+        for (motor, layout) in Motor::ALL.into_iter().zip(&self.motors) {
+            let Some(layout) = layout else { continue };
+            let values = [
+                ("LCV", i32::from(layout.speed.is_some())),
+                ("LCVC", i32::from(layout.speed.unwrap_or(1))),
+                ("LCPG", i32::from(layout.gain)),
+                ("LFV", i32::from(layout.measured_speed.is_some())),
+                ("LFVC", i32::from(layout.measured_speed.unwrap_or(1))),
+                ("LFS", i32::from(layout.strain)),
+                ("LFAP", i32::from(layout.position)),
+                ("LFDP", i32::from(layout.change.is_some())),
+                ("LFDPC", i32::from(layout.change.unwrap_or(1))),
+            ];
+            let verb = Verb::Set(Scope::Motor, values.map(pair(Scope::Motor)).to_vec());
+            commands.push(Command::from((motor, verb)));
+        }
+        let temperature = pair(Scope::Hand)(("LFT", i32::from(self.temperature)));
+        commands.push(Verb::Set(Scope::Hand, vec![temperature]).into());
+        commands.push(Command::new(self.taking_part(), Verb::Loop));
+        commands
+    }
+
+    /// How many bytes follow the header of a control block with data.
+    pub fn control_length(&self) -> usize {
+        let parts = self.motors.iter().flatten();
+        parts
+            .map(|motor| usize::from(motor.speed.is_some()) + usize::from(motor.gain))
+            .sum()
+    }
+
+    /// How many bytes follow the `*` of a feedback block.
+    pub fn feedback_length(&self) -> usize {
+        let one = |motor: &MotorLayout| {
+            usize::from(motor.measured_speed.is_some())
+                + usize::from(motor.strain)
+                + 2 * usize::from(motor.position)
+                + usize::from(motor.change.is_some())
+        };
+        self.motors.iter().flatten().map(one).sum::<usize>() + 2 * usize::from(self.temperature)
+    }
+
+    /// A control block with its header.
+    pub fn write_control(&self, header: Header, control: &Control) -> Vec<u8> {
+        let mut block = vec![header.byte()];
+        if header.has_data() {
+            for (layout, told) in self.motors.iter().zip(control) {
+                let Some(layout) = layout else { continue };
+                block.extend(layout.speed.map(|_| told.speed.cast_unsigned()));
+                block.extend(layout.gain.then_some(told.gain));
+            }
+        }
+        block
+    }
+
+    /// The data of a control block, of exactly [`control_length`](Self::control_length) bytes.
+    pub fn read_control(&self, data: &[u8]) -> Option<Control> {
+        if data.len() != self.control_length() {
+            return None;
+        }
+        let mut bytes = data.iter().copied();
+        let mut control = Control::default();
+        for (layout, told) in self.motors.iter().zip(&mut control) {
+            let Some(layout) = layout else { continue };
+            if layout.speed.is_some() {
+                told.speed = bytes.next()?.cast_signed();
+            }
+            if layout.gain {
+                told.gain = bytes.next()?;
+            }
+        }
+        Some(control)
+    }
+
+    /// A feedback block; what the layout has and `feedback` has not is zero.
+    pub fn write_feedback(&self, header: Header, feedback: &Feedback) -> Vec<u8> {
+        let mut block = vec![b'*'];
+        if !header.asks() {
+            return block;
+        }
+        for (layout, told) in self.motors.iter().zip(&feedback.motors) {
+            let Some(layout) = layout else { continue };
+            let speed = told.speed.unwrap_or(0).cast_unsigned();
+            block.extend(layout.measured_speed.map(|_| speed));
+            block.extend(layout.strain.then_some(told.strain.unwrap_or(0)));
+            if layout.position {
+                block.extend(told.position.unwrap_or(0).to_be_bytes());
+            }
+            let change = told.change.unwrap_or(0).cast_unsigned();
+            block.extend(layout.change.map(|_| change));
+        }
+        if self.temperature {
+            block.extend(feedback.temperature.unwrap_or(0).to_be_bytes());
+        }
+        block
+    }
+
+    /// The feedback at the start of `bytes`, which answers a block with this header; `None` until all of it is there.
+    ///
+    /// Errors: [`BlockError`]; a complaint only once the prompt behind it has come.
+    pub fn read_feedback(
+        &self,
+        header: Header,
+        bytes: &[u8],
+    ) -> Result<Option<Feedback>, BlockError> {
+        match bytes.first() {
+            None => return Ok(None),
+            Some(b'*') => {}
+            Some(b'\r' | b'\n') => return complaint(bytes),
+            Some(_) => return Err(unexpected(bytes)),
+        }
+        if !header.asks() {
+            return Ok(Some(Feedback::default()));
+        }
+        let data = &bytes[1..];
+        if data.len() < self.feedback_length() {
+            return Ok(None);
+        }
+        let mut bytes = data.iter().copied();
+        let mut next = || bytes.next().expect("the length was checked");
+        let mut feedback = Feedback::default();
+        for (layout, told) in self.motors.iter().zip(&mut feedback.motors) {
+            let Some(layout) = layout else { continue };
+            told.speed = layout.measured_speed.map(|_| next().cast_signed());
+            told.strain = layout.strain.then(&mut next);
+            told.position = layout
+                .position
+                .then(|| i16::from_be_bytes([next(), next()]));
+            told.change = layout.change.map(|_| next().cast_signed());
+        }
+        feedback.temperature = self
+            .temperature
+            .then(|| i16::from_be_bytes([next(), next()]));
+        Ok(Some(feedback))
+    }
+}
+
+fn pair(scope: Scope) -> impl Fn((&str, i32)) -> (Parameter, i32) {
+    move |(name, value)| {
+        let parameter = Parameter::find(scope, name).expect("its name is in the table");
+        (parameter, value)
+    }
+}
+
+/// `ERR n` and the prompt, instead of feedback.
+fn complaint(bytes: &[u8]) -> Result<Option<Feedback>, BlockError> {
+    match ReplyReader::new("").push(bytes) {
+        None => Ok(None),
+        Some(Ok(reply)) => Err(ended(&reply, bytes)),
+        Some(Err(_)) => Err(unexpected(bytes)),
+    }
+}
+
+fn ended(reply: &Reply, bytes: &[u8]) -> BlockError {
+    match reply.status() {
+        status if !status.is_fine() => BlockError::Ended(status),
+        _ => unexpected(bytes),
+    }
+}
+
+fn unexpected(bytes: &[u8]) -> BlockError {
+    let shown = &bytes[..bytes.len().min(20)];
+    BlockError::Unexpected(shown.escape_ascii().to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The example of the manual: F1 and F2 by speed with strain and change, the spread with change alone.
+    #[test]
+    fn the_example_of_the_manual_has_its_lengths() {
+        let finger = MotorLayout {
+            speed: Some(1),
+            strain: true,
+            change: Some(1),
+            ..MotorLayout::default()
+        };
+        let spread = MotorLayout {
+            change: Some(1),
+            ..MotorLayout::default()
+        };
+        let layout = Layout {
+            motors: [Some(finger), Some(finger), None, Some(spread)],
+            temperature: true,
+        };
+        let mut control = Control::default();
+        control[0].speed = 100;
+        control[1].speed = -2;
+        let block = layout.write_control(Header::Control, &control);
+        assert_eq!(block, [b'C', 100, 0xfe]);
+        assert_eq!(layout.read_control(&block[1..]), Some(control));
+        assert_eq!(1 + layout.feedback_length(), 8);
+        let feedback = layout.read_feedback(Header::Control, b"*\x80\x05\x81\xfb\x07\x01\x5e");
+        let feedback = feedback.unwrap().unwrap();
+        assert_eq!(feedback.motors[0].strain, Some(128));
+        assert_eq!(feedback.motors[1].change, Some(-5));
+        assert_eq!(feedback.motors[3].change, Some(7));
+        assert_eq!(feedback.temperature, Some(350));
+        let commands = layout.commands();
+        assert_eq!(commands.last().unwrap().to_string(), "124LOOP");
+    }
+
+    /// Recorded in a program of the time: 43 64 5A 64 5A 64 5A.
+    #[test]
+    fn speed_and_gain_alternate() {
+        let motor = MotorLayout {
+            speed: Some(1),
+            gain: true,
+            strain: true,
+            position: true,
+            ..MotorLayout::default()
+        };
+        let layout = Layout::same(MotorSet::FINGERS, motor);
+        let told = MotorControl {
+            speed: 100,
+            gain: 90,
+        };
+        let block = layout.write_control(Header::Control, &[told; 4]);
+        assert_eq!(block, [0x43, 0x64, 0x5a, 0x64, 0x5a, 0x64, 0x5a]);
+        assert_eq!(layout.feedback_length(), 9);
+    }
+
+    #[test]
+    fn a_complaint_ends_realtime() {
+        let layout = Layout::same(MotorSet::FINGERS, MotorLayout::default());
+        let read = |bytes: &[u8]| layout.read_feedback(Header::Ask, bytes);
+        assert_eq!(read(b"\r\nERR 2048\n\r="), Ok(None));
+        assert_eq!(
+            read(b"\r\nERR 2048\n\r=> "),
+            Err(BlockError::Ended(Status::BAD_HEADER))
+        );
+        assert!(matches!(read(b"\r\n=> "), Err(BlockError::Unexpected(_))));
+        assert!(matches!(read(b"x"), Err(BlockError::Unexpected(_))));
+    }
+}

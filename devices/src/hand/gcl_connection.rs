@@ -1,0 +1,159 @@
+//! What a hand can do, made of commands: the same for a hand on a serial line and one behind a server.
+
+use super::gcl::{Command, Motor, MotorSet, Parameter, Reply, Verb};
+use super::hand_error::HandError;
+use super::serial_driver::check_characters;
+use super::{grasp, units};
+use crate::{Axes, DeviceError, Grasp, GraspKind, Hand};
+
+/// Something that takes lines of the hand's language.
+pub trait GclConnection: Send + Sync {
+    /// The path or the address of the hand, for messages.
+    fn peer(&self) -> &str;
+
+    /// Carries out lines one after the other, up to the first that fails; nobody else's come in between.
+    ///
+    /// Errors: [`HandError`].
+    fn run(&self, lines: &[String]) -> Result<Vec<Reply>, HandError>;
+
+    /// Stops the hand, whoever uses it.
+    ///
+    /// Errors: [`HandError`].
+    fn abort(&self) -> Result<(), HandError>;
+
+    /// Whether the line was there when it was last used.
+    fn is_connected(&self) -> bool;
+}
+
+/// How often a question is asked whose answer does not read.
+const MAX_ATTEMPTS: usize = 4;
+
+/// What every motor says to a parameter, in the order 1, 2, 3, 4.
+///
+/// Asked again if noise spoiled the answer: asking moves nothing.
+///
+/// Errors: [`HandError`].
+pub fn read(line: &dyn GclConnection, parameter: Parameter) -> Result<[i32; 4], HandError> {
+    let command = Command::get(&[parameter]).to_string();
+    let mut answer = String::new();
+    for _ in 0..MAX_ATTEMPTS {
+        let replies = line.run(std::slice::from_ref(&command))?;
+        let Some(reply) = replies.first() else { break };
+        let numbers = reply.numbers(4).and_then(|all| all.try_into().ok());
+        if let Some(numbers) = numbers {
+            return Ok(numbers);
+        }
+        answer.clone_from(&reply.text);
+    }
+    Err(HandError::Unreadable {
+        command,
+        answer,
+        expected: "four whole numbers",
+    })
+}
+
+/// Whether motors can be moved to these angles in degrees, as far as can be said without a hand.
+///
+/// Errors: what is wrong with the selection or with an angle, as [`Hand::move_fingers`] tells it.
+pub fn check_move(axes: Axes<'_>, angles: &[f64]) -> Result<(), DeviceError> {
+    moves(axes, angles).map(drop)
+}
+
+/// The commands that move motors to angles in degrees: one per place, since a command has one target.
+fn moves(axes: Axes<'_>, angles: &[f64]) -> Result<Vec<Command>, DeviceError> {
+    axes.check_command(4, "angles", angles.len())?;
+    let mut commands: Vec<Command> = Vec::new();
+    for (joint, &asked) in axes.iter(4).zip(angles) {
+        let motor = Motor::ALL[joint.index()];
+        let max = units::degrees(motor, units::whole_way(motor));
+        if !asked.is_finite() {
+            let quantity = "position";
+            return Err(DeviceError::NotFinite {
+                joint,
+                quantity,
+                asked,
+            });
+        }
+        if !(0.0..=max).contains(&asked) {
+            return Err(DeviceError::OutOfRange {
+                joint,
+                quantity: "position",
+                asked,
+                min: 0.0,
+                max,
+                unit: "deg",
+            });
+        }
+        let verb = Verb::Move(Some(units::counts(motor, asked).round() as i32));
+        match commands.iter_mut().find(|command| command.verb == verb) {
+            Some(command) => {
+                command.motors = command.motors.map(|motors| motors.with(motor));
+            }
+            None => commands.push((motor, verb).into()),
+        }
+    }
+    Ok(commands)
+}
+
+/// Runs commands and says whose hand it was if that fails.
+fn run<L: GclConnection + ?Sized>(line: &L, commands: &[Command]) -> Result<(), DeviceError> {
+    let lines: Vec<String> = commands.iter().map(Command::to_string).collect();
+    match line.run(&lines) {
+        Ok(_) => Ok(()),
+        Err(error) => Err(error.at(line.peer())),
+    }
+}
+
+impl<L: GclConnection> Hand for L {
+    fn initialise(&self) -> Result<(), DeviceError> {
+        run(self, &[Verb::Initialise.into()])
+    }
+
+    fn abort(&self) -> Result<(), DeviceError> {
+        GclConnection::abort(self).map_err(|error| error.at(self.peer()))
+    }
+
+    fn is_connected(&self) -> bool {
+        GclConnection::is_connected(self)
+    }
+
+    fn send_command(&self, command: &str) -> Result<String, DeviceError> {
+        check_characters(command)
+            .and_then(|()| GclConnection::run(self, &[command.to_owned()]))
+            .map(|mut replies| replies.pop().unwrap_or_default().text)
+            .map_err(|error| error.at(self.peer()))
+    }
+
+    fn move_fingers(&self, axes: Axes<'_>, angles: &[f64]) -> Result<(), DeviceError> {
+        run(self, &moves(axes, angles)?)
+    }
+
+    fn finger_positions(&self) -> Result<[f64; 4], DeviceError> {
+        let counts = read(self, Parameter::POSITION).map_err(|error| error.at(self.peer()))?;
+        Ok(Motor::ALL.map(|motor| units::degrees(motor, f64::from(counts[motor.index()]))))
+    }
+}
+
+impl<L: GclConnection> Grasp for L {
+    fn open_fingers(&self) -> Result<(), DeviceError> {
+        run(self, &[Command::new(MotorSet::FINGERS, Verb::Open)])
+    }
+
+    fn close_fingers(&self) -> Result<(), DeviceError> {
+        run(self, &[Command::new(MotorSet::FINGERS, Verb::Close)])
+    }
+
+    fn close_fingers_with_torque(&self) -> Result<(), DeviceError> {
+        run(self, &[Command::new(MotorSet::FINGERS, Verb::TorqueClose)])
+    }
+
+    fn grasp(&self, kind: GraspKind) -> Result<(), DeviceError> {
+        run(self, &grasp::commands(kind))
+    }
+
+    fn check_grasp(&self, expected: [Option<f64>; 4]) -> Result<[f64; 4], DeviceError> {
+        let found = self.finger_positions()?;
+        let difference = |motor: usize| expected[motor].map_or(0.0, |wanted| found[motor] - wanted);
+        Ok(std::array::from_fn(difference))
+    }
+}

@@ -1,0 +1,646 @@
+//! The driver: a hand at the end of a serial line.
+//!
+//! A command goes out in two steps. Its letters first: the hand repeats them, and only when they came back as they were
+//! sent does the line end follow that makes the hand do it. So noise on the line, or a stranger at its other end, never
+//! moves anything: what did not come back whole is called off.
+//!
+//! Calling off is `^C`, then `!` and a line end. If the hand had already forgotten its line, `!` is an unknown
+//! command; if not, `!` spoils what stands there. Either way an error is answered, and that answer proves that a
+//! hand listens and both ends are in step again.
+
+use std::fmt;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use tracing::{debug, info, warn};
+
+use super::gcl::{ABORT, Command, Layout, PROMPT, Reply, ReplyError, ReplyReader, Scope, Verb};
+use super::gcl_connection::GclConnection;
+use super::hand_error::HandError;
+use super::realtime_session::RealTimeSession;
+use super::serial_line::SerialLine;
+
+/// What the hand speaks after power-up, bits per second.
+const POWER_UP_BAUD: u32 = 9600;
+/// What makes any line an error instead of a command.
+const INVALIDATE_LINE: &[u8] = b"!\r";
+/// What completes any block of RealTime that was cut off: speeds and gains of zero. A whole block leads to RealTime's end
+/// by way of an error; a hand that listens to commands gets a line that is called off.
+const BLOCK_PADDING: [u8; 8] = [0; 8];
+/// How often a command is sent before noise on the line is reported.
+const MAX_COMMAND_ATTEMPTS: usize = 4;
+/// How often both ends are brought in step before no hand is reported.
+const MAX_SYNC_ATTEMPTS: u32 = 4;
+
+/// How a hand is driven.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct HandOptions {
+    path: String,
+    baud: u32,
+    echo_timeout: Duration,
+    motion_timeout: Duration,
+    block_timeout: Duration,
+}
+
+impl HandOptions {
+    /// At 9600 bits per second; 2 s for an echo, 15 s for a command, 1 s for a block of RealTime.
+    ///
+    /// `path`: of the line, for instance `/dev/ttyUSB0`.
+    pub fn new(path: impl Into<String>) -> Self {
+        Self {
+            path: path.into(),
+            baud: POWER_UP_BAUD,
+            echo_timeout: Duration::from_secs(2),
+            motion_timeout: Duration::from_secs(15),
+            block_timeout: Duration::from_secs(1),
+        }
+    }
+
+    /// The speed of the line when it is opened, bits per second. A hand that was reset speaks 9600.
+    pub fn baud(mut self, baud: u32) -> Self {
+        self.baud = baud;
+        self
+    }
+
+    /// How long a command may take; initialising may take twice as long.
+    pub fn motion_timeout(mut self, motion_timeout: Duration) -> Self {
+        self.motion_timeout = motion_timeout;
+        self
+    }
+
+    /// How long the hand may take to repeat a command, and to answer when it is called off.
+    pub fn echo_timeout(mut self, echo_timeout: Duration) -> Self {
+        self.echo_timeout = echo_timeout;
+        self
+    }
+
+    /// How long the hand may take to answer a block of RealTime.
+    pub fn block_timeout(mut self, block_timeout: Duration) -> Self {
+        self.block_timeout = block_timeout;
+        self
+    }
+}
+
+/// A BarrettHand BH8-262 at the end of a serial line.
+///
+/// * Calls block until the hand's prompt is back, which is when the motion has ended, and never longer than
+///   [`HandOptions::motion_timeout`]. A hand that takes longer is told to stop.
+/// * One command at a time: a second one is refused as [`HandError::Busy`], not queued.
+///   [`abort`](super::GclConnection::abort) works at any time.
+/// * A line that breaks is reported with what was being done; the next command opens it again. A hand that had lost
+///   its power as well then says that it is not initialised. Nothing is sent again by itself that may move.
+///
+/// ```no_run
+/// use yarp_devices::hand::{BarrettHand, HandOptions};
+/// use yarp_devices::{Grasp, GraspKind, Hand};
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let hand = BarrettHand::open(HandOptions::new("/dev/ttyUSB0"))?;
+/// hand.initialise()?;
+/// hand.grasp(GraspKind::Rectangular)?;
+/// hand.close_fingers_with_torque()?;
+/// # Ok(())
+/// # }
+/// ```
+pub struct BarrettHand {
+    options: HandOptions,
+    /// Held while a command runs.
+    line: Mutex<LineState>,
+    abort: AtomicBool,
+    connected: AtomicBool,
+    doing: Mutex<String>,
+}
+
+/// The line and what is known about it.
+pub(super) struct LineState {
+    port: Option<SerialLine>,
+    baud: u32,
+    /// Whether the hand waits for a command, as far as is known.
+    is_synchronised: bool,
+    /// Whether it may be in RealTime mode, in the middle of a block.
+    in_realtime: bool,
+    /// Whether it was aborted since somebody began to use the line: then nothing more is done for them.
+    aborted: bool,
+}
+
+impl BarrettHand {
+    /// Opens the line and makes sure that a hand answers; what it did before ends.
+    ///
+    /// Errors: [`HandError::Open`], [`HandError::LineLost`], [`HandError::NoHand`].
+    pub fn open(options: HandOptions) -> Result<Self, HandError> {
+        let hand = Self {
+            line: Mutex::new(LineState {
+                port: None,
+                baud: options.baud,
+                is_synchronised: false,
+                in_realtime: true,
+                aborted: false,
+            }),
+            options,
+            abort: AtomicBool::new(false),
+            connected: AtomicBool::new(false),
+            doing: Mutex::default(),
+        };
+        hand.connect(&mut *hand.hold("opening")?)?;
+        info!(path = %hand.options.path, "hand answers");
+        Ok(hand)
+    }
+
+    /// The path of the line.
+    pub fn path(&self) -> &str {
+        &self.options.path
+    }
+
+    /// Carries out a command and gives its answer.
+    ///
+    /// Errors: [`HandError`]; [`HandError::Status`] if the hand complains.
+    pub fn command(&self, command: &Command) -> Result<Reply, HandError> {
+        self.line(&command.to_string())
+    }
+
+    /// Changes the speed of the line, at both ends.
+    ///
+    /// * `hundreds`: of bits per second, 6 to 384.
+    /// * Errors: [`HandError`]; then both speeds are tried when the line is next used.
+    pub fn set_baud(&self, hundreds: u16) -> Result<(), HandError> {
+        let text = format!("PSET BAUD {hundreds}");
+        let mut line = self.hold(&text)?;
+        self.connect(&mut line)?;
+        self.send_characters(&mut line, &text)?;
+        line.is_synchronised = false;
+        line.baud = u32::from(hundreds) * 100;
+        // The answer may come at either speed: it is not read, both ends are brought in step instead. The line end
+        // still went out at the old speed.
+        let baud = line.baud;
+        let changed = line.port().map_or(Ok(()), |port| port.set_baud(baud));
+        self.lost(&mut line, "changing its speed", changed)?;
+        self.connect(&mut line)
+    }
+
+    /// Enters RealTime mode, which lasts until the session ends; other commands are refused meanwhile.
+    ///
+    /// Errors: [`HandError`]; [`HandError::Status`] if the hand refuses.
+    pub fn realtime(&self, layout: Layout) -> Result<RealTimeSession<'_>, HandError> {
+        let mut line = self.hold("LOOP")?;
+        for command in layout.commands() {
+            let text = command.to_string();
+            if command.verb != Verb::Loop {
+                self.transact(&mut line, &text)?;
+                continue;
+            }
+            self.send_until_echoed(&mut line, &text)?;
+            self.send_line_end(&mut line, &text)?;
+            line.is_synchronised = false;
+            line.in_realtime = true;
+            self.enter(&mut line, &text)?;
+        }
+        Ok(RealTimeSession::new(
+            self,
+            line,
+            layout,
+            self.options.block_timeout,
+        ))
+    }
+
+    /// Waits for the `*` that says that RealTime has begun.
+    fn enter(&self, line: &mut LineState, text: &str) -> Result<(), HandError> {
+        let mut complaint = ReplyReader::new("");
+        let deadline = Instant::now() + self.options.echo_timeout;
+        let mut buffer = [0; 1];
+        while Instant::now() < deadline {
+            let step = || format!("waiting for `{text}` to begin");
+            for &byte in self.receive_or_abort(line, &mut buffer, step)? {
+                if byte == b'*'
+                    && complaint
+                        .excerpt()
+                        .replace("\\r", "")
+                        .replace("\\n", "")
+                        .is_empty()
+                {
+                    return Ok(());
+                }
+                if let Some(reply) = complaint.push(&[byte]) {
+                    let reply = reply.map_err(|source| garbled(text, source))?;
+                    line.is_synchronised = true;
+                    line.in_realtime = false;
+                    judge(text, reply)?;
+                    return Err(HandError::Unreadable {
+                        command: text.to_owned(),
+                        answer: String::new(),
+                        expected: "`*`",
+                    });
+                }
+            }
+        }
+        let got = complaint.excerpt();
+        Err(self.stop(line, text, self.options.echo_timeout, got))
+    }
+
+    /// Carries out one line of text.
+    pub(super) fn line(&self, text: &str) -> Result<Reply, HandError> {
+        let mut line = self.hold(text)?;
+        self.transact(&mut line, text)
+    }
+
+    /// The line, if nobody else uses it.
+    fn hold(&self, text: &str) -> Result<MutexGuard<'_, LineState>, HandError> {
+        let mut line = match self.line.try_lock() {
+            Ok(line) => line,
+            Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
+            Err(TryLockError::WouldBlock) => {
+                let doing = self.doing().clone();
+                return Err(HandError::Busy { doing });
+            }
+        };
+        text.clone_into(&mut self.doing());
+        line.aborted = false;
+        Ok(line)
+    }
+
+    fn doing(&self) -> MutexGuard<'_, String> {
+        self.doing.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Sends a line, waits for the prompt, and judges the answer.
+    fn transact(&self, line: &mut LineState, text: &str) -> Result<Reply, HandError> {
+        self.send_characters(line, text)?;
+        let initialises = matches!(
+            Command::parse(text),
+            Ok(Command {
+                verb: Verb::Initialise,
+                ..
+            })
+        );
+        let timeout = self.options.motion_timeout * if initialises { 2 } else { 1 };
+        line.is_synchronised = false;
+        let mut reader = ReplyReader::new("");
+        let deadline = Instant::now() + timeout;
+        let mut buffer = [0; 256];
+        while Instant::now() < deadline {
+            let step = || format!("waiting for `{text}` to end");
+            let bytes = self.receive_or_abort(line, &mut buffer, step)?;
+            if let Some(reply) = reader.push(bytes) {
+                let reply = reply.map_err(|source| garbled(text, source))?;
+                // ^C to a hand that had just ended brings another prompt.
+                line.is_synchronised = !line.aborted;
+                debug!(command = text, answer = %reply, "hand answered");
+                return judge(text, reply);
+            }
+        }
+        Err(self.stop(line, text, timeout, reader.excerpt()))
+    }
+
+    /// Types a command and its end.
+    fn send_characters(&self, line: &mut LineState, text: &str) -> Result<(), HandError> {
+        self.send_until_echoed(line, text)?;
+        self.send_line_end(line, text)
+    }
+
+    fn send_line_end(&self, line: &mut LineState, text: &str) -> Result<(), HandError> {
+        self.heed_abort(line, text)?;
+        self.send(line, b"\r", || format!("ending the line `{text}`"))
+    }
+
+    /// Types the letters of a command until they come back right.
+    fn send_until_echoed(&self, line: &mut LineState, text: &str) -> Result<(), HandError> {
+        let mut problem = None;
+        for _ in 0..MAX_COMMAND_ATTEMPTS {
+            self.heed_abort(line, text)?;
+            self.connect(line)?;
+            let drained = line.port().map_or(Ok(()), SerialLine::drain);
+            self.lost(line, &format!("beginning `{text}`"), drained)?;
+            line.is_synchronised = false;
+            self.send(line, text.as_bytes(), || format!("sending `{text}`"))?;
+            match self.echo(line, text)? {
+                Ok(()) => return Ok(()),
+                Err(source) => {
+                    warn!(command = text, "called off, noise on the line: {source}");
+                    problem = Some(source);
+                }
+            }
+        }
+        let source = problem.expect("there was an attempt");
+        // The hand shall not be left with half a command.
+        let _ = self.connect(line);
+        Err(garbled(text, source))
+    }
+
+    /// Whether the letters came back.
+    fn echo(&self, line: &mut LineState, text: &str) -> Result<Result<(), ReplyError>, HandError> {
+        let mut reader = ReplyReader::new(text);
+        let deadline = Instant::now() + self.options.echo_timeout;
+        let mut buffer = [0; 64];
+        while !reader.is_echoed() {
+            self.heed_abort(line, text)?;
+            let step = || format!("waiting for the echo of `{text}`");
+            let bytes = self.receive(line, &mut buffer, step)?;
+            if let Some(Err(error)) = reader.push(bytes) {
+                return Ok(Err(error));
+            }
+            if Instant::now() > deadline {
+                return Ok(Err(ReplyError::Echo {
+                    sent: text.to_owned(),
+                    got: reader.excerpt(),
+                }));
+            }
+        }
+        Ok(Ok(()))
+    }
+
+    /// Opens the line if it is not, and brings both ends in step if they are not.
+    fn connect(&self, line: &mut LineState) -> Result<(), HandError> {
+        if line.port.is_none() {
+            let opened = SerialLine::open(&self.options.path, line.baud);
+            line.port = Some(opened.map_err(|source| HandError::Open { source })?);
+            line.is_synchronised = false;
+            self.connected.store(true, Ordering::Release);
+        }
+        if line.is_synchronised {
+            return Ok(());
+        }
+        let mut seen = Vec::new();
+        for attempt in 0..MAX_SYNC_ATTEMPTS {
+            // A hand that was reset speaks as after power-up.
+            if line.baud != POWER_UP_BAUD && attempt > 0 {
+                let baud = if attempt % 2 == 0 {
+                    line.baud
+                } else {
+                    POWER_UP_BAUD
+                };
+                let changed = line.port().map_or(Ok(()), |port| port.set_baud(baud));
+                self.lost(line, "changing its speed", changed)?;
+            }
+            if self.cancel_command(line, &mut seen)? {
+                line.is_synchronised = true;
+                line.in_realtime = false;
+                return Ok(());
+            }
+        }
+        let from = seen.len().saturating_sub(40);
+        Err(HandError::NoHand {
+            waited: (self.idle() + self.options.echo_timeout) * MAX_SYNC_ATTEMPTS,
+            got: seen[from..].escape_ascii().to_string(),
+        })
+    }
+
+    /// How long a hand may take to come back to its prompt when it is called off; an idle one may say nothing.
+    fn idle(&self) -> Duration {
+        self.options.echo_timeout / 4
+    }
+
+    /// Ends whatever the hand does and empties its line; whether it answered.
+    fn cancel_command(&self, line: &mut LineState, seen: &mut Vec<u8>) -> Result<bool, HandError> {
+        const STEP: &str = "calling the hand off";
+        seen.clear();
+        if line.in_realtime {
+            self.send(line, &BLOCK_PADDING, || STEP.to_owned())?;
+        }
+        self.send(line, &[ABORT], || STEP.to_owned())?;
+        // A hand in motion, or in RealTime, first comes back to its prompt.
+        self.collect(line, seen, self.idle(), |seen| seen.ends_with(PROMPT))?;
+        let before = seen.len();
+        self.send(line, INVALIDATE_LINE, || STEP.to_owned())?;
+        self.collect(line, seen, self.options.echo_timeout, |seen| {
+            is_spoiled(&seen[before..])
+        })
+    }
+
+    /// Reads until `done`; whether that came in time.
+    fn collect(
+        &self,
+        line: &mut LineState,
+        seen: &mut Vec<u8>,
+        timeout: Duration,
+        done: impl Fn(&[u8]) -> bool,
+    ) -> Result<bool, HandError> {
+        const MAX_DISCARDED_BYTES: usize = 64 * 1024;
+        let deadline = Instant::now() + timeout;
+        let mut buffer = [0; 64];
+        while Instant::now() < deadline && seen.len() < MAX_DISCARDED_BYTES {
+            let received = line
+                .port()
+                .map_or(Ok([].as_slice()), |port| port.receive(&mut buffer));
+            let received = received.map(<[u8]>::to_vec);
+            let bytes = self.lost(line, "waiting for the prompt", received)?;
+            seen.extend(bytes);
+            if done(seen) {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// Stops a hand that takes too long.
+    fn stop(&self, line: &mut LineState, text: &str, waited: Duration, got: String) -> HandError {
+        line.is_synchronised = false;
+        if let Err(error) = self.send(line, &[ABORT], || format!("stopping `{text}`")) {
+            return error;
+        }
+        HandError::NoPrompt {
+            command: text.to_owned(),
+            waited,
+            got,
+        }
+    }
+
+    /// Wishes that whoever uses the line, or will next, is stopped; or takes that back.
+    pub(super) fn set_abort(&self, wish: bool) {
+        self.abort.store(wish, Ordering::Release);
+    }
+
+    /// Whether that has not come about yet.
+    pub(super) fn is_abort_set(&self) -> bool {
+        self.abort.load(Ordering::Acquire)
+    }
+
+    /// Gives a command up that the hand has not begun with, if that is wished.
+    fn heed_abort(&self, line: &mut LineState, text: &str) -> Result<(), HandError> {
+        line.aborted |= self.abort.swap(false, Ordering::AcqRel);
+        if !line.aborted {
+            return Ok(());
+        }
+        line.is_synchronised = false;
+        self.connect(line)?;
+        let command = text.to_owned();
+        Err(HandError::Aborted { command })
+    }
+
+    /// Some bytes from a hand that carries something out; passes on the wish to abort.
+    pub(super) fn receive_or_abort<'b>(
+        &self,
+        line: &mut LineState,
+        buffer: &'b mut [u8],
+        step: impl Fn() -> String,
+    ) -> Result<&'b [u8], HandError> {
+        if self.abort.swap(false, Ordering::AcqRel) {
+            line.aborted = true;
+            self.send(line, &[ABORT], || "aborting".to_owned())?;
+        }
+        self.receive(line, buffer, step)
+    }
+
+    /// Some bytes from the hand.
+    fn receive<'b>(
+        &self,
+        line: &mut LineState,
+        buffer: &'b mut [u8],
+        step: impl Fn() -> String,
+    ) -> Result<&'b [u8], HandError> {
+        let Some(port) = line.port() else {
+            let source = std::io::ErrorKind::NotConnected.into();
+            return Err(HandError::LineLost {
+                step: step(),
+                source,
+            });
+        };
+        match port.receive(buffer) {
+            Ok(bytes) => Ok(bytes),
+            Err(source) => Err(self.lose(line, step(), source)),
+        }
+    }
+
+    pub(super) fn send(
+        &self,
+        line: &mut LineState,
+        bytes: &[u8],
+        step: impl Fn() -> String,
+    ) -> Result<(), HandError> {
+        let sent = line.port().map_or_else(
+            || Err(std::io::ErrorKind::NotConnected.into()),
+            |port| port.send(bytes),
+        );
+        sent.map_err(|source| self.lose(line, step(), source))
+    }
+
+    fn lost<T>(
+        &self,
+        line: &mut LineState,
+        step: &str,
+        outcome: std::io::Result<T>,
+    ) -> Result<T, HandError> {
+        outcome.map_err(|source| self.lose(line, step.to_owned(), source))
+    }
+
+    /// The line broke: it will be opened anew.
+    fn lose(&self, line: &mut LineState, step: String, source: std::io::Error) -> HandError {
+        line.port = None;
+        line.is_synchronised = false;
+        // A hand that comes back may have lost its power, and with it the speed it had been told.
+        line.baud = self.options.baud;
+        self.connected.store(false, Ordering::Release);
+        warn!(path = %self.options.path, step, %source, "the line to the hand broke");
+        HandError::LineLost { step, source }
+    }
+
+    /// Leaves RealTime; both ends are brought in step, if necessary by force.
+    pub(super) fn leave(&self, line: &mut LineState) -> Result<(), HandError> {
+        self.connect(line)
+    }
+}
+
+impl LineState {
+    pub(super) fn port(&mut self) -> Option<&mut SerialLine> {
+        self.port.as_mut()
+    }
+}
+
+impl GclConnection for BarrettHand {
+    fn peer(&self) -> &str {
+        &self.options.path
+    }
+
+    fn run(&self, lines: &[String]) -> Result<Vec<Reply>, HandError> {
+        let mut line = self.hold(&lines.join(", "))?;
+        lines
+            .iter()
+            .map(|text| self.transact(&mut line, text))
+            .collect()
+    }
+
+    fn abort(&self) -> Result<(), HandError> {
+        self.set_abort(true);
+        let deadline = Instant::now() + 2 * self.options.motion_timeout;
+        while self.is_abort_set() {
+            match self.hold("^C") {
+                // Nobody is there to pass it on.
+                Ok(mut line) => {
+                    if self.abort.swap(false, Ordering::AcqRel) {
+                        line.is_synchronised = false;
+                        return self.connect(&mut line);
+                    }
+                }
+                Err(busy) if Instant::now() > deadline => return Err(busy),
+                Err(_) => thread::sleep(Duration::from_millis(1)),
+            }
+        }
+        Ok(())
+    }
+
+    fn is_connected(&self) -> bool {
+        self.connected.load(Ordering::Acquire)
+    }
+}
+
+impl fmt::Debug for BarrettHand {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("BarrettHand")
+            .field("options", &self.options)
+            .finish_non_exhaustive()
+    }
+}
+
+/// Whether these bytes are the answer to the spoiled line: its echo, an error, and the prompt.
+fn is_spoiled(seen: &[u8]) -> bool {
+    let Some(echo) = seen.iter().position(|&byte| byte == INVALIDATE_LINE[0]) else {
+        return false;
+    };
+    let answer = &seen[echo + 1..];
+    answer.windows(4).any(|four| four == b"ERR ") && answer.ends_with(PROMPT)
+}
+
+fn garbled(text: &str, source: ReplyError) -> HandError {
+    HandError::Garbled {
+        command: text.to_owned(),
+        source,
+    }
+}
+
+/// An answer without complaint, or the complaint.
+pub(super) fn judge(text: &str, reply: Reply) -> Result<Reply, HandError> {
+    match reply.status() {
+        status if status.is_fine() => Ok(reply),
+        status => Err(HandError::Status {
+            command: text.to_owned(),
+            status,
+            answer: reply.text,
+        }),
+    }
+}
+
+/// Whether a line typed by a person may be passed on.
+///
+/// Errors: [`HandError::NotSent`] for what is no single line of text, and for what changes how the line is used.
+pub(super) fn check_characters(text: &str) -> Result<(), HandError> {
+    let refuse = |why| {
+        Err(HandError::NotSent {
+            command: text.escape_debug().to_string(),
+            why,
+        })
+    };
+    if text.len() > 255 || !text.bytes().all(|byte| (b' '..=b'~').contains(&byte)) {
+        return refuse("it must be one line of printable ASCII, up to 255 characters");
+    }
+    match Command::parse(text).map(|command| command.verb) {
+        Ok(Verb::Loop) => refuse("RealTime has its own calls"),
+        Ok(Verb::Set(Scope::Hand, pairs))
+            if pairs.iter().any(|(each, _)| each.name() == "BAUD") =>
+        {
+            refuse("the speed of the line is changed at both ends at once, by its own call")
+        }
+        // Whatever else it is, the hand judges it.
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,243 @@
+//! One motor and what it moves.
+
+use super::super::finger_coupling::OUTER_COUNTS;
+use super::super::gcl::Motor;
+use super::super::units;
+
+/// The torque at the inner joint at which the clutch lets go, Nm.
+///
+/// Not published; as if 15 N pressed 50 mm from the joint.
+pub const BREAKAWAY_TORQUE: f64 = 0.75;
+
+/// Counts per degree of the outer link, while it holds.
+const OUTER_ENGAGED: f64 = 375.0;
+/// Where a finger's counter ends; the spread's ends with its way.
+const FINGER_STOP: f64 = 17800.0;
+/// Counts per s², so that a finger is at its speed after some 50 ms.
+const ACCELERATION: f64 = 350_000.0;
+
+/// Something in the way of a finger.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Object {
+    /// Where the inner link meets it, degrees.
+    pub inner: f64,
+    /// How far the outer link then can turn against the inner one, degrees.
+    pub outer: f64,
+    /// How much it bears at the inner joint, Nm. Above [`BREAKAWAY_TORQUE`] the clutch lets go.
+    pub torque: f64,
+}
+
+/// What a motor is driven to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Drive {
+    /// No current. Fingers stay where they are: they cannot be driven back.
+    Off,
+    /// To a position, at a speed; counts and counts/s.
+    To { target: f64, speed: f64 },
+    /// At a speed, counts/s; closing is positive.
+    At(f64),
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct SimulatedMotor {
+    motor: Motor,
+    /// Counts.
+    position: f64,
+    /// Counts/s.
+    speed: f64,
+    pub(super) drive: Drive,
+    pub(super) object: Option<Object>,
+    /// Something else holds it, such as closed fingers the spread.
+    pub(super) blocked: bool,
+    breakaway: Option<f64>,
+    /// How long it has pushed against something, s.
+    pushing: f64,
+    /// All counts ever gone.
+    travelled: f64,
+}
+
+impl SimulatedMotor {
+    pub(super) fn new(motor: Motor) -> Self {
+        // A hand is found with its fingers somewhere.
+        let position = 0.2 * units::whole_way(motor);
+        Self {
+            motor,
+            position,
+            speed: 0.0,
+            drive: Drive::Off,
+            object: None,
+            blocked: false,
+            breakaway: None,
+            pushing: 0.0,
+            travelled: 0.0,
+        }
+    }
+
+    pub(super) fn position(&self) -> f64 {
+        self.position
+    }
+
+    pub(super) fn speed(&self) -> f64 {
+        self.speed
+    }
+
+    pub(super) fn travelled(&self) -> f64 {
+        self.travelled
+    }
+
+    /// Where the clutch let go, counts.
+    pub(super) fn breakaway(&self) -> Option<f64> {
+        self.breakaway
+    }
+
+    pub(super) fn clear_breakaway(&mut self) {
+        self.breakaway = None;
+    }
+
+    /// How long it has pushed against something, s.
+    pub(super) fn pushing(&self) -> f64 {
+        self.pushing
+    }
+
+    /// Whether it is where it is driven to.
+    pub(super) fn has_arrived(&self) -> bool {
+        match self.drive {
+            Drive::To { target, .. } => (self.position - target).abs() < 0.5,
+            Drive::Off | Drive::At(_) => false,
+        }
+    }
+
+    pub(super) fn stop(&mut self) {
+        self.drive = Drive::Off;
+        self.speed = 0.0;
+        self.pushing = 0.0;
+    }
+
+    pub(super) fn drive(&mut self, drive: Drive) {
+        self.drive = drive;
+        self.pushing = 0.0;
+    }
+
+    /// Time passes, a short piece of it.
+    pub(super) fn step(&mut self, seconds: f64) {
+        let wanted = match self.drive {
+            Drive::Off => {
+                self.speed = 0.0;
+                return;
+            }
+            Drive::At(speed) => speed,
+            Drive::To { target, speed } => {
+                // Not faster than it can still stop in time.
+                let left = target - self.position;
+                let most = (2.0 * ACCELERATION * left.abs()).sqrt().min(speed);
+                most.min(left.abs() / seconds) * left.signum()
+            }
+        };
+        let change = ACCELERATION * seconds;
+        self.speed += (wanted - self.speed).clamp(-change, change);
+        let free = self.position + self.speed * seconds;
+        let (open, closed) = self.stops();
+        let reached = match self.blocked {
+            true => self.position,
+            false => free.clamp(open, closed.max(self.position)),
+        };
+        let held = (reached - free).abs() > 1e-9;
+        if self.position < self.letting_go() && reached >= self.letting_go() {
+            self.breakaway = Some(self.letting_go());
+        }
+        self.travelled += (reached - self.position).abs();
+        self.position = reached;
+        if held {
+            self.speed = 0.0;
+            self.pushing += seconds;
+        } else {
+            self.pushing = 0.0;
+        }
+    }
+
+    /// Where it ends when it opens and when it closes, counts.
+    fn stops(&self) -> (f64, f64) {
+        let end = match self.motor {
+            Motor::Spread => units::whole_way(Motor::Spread),
+            _ => FINGER_STOP,
+        };
+        let closed = match self.object {
+            None => end,
+            Some(object) => {
+                let met = units::counts(self.motor, object.inner);
+                if object.torque > BREAKAWAY_TORQUE && self.motor != Motor::Spread {
+                    let beyond = (object.outer - met / OUTER_ENGAGED).max(0.0);
+                    (met + beyond * OUTER_COUNTS).min(end)
+                } else {
+                    met
+                }
+            }
+        };
+        (0.0, closed)
+    }
+
+    /// Where the clutch lets go, counts; infinite if it does not.
+    fn letting_go(&self) -> f64 {
+        match self.object {
+            Some(object) if object.torque > BREAKAWAY_TORQUE && self.motor != Motor::Spread => {
+                units::counts(self.motor, object.inner)
+            }
+            _ => f64::INFINITY,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run(motor: &mut SimulatedMotor, seconds: f64) {
+        for _ in 0..(seconds * 1000.0) as usize {
+            motor.step(0.001);
+        }
+    }
+
+    #[test]
+    fn it_goes_where_it_is_driven_and_stays() {
+        let mut motor = SimulatedMotor::new(Motor::F1);
+        motor.drive(Drive::To {
+            target: 8000.0,
+            speed: 17500.0,
+        });
+        run(&mut motor, 1.0);
+        assert!(motor.has_arrived(), "{motor:?}");
+        motor.stop();
+        run(&mut motor, 1.0);
+        assert!((motor.position() - 8000.0).abs() < 0.5);
+    }
+
+    #[test]
+    fn a_hard_object_makes_the_clutch_let_go() {
+        let mut motor = SimulatedMotor::new(Motor::F2);
+        motor.object = Some(Object {
+            inner: 60.0,
+            outer: 40.0,
+            torque: 2.0,
+        });
+        motor.drive(Drive::At(17500.0));
+        run(&mut motor, 2.0);
+        assert_eq!(motor.breakaway(), Some(7500.0));
+        let links =
+            super::super::super::finger_coupling::links(motor.position(), motor.breakaway());
+        assert!((links.outer.to_degrees() - 40.0).abs() < 1e-6);
+        assert!(motor.pushing() > 0.5);
+    }
+
+    #[test]
+    fn a_soft_object_stalls_the_inner_link() {
+        let mut motor = SimulatedMotor::new(Motor::F2);
+        motor.object = Some(Object {
+            inner: 60.0,
+            outer: 40.0,
+            torque: 0.5,
+        });
+        motor.drive(Drive::At(17500.0));
+        run(&mut motor, 2.0);
+        assert_eq!((motor.position(), motor.breakaway()), (7500.0, None));
+    }
+}

@@ -1,0 +1,259 @@
+//! Images in files: PPM and PGM (the binary forms P6 and P5), PNG, JPEG.
+//!
+//! What a file claims is compared with what it holds, or bounded, before it takes memory.
+//! Source: netpbm's `ppm(5)` and `pgm(5)`.
+
+use std::error::Error;
+use std::io::Cursor;
+use std::path::Path;
+
+use zune_jpeg::JpegDecoder;
+use zune_jpeg::zune_core::bytestream::ZCursor;
+use zune_jpeg::zune_core::colorspace::ColorSpace;
+use zune_jpeg::zune_core::options::DecoderOptions;
+
+use super::{Image, MAX_IMAGE_SIDE, PixelFormat};
+use crate::DeviceError;
+
+/// The most bytes of a picture in memory: 256 MiB.
+const MAX_FILE_BYTES: usize = 1 << 28;
+
+/// What is wrong with a picture.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+struct Malformed(String);
+
+type Reading = Result<Image, Box<dyn Error + Send + Sync>>;
+
+/// Reads a picture from a file, by what it begins with and not by its name.
+///
+/// Errors: [`DeviceError::File`].
+pub fn read(path: &Path) -> Result<Image, DeviceError> {
+    let failed = |source| DeviceError::File {
+        step: "read a picture from",
+        path: path.display().to_string(),
+        source,
+    };
+    let bytes = std::fs::read(path).map_err(|error| failed(error.into()))?;
+    decode(&bytes).map_err(failed)
+}
+
+/// Reads a picture: PPM, PGM, PNG or JPEG.
+pub fn decode(bytes: &[u8]) -> Result<Image, Box<dyn Error + Send + Sync>> {
+    match bytes {
+        [b'P', b'5' | b'6', ..] => netpbm(bytes),
+        [0x89, b'P', b'N', b'G', ..] => png(bytes),
+        [0xff, 0xd8, ..] => jpeg(bytes),
+        _ => Err(malformed("neither PPM, PGM, PNG nor JPEG")),
+    }
+}
+
+fn malformed(what: impl Into<String>) -> Box<dyn Error + Send + Sync> {
+    Box::new(Malformed(what.into()))
+}
+
+/// Refuses sizes that no camera has.
+fn check_size(width: usize, height: usize) -> Result<(), Box<dyn Error + Send + Sync>> {
+    let sides = 1..=MAX_IMAGE_SIDE;
+    if sides.contains(&width) && sides.contains(&height) && width * height <= MAX_FILE_BYTES / 4 {
+        return Ok(());
+    }
+    Err(malformed(format!("{width} x {height} pixels are refused")))
+}
+
+fn netpbm(bytes: &[u8]) -> Reading {
+    let format = match bytes[1] {
+        b'5' => PixelFormat::Mono,
+        _ => PixelFormat::Rgb,
+    };
+    let mut rest = &bytes[2..];
+    let mut number = || -> Result<usize, Box<dyn Error + Send + Sync>> {
+        loop {
+            match rest {
+                [b'#', ..] => {
+                    let end = rest.iter().position(|byte| *byte == b'\n');
+                    rest = &rest[end.unwrap_or(rest.len())..];
+                }
+                [byte, ..] if byte.is_ascii_whitespace() => rest = &rest[1..],
+                _ => break,
+            }
+        }
+        let digits = rest.iter().take_while(|byte| byte.is_ascii_digit()).count();
+        let text = std::str::from_utf8(&rest[..digits])?;
+        rest = &rest[digits..];
+        text.parse()
+            .map_err(|_| malformed("expected width, height and the largest value"))
+    };
+    let (width, height, largest) = (number()?, number()?, number()?);
+    check_size(width, height)?;
+    if largest != 255 {
+        return Err(malformed(format!("largest value {largest}, expected 255")));
+    }
+    let pixels = match rest {
+        [byte, pixels @ ..] if byte.is_ascii_whitespace() => pixels,
+        _ => return Err(malformed("expected pixels behind the head")),
+    };
+    let expected = width * height * format.bytes().unwrap_or(0);
+    let pixels = pixels.get(..expected).ok_or_else(|| {
+        malformed(format!(
+            "{} bytes of pixels, expected {expected}",
+            pixels.len()
+        ))
+    })?;
+    Ok(Image::new(format, width, height, pixels.to_vec())?)
+}
+
+fn png(bytes: &[u8]) -> Reading {
+    let limits = png::Limits {
+        bytes: MAX_FILE_BYTES,
+    };
+    let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), limits);
+    // Palettes become colours, 16 bits become 8.
+    decoder.set_transformations(png::Transformations::EXPAND | png::Transformations::STRIP_16);
+    let mut reader = decoder.read_info()?;
+    let (width, height) = (reader.info().width as usize, reader.info().height as usize);
+    check_size(width, height)?;
+    let size = reader
+        .output_buffer_size()
+        .filter(|size| *size <= MAX_FILE_BYTES)
+        .ok_or_else(|| malformed("too large a picture"))?;
+    let mut pixels = vec![0; size];
+    let info = reader.next_frame(&mut pixels)?;
+    pixels.truncate(info.buffer_size());
+    let (format, pixels) = match info.color_type {
+        png::ColorType::Grayscale => (PixelFormat::Mono, pixels),
+        png::ColorType::GrayscaleAlpha => (PixelFormat::Mono, without_opacity(&pixels, 2)),
+        png::ColorType::Rgba => (PixelFormat::Rgb, without_opacity(&pixels, 4)),
+        _ => (PixelFormat::Rgb, pixels),
+    };
+    Ok(Image::new(format, width, height, pixels)?)
+}
+
+/// Pixels without their last channel.
+fn without_opacity(pixels: &[u8], channels: usize) -> Vec<u8> {
+    let colours = pixels.chunks_exact(channels);
+    colours
+        .flat_map(|pixel| &pixel[..channels - 1])
+        .copied()
+        .collect()
+}
+
+fn jpeg(bytes: &[u8]) -> Reading {
+    let options = DecoderOptions::default().jpeg_set_out_colorspace(ColorSpace::RGB);
+    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
+    let refused = |error| malformed(format!("no JPEG picture: {error:?}"));
+    decoder.decode_headers().map_err(refused)?;
+    let (width, height) = decoder.dimensions().unwrap_or_default();
+    check_size(width, height)?;
+    // A block of 8 x 8 pixels takes a bit at least.
+    if width * height > bytes.len().saturating_mul(512) {
+        return Err(malformed(format!(
+            "{} bytes claim {width} x {height} pixels",
+            bytes.len()
+        )));
+    }
+    let pixels = decoder.decode().map_err(refused)?;
+    Ok(Image::new(PixelFormat::Rgb, width, height, pixels)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn encoded(color: png::ColorType, pixels: &[u8]) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, 2, 1);
+        encoder.set_color(color);
+        let mut writer = encoder.write_header().unwrap();
+        writer.write_image_data(pixels).unwrap();
+        writer.finish().unwrap();
+        bytes
+    }
+
+    #[test]
+    fn netpbm_is_read_with_comments() {
+        let image =
+            decode(b"P6 # a comment\n2 1\n# another\n255\n\x01\x02\x03\x04\x05\x06").unwrap();
+        assert_eq!((image.width(), image.height()), (2, 1));
+        assert_eq!(image.pixel(1, 0), Some(&[4, 5, 6][..]));
+        let image = decode(b"P5 2 2 255 abcd").unwrap();
+        assert_eq!(image.format(), PixelFormat::Mono);
+        assert_eq!(&image.pixels()[..], b"abcd");
+    }
+
+    #[test]
+    fn png_is_read_with_and_without_opacity() {
+        let colours = decode(&encoded(png::ColorType::Rgb, &[1, 2, 3, 4, 5, 6])).unwrap();
+        assert_eq!(colours.pixels()[..], [1, 2, 3, 4, 5, 6]);
+        let opaque = encoded(png::ColorType::Rgba, &[1, 2, 3, 255, 4, 5, 6, 0]);
+        assert_eq!(decode(&opaque).unwrap(), colours);
+        let grey = decode(&encoded(png::ColorType::Grayscale, &[7, 8])).unwrap();
+        assert_eq!(
+            (grey.format(), &grey.pixels()[..]),
+            (PixelFormat::Mono, &[7, 8][..])
+        );
+    }
+
+    #[test]
+    fn jpeg_is_read() {
+        let mut bytes = Vec::new();
+        let encoder = jpeg_encoder::Encoder::new(&mut bytes, 95);
+        let pixels = [200, 100, 50].repeat(16 * 16);
+        encoder
+            .encode(&pixels, 16, 16, jpeg_encoder::ColorType::Rgb)
+            .unwrap();
+        let image = decode(&bytes).unwrap();
+        assert_eq!((image.width(), image.height()), (16, 16));
+        let pixel = image.pixel(8, 8).unwrap();
+        assert!(
+            pixel
+                .iter()
+                .zip([200, 100, 50])
+                .all(|(a, b)| a.abs_diff(b) < 6),
+            "{pixel:?}"
+        );
+    }
+
+    #[test]
+    fn what_a_file_claims_and_does_not_hold_is_refused() {
+        for bytes in [
+            &b""[..],
+            b"P6",
+            b"P6 2 1 255",
+            b"P6 2 1 255\n\x01",
+            b"P6 0 1 255\n",
+            b"P6 99999999 99999999 255\nx",
+            b"P6 99999999999999999999999 1 255\nx",
+            b"P6 2 1 65535\n123456123456",
+            b"GIF89a",
+            b"\x89PNG\r\n\x1a\n",
+            b"\xff\xd8\xff",
+        ] {
+            assert!(decode(bytes).is_err(), "{}", bytes.escape_ascii());
+        }
+        let error = read(Path::new("/nowhere/at all.png")).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "cannot read a picture from /nowhere/at all.png"
+        );
+    }
+
+    proptest! {
+        #[test]
+        fn any_bytes_are_judged(kind in 0..4_usize, tail in prop::collection::vec(any::<u8>(), 0..200)) {
+            let head: [&[u8]; 4] = [b"P6 ", b"P5 3 3 255 ", b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff"];
+            let bytes = [head[kind], &tail].concat();
+            let _ = decode(&bytes);
+        }
+
+        #[test]
+        fn a_damaged_picture_does_no_harm(at in 0..200_usize, byte in any::<u8>()) {
+            let mut bytes = encoded(png::ColorType::Rgb, &[1, 2, 3, 4, 5, 6]);
+            let at = at % bytes.len();
+            bytes[at] = byte;
+            let _ = decode(&bytes);
+        }
+    }
+}

@@ -1,0 +1,329 @@
+//! Inverse kinematics by damped least squares.
+
+use nalgebra::{Matrix6, SMatrix, Vector6};
+
+use super::task_space::distances;
+use super::{Chain, Jacobian, Joints, Pose, Task};
+use crate::pseudo_random::Random;
+
+/// What a turn of one rad weighs beside a way of one metre: about the size of the arm's wrist and forearm, so that
+/// neither drowns the other.
+const METRES_PER_RADIAN: f64 = 0.3;
+/// Damping that stays when the error vanishes: below the square of a tenth of a per mille, hardly felt, and enough
+/// that the matrix of a singular pose is inverted safely.
+const MIN_DAMPING: f64 = 1e-9;
+/// How much of the error must go within [`STALL_WINDOW`] iterations, or the attempt is given up.
+const MIN_STALL_PROGRESS: f64 = 0.7;
+/// See [`MIN_STALL_PROGRESS`].
+const STALL_WINDOW: usize = 6;
+/// The damping of the projector that moves joints without the tool.
+const PROJECTOR_DAMPING: f64 = 1e-8;
+
+/// How the solver uses what a target leaves open: seven joints have one freedom more than a pose needs.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Redundancy<const N: usize> {
+    /// Not at all: the solution is near the start if there is one near it.
+    #[default]
+    Free,
+    /// Joints stay away from their limits, towards the middle of their ranges.
+    AwayFromLimits,
+    /// Joints stay near these angles, rad.
+    Near(Joints<N>),
+    /// Each joint is drawn to an angle, rad, as strongly as its weight says, 0 for not at all.
+    PreferPosture {
+        /// To where, rad.
+        to: Joints<N>,
+        /// How strongly, 0 or more.
+        weights: Joints<N>,
+    },
+}
+
+/// What a [`Solver`] shall reach, how precisely, and how long it may try.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SolverOptions<const N: usize> {
+    /// What to reach.
+    pub task: Task,
+    /// How far the place may be off, m.
+    pub position_tolerance: f64,
+    /// How far the orientation may be off, rad.
+    pub angle_tolerance: f64,
+    /// The most iterations from one start.
+    pub iterations: usize,
+    /// The most starts: the given one, then random ones. 1 for a solution near the start or none.
+    pub attempts: usize,
+    /// What to do with the freedom left.
+    pub redundancy: Redundancy<N>,
+    /// What the random starts depend on: the same seed gives the same solutions.
+    pub seed: u64,
+}
+
+/// A micrometre, a microradian, 60 iterations from each of up to 100 starts.
+impl<const N: usize> Default for SolverOptions<N> {
+    fn default() -> Self {
+        Self {
+            task: Task::Pose,
+            position_tolerance: 1e-6,
+            angle_tolerance: 1e-6,
+            iterations: 60,
+            attempts: 100,
+            redundancy: Redundancy::Free,
+            seed: 0,
+        }
+    }
+}
+
+/// Joint angles that solve a task.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Solution<const N: usize> {
+    /// The angles, rad, inside the limits.
+    pub joints: Joints<N>,
+    /// How far the place is off, m.
+    pub position_error: f64,
+    /// How far the orientation is off, rad; 0 if the task does not ask for it.
+    pub angle_error: f64,
+    /// How many iterations it took, those of all attempts together.
+    pub iterations: usize,
+    /// How many starts were tried.
+    pub attempts: usize,
+}
+
+/// No joint angles were found: the target is out of reach, or hard to find.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "no joint angles found for the pose: the nearest of {} attempts stays {:.1} mm and {:.2} degrees away",
+    nearest.attempts,
+    nearest.position_error * 1e3,
+    nearest.angle_error.to_degrees()
+)]
+pub struct Unsolved<const N: usize> {
+    /// The best that was found.
+    pub nearest: Solution<N>,
+}
+
+/// Inverse kinematics by damped least squares, with joint limits, redundancy and restarts.
+///
+/// Each iteration solves `(Jᵀ W J + λ) Δq = Jᵀ W e` with a damping λ that is the weighted error itself: large
+/// far away and at targets out of reach, vanishing at the solution, where convergence is quadratic (the
+/// Levenberg-Marquardt form of T. Sugihara, *Solvability-unconcerned inverse kinematics by the
+/// Levenberg-Marquardt method*, IEEE Transactions on Robotics 27, 2011). A joint that would pass its limit is put onto it
+/// and taken out of the equation as long as it is pushed outward. When an attempt stalls, the next begins at random
+/// angles. Nothing allocates.
+///
+/// ```
+/// use yarp_devices::kinematics::{Joints, Solver};
+/// use yarp_devices::wam::WamModel;
+///
+/// let arm = WamModel::<7>::new();
+/// let target = arm.chain.forward(&Joints::<7>::from_column_slice(&[0.3, 0.6, 0.1, 1.2, -0.2, 0.4, 0.5]));
+/// let solver = Solver::new(arm.chain);
+/// let found = solver.solve(&target, &Joints::<7>::zeros()).unwrap();
+/// assert!(found.position_error < 1e-6 && found.angle_error < 1e-6);
+/// ```
+#[derive(Clone, Debug)]
+pub struct Solver<const N: usize> {
+    chain: Chain<N>,
+    options: SolverOptions<N>,
+}
+
+/// The state of one attempt.
+struct Iterate<const N: usize> {
+    joints: Joints<N>,
+    error: Vector6<f64>,
+    jacobian: Jacobian<N>,
+}
+
+impl<const N: usize> Solver<N> {
+    /// A solver with the default options.
+    pub fn new(chain: Chain<N>) -> Self {
+        Self::with_options(chain, SolverOptions::default())
+    }
+
+    /// A solver with these options.
+    pub fn with_options(chain: Chain<N>, options: SolverOptions<N>) -> Self {
+        Self { chain, options }
+    }
+
+    /// The arm it solves for.
+    pub fn chain(&self) -> &Chain<N> {
+        &self.chain
+    }
+
+    /// Joint angles inside the limits that bring the tool to `target`, tried first from `start`.
+    ///
+    /// Errors: [`Unsolved`] with the nearest that was found.
+    pub fn solve(&self, target: &Pose, start: &Joints<N>) -> Result<Solution<N>, Unsolved<N>> {
+        let mut random = Random::new(self.options.seed);
+        let mut iterations = 0;
+        let mut nearest: Option<(f64, Solution<N>)> = None;
+        for attempt in 1..=self.options.attempts.max(1) {
+            let joints = if attempt == 1 {
+                self.chain.clamp(start)
+            } else {
+                Joints::from_fn(|joint, _| {
+                    let limits = self.chain.limits()[joint];
+                    random.between(limits.min, limits.max)
+                })
+            };
+            let end = self.attempt(target, joints, &mut iterations);
+            let (position_error, angle_error) = distances(&end.error);
+            let solution = Solution {
+                joints: end.joints,
+                position_error,
+                angle_error,
+                iterations,
+                attempts: attempt,
+            };
+            if self.is_solved(&end.error) {
+                return Ok(self.resolve_redundancy(target, solution));
+            }
+            let size = weighted(&end.error);
+            if nearest.is_none_or(|(before, _)| size < before) {
+                nearest = Some((size, solution));
+            }
+        }
+        let (_, mut nearest) = nearest.expect("there was at least one attempt");
+        (nearest.iterations, nearest.attempts) = (iterations, self.options.attempts.max(1));
+        Err(Unsolved { nearest })
+    }
+
+    fn is_solved(&self, error: &Vector6<f64>) -> bool {
+        let (position, angle) = distances(error);
+        position <= self.options.position_tolerance && angle <= self.options.angle_tolerance
+    }
+
+    fn at(&self, target: &Pose, joints: Joints<N>) -> Iterate<N> {
+        let (pose, jacobian) = self.chain.forward_and_jacobian(&joints);
+        Iterate {
+            joints,
+            error: self.options.task.error(target, &pose),
+            jacobian: self.options.task.select(jacobian),
+        }
+    }
+
+    /// Iterates from `joints` until solved, stalled, or out of iterations.
+    fn attempt(&self, target: &Pose, joints: Joints<N>, iterations: &mut usize) -> Iterate<N> {
+        let mut now = self.at(target, joints);
+        let mut size = weighted(&now.error);
+        let mut milestone = size;
+        for iteration in 1..=self.options.iterations {
+            if self.is_solved(&now.error) {
+                break;
+            }
+            *iterations += 1;
+            let step = self.step(&now, size);
+            now = self.at(target, self.chain.clamp(&(now.joints + step)));
+            size = weighted(&now.error);
+            if iteration % STALL_WINDOW == 0 {
+                if size > MIN_STALL_PROGRESS * milestone {
+                    break;
+                }
+                milestone = size;
+            }
+        }
+        now
+    }
+
+    /// One damped step, joints at their limits held there as long as they are pushed outward.
+    fn step(&self, now: &Iterate<N>, size: f64) -> Joints<N> {
+        let weights = weights();
+        let mut weighted_jacobian = now.jacobian;
+        for (mut row, weight) in weighted_jacobian.row_iter_mut().zip(weights.iter()) {
+            row *= *weight;
+        }
+        let pull = weighted_jacobian.transpose() * now.error;
+        let mut system = weighted_jacobian.transpose() * now.jacobian;
+        let mut right = pull;
+        for joint in 0..N {
+            system[(joint, joint)] += size + MIN_DAMPING;
+            let limits = self.chain.limits()[joint];
+            let angle = now.joints[joint];
+            let pressed = (angle >= limits.max && pull[joint] > 0.0)
+                || (angle <= limits.min && pull[joint] < 0.0);
+            if pressed {
+                system.row_mut(joint).fill(0.0);
+                system.column_mut(joint).fill(0.0);
+                system[(joint, joint)] = 1.0;
+                right[joint] = 0.0;
+            }
+        }
+        solve_positive(system, right).unwrap_or_else(Joints::zeros)
+    }
+
+    /// Moves the joints of a solution towards what is preferred while the tool stays; never makes it worse.
+    fn resolve_redundancy(&self, target: &Pose, solution: Solution<N>) -> Solution<N> {
+        const STEPS: usize = 8;
+        let (preferred, scale): (Joints<N>, Joints<N>) = match self.options.redundancy {
+            Redundancy::Free => return solution,
+            Redundancy::Near(joints) => (joints, Joints::repeat(1.0)),
+            Redundancy::PreferPosture { weights, .. } if weights.max() <= 0.0 => return solution,
+            Redundancy::PreferPosture { to, weights } => {
+                (to, weights.map(|weight| weight.max(0.0).sqrt()))
+            }
+            Redundancy::AwayFromLimits => {
+                let limits = self.chain.limits();
+                (
+                    Joints::from_fn(|joint, _| (limits[joint].min + limits[joint].max) / 2.0),
+                    Joints::from_fn(|joint, _| 2.0 / (limits[joint].max - limits[joint].min)),
+                )
+            }
+        };
+        let scale = scale / scale.max();
+        let distance = |joints: &Joints<N>| (joints - preferred).component_mul(&scale).norm();
+        let mut best = solution;
+        let mut rate = 0.5;
+        for _ in 0..STEPS {
+            let downhill =
+                (preferred - best.joints).component_mul(&scale.component_mul(&scale)) * rate;
+            match self.move_in_place(target, &best.joints, downhill) {
+                Some(now) if distance(&now.joints) < distance(&best.joints) => {
+                    (best.position_error, best.angle_error) = distances(&now.error);
+                    best.joints = now.joints;
+                }
+                _ => rate /= 2.0,
+            }
+        }
+        best
+    }
+
+    /// Moves the joints by what of `wish` leaves the tool alone, `(1 - J⁺ J) wish`, and makes good what a
+    /// straight step on a curved way costs; `None` if that fails.
+    fn move_in_place(
+        &self,
+        target: &Pose,
+        joints: &Joints<N>,
+        mut wish: Joints<N>,
+    ) -> Option<Iterate<N>> {
+        const CORRECTIONS: usize = 4;
+        let mut now = self.at(target, *joints);
+        for _ in 0..=CORRECTIONS {
+            let system = now.jacobian * now.jacobian.transpose()
+                + Matrix6::from_diagonal_element(PROJECTOR_DAMPING);
+            let correction = system.cholesky()?.solve(&(now.error - now.jacobian * wish));
+            let step = wish + now.jacobian.transpose() * correction;
+            wish = Joints::zeros();
+            now = self.at(target, self.chain.clamp(&(now.joints + step)));
+            if self.is_solved(&now.error) {
+                return Some(now);
+            }
+        }
+        None
+    }
+}
+
+fn weights() -> Vector6<f64> {
+    let turn = METRES_PER_RADIAN * METRES_PER_RADIAN;
+    Vector6::new(1.0, 1.0, 1.0, turn, turn, turn)
+}
+
+/// Half the weighted square of an error, m².
+fn weighted(error: &Vector6<f64>) -> f64 {
+    error.component_mul(error).dot(&weights()) / 2.0
+}
+
+/// Solves a symmetric positive definite system.
+fn solve_positive<const N: usize>(
+    system: SMatrix<f64, N, N>,
+    right: Joints<N>,
+) -> Option<Joints<N>> {
+    system.cholesky().map(|cholesky| cholesky.solve(&right))
+}

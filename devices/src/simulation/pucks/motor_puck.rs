@@ -1,0 +1,170 @@
+//! The puck of one motor.
+
+use crate::can::puck::{Group, Node, PuckMessage, PuckProperty, Target, mode, role, status};
+use crate::simulation::{MAX_TEMPERATURE, REST_TEMPERATURE, SUPPLY_VOLTAGE};
+use crate::wam::Motor;
+
+/// Version of the firmware whose property list is published whole.
+const VERSION: i32 = 200;
+/// MotorSet that one frame of torques is for.
+const SLOTS: usize = 4;
+
+#[derive(Clone, Debug)]
+pub(super) struct MotorPuck {
+    status: i32,
+    mode: i32,
+    /// What it counts more than its rotor has turned.
+    offset: i32,
+    /// Counts per turn.
+    turn: i32,
+    torque: i16,
+    slot: usize,
+    torque_group: Group,
+    /// °C.
+    temperature: i32,
+    /// Properties that stay as they were set.
+    values: [Option<i32>; 128],
+}
+
+impl MotorPuck {
+    /// A puck after power-up: its rotor's angle is known inside one turn.
+    pub(super) fn switched_on(motor: usize, of: &Motor, turn: i32, counts: i32) -> Self {
+        let upper = motor >= SLOTS;
+        let torque_group = if upper {
+            Group::UPPER_TORQUES
+        } else {
+            Group::LOWER_TORQUES
+        };
+        let mut values = [None; 128];
+        for (property, value) in [
+            (PuckProperty::VERS, VERSION),
+            (PuckProperty::ROLE, role::MOTOR | 0x0400),
+            (PuckProperty::OTEMP, MAX_TEMPERATURE),
+            (PuckProperty::VBUS, SUPPLY_VOLTAGE),
+            (PuckProperty::MT, of.limit as i32),
+            (PuckProperty::CTS, turn),
+            (PuckProperty::IPNM, of.units_per_newton_metre as i32),
+            (PuckProperty::PIDX, (motor % SLOTS + 1) as i32),
+            (PuckProperty::GRPB, i32::from(torque_group.number())),
+            (PuckProperty::GRPC, i32::from(Group::ARM.number())),
+        ] {
+            values[usize::from(property.number())] = Some(value);
+        }
+        Self {
+            status: status::MONITOR,
+            mode: mode::IDLE_OR_STOPPED,
+            offset: counts.rem_euclid(turn.max(1)) - counts,
+            turn: turn.max(1),
+            torque: 0,
+            slot: motor % SLOTS,
+            torque_group,
+            temperature: REST_TEMPERATURE as i32,
+            values,
+        }
+    }
+
+    pub(super) fn listens(&self, to: Target, own: Node) -> bool {
+        match to {
+            Target::Node(node) => node == own,
+            Target::Group(group) => {
+                group == Group::ALL || group == Group::ARM || group == self.torque_group
+            }
+        }
+    }
+
+    /// Hears what is for it, with its rotor at `counts`; answers with the group that the answer goes to.
+    pub(super) fn handle_message(
+        &mut self,
+        message: PuckMessage,
+        counts: i32,
+    ) -> Option<(Group, PuckMessage)> {
+        match message {
+            PuckMessage::Get(PuckProperty::P) if self.is_awake() => Some((
+                Group::POSITIONS,
+                PuckMessage::Position {
+                    motor: counts.wrapping_add(self.offset),
+                    joint: None,
+                },
+            )),
+            PuckMessage::Get(property) => {
+                let value = match property {
+                    PuckProperty::MECH if self.is_awake() => counts.rem_euclid(self.turn),
+                    _ => self.value(property)?,
+                };
+                Some((Group::REPLIES, PuckMessage::Value { property, value }))
+            }
+            PuckMessage::Value { property, value } => {
+                self.set(property, value, counts);
+                None
+            }
+            PuckMessage::Torques(torques) => {
+                if self.is_awake() {
+                    self.torque = torques[self.slot];
+                }
+                None
+            }
+            PuckMessage::Position { .. } => None,
+        }
+    }
+
+    fn value(&self, property: PuckProperty) -> Option<i32> {
+        match property {
+            PuckProperty::STAT => Some(self.status),
+            PuckProperty::VERS => self.stored(property),
+            _ if !self.is_awake() => None,
+            PuckProperty::MODE => Some(self.mode),
+            PuckProperty::TEMP => Some(self.temperature),
+            PuckProperty::T => Some(i32::from(self.torque)),
+            _ => self.stored(property),
+        }
+    }
+
+    fn stored(&self, property: PuckProperty) -> Option<i32> {
+        self.values[usize::from(property.number())]
+    }
+
+    fn set(&mut self, property: PuckProperty, value: i32, counts: i32) {
+        match property {
+            PuckProperty::STAT => self.status = value,
+            _ if !self.is_awake() => {}
+            PuckProperty::MODE => self.switch(value),
+            PuckProperty::P => self.offset = value.wrapping_sub(counts),
+            _ => {
+                let slot = &mut self.values[usize::from(property.number())];
+                if slot.is_some() {
+                    *slot = Some(value);
+                }
+            }
+        }
+    }
+
+    /// Tells it how warm it is, °C.
+    pub(super) fn set_temperature(&mut self, temperature: f64) {
+        self.temperature = temperature as i32;
+    }
+
+    /// Sets what the motor does. A motor that is switched off forgets its torque.
+    pub(super) fn switch(&mut self, mode: i32) {
+        self.mode = mode;
+        self.torque = 0;
+    }
+
+    fn is_awake(&self) -> bool {
+        self.status == status::READY
+    }
+
+    /// Whether it follows torques.
+    pub(super) fn follows(&self) -> bool {
+        self.is_awake() && self.mode == mode::TORQUE_OR_ACTIVE
+    }
+
+    /// What drives the motor, in its units.
+    pub(super) fn units(&self) -> i16 {
+        if !self.follows() {
+            return 0;
+        }
+        let largest = self.stored(PuckProperty::MT).unwrap_or_default();
+        let largest = largest.clamp(0, 8191) as i16;
+        self.torque.clamp(-largest, largest)
+    }
+}

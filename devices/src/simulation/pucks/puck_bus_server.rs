@@ -1,0 +1,78 @@
+//! Simulated pucks on a bus, in real time.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use tracing::{info, warn};
+
+use super::SimulatedPucks;
+use crate::can::{BusError, CanBus};
+
+/// How soon a bus that failed is opened again.
+const REOPEN_INTERVAL: Duration = Duration::from_millis(20);
+/// The most time that is made up for after a pause of the machine.
+const MAX_CATCH_UP: Duration = Duration::from_millis(100);
+
+/// Lets pucks take part in a bus until told to end; their time goes with the clock.
+///
+/// The arm goes on while the bus is away, which is opened again as soon as it is there. Blocks; ends within a few
+/// milliseconds once `ending` is set.
+pub fn serve_pucks(
+    pucks: &Mutex<SimulatedPucks>,
+    mut open: impl FnMut() -> Result<Box<dyn CanBus>, BusError>,
+    ending: &AtomicBool,
+) {
+    let mut bus = None;
+    let mut opened = Instant::now();
+    let mut passed = opened;
+    let mut frames = Vec::new();
+    while !ending.load(Ordering::Acquire) {
+        let now = Instant::now();
+        let period = {
+            let mut pucks = pucks.lock().unwrap_or_else(PoisonError::into_inner);
+            pucks.advance((now - passed).min(MAX_CATCH_UP), &mut frames);
+            passed = now;
+            pucks.simulator().options().period
+        };
+        if bus.is_none() && now >= opened {
+            bus = open().ok();
+            opened = now + REOPEN_INTERVAL;
+            if bus.is_some() {
+                info!("simulated pucks are on the bus");
+            }
+        }
+        let Some(open_bus) = &mut bus else {
+            frames.clear();
+            std::thread::sleep(period);
+            continue;
+        };
+        if let Err(why) = talk(open_bus.as_mut(), pucks, &mut frames, now + period) {
+            warn!(%why, "simulated pucks lost the bus");
+            bus = None;
+        }
+    }
+}
+
+/// Sends what there is to send, and answers what comes until the deadline.
+fn talk(
+    bus: &mut dyn CanBus,
+    pucks: &Mutex<SimulatedPucks>,
+    frames: &mut Vec<crate::can::CanFrame>,
+    deadline: Instant,
+) -> Result<(), BusError> {
+    loop {
+        for frame in frames.drain(..) {
+            bus.send(&frame)?;
+        }
+        let Some(heard) = bus.receive(deadline)? else {
+            return Ok(());
+        };
+        let mut pucks = pucks.lock().unwrap_or_else(PoisonError::into_inner);
+        pucks.receive(&heard, frames);
+        drop(pucks);
+        if Instant::now() >= deadline {
+            return Ok(());
+        }
+    }
+}

@@ -1,0 +1,127 @@
+//! The safety module as a participant of the bus.
+
+use crate::can::puck::{Lamp, Pendant, PuckMessage, PuckProperty, mode, role, status};
+use crate::simulation::{Fault, SafetyLimits, SafetyMode, SafetyModule};
+
+/// Version of its firmware: any above 61 has today's property list.
+const VERSION: i32 = 200;
+/// Velocities are in m/s / 4096.
+const VELOCITY_UNITS: f64 = 4096.0;
+/// What a rotor seems to do whose position is written, m/s: more than any limit.
+const REWRITE_SPEED: f64 = 1e3;
+
+#[derive(Clone, Debug)]
+pub(super) struct SafetyPuck {
+    status: i32,
+    zeroed: i32,
+    faults_to_ignore: i32,
+}
+
+impl SafetyPuck {
+    pub(super) fn switched_on() -> Self {
+        Self {
+            status: status::MONITOR,
+            zeroed: 0,
+            faults_to_ignore: 0,
+        }
+    }
+
+    /// Hears what is for it, and answers questions.
+    pub(super) fn handle_message(
+        &mut self,
+        message: PuckMessage,
+        module: &mut SafetyModule,
+    ) -> Option<PuckMessage> {
+        match message {
+            PuckMessage::Get(property) => {
+                let value = self.value(property, module)?;
+                Some(PuckMessage::Value { property, value })
+            }
+            PuckMessage::Value { property, value } => {
+                self.set(property, value, module);
+                None
+            }
+            PuckMessage::Torques(_) | PuckMessage::Position { .. } => None,
+        }
+    }
+
+    /// A rotor that is told another position seems to jump.
+    pub(super) fn see_position_written(&mut self, module: &mut SafetyModule) {
+        if self.faults_to_ignore > 0 {
+            self.faults_to_ignore -= 1;
+        } else {
+            module.watch(REWRITE_SPEED, None, 0.0);
+        }
+    }
+
+    fn value(&self, property: PuckProperty, module: &SafetyModule) -> Option<i32> {
+        let limits = module.limits();
+        Some(match property {
+            PuckProperty::STAT => self.status,
+            PuckProperty::VERS => VERSION,
+            _ if self.status != status::READY => return None,
+            PuckProperty::ROLE => role::SAFETY,
+            PuckProperty::MODE => match module.mode() {
+                SafetyMode::EmergencyStop => mode::IDLE_OR_STOPPED,
+                SafetyMode::Idle => mode::SAFETY_IDLE,
+                SafetyMode::Active => mode::TORQUE_OR_ACTIVE,
+            },
+            PuckProperty::ZERO => self.zeroed,
+            PuckProperty::PEN => pendant(module).bits(),
+            PuckProperty::VL1 => (limits.velocity_warning * VELOCITY_UNITS) as i32,
+            PuckProperty::VL2 => (limits.velocity_fault * VELOCITY_UNITS) as i32,
+            PuckProperty::TL1 => limits.torque_warning as i32,
+            PuckProperty::TL2 => limits.torque_fault as i32,
+            PuckProperty::IFAULT => self.faults_to_ignore,
+            _ => return None,
+        })
+    }
+
+    fn set(&mut self, property: PuckProperty, value: i32, module: &mut SafetyModule) {
+        let limits = module.limits();
+        let speed = f64::from(value) / VELOCITY_UNITS;
+        let units = f64::from(value);
+        match property {
+            PuckProperty::STAT => self.status = value,
+            _ if self.status != status::READY => {}
+            PuckProperty::MODE => match value {
+                mode::IDLE_OR_STOPPED => module.request(SafetyMode::EmergencyStop),
+                mode::SAFETY_IDLE => module.request(SafetyMode::Idle),
+                _ => {}
+            },
+            PuckProperty::ZERO => self.zeroed = value,
+            PuckProperty::IFAULT => self.faults_to_ignore = value,
+            PuckProperty::VL1 => module.set_limits(SafetyLimits {
+                velocity_warning: speed,
+                ..limits
+            }),
+            PuckProperty::VL2 => module.set_limits(SafetyLimits {
+                velocity_fault: speed,
+                ..limits
+            }),
+            PuckProperty::TL1 => module.set_limits(SafetyLimits {
+                torque_warning: units,
+                ..limits
+            }),
+            PuckProperty::TL2 => module.set_limits(SafetyLimits {
+                torque_fault: units,
+                ..limits
+            }),
+            _ => {}
+        }
+    }
+}
+
+fn pendant(module: &SafetyModule) -> Pendant {
+    let mut lamps = [Lamp::Safe; 5];
+    match module.fault() {
+        Some(Fault::Velocity { .. } | Fault::Runaway { .. }) => lamps[0] = Lamp::Fault,
+        Some(Fault::Torque { .. }) => lamps[1] = Lamp::Fault,
+        Some(Fault::Heartbeat { .. }) => lamps[3] = Lamp::Fault,
+        None => {}
+    }
+    if module.mode() == SafetyMode::EmergencyStop {
+        lamps[4] = Lamp::Fault;
+    }
+    Pendant { lamps }
+}

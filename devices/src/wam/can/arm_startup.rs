@@ -1,0 +1,334 @@
+//! From a bus to an arm that is ready for control.
+
+use std::time::Duration;
+
+use tracing::{debug, info};
+
+use super::can_error::AtStep;
+use super::control_cycle::ControlCycle;
+use super::puck_bus::PuckBus;
+use super::{CanError, CanErrorKind, CanOptions, CanStep, OpenBus};
+use crate::can::puck::{Group, Node, PuckProperty, mode, role, status};
+use crate::wam::{AXES, WamModel};
+
+/// Between messages that configure the safety module (libbarrett).
+const CONFIGURATION_INTERVAL: Duration = Duration::from_millis(10);
+/// How often a puck is asked whether it is awake: it takes up to a second (libbarrett), three questions each.
+const MAX_WAKE_ATTEMPTS: usize = 10;
+/// The firmware from which on properties have the numbers of [`PuckProperty`].
+const MIN_FIRMWARE_VERSION: i32 = 65;
+/// Velocities of the safety module are in m/s / 4096.
+const VELOCITY_UNITS: f64 = 4096.0;
+/// The largest property of 16 bits.
+const MAX_PROPERTY_VALUE: f64 = i16::MAX as f64;
+/// How far outside its limits a joint may seem to stand, rad: stops are outside too, and cables stretch.
+const LIMIT_MARGIN: f64 = 0.2;
+/// How far a position that was written may be off when it is read, in parts of a turn.
+const POSITION_TOLERANCE_DIVISOR: i32 = 4;
+
+/// In which units a puck speaks, and where it listens.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PuckUnits {
+    /// Units of torque per Nm of the motor.
+    pub(super) per_newton_metre: f64,
+    /// The largest torque it follows, in units.
+    pub(super) largest: f64,
+    /// Which frame of torques it follows.
+    pub(super) torque_group: Group,
+    /// Its slot in there, from 0.
+    pub(super) slot: usize,
+    /// In which group it is asked for its position.
+    pub(super) group: Group,
+}
+
+/// Brings an arm to the point where its control can begin; answers where it stands.
+///
+/// `first`: the arm may be told that it stands folded at home. Later it must know by itself where it is, and the
+/// safety module is told to brake, so that nothing moves until the pendant is pressed.
+pub(super) fn connect(
+    open: &mut OpenBus,
+    model: &WamModel<AXES>,
+    options: &CanOptions,
+    first: bool,
+) -> Result<(ControlCycle, [i32; AXES]), CanError> {
+    let bus = open().at_step(CanStep::Open)?;
+    let mut bus = PuckBus::new(bus, options.property_timeout);
+    if !first {
+        // When the arm was lost the order to brake may have been lost as well, and the bus may be back before the safety
+        // module misses anything.
+        bus.set_property(Node::SAFETY, PuckProperty::MODE, mode::SAFETY_IDLE)
+            .at_step(CanStep::Find)?;
+    }
+    let asleep = find(&mut bus, options.scan_interval)?;
+    if !first && let Some(&node) = asleep.iter().find(|&&node| node != Node::SAFETY) {
+        return Err(CanErrorKind::PositionLost { node }).at_step(CanStep::Wake);
+    }
+    wake(&mut bus, &asleep).at_step(CanStep::Wake)?;
+    identify(&mut bus).at_step(CanStep::Identify)?;
+    let units = read_units(&mut bus, model).at_step(CanStep::Units)?;
+    set_limits(&mut bus, options).at_step(CanStep::Limits)?;
+    zero(&mut bus, model, options, first, !asleep.is_empty()).at_step(CanStep::Zero)?;
+    let counts = locate(&mut bus, model).at_step(CanStep::Locate)?;
+    info!(?counts, "the arm on the CAN bus is there");
+    Ok((ControlCycle::new(bus, units, options, counts), counts))
+}
+
+/// All whom the arm needs.
+fn arm() -> impl Iterator<Item = Node> {
+    (0..AXES).map(Node::of_motor).chain([Node::SAFETY])
+}
+
+/// Asks every node whether it is there; answers which of the arm's are asleep.
+fn find(bus: &mut PuckBus, time: Duration) -> Result<Vec<Node>, CanError> {
+    let mut states = [None; 32];
+    for number in 1..32 {
+        let Some(node) = Node::new(number) else {
+            continue;
+        };
+        let state = bus
+            .try_get_property(node, PuckProperty::STAT, time)
+            .at_step(CanStep::Find)?;
+        states[usize::from(number)] = state;
+        if let Some(state) = state {
+            debug!(%node, state, "on the bus");
+        }
+    }
+    let mut asleep = Vec::new();
+    for node in arm() {
+        let state = match states[usize::from(node.number())] {
+            Some(state) => state,
+            None => bus
+                .get_property(node, PuckProperty::STAT)
+                .at_step(CanStep::Find)?,
+        };
+        if state != status::READY {
+            asleep.push(node);
+        }
+    }
+    Ok(asleep)
+}
+
+fn wake(bus: &mut PuckBus, asleep: &[Node]) -> Result<(), CanErrorKind> {
+    for &node in asleep {
+        bus.set_property(node, PuckProperty::STAT, status::READY)?;
+        bus.discard_for(CONFIGURATION_INTERVAL)?;
+    }
+    for &node in asleep {
+        let mut state = bus.get_property(node, PuckProperty::STAT)?;
+        for _ in 0..MAX_WAKE_ATTEMPTS {
+            if state == status::READY {
+                break;
+            }
+            bus.discard_for(CONFIGURATION_INTERVAL * 10)?;
+            state = bus.get_property(node, PuckProperty::STAT)?;
+        }
+        if state != status::READY {
+            return Err(unexpected(node, PuckProperty::STAT, "2, awake", state));
+        }
+    }
+    Ok(())
+}
+
+fn identify(bus: &mut PuckBus) -> Result<(), CanErrorKind> {
+    for node in arm() {
+        let version = bus.get_property(node, PuckProperty::VERS)?;
+        if version < MIN_FIRMWARE_VERSION {
+            let expected = format!("a firmware of {MIN_FIRMWARE_VERSION} or newer");
+            return Err(unexpected(node, PuckProperty::VERS, &expected, version));
+        }
+        let (wanted, expected) = match node {
+            Node::SAFETY => (role::SAFETY, "the role of a safety module"),
+            _ => (role::MOTOR, "the role of a motor"),
+        };
+        let got = bus.get_property(node, PuckProperty::ROLE)?;
+        if got & role::MASK != wanted {
+            return Err(unexpected(node, PuckProperty::ROLE, expected, got));
+        }
+    }
+    Ok(())
+}
+
+fn read_units(bus: &mut PuckBus, model: &WamModel<AXES>) -> Result<Vec<PuckUnits>, CanErrorKind> {
+    let turn = model.transmission.counts_per_turn();
+    let mut units: Vec<PuckUnits> = Vec::new();
+    for node in (0..AXES).map(Node::of_motor) {
+        let counts = bus.get_property(node, PuckProperty::CTS)?;
+        if u32::try_from(counts) != Ok(turn) {
+            let expected = format!("{turn} counts per turn as in the model");
+            return Err(unexpected(node, PuckProperty::CTS, &expected, counts));
+        }
+        let per_newton_metre = positive(bus, node, PuckProperty::IPNM)?;
+        let largest = positive(bus, node, PuckProperty::MT)?;
+        let slot = bus.get_property(node, PuckProperty::PIDX)?;
+        let torque_group = group(bus, node, PuckProperty::GRPB)?;
+        let found = PuckUnits {
+            per_newton_metre,
+            largest,
+            torque_group,
+            slot: match slot {
+                1..=4 => (slot - 1) as usize,
+                _ => {
+                    return Err(unexpected(
+                        node,
+                        PuckProperty::PIDX,
+                        "a slot from 1 to 4",
+                        slot,
+                    ));
+                }
+            },
+            group: group(bus, node, PuckProperty::GRPC)?,
+        };
+        let same_slot = |other: &PuckUnits| {
+            (other.torque_group, other.slot) == (found.torque_group, found.slot)
+        };
+        if units.iter().any(same_slot) {
+            let expected = "a slot that no other puck of its group has";
+            return Err(unexpected(node, PuckProperty::PIDX, expected, slot));
+        }
+        units.push(found);
+    }
+    Ok(units)
+}
+
+fn positive(bus: &mut PuckBus, node: Node, property: PuckProperty) -> Result<f64, CanErrorKind> {
+    match bus.get_property(node, property)? {
+        value if value > 0 => Ok(f64::from(value)),
+        value => Err(unexpected(node, property, "more than 0", value)),
+    }
+}
+
+fn group(bus: &mut PuckBus, node: Node, property: PuckProperty) -> Result<Group, CanErrorKind> {
+    let value = bus.get_property(node, property)?;
+    u8::try_from(value)
+        .ok()
+        .and_then(Group::new)
+        .ok_or_else(|| unexpected(node, property, "a group from 0 to 31", value))
+}
+
+/// What the safety module shall allow, in its units.
+pub(super) fn limits_in_units(options: &CanOptions) -> [(PuckProperty, i32); 4] {
+    let limits = options.limits;
+    [
+        (PuckProperty::VL1, limits.velocity_warning * VELOCITY_UNITS),
+        (PuckProperty::VL2, limits.velocity_fault * VELOCITY_UNITS),
+        (PuckProperty::TL1, limits.torque_warning),
+        (PuckProperty::TL2, limits.torque_fault),
+    ]
+    .map(|(property, value)| (property, value.clamp(0.0, MAX_PROPERTY_VALUE) as i32))
+}
+
+fn set_limits(bus: &mut PuckBus, options: &CanOptions) -> Result<(), CanErrorKind> {
+    for (property, value) in limits_in_units(options) {
+        bus.set_property(Node::SAFETY, property, value)?;
+        bus.discard_for(CONFIGURATION_INTERVAL)?;
+        let got = bus.get_property(Node::SAFETY, property)?;
+        if got != value {
+            let expected = format!("{value}, which it was told");
+            return Err(unexpected(Node::SAFETY, property, &expected, got));
+        }
+    }
+    Ok(())
+}
+
+/// Tells the pucks where they are, unless they know.
+fn zero(
+    bus: &mut PuckBus,
+    model: &WamModel<AXES>,
+    options: &CanOptions,
+    first: bool,
+    restarted: bool,
+) -> Result<(), CanErrorKind> {
+    let zeroed = bus.get_property(Node::SAFETY, PuckProperty::ZERO)? != 0;
+    if zeroed && !restarted {
+        return Ok(());
+    }
+    if !first {
+        // The safety module has restarted; the pucks have not, so that they are right.
+        return declare_zeroed(bus);
+    }
+    if bus.get_property(Node::SAFETY, PuckProperty::MODE)? == mode::TORQUE_OR_ACTIVE {
+        return Err(CanErrorKind::Active);
+    }
+    // Rotors seem to jump while their positions are written.
+    bus.set_property(Node::SAFETY, PuckProperty::IFAULT, AXES as i32 + 1)?;
+    bus.discard_for(CONFIGURATION_INTERVAL)?;
+    let turn = model.transmission.counts_per_turn() as i32;
+    let home = model.transmission.counts(&model.home);
+    for (motor, &counts) in home.iter().enumerate() {
+        let node = Node::of_motor(motor);
+        let counts = counts
+            + off_home(
+                bus,
+                node,
+                options.home_marks.map(|marks| marks[motor]),
+                turn,
+            )?;
+        bus.set_property(node, PuckProperty::P, counts)?;
+        bus.discard_for(CONFIGURATION_INTERVAL)?;
+        let got = bus.get_position(node)?;
+        if got.abs_diff(counts) > turn.unsigned_abs() / POSITION_TOLERANCE_DIVISOR as u32 {
+            let expected = format!("{counts}, which it was told");
+            return Err(unexpected(node, PuckProperty::P, &expected, got));
+        }
+    }
+    declare_zeroed(bus)
+}
+
+/// How far a rotor is from where it is at home, by its mark, within half a turn (libbarrett, `low_level_wam`).
+fn off_home(
+    bus: &mut PuckBus,
+    node: Node,
+    mark: Option<i32>,
+    turn: i32,
+) -> Result<i32, CanErrorKind> {
+    let Some(mark) = mark else {
+        return Ok(0);
+    };
+    let angle = bus.get_property(node, PuckProperty::MECH)?;
+    if !(0..turn).contains(&angle) {
+        let expected = format!("an angle from 0 to {}", turn - 1);
+        return Err(unexpected(node, PuckProperty::MECH, &expected, angle));
+    }
+    let off = (angle - mark.rem_euclid(turn)).rem_euclid(turn);
+    Ok(if off >= turn / 2 { off - turn } else { off })
+}
+
+fn declare_zeroed(bus: &mut PuckBus) -> Result<(), CanErrorKind> {
+    bus.set_property(Node::SAFETY, PuckProperty::ZERO, 1)?;
+    bus.discard_for(CONFIGURATION_INTERVAL)?;
+    match bus.get_property(Node::SAFETY, PuckProperty::ZERO)? {
+        0 => Err(unexpected(
+            Node::SAFETY,
+            PuckProperty::ZERO,
+            "1, which it was told",
+            0,
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// Where all motors are; the joints must be able to stand there.
+fn locate(bus: &mut PuckBus, model: &WamModel<AXES>) -> Result<[i32; AXES], CanErrorKind> {
+    let mut counts = [0; AXES];
+    for (motor, slot) in counts.iter_mut().enumerate() {
+        *slot = bus.get_position(Node::of_motor(motor))?;
+    }
+    let joints = model.transmission.joints(&counts);
+    for (joint, limits) in model.chain.limits().iter().enumerate() {
+        let angle = joints[joint];
+        if angle < limits.min - LIMIT_MARGIN || angle > limits.max + LIMIT_MARGIN {
+            let degrees = angle.to_degrees();
+            return Err(CanErrorKind::Implausible { joint, degrees });
+        }
+    }
+    Ok(counts)
+}
+
+fn unexpected(node: Node, property: PuckProperty, expected: &str, got: i32) -> CanErrorKind {
+    CanErrorKind::Unexpected {
+        node,
+        property,
+        expected: expected.to_owned(),
+        got,
+    }
+}

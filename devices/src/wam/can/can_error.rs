@@ -1,0 +1,177 @@
+//! What can go wrong between the driver and the arm.
+
+use std::fmt;
+
+use crate::can::BusError;
+use crate::can::puck::{Node, PuckProperty};
+use crate::wam::ArmError;
+
+/// What the driver was doing.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub enum CanStep {
+    /// Opening the bus.
+    Open,
+    /// Asking every node whether it is there.
+    Find,
+    /// Taking pucks out of monitor state.
+    Wake,
+    /// Reading roles and versions.
+    Identify,
+    /// Reading in which units the pucks speak.
+    Units,
+    /// Setting limits and reading them back.
+    Limits,
+    /// Telling the pucks where the folded arm stands.
+    Zero,
+    /// Reading where the arm stands, before its control begins.
+    Locate,
+    /// Reading positions in a control period.
+    Positions,
+    /// Sending torques in a control period.
+    Torques,
+    /// Asking the safety module in a control period.
+    SafetyPoll,
+    /// Asking a puck what a caller wants to know.
+    PropertyRequest,
+}
+
+impl fmt::Display for CanStep {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Open => "opening the bus",
+            Self::Find => "looking for pucks",
+            Self::Wake => "waking pucks",
+            Self::Identify => "identifying pucks",
+            Self::Units => "reading the units of pucks",
+            Self::Limits => "setting the limits of the safety module",
+            Self::Zero => "telling the pucks where they are",
+            Self::Locate => "reading where the arm stands",
+            Self::Positions => "reading positions",
+            Self::Torques => "sending torques",
+            Self::SafetyPoll => "watching the safety module",
+            Self::PropertyRequest => "asking a puck for a caller",
+        })
+    }
+}
+
+/// What went wrong.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum CanErrorKind {
+    /// The bus.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    /// Somebody does not answer.
+    #[error("{node} is silent")]
+    Silent {
+        /// Who.
+        node: Node,
+    },
+    /// Somebody answers something else than can be worked with.
+    #[error("{node} has {got} as {property}, expected {expected}")]
+    Unexpected {
+        /// Who.
+        node: Node,
+        /// What it was asked for.
+        property: PuckProperty,
+        /// In words.
+        expected: String,
+        /// What it said.
+        got: i32,
+    },
+    /// A puck was switched off meanwhile and does not know where it is.
+    #[error("{node} has restarted and lost its position")]
+    PositionLost {
+        /// Who.
+        node: Node,
+    },
+    /// Positions can only be written while nothing moves.
+    #[error("the safety module is active while positions are to be written")]
+    Active,
+    /// The arm stands where it cannot.
+    #[error("joint {joint} stands at {degrees:.1} deg, outside its limits")]
+    Implausible {
+        /// Counted from 0.
+        joint: usize,
+        /// Where it says it is.
+        degrees: f64,
+    },
+}
+
+impl CanErrorKind {
+    /// What to try next.
+    pub fn advice(&self) -> String {
+        match self {
+            Self::Bus(error) => error.advice().to_owned(),
+            Self::Silent { node: Node::SAFETY } => {
+                "the power of the arm, the cable, and the pendant's connection".to_owned()
+            }
+            Self::Silent { node } => {
+                format!("the power of the arm, and the cable at {node} and before it")
+            }
+            Self::Unexpected { node, .. } => {
+                format!("the firmware and configuration of {node}, and the model of the arm")
+            }
+            Self::PositionLost { .. } | Self::Implausible { .. } => {
+                "to fold the arm into its home pose by hand and to start the driver again"
+                    .to_owned()
+            }
+            Self::Active => "to press Shift and Idle on the pendant".to_owned(),
+        }
+    }
+}
+
+/// A step that failed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{step} failed: {kind}; try {}", kind.advice())]
+pub struct CanError {
+    /// What the driver was doing.
+    pub step: CanStep,
+    /// What went wrong.
+    pub kind: CanErrorKind,
+}
+
+impl CanError {
+    /// The same for those who command the arm.
+    pub(super) fn to_arm_error(&self, peer: &str) -> ArmError {
+        ArmError {
+            peer: peer.to_owned(),
+            step: format!("{} ({})", self.step, self.kind),
+            advice: self.kind.advice(),
+        }
+    }
+}
+
+/// Says in which step something went wrong.
+pub(super) trait AtStep<T> {
+    fn at_step(self, step: CanStep) -> Result<T, CanError>;
+}
+
+impl<T, E: Into<CanErrorKind>> AtStep<T> for Result<T, E> {
+    fn at_step(self, step: CanStep) -> Result<T, CanError> {
+        self.map_err(|kind| CanError {
+            step,
+            kind: kind.into(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn says_which_step_which_puck_and_what_to_try() {
+        let error = CanError {
+            step: CanStep::Units,
+            kind: CanErrorKind::Silent {
+                node: Node::of_motor(2),
+            },
+        };
+        assert_eq!(
+            error.to_string(),
+            "reading the units of pucks failed: puck 3 is silent; try the power of the arm, and the cable at puck 3 \
+             and before it"
+        );
+    }
+}

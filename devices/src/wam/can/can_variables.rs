@@ -1,0 +1,96 @@
+//! What callers can ask of pucks and safety module, and the little that they can set, by name.
+//!
+//! Only what cannot harm: properties of motors are read. Of the safety module the limits can be drawn closer than the
+//! driver was started with, never wider, and not switched off (which 0 does); they go back to the driver's own when
+//! the arm is found again. Values are whole numbers in the units of the bus.
+
+use super::property_request::run;
+use super::{CanOptions, CanWam};
+use crate::can::puck::{Node, PuckProperty};
+use crate::wam::AXES;
+use crate::wam::arm_variables::{no_variable, numbers};
+use crate::wam::can::arm_startup::limits_in_units;
+use crate::{DeviceError, VariableValue};
+
+const STATUS: &str = "status";
+/// Of the pucks of motors.
+const MOTOR: [(&str, PuckProperty); 12] = [
+    ("puck.VERS", PuckProperty::VERS),
+    ("puck.ROLE", PuckProperty::ROLE),
+    ("puck.STAT", PuckProperty::STAT),
+    ("puck.MODE", PuckProperty::MODE),
+    ("puck.TEMP", PuckProperty::TEMP),
+    ("puck.OTEMP", PuckProperty::OTEMP),
+    ("puck.VBUS", PuckProperty::VBUS),
+    ("puck.T", PuckProperty::T),
+    ("puck.MT", PuckProperty::MT),
+    ("puck.MECH", PuckProperty::MECH),
+    ("puck.CTS", PuckProperty::CTS),
+    ("puck.IPNM", PuckProperty::IPNM),
+];
+/// Of the safety module.
+const SAFETY: [(&str, PuckProperty); 8] = [
+    ("safety.VERS", PuckProperty::VERS),
+    ("safety.STAT", PuckProperty::STAT),
+    ("safety.MODE", PuckProperty::MODE),
+    ("safety.ZERO", PuckProperty::ZERO),
+    ("safety.VL1", PuckProperty::VL1),
+    ("safety.VL2", PuckProperty::VL2),
+    ("safety.TL1", PuckProperty::TL1),
+    ("safety.TL2", PuckProperty::TL2),
+];
+
+pub(super) fn names() -> impl Iterator<Item = String> {
+    let properties = MOTOR.iter().chain(&SAFETY).map(|(name, _)| *name);
+    std::iter::once(STATUS).chain(properties).map(str::to_owned)
+}
+
+fn named(
+    table: &[(&'static str, PuckProperty)],
+    name: &str,
+) -> Option<(&'static str, PuckProperty)> {
+    table.iter().find(|(known, _)| *known == name).copied()
+}
+
+pub(super) fn variable(device: &CanWam, name: &str) -> Result<Vec<VariableValue>, DeviceError> {
+    if name == STATUS {
+        return Ok(vec![VariableValue::Text(device.status().to_string())]);
+    }
+    let whole = |value: i32| VariableValue::Integer(value.into());
+    if let Some((_, property)) = named(&MOTOR, name) {
+        let one = |motor| run(device, Node::of_motor(motor), property, None).map(whole);
+        return (0..AXES).map(one).collect();
+    }
+    let Some((_, property)) = named(&SAFETY, name) else {
+        return no_variable(name);
+    };
+    Ok(vec![whole(run(device, Node::SAFETY, property, None)?)])
+}
+
+pub(super) fn set_variable(
+    device: &CanWam,
+    options: &CanOptions,
+    name: &str,
+    value: &[VariableValue],
+) -> Result<(), DeviceError> {
+    let Some((name, property)) = named(&SAFETY, name) else {
+        return no_variable(name);
+    };
+    let mut limits = limits_in_units(options).into_iter();
+    let Some((_, most)) = limits.find(|(limit, _)| *limit == property) else {
+        return no_variable(name);
+    };
+    // A limit of 0 is none, so that any is closer.
+    let most = if most == 0 { i32::from(i16::MAX) } else { most };
+    let [asked] = numbers(name, value, [(1.0, f64::from(most))])?;
+    let asked = asked as i32;
+    let got = run(device, Node::SAFETY, property, Some(asked))?;
+    if got == asked {
+        return Ok(());
+    }
+    Err(DeviceError::Unsuitable {
+        what: name,
+        asked: asked.to_string(),
+        expected: format!("what the safety module takes; it keeps {got}"),
+    })
+}

@@ -1,0 +1,332 @@
+//! The arm on the bus as a device.
+
+use std::collections::VecDeque;
+use std::fmt;
+use std::thread;
+use std::time::Instant;
+
+use tracing::{info, warn};
+
+use super::arm_startup::connect;
+use super::control_cycle::ControlCycle;
+use super::property_request::PropertyRequest;
+use super::{CanError, CanOptions, can_variables, property_request};
+use crate::can::puck::{Node, Pendant, PuckProperty};
+use crate::can::{BusError, CanBus};
+use crate::simulation::SafetyMode;
+use crate::wam::arm_device::{ArmDevice, ControlledArm, Shared};
+use crate::wam::periodic_timer::PeriodicTimer;
+use crate::wam::{AXES, ArmControl, WamModel};
+use crate::{AxisIndex, DeviceError, VariableValue};
+
+/// Who it is, for errors and the log.
+pub(super) const PEER: &str = "the arm on the CAN bus";
+
+/// Opens the bus, at the start and after it failed.
+pub type OpenBus = Box<dyn FnMut() -> Result<Box<dyn CanBus>, BusError> + Send>;
+
+/// A seven-joint WAM arm on its CAN bus.
+///
+/// * It must lie folded in its home pose when the pucks have been switched on and the driver starts; pucks
+///   that have been told where they are keep it as long as they have power.
+/// * The safety module decides: the arm is driven from when Shift and Activate are pressed on the pendant, and holds
+///   where it is then. Until then, and after a fault, all joints are in `Mode::HardwareFault`.
+/// * When the bus fails or a puck falls silent the safety module is told to brake, commands and readings are refused
+///   with the step that failed, and the driver connects again by itself.
+/// * An idle joint is not braked but floats: gravity stays compensated, a hand can lead it. Barrett warns against
+///   switching single motors beside the safety module.
+/// * Dropping the device has the arm braked.
+///
+/// ```no_run
+/// # #[cfg(target_os = "linux")]
+/// # fn main() -> Result<(), yarp_devices::DeviceError> {
+/// use yarp_devices::wam::can::{CanOptions, CanWam};
+///
+/// let arm = CanWam::on_interface("can0", CanOptions::default())?;
+/// println!("{:?}", arm.status());
+/// # Ok(())
+/// # }
+/// # #[cfg(not(target_os = "linux"))]
+/// # fn main() {}
+/// ```
+pub type CanWam = ArmDevice<CanArm>;
+
+/// Control of an arm on a bus, and how things stand there.
+#[derive(Clone, Debug)]
+pub struct CanArm {
+    control: ArmControl,
+    status: CanStatus,
+    options: CanOptions,
+    /// What callers want to know of pucks.
+    property_requests: VecDeque<PropertyRequest>,
+}
+
+/// How things stand between driver and arm.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CanStatus {
+    /// Whether control runs, with the arm active or not.
+    pub connected: bool,
+    /// What the safety module lets the arm do; `None` before its first answer.
+    pub safety: Option<SafetyMode>,
+    /// What the pendant shows while the arm is not active.
+    pub pendant: Option<Pendant>,
+    /// What failed last, which may be an attempt to connect again; stays when the arm is there again.
+    pub last_error: Option<CanError>,
+    /// What failed when the arm was lost; stays too.
+    pub loss: Option<CanError>,
+    /// How often the arm was found.
+    pub connections: u64,
+    /// Control periods since then.
+    pub periods: u64,
+    /// How many of them began more than a period late: the machine was busy.
+    pub late_periods: u64,
+    /// How many positions did not come in time since then.
+    pub missed_replies: u64,
+    /// How warm the pucks were when they were last asked, °C: one after the other, some times a second.
+    pub temperatures: [Option<i32>; AXES],
+}
+
+/// In words, for people.
+impl fmt::Display for CanStatus {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match (&self.last_error, self.safety) {
+            (Some(error), _) if !self.connected => write!(f, "{error}"),
+            (_, Some(SafetyMode::Active)) => write!(f, "active"),
+            (_, mode) => {
+                let mode = match mode {
+                    Some(SafetyMode::EmergencyStop) => "stopped by the emergency stop",
+                    _ => "idle",
+                };
+                write!(f, "the safety module keeps the arm {mode}")?;
+                if let Some(pendant) = self.pendant {
+                    write!(f, " ({pendant})")?;
+                }
+                write!(
+                    f,
+                    "; try Shift and Idle, then Shift and Activate on the pendant"
+                )
+            }
+        }
+    }
+}
+
+impl ControlledArm for CanArm {
+    const DESCRIPTION: &'static str = "a seven-joint WAM arm on its CAN bus";
+
+    fn control(&self) -> &ArmControl {
+        &self.control
+    }
+
+    fn control_mut(&mut self) -> &mut ArmControl {
+        &mut self.control
+    }
+
+    fn fault(&self) -> Option<String> {
+        let fine = self.status.connected && self.control.is_ready();
+        (!fine).then(|| self.status.to_string())
+    }
+
+    /// Errors: [`DeviceError::Remote`], [`DeviceError::NoDataYet`] in the first second.
+    fn temperatures(&self) -> Result<[f64; AXES], DeviceError> {
+        self.control.reachable()?;
+        let mut known = [0.0; AXES];
+        for (known, told) in known.iter_mut().zip(self.status.temperatures) {
+            let what = "temperature";
+            *known = f64::from(told.ok_or(DeviceError::NoDataYet { what })?);
+        }
+        Ok(known)
+    }
+
+    fn puck_property(
+        device: &ArmDevice<Self>,
+        motor: AxisIndex,
+        property: PuckProperty,
+    ) -> Result<i32, DeviceError> {
+        property_request::run(device, Node::of_motor(motor.index()), property, None)
+    }
+
+    fn variables() -> Vec<String> {
+        can_variables::names().collect()
+    }
+
+    fn variable(device: &ArmDevice<Self>, name: &str) -> Result<Vec<VariableValue>, DeviceError> {
+        can_variables::variable(device, name)
+    }
+
+    fn set_variable(
+        device: &ArmDevice<Self>,
+        name: &str,
+        value: &[VariableValue],
+    ) -> Result<(), DeviceError> {
+        let options = device.with(|arm| arm.options);
+        can_variables::set_variable(device, &options, name, value)
+    }
+}
+
+impl CanArm {
+    fn connected(&mut self, link: &ControlCycle, counts: [i32; AXES]) {
+        let motors = link.motors(self.control.model());
+        self.control.set_motors(motors);
+        self.control.set_error(None);
+        self.control.set_ready(false);
+        self.control.forget_motion(counts);
+        self.status = CanStatus {
+            connected: true,
+            connections: self.status.connections + 1,
+            last_error: self.status.last_error.take(),
+            loss: self.status.loss.take(),
+            ..CanStatus::default()
+        };
+    }
+
+    /// The arm is lost, or still not found; the log has why, once for each loss and once for what keeps it from being found.
+    fn failed(&mut self, error: &CanError) {
+        self.control.set_ready(false);
+        self.control.set_error(Some(error.to_arm_error(PEER)));
+        if std::mem::take(&mut self.status.connected) {
+            warn!(peer = PEER, %error, "lost the arm; it is braked");
+            self.status.loss = Some(error.clone());
+        } else if self.status.last_error.as_ref() != Some(error) {
+            warn!(peer = PEER, %error, "the arm is still not found");
+        }
+        self.status.safety = None;
+        self.status.last_error = Some(error.clone());
+        self.property_requests.clear();
+    }
+
+    /// Takes a question for the thread of the bus, if the arm is there.
+    pub(super) fn queue_property_request(
+        &mut self,
+        property_request: PropertyRequest,
+    ) -> Result<(), DeviceError> {
+        self.control.reachable()?;
+        self.property_requests.push_back(property_request);
+        Ok(())
+    }
+
+    /// From counts to torques, Nm.
+    fn period(
+        &mut self,
+        link: &ControlCycle,
+        counts: [i32; AXES],
+    ) -> crate::kinematics::Joints<AXES> {
+        let active = link.safety() == Some(SafetyMode::Active);
+        self.control.take_counts(counts);
+        if active && !self.control.is_ready() {
+            info!("the arm is active and holds where it is");
+            self.control.forget_motion(counts);
+            self.control.hold();
+        }
+        if !active && self.control.is_ready() {
+            warn!(mode = ?link.safety(), "the safety module stopped the arm");
+        }
+        self.control.set_ready(active);
+        self.status.safety = link.safety();
+        self.status.pendant = link.pendant();
+        self.status.missed_replies = link.missed_replies();
+        self.status.temperatures = link.temperatures();
+        self.status.periods += 1;
+        self.control.drive()
+    }
+}
+
+impl ArmDevice<CanArm> {
+    /// Connects Barrett's arm on an interface of the kernel, like `can0`, which is up at 1 Mbit/s.
+    ///
+    /// Blocks until the arm is found, a second or so. Errors: as [`start`](Self::start).
+    #[cfg(target_os = "linux")]
+    pub fn on_interface(interface: &str, options: CanOptions) -> Result<Self, DeviceError> {
+        let interface = interface.to_owned();
+        let open = move || {
+            let bus = crate::can::SocketCan::open(&interface)?;
+            Ok(Box::new(bus) as Box<dyn CanBus>)
+        };
+        Self::start(WamModel::<AXES>::new(), options, Box::new(open))
+    }
+
+    /// Connects an arm on a bus.
+    ///
+    /// Blocks until the arm is found, a second or so. Errors: [`DeviceError::Remote`] with the step that failed,
+    /// [`DeviceError::Start`] when the machine has no thread left.
+    pub fn start(
+        model: WamModel<AXES>,
+        options: CanOptions,
+        mut open: OpenBus,
+    ) -> Result<Self, DeviceError> {
+        let (link, counts) = connect(&mut open, &model, &options, true)
+            .map_err(|error| DeviceError::from(&error.to_arm_error(PEER)))?;
+        let mut arm = CanArm {
+            control: ArmControl::new(model, options.period, counts),
+            status: CanStatus::default(),
+            options,
+            property_requests: VecDeque::new(),
+        };
+        arm.connected(&link, counts);
+        Self::spawn(arm, "can-wam", move |shared| {
+            run(shared, link, open, &options);
+        })
+    }
+
+    /// How things stand on the bus.
+    pub fn status(&self) -> CanStatus {
+        self.with(|arm| arm.status.clone())
+    }
+}
+
+/// Drives the arm, and finds it again when it was lost, until told to end.
+fn run(shared: &Shared<CanArm>, link: ControlCycle, mut open: OpenBus, options: &CanOptions) {
+    let model = shared.lock().arm.control.model().clone();
+    let mut link = Some(link);
+    while !shared.is_ending() {
+        let error = match link.take() {
+            Some(mut link) => match drive(shared, &mut link, &model, options) {
+                Ok(()) => return link.brake(),
+                Err(error) => {
+                    link.brake();
+                    error
+                }
+            },
+            None => match connect(&mut open, &model, options, false) {
+                Ok((found, counts)) => {
+                    shared.lock().arm.connected(&found, counts);
+                    link = Some(found);
+                    continue;
+                }
+                Err(error) => error,
+            },
+        };
+        shared.lock().arm.failed(&error);
+        let again = Instant::now() + options.retry_interval;
+        while !shared.is_ending() && Instant::now() < again {
+            thread::park_timeout(again.saturating_duration_since(Instant::now()));
+        }
+    }
+}
+
+/// Control periods until told to end, or until something fails.
+fn drive(
+    shared: &Shared<CanArm>,
+    link: &mut ControlCycle,
+    model: &WamModel<AXES>,
+    options: &CanOptions,
+) -> Result<(), CanError> {
+    let mut pace = PeriodicTimer::new(options.period);
+    while pace.wait(|| shared.is_ending()) {
+        let counts = link.positions()?;
+        let (torques, property_request) = {
+            let mut timed = shared.lock();
+            timed.stamp();
+            timed.arm.status.late_periods = pace.late();
+            let torques = timed.arm.period(link, counts);
+            let property_request = link
+                .is_free()
+                .then(|| timed.arm.property_requests.pop_front());
+            (torques, property_request.flatten())
+        };
+        link.drive(model, &torques)?;
+        if let Some(property_request) = property_request {
+            link.run(property_request)?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,290 @@
+//! What passes over the bus in a control period.
+
+use std::time::{Duration, Instant};
+
+use super::arm_startup::PuckUnits;
+use super::can_error::AtStep;
+use super::property_request::PropertyRequest;
+use super::puck_bus::{MAX_FRAMES_PER_REPLY, PuckBus};
+use super::{CanError, CanErrorKind, CanOptions, CanStep};
+use crate::can::BusError;
+use crate::can::puck::{Group, Node, Pendant, PuckMessage, PuckProperty, mode};
+use crate::kinematics::Joints;
+use crate::simulation::SafetyMode;
+use crate::wam::{AXES, Motor, WamModel};
+
+/// Every so many periods the safety module is asked for its mode, and so many questions may stay without answer.
+const SAFETY_POLL_PERIODS: u64 = 10;
+const MAX_UNANSWERED_POLLS: u32 = 10;
+/// Every so many periods one of the pucks is asked for its temperature.
+const TEMPERATURE_POLL_PERIODS: u64 = 50;
+/// A rotor that seems to have gone on by more than a quarter of a turn in a period is not believed (btclient), counts.
+const MAX_COUNTS_PER_PERIOD: u32 = 1024;
+/// The largest torque there is room for: 13 bits and a sign.
+const MAX_TORQUE_UNITS: f64 = 8191.0;
+
+/// An arm that is ready for control.
+pub(super) struct ControlCycle {
+    bus: PuckBus,
+    units: Vec<PuckUnits>,
+    /// In which groups positions are asked for, each once.
+    groups: Vec<Group>,
+    /// Which frames of torques there are, each once.
+    torque_groups: Vec<Group>,
+    options: CanOptions,
+    counts: [i32; AXES],
+    missed: [u32; AXES],
+    /// When each position came that is believed.
+    seen: [Instant; AXES],
+    cycles: u64,
+    unanswered: u32,
+    safety: Option<SafetyMode>,
+    pendant: Option<Pendant>,
+    missed_replies: u64,
+    /// What a caller wants to know, and until when it is waited for.
+    property_request: Option<(PropertyRequest, Instant)>,
+    temperatures: [Option<i32>; AXES],
+}
+
+impl ControlCycle {
+    pub(super) fn new(
+        bus: PuckBus,
+        units: Vec<PuckUnits>,
+        options: &CanOptions,
+        counts: [i32; AXES],
+    ) -> Self {
+        Self {
+            bus,
+            groups: distinct(units.iter().map(|unit| unit.group)),
+            torque_groups: distinct(units.iter().map(|unit| unit.torque_group)),
+            units,
+            options: *options,
+            counts,
+            missed: [0; AXES],
+            seen: [Instant::now(); AXES],
+            cycles: 0,
+            unanswered: 0,
+            safety: None,
+            pendant: None,
+            missed_replies: 0,
+            property_request: None,
+            temperatures: [None; AXES],
+        }
+    }
+
+    /// Whether there is no question of a caller under way.
+    pub(super) fn is_free(&self) -> bool {
+        self.property_request.is_none()
+    }
+
+    /// Asks what a caller wants to know; the answer is taken note of when it comes.
+    pub(super) fn run(&mut self, property_request: PropertyRequest) -> Result<(), CanError> {
+        let (node, property) = (property_request.node, property_request.property);
+        if let Some(value) = property_request.value {
+            self.bus
+                .set_property(node, property, value)
+                .at_step(CanStep::PropertyRequest)?;
+        }
+        self.bus
+            .send(node, PuckMessage::Get(property))
+            .at_step(CanStep::PropertyRequest)?;
+        self.property_request = Some((
+            property_request,
+            Instant::now() + self.options.property_timeout,
+        ));
+        Ok(())
+    }
+
+    /// How warm the pucks are, °C; `None` before the first answer.
+    pub(super) fn temperatures(&self) -> [Option<i32>; AXES] {
+        self.temperatures
+    }
+
+    /// What the pucks say of their motors, in the place of what the model says.
+    pub(super) fn motors(&self, model: &WamModel<AXES>) -> [Motor; AXES] {
+        let mut motors = model.motors;
+        for (motor, units) in motors.iter_mut().zip(&self.units) {
+            motor.units_per_newton_metre = units.per_newton_metre;
+            motor.limit = units.largest;
+        }
+        motors
+    }
+
+    /// What the safety module lets the arm do; `None` before its first answer.
+    pub(super) fn safety(&self) -> Option<SafetyMode> {
+        self.safety
+    }
+
+    /// What the pendant shows, since the arm is not active.
+    pub(super) fn pendant(&self) -> Option<Pendant> {
+        self.pendant
+    }
+
+    /// How many positions have not come in time so far.
+    pub(super) fn missed_replies(&self) -> u64 {
+        self.missed_replies
+    }
+
+    /// Asks all pucks where they are and waits for them; a puck that leaves it out counts as where it was.
+    pub(super) fn positions(&mut self) -> Result<[i32; AXES], CanError> {
+        self.forget_stale().at_step(CanStep::Positions)?;
+        self.watch().at_step(CanStep::SafetyPoll)?;
+        let start = Instant::now();
+        for &group in &self.groups {
+            let question = PuckMessage::Get(PuckProperty::P);
+            self.bus.send(group, question).at_step(CanStep::Positions)?;
+        }
+        let deadline = start + self.options.reply_timeout;
+        let mut come = [false; AXES];
+        let mut left = MAX_FRAMES_PER_REPLY;
+        while !come.iter().all(|&come| come) {
+            let heard = self.bus.receive_message(deadline, &mut left);
+            let Some((from, message)) = heard.at_step(CanStep::Positions)? else {
+                break;
+            };
+            self.note(from, message);
+            if let PuckMessage::Position { motor: counts, .. } = message
+                && let Some(motor) = from.motor(AXES)
+                && self.is_believable(motor, counts, start)
+            {
+                come[motor] = true;
+                self.counts[motor] = counts;
+                self.seen[motor] = start;
+            }
+        }
+        self.cycles += 1;
+        for (motor, come) in come.into_iter().enumerate() {
+            self.missed[motor] = if come { 0 } else { self.missed[motor] + 1 };
+            self.missed_replies += u64::from(!come);
+            if self.missed[motor] > self.options.max_missed_replies {
+                let node = Node::of_motor(motor);
+                return Err(CanErrorKind::Silent { node }).at_step(CanStep::Positions);
+            }
+        }
+        Ok(self.counts)
+    }
+
+    /// Answers that came after the end of their period.
+    fn forget_stale(&mut self) -> Result<(), BusError> {
+        let now = Instant::now();
+        let mut left = MAX_FRAMES_PER_REPLY;
+        while let Some((from, message)) = self.bus.receive_message(now, &mut left)? {
+            self.note(from, message);
+        }
+        // Whoever waits for it hears that nobody answers.
+        self.property_request
+            .take_if(|(_, deadline)| now > *deadline);
+        Ok(())
+    }
+
+    /// A rotor cannot have turned further than so; in a longer time it can go further.
+    fn is_believable(&self, motor: usize, counts: i32, now: Instant) -> bool {
+        let time = now.saturating_duration_since(self.seen[motor]);
+        let periods = time.as_secs_f64() / self.options.period.as_secs_f64();
+        let most = f64::from(MAX_COUNTS_PER_PERIOD) * periods.max(1.0);
+        f64::from(counts.abs_diff(self.counts[motor])) <= most
+    }
+
+    /// Asks the safety module for its mode, and for what the pendant shows when the arm is not active; now and then a puck
+    /// how warm it is.
+    fn watch(&mut self) -> Result<(), CanErrorKind> {
+        if self.cycles % TEMPERATURE_POLL_PERIODS == TEMPERATURE_POLL_PERIODS / 2 {
+            let motor = (self.cycles / TEMPERATURE_POLL_PERIODS) as usize % AXES;
+            let question = PuckMessage::Get(PuckProperty::TEMP);
+            self.bus.send(Node::of_motor(motor), question)?;
+        }
+        if !self.cycles.is_multiple_of(SAFETY_POLL_PERIODS) {
+            return Ok(());
+        }
+        if self.unanswered >= MAX_UNANSWERED_POLLS {
+            return Err(CanErrorKind::Silent { node: Node::SAFETY });
+        }
+        self.unanswered += 1;
+        self.bus
+            .send(Node::SAFETY, PuckMessage::Get(PuckProperty::MODE))?;
+        if self.safety.is_some() && self.safety != Some(SafetyMode::Active) {
+            self.bus
+                .send(Node::SAFETY, PuckMessage::Get(PuckProperty::PEN))?;
+        }
+        Ok(())
+    }
+
+    /// Takes note of what the safety module and others say.
+    fn note(&mut self, from: Node, message: PuckMessage) {
+        let PuckMessage::Value { property, value } = message else {
+            return;
+        };
+        let asked = |(property_request, _): &mut (PropertyRequest, Instant)| {
+            (property_request.node, property_request.property) == (from, property)
+        };
+        if let Some((property_request, _)) = self.property_request.take_if(asked) {
+            // The caller may have gone.
+            let _ = property_request.answer.try_send(value);
+        }
+        if let Some(motor) = from.motor(AXES)
+            && property == PuckProperty::TEMP
+        {
+            self.temperatures[motor] = Some(value);
+        }
+        if from != Node::SAFETY {
+            return;
+        }
+        if property == PuckProperty::MODE {
+            let now = match value {
+                mode::IDLE_OR_STOPPED => SafetyMode::EmergencyStop,
+                mode::SAFETY_IDLE => SafetyMode::Idle,
+                mode::TORQUE_OR_ACTIVE => SafetyMode::Active,
+                _ => return,
+            };
+            self.unanswered = 0;
+            self.safety = Some(now);
+            if now == SafetyMode::Active {
+                self.pendant = None;
+            }
+        } else if property == PuckProperty::PEN {
+            self.pendant = Some(Pendant::of_bits(value));
+        }
+    }
+
+    /// Sends torques, Nm at the joints, as whole units of the motors.
+    pub(super) fn drive(
+        &mut self,
+        model: &WamModel<AXES>,
+        torques: &Joints<AXES>,
+    ) -> Result<(), CanError> {
+        let motors = model.transmission.motor_torques(torques);
+        for &group in &self.torque_groups {
+            let mut slots = [0; 4];
+            for (motor, unit) in self.units.iter().enumerate() {
+                if unit.torque_group == group {
+                    let most = unit.largest.min(MAX_TORQUE_UNITS);
+                    let units = (unit.per_newton_metre * motors[motor]).floor();
+                    // What is no number becomes 0.
+                    slots[unit.slot] = units.clamp(-most, most) as i16;
+                }
+            }
+            let message = PuckMessage::Torques(slots);
+            self.bus.send(group, message).at_step(CanStep::Torques)?;
+        }
+        Ok(())
+    }
+
+    /// Has the safety module brake the arm, if it still hears us.
+    pub(super) fn brake(&mut self) {
+        // Where it does not, it brakes by itself: torques have ended.
+        let _ = self
+            .bus
+            .set_property(Node::SAFETY, PuckProperty::MODE, mode::SAFETY_IDLE);
+        let _ = self.bus.discard_for(Duration::from_millis(1));
+    }
+}
+
+fn distinct(groups: impl Iterator<Item = Group>) -> Vec<Group> {
+    let mut found = Vec::new();
+    for group in groups {
+        if !found.contains(&group) {
+            found.push(group);
+        }
+    }
+    found
+}

@@ -1,0 +1,73 @@
+//! The arm with masses and friction, run in real time.
+
+use std::time::Duration;
+
+use tracing::warn;
+
+use super::arm_device::{ArmDevice, Shared};
+use super::periodic_timer::PeriodicTimer;
+use super::{AXES, DynamicArm, WamModel};
+use crate::DeviceError;
+use crate::simulation::SimulatorOptions;
+
+/// A simulated seven-joint WAM arm that behaves like the machine: see [`DynamicArm`].
+///
+/// * A thread of its own runs the control loop; the n-th period ends n periods after the start, so that it does not
+///   drift. Dropping the arm ends and joins the thread.
+/// * Moves end near their targets, not on them: tenths of a degree off, as gains and friction leave it. Where tests or
+///   demonstrations need exact ends, [`SimulatedWam`](super::SimulatedWam) is the one.
+/// * Encoders cannot be set: they are absolute.
+///
+/// ```
+/// use yarp_devices::wam::DynamicWam;
+/// use yarp_devices::{Axes, AxisInfo, Mode, ControlMode};
+///
+/// # fn main() -> Result<(), yarp_devices::DeviceError> {
+/// let arm = DynamicWam::start()?;
+/// assert_eq!(arm.axis_name(3.into())?, "elbow");
+/// arm.set_control_modes(Axes::One(3.into()), &[Mode::Torque])?;
+/// arm.with(|arm| arm.set_reference_torques(Axes::One(3.into()), &[-2.0]))?;
+/// # Ok(())
+/// # }
+/// ```
+pub type DynamicWam = ArmDevice<DynamicArm>;
+
+impl ArmDevice<DynamicArm> {
+    /// Starts Barrett's arm at the control rate of libbarrett.
+    ///
+    /// Errors: [`DeviceError::Start`] when the machine has no thread left.
+    pub fn start() -> Result<Self, DeviceError> {
+        Self::start_with(WamModel::<AXES>::new(), SimulatorOptions::default())
+    }
+
+    /// Starts an arm that is built and run like this.
+    ///
+    /// Errors: [`DeviceError::Start`] when the machine has no thread left.
+    pub fn start_with(
+        model: WamModel<AXES>,
+        options: SimulatorOptions,
+    ) -> Result<Self, DeviceError> {
+        let arm = DynamicArm::new(model, options);
+        Self::spawn(arm, "dynamic-wam", move |shared| {
+            run(shared, options.period);
+        })
+    }
+}
+
+fn run(shared: &Shared<DynamicArm>, period: Duration) {
+    let mut pace = PeriodicTimer::new(period);
+    let mut fault = None;
+    while pace.wait(|| shared.is_ending()) {
+        let mut timed = shared.lock();
+        timed.arm.tick();
+        timed.stamp();
+        let found = timed.arm.simulator().safety().fault();
+        drop(timed);
+        if found != fault {
+            if let Some(why) = found {
+                warn!(%why, "the safety module stopped the simulated arm");
+            }
+            fault = found;
+        }
+    }
+}

@@ -1,0 +1,241 @@
+//! A WAM arm without the arm: the model, which is given the time that has passed whenever somebody asks.
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+use tracing::info;
+
+use super::parameters;
+use crate::clock::wall_clock;
+use crate::fake::{AxesModel, AxisParameters};
+use crate::{
+    Axes, AxisIndex, AxisInfo, ControlLimits, ControlMode, Device, DeviceError, EncoderReading,
+    Encoders, JointType, Limits, Mode, MotionControl, PositionControl, VelocityControl,
+};
+
+/// A simulated seven-joint WAM arm that moves in real time.
+///
+/// * It starts at rest in the folded home pose, in position mode, with the limits, speeds and accelerations of
+///   [`parameters`]. Encoders are exact, and a move ends exactly at its target.
+/// * Whoever calls it first lets the [`AxesModel`] have the time that has passed, which is exact however long that is: so an
+///   arm that nobody asks takes no processor. All axes carry the wall-clock time of the call.
+/// * Calls wait for nothing longer than another call, some microseconds.
+/// * It has all modes but mixed, and refuses others by name. Nothing times out: a velocity or a torque stays in
+///   force until the next command. Pushed by torque, current or duty cycle an axis is a mass with friction: there is
+///   no gravity and no coupling.
+/// * Gains, impedance, limits of amplifiers and motors are kept and told, and change nothing.
+///
+/// ```
+/// use yarp_devices::wam::SimulatedWam;
+/// use yarp_devices::{Axes, AxisInfo, Encoders};
+///
+/// # fn main() -> Result<(), yarp_devices::DeviceError> {
+/// let arm = SimulatedWam::new();
+/// assert_eq!(arm.axis_name(3.into())?, "elbow");
+/// let elbow = arm.encoder_readings(Axes::One(3.into()))?[0];
+/// assert_eq!(elbow.position, 3.13_f64.to_degrees());
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Debug)]
+pub struct SimulatedWam {
+    arm: Mutex<Arm>,
+}
+
+#[derive(Debug)]
+pub(super) struct Arm {
+    pub(super) model: AxesModel,
+    /// Until when the model has had its time.
+    stepped: Instant,
+    /// The same moment, in seconds since the start of 1970.
+    pub(super) time: f64,
+}
+
+impl SimulatedWam {
+    /// An arm at rest.
+    pub fn new() -> Self {
+        Self::with_axes(parameters())
+    }
+
+    /// Another machine of simulated axes, which moves as the arm does.
+    pub fn with_axes(axes: impl IntoIterator<Item = AxisParameters>) -> Self {
+        let model = AxesModel::new(axes);
+        info!(axes = model.axes(), "simulated arm started");
+        Self {
+            arm: Mutex::new(Arm {
+                model,
+                stepped: Instant::now(),
+                time: wall_clock(),
+            }),
+        }
+    }
+
+    /// The arm as it is now.
+    pub(super) fn arm(&self) -> MutexGuard<'_, Arm> {
+        // The model is whole between any two calls, so a panic elsewhere does not spoil it.
+        let mut arm = self.arm.lock().unwrap_or_else(PoisonError::into_inner);
+        let now = Instant::now();
+        let passed = now - arm.stepped;
+        arm.model.step(passed);
+        arm.stepped = now;
+        arm.time = wall_clock();
+        arm
+    }
+}
+
+impl Default for SimulatedWam {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Device for SimulatedWam {
+    crate::offers! {
+        axis_info: AxisInfo,
+        position_control: PositionControl,
+        velocity_control: VelocityControl,
+        encoders: Encoders,
+        control_mode: ControlMode,
+        control_limits: ControlLimits,
+        position_direct: PositionDirect,
+        velocity_direct: VelocityDirect,
+        torque_control: TorqueControl,
+        current_control: CurrentControl,
+        pwm_control: PwmControl,
+        interaction_mode: InteractionMode,
+        impedance_control: ImpedanceControl,
+        pid_control: PidControl,
+        motor_encoders: MotorEncoders,
+        motor: Motor,
+        amplifier_control: AmplifierControl,
+        control_calibration: ControlCalibration,
+        remote_calibrator: RemoteCalibrator,
+        remote_variables: RemoteVariables,
+        joint_fault: JointFault,
+        joint_brake: JointBrake,
+    }
+}
+
+impl AxisInfo for SimulatedWam {
+    fn axes(&self) -> usize {
+        self.arm().model.axes()
+    }
+
+    fn axis_name(&self, axis: AxisIndex) -> Result<String, DeviceError> {
+        self.arm().model.axis_name(axis).map(str::to_owned)
+    }
+
+    fn joint_type(&self, axis: AxisIndex) -> Result<JointType, DeviceError> {
+        self.arm().model.joint_type(axis)
+    }
+}
+
+impl MotionControl for SimulatedWam {
+    fn stop(&self, axes: Axes<'_>) -> Result<(), DeviceError> {
+        self.arm().model.stop(axes)
+    }
+
+    fn set_reference_accelerations(
+        &self,
+        axes: Axes<'_>,
+        accelerations: &[f64],
+    ) -> Result<(), DeviceError> {
+        self.arm()
+            .model
+            .set_reference_accelerations(axes, accelerations)
+    }
+
+    fn reference_accelerations(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
+        self.arm().model.reference_accelerations(axes)
+    }
+}
+
+impl PositionControl for SimulatedWam {
+    fn position_move(&self, axes: Axes<'_>, targets: &[f64]) -> Result<(), DeviceError> {
+        self.arm().model.position_move(axes, targets)
+    }
+
+    fn relative_move(&self, axes: Axes<'_>, distances: &[f64]) -> Result<(), DeviceError> {
+        self.arm().model.relative_move(axes, distances)
+    }
+
+    fn motion_done(&self, axes: Axes<'_>) -> Result<bool, DeviceError> {
+        self.arm().model.motion_done(axes)
+    }
+
+    fn target_positions(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
+        self.arm().model.target_positions(axes)
+    }
+
+    fn set_reference_speeds(&self, axes: Axes<'_>, speeds: &[f64]) -> Result<(), DeviceError> {
+        self.arm().model.set_reference_speeds(axes, speeds)
+    }
+
+    fn reference_speeds(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
+        self.arm().model.reference_speeds(axes)
+    }
+}
+
+impl VelocityControl for SimulatedWam {
+    fn velocity_move(&self, axes: Axes<'_>, velocities: &[f64]) -> Result<(), DeviceError> {
+        self.arm().model.velocity_move(axes, velocities)
+    }
+
+    fn reference_velocities(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
+        self.arm().model.reference_velocities(axes)
+    }
+}
+
+impl Encoders for SimulatedWam {
+    fn read_encoders(&self, axes: Axes<'_>, out: &mut [EncoderReading]) -> Result<(), DeviceError> {
+        let arm = self.arm();
+        axes.check_count(arm.model.axes(), "slots for readings", out.len())?;
+        let mut slots = out.iter_mut();
+        arm.model.read_states(axes, |state| {
+            if let Some(slot) = slots.next() {
+                *slot = EncoderReading {
+                    position: state.position,
+                    speed: state.velocity,
+                    acceleration: state.acceleration,
+                    time: arm.time,
+                };
+            }
+        })
+    }
+
+    fn set_encoders(&self, axes: Axes<'_>, positions: &[f64]) -> Result<(), DeviceError> {
+        self.arm().model.set_encoders(axes, positions)
+    }
+}
+
+impl ControlMode for SimulatedWam {
+    fn available_control_modes(&self, axis: AxisIndex) -> Result<Vec<Mode>, DeviceError> {
+        self.arm().model.available_control_modes(axis)
+    }
+
+    fn read_control_modes(&self, axes: Axes<'_>, out: &mut [Mode]) -> Result<(), DeviceError> {
+        self.arm().model.read_control_modes(axes, out)
+    }
+
+    fn set_control_modes(&self, axes: Axes<'_>, modes: &[Mode]) -> Result<(), DeviceError> {
+        self.arm().model.set_control_modes(axes, modes)
+    }
+}
+
+impl ControlLimits for SimulatedWam {
+    fn position_limits(&self, axis: AxisIndex) -> Result<Limits, DeviceError> {
+        self.arm().model.position_limits(axis)
+    }
+
+    fn set_position_limits(&self, axis: AxisIndex, limits: Limits) -> Result<(), DeviceError> {
+        self.arm().model.set_position_limits(axis, limits)
+    }
+
+    fn velocity_limits(&self, axis: AxisIndex) -> Result<Limits, DeviceError> {
+        self.arm().model.velocity_limits(axis)
+    }
+
+    fn set_velocity_limits(&self, axis: AxisIndex, limits: Limits) -> Result<(), DeviceError> {
+        self.arm().model.set_velocity_limits(axis, limits)
+    }
+}

@@ -1,0 +1,200 @@
+//! The interfaces of motors and forces on the arm with masses and friction, bare and behind guards.
+
+use std::sync::Arc;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use yarp_devices::guard::{Guarded, GuardedOptions, JointLimits, RateLimits, TorqueLimits};
+use yarp_devices::simulation::SimulatorOptions;
+use yarp_devices::wam::{DynamicArm, DynamicWam, WamModel};
+use yarp_devices::{Axes, AxisIndex, Device, DeviceError, Limits, Mode, PidKind, PidValue};
+
+const TEST_TIMEOUT: Duration = Duration::from_secs(60);
+const ELBOW: AxisIndex = AxisIndex::new(3);
+
+fn eventually(what: &str, condition: impl Fn() -> bool) {
+    let deadline = Instant::now() + TEST_TIMEOUT;
+    while !condition() {
+        assert!(Instant::now() < deadline, "{what} did not come");
+        thread::sleep(Duration::from_millis(2));
+    }
+}
+
+fn position(arm: &dyn Device) -> f64 {
+    arm.encoders()
+        .unwrap()
+        .encoder_readings(ELBOW.into())
+        .unwrap()[0]
+        .position
+}
+
+fn mode(arm: &dyn Device) -> Mode {
+    arm.control_mode()
+        .unwrap()
+        .control_modes(ELBOW.into())
+        .unwrap()[0]
+}
+
+fn set_mode(arm: &dyn Device, mode: Mode) {
+    let modes = arm.control_mode().unwrap();
+    modes.set_control_modes(ELBOW.into(), &[mode]).unwrap();
+}
+
+fn guarded() -> Guarded {
+    let options = GuardedOptions {
+        joint_limits: JointLimits(vec![Limits::new(-170.0, 180.0); 7]),
+        rate_limits: RateLimits {
+            speeds: vec![50.0; 7],
+            accelerations: vec![],
+        },
+        torque_limits: TorqueLimits(vec![2.0; 7]),
+        watchdog: Some(Duration::from_millis(200)),
+    };
+    let arm = DynamicWam::start().expect("the arm starts");
+    Guarded::around(Arc::new(arm), options).expect("the guards start")
+}
+
+#[test]
+fn loops_tell_their_gains_references_and_errors() {
+    let arm = DynamicWam::start().expect("the arm starts");
+    let loops = arm.pid_control().unwrap();
+    assert_eq!(loops.available_pids(ELBOW).unwrap(), [PidKind::Position]);
+    let mut gains = loops.pids(PidKind::Position, ELBOW.into()).unwrap();
+    // 500 Nm/rad, at most 15 Nm.
+    assert!((gains[0].kp - 500.0_f64.to_radians()).abs() < 1e-9);
+    assert_eq!(gains[0].max_output, 15.0);
+    let info = loops.pid_info(PidKind::Position, ELBOW.into()).unwrap();
+    assert_eq!(
+        (&*info[0].units.kp, &*info[0].units.max_output),
+        ("Nm/deg", "Nm")
+    );
+    assert_eq!(info[0].units.kff, "", "it has no feed-forward");
+    assert!(loops.pid_info(PidKind::Torque, ELBOW.into()).is_err());
+    gains[0].kp *= 2.0;
+    loops
+        .set_pids(PidKind::Position, ELBOW.into(), &gains)
+        .unwrap();
+    let told = loops.pids(PidKind::Position, ELBOW.into()).unwrap()[0];
+    assert!((told.kp - gains[0].kp).abs() < 1e-9);
+    gains[0].kd = f64::NAN;
+    assert!(
+        loops
+            .set_pids(PidKind::Position, ELBOW.into(), &gains)
+            .is_err()
+    );
+    assert!(loops.pids(PidKind::Torque, ELBOW.into()).is_err());
+    let value = |value| {
+        loops
+            .pid_values(PidKind::Position, value, ELBOW.into())
+            .unwrap()[0]
+    };
+    assert!((value(PidValue::Reference) - 3.13_f64.to_degrees()).abs() < 1e-9);
+    assert!(value(PidValue::Error).abs() < 5.0);
+    assert!(value(PidValue::Output).abs() <= 15.0);
+    assert_eq!(
+        loops.pids_enabled(PidKind::Position, Axes::All).unwrap(),
+        [true; 7]
+    );
+    loops.reset_pids(PidKind::Position, Axes::All).unwrap();
+}
+
+#[test]
+fn motors_turn_with_the_joints() {
+    let arm = DynamicWam::start().expect("the arm starts");
+    let motors = arm.motor_encoders().unwrap();
+    assert_eq!(motors.counts_per_revolution(ELBOW).unwrap(), 4096.0);
+    let told = motors.motor_readings(ELBOW.into()).unwrap()[0].position;
+    // The elbow's motor turns 18 times the other way.
+    assert!((told + 18.0 * position(&arm)).abs() < 20.0, "{told}");
+}
+
+#[test]
+fn a_motor_that_holds_the_arm_up_gets_warm_and_cools_when_it_is_let_go() {
+    let mut arm = DynamicArm::new(WamModel::<7>::new(), SimulatorOptions::default());
+    let temperatures = |arm: &DynamicArm| arm.simulator().temperatures();
+    assert_eq!(temperatures(&arm), [40.0; 7]);
+    // Stretched out sideways, where gravity pulls at the shoulder.
+    arm.position_move(Axes::All, &[0.0, 90.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+        .unwrap();
+    let minute = |arm: &mut DynamicArm| (0..30_000).for_each(|_| arm.tick());
+    minute(&mut arm);
+    let warm = temperatures(&arm);
+    assert!(warm[1] > 41.0 && warm[1] < 60.0, "{warm:?}");
+    assert!((warm[6] - 40.0).abs() < 0.5, "{warm:?}");
+    arm.safety_mut().press_stop();
+    minute(&mut arm);
+    let cooler = temperatures(&arm);
+    assert!(cooler[1] < warm[1] && cooler[1] > 40.0, "{cooler:?}");
+}
+
+#[test]
+fn temperatures_and_the_supply_are_told() {
+    let arm = DynamicWam::start().expect("the arm starts");
+    let motors = arm.motor().unwrap();
+    let all = motors.temperatures(Axes::All).unwrap();
+    assert!(
+        all.iter().all(|warm| (40.0..60.0).contains(warm)),
+        "{all:?}"
+    );
+    assert_eq!(motors.temperature_limit(ELBOW).unwrap(), 60.0);
+    assert!(motors.set_temperature_limit(ELBOW, 90.0).is_err());
+    assert!(motors.temperatures(Axes::One(7.into())).is_err());
+    let amplifiers = arm.amplifier_control().unwrap();
+    assert_eq!(amplifiers.supply_voltage(ELBOW).unwrap(), 48.0);
+}
+
+#[test]
+fn a_fault_is_told() {
+    let arm = DynamicWam::start().expect("the arm starts");
+    let faults = arm.joint_fault().unwrap();
+    assert_eq!(faults.last_fault(ELBOW).unwrap().code, 0);
+    arm.with(|arm| arm.safety_mut().press_stop());
+    let fault = faults.last_fault(ELBOW).unwrap();
+    assert_eq!((fault.code, fault.message.as_str()), (1, "emergency stop"));
+}
+
+#[test]
+fn a_guard_refuses_torques_and_steps_by_name() {
+    let arm = guarded();
+    set_mode(&arm, Mode::Torque);
+    let torques = arm.torque_control().unwrap();
+    let refused = torques
+        .set_reference_torques(ELBOW.into(), &[2.5])
+        .unwrap_err();
+    assert_eq!(
+        refused.to_string(),
+        "the torque limits of the guard forbid it: joint 3 asked for torque 2.5 Nm, allowed -2 to 2 Nm"
+    );
+    assert_eq!(
+        torques.torque_ranges(ELBOW.into()).unwrap(),
+        [Limits::new(-2.0, 2.0)]
+    );
+    set_mode(&arm, Mode::PositionDirect);
+    let direct = arm.position_direct().unwrap();
+    let here = position(&arm);
+    assert!(matches!(
+        direct.set_direct_positions(ELBOW.into(), &[here - 10.0]),
+        Err(DeviceError::Guarded {
+            guard: "rate limits",
+            ..
+        })
+    ));
+    direct
+        .set_direct_positions(ELBOW.into(), &[here - 1.0])
+        .unwrap();
+}
+
+#[test]
+fn a_stream_of_torques_that_stops_leads_to_hold() {
+    let arm = guarded();
+    set_mode(&arm, Mode::Torque);
+    let torques = arm.torque_control().unwrap();
+    torques
+        .set_reference_torques(ELBOW.into(), &[-1.6])
+        .unwrap();
+    eventually("the hold", || mode(&arm) == Mode::Position);
+    eventually("rest", || {
+        let motion = arm.position_control().unwrap();
+        motion.motion_done(ELBOW.into()).unwrap()
+    });
+}

@@ -1,0 +1,243 @@
+//! A guarded arm behaves like the arm within its guards, refuses by name beyond them, and holds when a stream stops.
+
+use std::sync::Arc;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use yarp_devices::guard::{Guarded, GuardedOptions, JointLimits, RateLimits, TorqueLimits};
+use yarp_devices::wam::SimulatedWam;
+use yarp_devices::{Axes, Device, DeviceError, Limits, Mode, checks};
+
+const TEST_TIMEOUT: Duration = Duration::from_secs(60);
+const BASE: Axes<'static> = Axes::One(yarp_devices::AxisIndex::new(0));
+
+fn guarded(options: GuardedOptions) -> Guarded {
+    let arm = SimulatedWam::new();
+    Guarded::around(Arc::new(arm), options).expect("the guards start")
+}
+
+fn narrow() -> GuardedOptions {
+    GuardedOptions {
+        joint_limits: JointLimits(vec![Limits::new(-20.0, 20.0)]),
+        rate_limits: RateLimits {
+            speeds: vec![25.0],
+            accelerations: vec![50.0],
+        },
+        torque_limits: TorqueLimits(vec![10.0]),
+        watchdog: None,
+    }
+}
+
+fn eventually(what: &str, condition: impl Fn() -> bool) {
+    let deadline = Instant::now() + TEST_TIMEOUT;
+    while !condition() {
+        assert!(Instant::now() < deadline, "{what} did not come");
+        thread::sleep(Duration::from_millis(2));
+    }
+}
+
+fn position(arm: &dyn Device) -> f64 {
+    arm.encoders().unwrap().encoder_readings(BASE).unwrap()[0].position
+}
+
+fn speed(arm: &dyn Device) -> f64 {
+    arm.encoders().unwrap().encoder_readings(BASE).unwrap()[0].speed
+}
+
+fn in_velocity_mode(arm: &dyn Device) {
+    let modes = arm.control_mode().unwrap();
+    modes.set_control_modes(BASE, &[Mode::Velocity]).unwrap();
+}
+
+/// Wide guards change nothing.
+#[test]
+fn behaves_like_the_arm_inside_its_guards() {
+    let options = GuardedOptions {
+        joint_limits: JointLimits(vec![Limits::new(-1000.0, 1000.0); 7]),
+        rate_limits: RateLimits {
+            speeds: vec![1000.0; 7],
+            accelerations: vec![1000.0; 7],
+        },
+        ..GuardedOptions::default()
+    };
+    for check in [
+        checks::axes_have_names,
+        checks::readings_carry_fresh_times,
+        checks::a_relative_move_adds_up,
+        checks::a_group_move_leaves_the_others_alone,
+        checks::a_new_target_replaces_the_old,
+        checks::a_stop_ends_a_move,
+        checks::a_malformed_command_is_refused,
+        checks::references_are_kept,
+        checks::too_hard_is_as_hard_as_it_can,
+        checks::modes_are_kept,
+        checks::position_moves_need_position_mode,
+        checks::a_velocity_holds_until_told_otherwise,
+        checks::a_velocity_ends_at_the_position_limit,
+        checks::limits_are_kept,
+    ] {
+        check(&guarded(options.clone()), TEST_TIMEOUT);
+    }
+}
+
+#[test]
+fn refusals_name_the_guard() {
+    let arm = guarded(narrow());
+    let arm: &dyn Device = &arm;
+    let position = arm.position_control().unwrap();
+    let velocity = arm.velocity_control().unwrap();
+    let limits = arm.control_limits().unwrap();
+    let refused = |outcome: Result<(), DeviceError>, expected: &str| {
+        let message = outcome.unwrap_err().to_string();
+        assert_eq!(message, format!("the {expected}"));
+    };
+    refused(
+        position.position_move(BASE, &[21.0]),
+        "joint limits of the guard forbid it: joint 0 asked for position 21 deg, allowed -20 to 20 deg",
+    );
+    refused(
+        position.relative_move(BASE, &[-21.0]),
+        "joint limits of the guard forbid it: joint 0 asked for position -21 deg, allowed -20 to 20 deg",
+    );
+    refused(
+        position.set_reference_speeds(BASE, &[26.0]),
+        "rate limits of the guard forbid it: joint 0 asked for speed 26 deg/s, allowed -inf to 25 deg/s",
+    );
+    in_velocity_mode(arm);
+    refused(
+        velocity.velocity_move(BASE, &[-26.0]),
+        "rate limits of the guard forbid it: joint 0 asked for velocity -26 deg/s, allowed -25 to 25 deg/s",
+    );
+    refused(
+        limits.set_position_limits(0.into(), Limits::new(-30.0, 10.0)),
+        "joint limits of the guard forbid it: joint 0 asked for lower position limit -30 deg, allowed -20 to 20 deg",
+    );
+    assert_eq!(
+        limits.position_limits(0.into()).unwrap(),
+        Limits::new(-20.0, 20.0)
+    );
+    assert_eq!(limits.velocity_limits(0.into()).unwrap().max, 25.0);
+    // The references were brought down at the start, those of unguarded joints were not.
+    let speeds = position.reference_speeds(Axes::All).unwrap();
+    assert_eq!(speeds[0], 25.0);
+    assert!(speeds[1] > 25.0);
+    // What is no number is refused by the device, as ever.
+    assert!(matches!(
+        position.position_move(Axes::One(1.into()), &[f64::NAN]),
+        Err(DeviceError::NotFinite { .. })
+    ));
+}
+
+/// Accelerations beyond the guard were refused, and with them the velocity mode of stock's windows, which ask for 100000.
+#[test]
+fn accelerations_are_brought_down_to_the_guard() {
+    let arm = guarded(narrow());
+    let position = arm.position_control().unwrap();
+    for (asked, in_force) in [(51.0, 50.0), (20.0, 20.0), (1e5, 50.0)] {
+        position
+            .set_reference_accelerations(BASE, &[asked])
+            .unwrap();
+        assert_eq!(position.reference_accelerations(BASE).unwrap(), [in_force]);
+    }
+    for bad in [f64::NAN, f64::INFINITY, -1.0] {
+        assert!(position.set_reference_accelerations(BASE, &[bad]).is_err());
+    }
+    assert!(
+        position
+            .set_reference_accelerations(BASE, &[1.0, 2.0])
+            .is_err()
+    );
+    assert_eq!(position.reference_accelerations(BASE).unwrap(), [50.0]);
+}
+
+#[test]
+fn torques_are_checked_for_every_joint_of_a_command() {
+    let arm = guarded(narrow());
+    assert!(
+        arm.check_torques(Axes::All, &[10.0, 99.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+            .is_ok()
+    );
+    let refused = arm.check_torques(BASE, &[-10.5]).unwrap_err();
+    assert_eq!(
+        refused.to_string(),
+        "the torque limits of the guard forbid it: joint 0 asked for torque -10.5 Nm, allowed -10 to 10 Nm"
+    );
+    assert!(matches!(
+        arm.check_torques(Axes::All, &[0.0]),
+        Err(DeviceError::WrongCount { .. })
+    ));
+}
+
+/// The device's own limit is far away, the guard's is near.
+#[test]
+fn a_velocity_ends_inside_the_guards_limit() {
+    let arm = guarded(narrow());
+    let velocity = arm.velocity_control().unwrap();
+    in_velocity_mode(&arm);
+    velocity.velocity_move(BASE, &[20.0]).unwrap();
+    eventually("motion", || position(&arm) > 5.0);
+    eventually("rest", || speed(&arm) == 0.0);
+    let rest = position(&arm);
+    assert!((10.0..=20.0).contains(&rest), "it came to rest at {rest}");
+    // It can go back.
+    velocity.velocity_move(BASE, &[-20.0]).unwrap();
+    eventually("the way back", || position(&arm) < 0.0);
+    velocity.stop(BASE).unwrap();
+}
+
+#[test]
+fn a_joint_beyond_its_limit_may_only_come_back() {
+    let arm: Arc<dyn Device> = Arc::new(SimulatedWam::new());
+    let position = arm.position_control().unwrap();
+    position.position_move(BASE, &[25.0]).unwrap();
+    eventually("arrival", || position.motion_done(BASE).unwrap());
+    let arm = Guarded::around(arm, narrow()).unwrap();
+    in_velocity_mode(&arm);
+    let velocity = arm.velocity_control().unwrap();
+    assert_eq!(
+        velocity
+            .velocity_move(BASE, &[5.0])
+            .unwrap_err()
+            .to_string(),
+        "the joint limits of the guard forbid it: \
+         joint 0 asked for velocity at its upper limit 5 deg/s, allowed -inf to 0 deg/s"
+    );
+    velocity.velocity_move(BASE, &[-20.0]).unwrap();
+    eventually("the way back", || self::position(&arm) < 20.0);
+}
+
+#[test]
+fn a_stream_that_stops_leads_to_hold() {
+    let options = GuardedOptions {
+        watchdog: Some(Duration::from_millis(300)),
+        ..GuardedOptions::default()
+    };
+    let arm = guarded(options);
+    in_velocity_mode(&arm);
+    let velocity = arm.velocity_control().unwrap();
+    velocity.velocity_move(BASE, &[10.0]).unwrap();
+    eventually("motion", || speed(&arm) > 0.0);
+    // Nothing more comes: it comes to rest by itself, and can be moved again.
+    eventually("rest", || speed(&arm) == 0.0);
+    assert_eq!(velocity.reference_velocities(BASE).unwrap(), [0.0]);
+    let held = position(&arm);
+    velocity.velocity_move(BASE, &[10.0]).unwrap();
+    eventually("motion again", || position(&arm) > held + 0.1);
+}
+
+#[test]
+fn a_stream_that_goes_on_is_not_stopped() {
+    let options = GuardedOptions {
+        watchdog: Some(Duration::from_secs(5)),
+        ..GuardedOptions::default()
+    };
+    let arm = guarded(options);
+    in_velocity_mode(&arm);
+    let velocity = arm.velocity_control().unwrap();
+    let start = position(&arm);
+    eventually("progress", || {
+        velocity.velocity_move(BASE, &[10.0]).unwrap();
+        position(&arm) > start + 20.0
+    });
+    assert_eq!(velocity.reference_velocities(BASE).unwrap(), [10.0]);
+}

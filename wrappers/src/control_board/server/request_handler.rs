@@ -1,0 +1,313 @@
+//! The device behind the ports, and what becomes of a message.
+
+use std::fmt::{self, Display};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use tokio::sync::mpsc;
+
+use yarp_devices::{
+    AmplifierControl, AxisInfo, ControlCalibration, ControlLimits, ControlMode, CurrentControl,
+    Device, DeviceError, Encoders, ImpedanceControl, InteractionMode, JointBrake, JointFault,
+    MotionControl, Motor, MotorEncoders, PidControl, PositionControl, PositionDirect, PwmControl,
+    RemoteCalibrator, RemoteVariables, TorqueControl, VelocityControl, VelocityDirect,
+};
+use yarp_ports::Answer;
+use yarp_wire::{Bottle, Stamp, Value, Vocab32};
+
+use super::super::messages::{
+    Get, Malformed, MotionUpdate, ProtocolVersion, Query, Reply, Request, Set,
+};
+use super::command_queue::CommandQueue;
+use super::motion_tracker::MotionTracker;
+use super::submit::{PendingCommand, ReplyTiming, Submission};
+use super::{help_text, supported_interfaces};
+use crate::thrift::{Item, Message, ReturnCode, ServiceVersion};
+use yarp_devices::clock::wall_clock;
+
+/// A device with what its server must remember.
+pub(super) struct RequestHandler {
+    device: Arc<dyn Device>,
+    name: String,
+    axes: usize,
+    /// Orders go to the device by this.
+    pub(super) queue: CommandQueue<PendingCommand>,
+    pub(super) motions: MotionTracker,
+    /// Of the last answer to a question.
+    stamp: Mutex<Stamp>,
+    /// Whether the last streamed command was refused: the first of a run is reported aloud.
+    pub(super) refusing: AtomicBool,
+    /// How many numbers about the torque of a motor 3.x clients speak of; see [`RequestHandler::answer`].
+    motor_parameters: AtomicUsize,
+}
+
+impl fmt::Debug for RequestHandler {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("RequestHandler")
+            .field("name", &self.name)
+            .finish_non_exhaustive()
+    }
+}
+
+/// Why a request was not carried out. In 3.x all of them are `[fail]`.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum Refusal {
+    #[error(transparent)]
+    Malformed(#[from] Malformed),
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+    #[error("the device has no {0}")]
+    NoInterface(&'static str),
+    #[error("order {0} took its place before the device took it")]
+    Dropped(u64),
+}
+
+impl RequestHandler {
+    /// With the ends of motions as they come; `None` for a device without axes.
+    pub(super) fn new(
+        device: Arc<dyn Device>,
+        name: &str,
+    ) -> Option<(Self, mpsc::Receiver<MotionUpdate>)> {
+        let axes = count_axes(device.as_ref()).filter(|&axes| axes > 0)?;
+        let (motions, announced) = MotionTracker::new(axes);
+        let board = Self {
+            device,
+            name: name.to_owned(),
+            axes,
+            queue: CommandQueue::new(name),
+            motions,
+            // Answers are counted from 0.
+            stamp: Mutex::new(Stamp::new(-1, 0.0)),
+            refusing: AtomicBool::new(false),
+            motor_parameters: AtomicUsize::new(9),
+        };
+        Some((board, announced))
+    }
+
+    pub(super) fn axes(&self) -> usize {
+        self.axes
+    }
+
+    /// Ends what works on the device; what waits for it is refused.
+    pub(super) fn end(&self) {
+        self.queue.end();
+        self.motions.end();
+    }
+
+    pub(super) fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// What a request of 3.x is answered with, after it was carried out.
+    ///
+    /// Up to 3.6 four numbers tell what is assumed of the torque of a motor, later nine, and nothing on the wire says
+    /// which a client is. It gets nine, unless the last that set them set four.
+    pub(super) fn answer(&self, message: &Bottle, from: &str) -> ReplyTiming<Reply> {
+        let request = match Request::parse(message) {
+            Ok(request) => request,
+            Err(Malformed::TooShort) => return ReplyTiming::Now(Reply::not_understood()),
+            Err(error) => {
+                self.report(None, message, from, &error);
+                return ReplyTiming::Now(Reply::fail());
+            }
+        };
+        let outcome = match &request {
+            Request::Help => Ok(help_text::reply()),
+            Request::ProtocolVersion => Ok(Reply::version(ProtocolVersion::CURRENT)),
+            Request::Interfaces => Ok(Reply::fail()),
+            Request::Get(get) => self.ask(get).map(|mut results| {
+                let echo = message.get(1).cloned().unwrap_or(Value::Int32(0));
+                results.truncate(self.shown(get));
+                get.answer_v3(echo, results, self.next_stamp())
+            }),
+            Request::Set(set) => match self.submit(set, from, false) {
+                (_, Submission::Done(outcome)) => outcome.map(|()| {
+                    if let Set::MotorParameters(_, _, count) = set {
+                        self.motor_parameters.store(*count, Ordering::Relaxed);
+                    }
+                    Reply::ok()
+                }),
+                (_, Submission::Queued(told)) => {
+                    return ReplyTiming::later(async {
+                        told.await.map_or_else(|_| Reply::fail(), |()| Reply::ok())
+                    });
+                }
+            },
+        };
+        ReplyTiming::Now(outcome.unwrap_or_else(|error| {
+            self.report(Some(&request), message, from, &error);
+            Reply::fail()
+        }))
+    }
+
+    /// How many results of a question a 3.x client gets.
+    fn shown(&self, get: &Get) -> usize {
+        match get {
+            Get::About(Query::MotorParameters, _) => self.motor_parameters.load(Ordering::Relaxed),
+            _ => usize::MAX,
+        }
+    }
+
+    /// What a call of 4.0 is answered with, after it was carried out.
+    pub(super) fn answer_call(&self, message: &Bottle, from: &str) -> Answer {
+        let request = match Request::parse_call(message) {
+            Ok(request) => request,
+            Err(error) => {
+                self.report(None, message, from, &error);
+                // Stock gives no answer to a function it does not know with something behind it, and leaves the
+                // client to find out; this is what it answers otherwise.
+                return Answer::reply(Bottle::of(Vocab32::FAIL));
+            }
+        };
+        let items = match &request {
+            Request::Help => return Answer::reply(help_text::functions()),
+            Request::ProtocolVersion => return Answer::reply(ServiceVersion::SERVED),
+            Request::Interfaces => {
+                ReturnCode::Ok.with([supported_interfaces::list(self.device.as_ref())])
+            }
+            Request::Get(get) => match self.ask(get) {
+                Ok(results) => answered(get, results),
+                Err(error) => {
+                    self.report(Some(&request), message, from, &error);
+                    let nothing = get.nothing();
+                    match nothing.is_empty() {
+                        true => error.code().alone(),
+                        false => error.code().with(nothing),
+                    }
+                }
+            },
+            Request::Set(set) => match self.submit(set, from, false) {
+                (_, Submission::Done(Ok(()))) => ReturnCode::Ok.alone(),
+                (_, Submission::Done(Err(error))) => {
+                    self.report(Some(&request), message, from, &error);
+                    error.code().alone()
+                }
+                (_, Submission::Queued(told)) => {
+                    return Answer::Later(Box::pin(async {
+                        let code = told
+                            .await
+                            .map_or_else(|error| error.code(), |()| ReturnCode::Ok);
+                        Answer::reply(Message(code.alone()))
+                    }));
+                }
+            },
+        };
+        Answer::reply(Message(items))
+    }
+
+    fn report(&self, request: Option<&Request>, message: &Bottle, from: &str, error: &dyn Display) {
+        // What a person ordered in vain is worth a line; polling clients ask for what there is not.
+        if let Some(Request::Set(_)) = request {
+            tracing::info!("{}: {message} from {from} refused: {error}", self.name);
+        } else {
+            tracing::debug!("{}: {message} from {from} refused: {error}", self.name);
+        }
+    }
+
+    pub(super) fn cannot_read(&self, error: &dyn Display, from: &str) {
+        self.refused(error, from);
+    }
+
+    pub(super) fn refused(&self, error: &dyn Display, from: &str) {
+        if self.refusing.swap(true, Ordering::Relaxed) {
+            tracing::debug!(board = %self.name, from, "streamed command refused: {error}");
+        } else {
+            tracing::warn!(board = %self.name, from, "streamed command refused: {error}");
+        }
+    }
+
+    fn next_stamp(&self) -> Stamp {
+        let mut stamp = self.stamp.lock().unwrap_or_else(PoisonError::into_inner);
+        *stamp = stamp.next(wall_clock());
+        *stamp
+    }
+
+    /// What position and velocity control have in common, from whichever there is.
+    pub(super) fn motion(&self) -> Result<&dyn MotionControl, Refusal> {
+        match self.device.position_control() {
+            Some(position) => Ok(position),
+            None => Ok(self.velocity()?),
+        }
+    }
+}
+
+/// Gives the device's interfaces, or says that there is none.
+macro_rules! interfaces {
+    ($($short:ident: $name:ident, $trait:ident, $words:literal;)*) => {
+        impl RequestHandler {$(
+            pub(super) fn $short(&self) -> Result<&dyn $trait, Refusal> {
+                self.device.$name().ok_or(Refusal::NoInterface($words))
+            }
+        )*}
+    };
+}
+
+interfaces! {
+    info: axis_info, AxisInfo, "axis information";
+    position: position_control, PositionControl, "position control";
+    velocity: velocity_control, VelocityControl, "velocity control";
+    encoders: encoders, Encoders, "encoders";
+    modes: control_mode, ControlMode, "control modes";
+    limits: control_limits, ControlLimits, "control limits";
+    position_direct: position_direct, PositionDirect, "direct positions";
+    velocity_direct: velocity_direct, VelocityDirect, "direct velocities";
+    torque: torque_control, TorqueControl, "torque control";
+    current: current_control, CurrentControl, "current control";
+    pwm: pwm_control, PwmControl, "duty cycles";
+    interaction: interaction_mode, InteractionMode, "interaction modes";
+    impedance: impedance_control, ImpedanceControl, "impedance control";
+    pids: pid_control, PidControl, "control loops";
+    motor_encoders: motor_encoders, MotorEncoders, "motor encoders";
+    motor: motor, Motor, "motors";
+    amplifiers: amplifier_control, AmplifierControl, "amplifiers";
+    calibration: control_calibration, ControlCalibration, "calibration";
+    calibrator: remote_calibrator, RemoteCalibrator, "calibrator";
+    variables: remote_variables, RemoteVariables, "variables";
+    faults: joint_fault, JointFault, "joint faults";
+    brakes: joint_brake, JointBrake, "brakes";
+}
+
+/// The results of a question behind the code that all is well.
+fn answered(get: &Get, results: Vec<Item>) -> Vec<Item> {
+    if let Get::About(Query::CalibrationDone, _) = get {
+        // The code itself is the answer.
+        let code = match results[..] {
+            [Item::Bool(true)] => ReturnCode::Ok,
+            _ => ReturnCode::Failed,
+        };
+        return code.alone();
+    }
+    ReturnCode::Ok.with(results)
+}
+
+impl Refusal {
+    /// How 4.0 says it.
+    fn code(&self) -> ReturnCode {
+        match self {
+            Self::NoInterface(_) => ReturnCode::NotReady,
+            Self::Device(DeviceError::NotSupported { .. }) => ReturnCode::NotImplemented,
+            Self::Device(
+                DeviceError::OutOfRange { .. }
+                | DeviceError::NotFinite { .. }
+                | DeviceError::NoSuchAxis { .. },
+            ) => ReturnCode::OutOfBounds,
+            Self::Device(_) | Self::Malformed(_) | Self::Dropped(_) => ReturnCode::Failed,
+        }
+    }
+}
+
+/// Any interface knows how many axes there are.
+fn count_axes(device: &dyn Device) -> Option<usize> {
+    device
+        .axis_info()
+        .map(AxisInfo::axes)
+        .or_else(|| device.position_control().map(AxisInfo::axes))
+        .or_else(|| device.velocity_control().map(AxisInfo::axes))
+        .or_else(|| device.encoders().map(AxisInfo::axes))
+        .or_else(|| device.control_mode().map(AxisInfo::axes))
+        .or_else(|| device.control_limits().map(AxisInfo::axes))
+}
+
+#[cfg(test)]
+#[path = "request_handler_tests.rs"]
+mod tests;

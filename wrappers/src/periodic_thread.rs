@@ -1,0 +1,119 @@
+//! Work that is done every period, on a thread of its own.
+
+use std::io;
+use std::ops::RangeInclusive;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use tokio::sync::oneshot;
+
+use crate::OpenError;
+
+/// Periods that servers publish with.
+const PERIOD_RANGE: RangeInclusive<Duration> = Duration::from_millis(1)..=Duration::from_secs(60);
+
+/// Checks a period that somebody asked for.
+pub(crate) fn check_period(asked: Duration) -> Result<(), OpenError> {
+    if PERIOD_RANGE.contains(&asked) {
+        return Ok(());
+    }
+    let (min, max) = PERIOD_RANGE.into_inner();
+    Err(OpenError::Period { asked, min, max })
+}
+
+/// A thread that does something every period.
+///
+/// It is a thread and no task, so that the period does not depend on what the tasks of the program are doing.
+#[derive(Debug)]
+pub(crate) struct PeriodicThread {
+    ending: Arc<AtomicBool>,
+    thread: JoinHandle<()>,
+    ended: oneshot::Receiver<()>,
+}
+
+impl PeriodicThread {
+    /// Starts; `work` is let go on the thread when it ends.
+    pub(crate) fn start(
+        name: &str,
+        period: Duration,
+        mut work: impl FnMut() + Send + 'static,
+    ) -> io::Result<Self> {
+        let ending = Arc::new(AtomicBool::new(false));
+        let theirs = ending.clone();
+        let (alive, ended) = oneshot::channel();
+        let thread = thread::Builder::new().name(name.into()).spawn(move || {
+            yarp_ports::request_low_timer_slack();
+            every(period, &theirs, &mut work);
+            // What it holds is let go before anybody hears that this has ended.
+            drop(work);
+            drop(alive);
+        })?;
+        Ok(Self {
+            ending,
+            thread,
+            ended,
+        })
+    }
+
+    /// Ends it; waits for work that is under way at most until `deadline`.
+    pub(crate) async fn end(self, deadline: Duration) {
+        self.ending.store(true, Ordering::Release);
+        self.thread.thread().unpark();
+        if tokio::time::timeout(deadline, self.ended).await.is_err() {
+            tracing::warn!(
+                "publisher did not stop in time: a device call is still blocking; continuing without it"
+            );
+        } else if self.thread.join().is_err() {
+            tracing::error!("publishing had panicked");
+        }
+    }
+}
+
+/// Calls `work` every `period` until told to end. Deadlines are multiples of the period from the start, so that
+/// lateness does not add up; after a pause of the machine the missed ones are left out, not run in a burst.
+fn every(period: Duration, ending: &AtomicBool, mut work: impl FnMut()) {
+    let mut deadline = Instant::now();
+    while !ending.load(Ordering::Acquire) {
+        let now = Instant::now();
+        if now < deadline {
+            // May wake early, then the loop comes back here.
+            thread::park_timeout(deadline - now);
+            continue;
+        }
+        work();
+        deadline += period;
+        let late = Instant::now().saturating_duration_since(deadline);
+        if late >= period {
+            let missed = late.as_nanos() / period.as_nanos();
+            deadline += period * u32::try_from(missed).unwrap_or(u32::MAX);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn deadlines_do_not_drift_and_missed_ones_are_left_out() {
+        let ending = AtomicBool::new(false);
+        let start = Instant::now();
+        let mut times = Vec::new();
+        every(Duration::from_millis(2), &ending, || {
+            times.push(start.elapsed());
+            if times.len() == 3 {
+                thread::sleep(Duration::from_millis(9));
+            }
+            if times.len() == 20 {
+                ending.store(true, Ordering::Release);
+            }
+        });
+        // Nothing runs before its deadline, and the long third cycle costs the deadlines it overran.
+        for (place, time) in times.iter().enumerate() {
+            assert!(*time >= Duration::from_millis(2) * place as u32);
+        }
+        assert!(times[3] >= times[2] + Duration::from_millis(9));
+    }
+}

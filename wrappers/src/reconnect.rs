@@ -1,0 +1,118 @@
+//! Connections of clients to what they are clients of.
+
+use std::fmt::Debug;
+use std::time::Duration;
+
+use tokio::task::JoinSet;
+use yarp_devices::DeviceError;
+use yarp_ports::{
+    ConnectionState, Network, Port, ReconnectOptions, ReconnectingConnection, remote_admin,
+};
+use yarp_wire::message::WireObject;
+
+use crate::OpenError;
+
+/// Questions and orders need answers, so their carrier is not a choice.
+pub(crate) const RPC_CARRIER: &str = "tcp";
+/// How long closing may take.
+pub(crate) const PORT_CLOSE_TIMEOUT: Duration = Duration::from_secs(3);
+/// How often a lost connection is tried again.
+const BACKOFF: (Duration, Duration) = (Duration::from_millis(100), Duration::from_secs(1));
+/// How often it is looked whether messages still come.
+pub(crate) const WATCH_INTERVAL: Duration = Duration::from_millis(500);
+
+/// Sees to it that there is a port of that name.
+pub(crate) async fn check_exists(network: &Network, name: String) -> Result<(), OpenError> {
+    match remote_admin::exists(network, &name).await {
+        Ok(true) => Ok(()),
+        Ok(false) => Err(OpenError::NoRemote { name }),
+        Err(source) => Err(OpenError::Port { name, source }),
+    }
+}
+
+/// What becomes of a request that no message says.
+pub(crate) fn unsupported_request(request: &impl Debug) -> DeviceError {
+    DeviceError::NotSupported {
+        what: format!("{request:?} in one message"),
+    }
+}
+
+/// A message as a person would type it.
+pub(crate) fn to_text(message: &impl WireObject) -> String {
+    let mut text = bytes::BytesMut::new();
+    message.write_text(&mut text);
+    String::from_utf8_lossy(&text).trim_end().to_owned()
+}
+
+/// Connects a port, and again whenever the connection is lost. An error is that of the first try.
+pub(crate) async fn connect_supervised(
+    port: &Port,
+    to: &str,
+    carrier: &str,
+    deadline: Duration,
+) -> Result<ReconnectingConnection, OpenError> {
+    let failed = |reason: &str| OpenError::Connect {
+        from: port.name().to_owned(),
+        to: to.to_owned(),
+        carrier: carrier.to_owned(),
+        source: reason.into(),
+    };
+    let (first, longest) = BACKOFF;
+    let options = ReconnectOptions::new()
+        .backoff(first, longest)
+        .connect_timeout(deadline);
+    let place = format!("{carrier}:/{to}");
+    let mut kept = port.connect_persistent(&place, options);
+    loop {
+        match kept.state() {
+            ConnectionState::Connected => return Ok(kept),
+            ConnectionState::Disconnected { reason } => {
+                kept.end().await;
+                return Err(failed(&reason));
+            }
+            ConnectionState::Closed => return Err(failed("the port closed")),
+            _ => drop(kept.changed().await),
+        }
+    }
+}
+
+/// Has a writer send its messages to a port of ours, and again whenever `are_missing` says so; `asking` does the latter.
+/// An error is that of the first time.
+pub(crate) async fn subscribe(
+    network: &Network,
+    (from, to): (&str, &str),
+    carrier: &str,
+    asking: &mut JoinSet<()>,
+    are_missing: impl Fn() -> bool + Send + 'static,
+) -> Result<(), OpenError> {
+    remote_admin::connect(network, from, to, Some(carrier))
+        .await
+        .map_err(|source| OpenError::Connect {
+            from: from.to_owned(),
+            to: to.to_owned(),
+            carrier: carrier.to_owned(),
+            source: source.into(),
+        })?;
+    let (from, to, carrier) = (from.to_owned(), to.to_owned(), carrier.to_owned());
+    asking.spawn(resubscribe(network.clone(), from, to, carrier, are_missing));
+    Ok(())
+}
+
+/// Asks a writer for its messages again whenever none come any more: it is the writer that connects, so that nobody
+/// else notices when it comes back.
+async fn resubscribe(
+    network: Network,
+    from: String,
+    to: String,
+    carrier: String,
+    are_missing: impl Fn() -> bool,
+) {
+    loop {
+        tokio::time::sleep(WATCH_INTERVAL).await;
+        if are_missing()
+            && let Err(error) = remote_admin::connect(&network, &from, &to, Some(&carrier)).await
+        {
+            tracing::debug!(%from, "cannot ask for messages: {error}");
+        }
+    }
+}
