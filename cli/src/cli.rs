@@ -8,7 +8,7 @@ use clap::{CommandFactory, Parser};
 
 use crate::commands::Command;
 use crate::error::Result;
-use crate::text::complain;
+use crate::stock_format::complain;
 
 /// What a command that does not exist ends with, as in stock.
 const NO_SUCH_COMMAND: u8 = 255;

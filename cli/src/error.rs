@@ -25,7 +25,7 @@ pub(crate) enum Failure {
     Config(#[from] ConfigError),
     /// It cannot be where `--listen`, `--connect` or `--ports` say.
     #[error("cannot meet the other end of the arm's connections")]
-    Meeting(#[source] io::Error),
+    LinkMode(#[source] io::Error),
     /// The arm or the camera did not start.
     #[error(transparent)]
     Device(#[from] DeviceError),

@@ -11,25 +11,25 @@
 //! | `ready` | telling a service manager that we work |
 //! | `log`, `text` | what the libraries report, and numbers, in stock's form |
 
-mod arm;
+mod arm_selection;
 mod cli;
 mod commands;
-mod connecting;
+mod connection_qos;
 mod error;
-mod input;
-mod log;
-mod quality;
-mod ready;
-mod session;
+mod network_access;
+mod port_connections;
 mod signals;
-mod text;
+mod stdin_lines;
+mod stock_format;
+mod stock_log;
+mod systemd_notify;
 
 use std::process::ExitCode;
 
 use tokio::runtime::Builder;
 
 fn main() -> ExitCode {
-    log::start();
+    stock_log::start();
     let words: Vec<String> = std::env::args().skip(1).collect();
     // Requests to the name server are so short that handing them to another thread costs more than
     // it brings.

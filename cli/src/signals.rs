@@ -6,7 +6,7 @@ use std::time::Duration;
 use tokio::sync::watch;
 
 /// A second signal after this long ends the process at once.
-const PATIENCE: Duration = Duration::from_secs(2);
+const SECOND_SIGNAL_ABORT_AFTER: Duration = Duration::from_secs(2);
 
 /// Hears SIGINT, SIGTERM and SIGHUP from the moment it is made.
 ///
@@ -21,12 +21,12 @@ pub(crate) struct Interrupt {
 impl Interrupt {
     /// Begins to listen; from now on signals do not end the process by themselves.
     pub(crate) fn listen() -> Self {
-        Self::listen_to(1, PATIENCE)
+        Self::listen_with(1, SECOND_SIGNAL_ABORT_AFTER)
     }
 
     /// As [`listen`](Self::listen), but the first `count` signals are the command's business, and one after them ends
     /// the process at once, if the first was `patience` ago.
-    pub(crate) fn listen_to(count: u32, patience: Duration) -> Self {
+    pub(crate) fn listen_with(count: u32, abort_after: Duration) -> Self {
         let (sender, heard) = watch::channel(0);
         if let Ok(mut signals) = Signals::new() {
             // Ends with the runtime, that is with the command.
@@ -37,7 +37,7 @@ impl Interrupt {
                 loop {
                     signals.next().await;
                     sender.send_modify(|heard| *heard += 1);
-                    if *sender.borrow() > count && first.elapsed() >= patience {
+                    if *sender.borrow() > count && first.elapsed() >= abort_after {
                         std::process::abort();
                     }
                 }

@@ -10,7 +10,7 @@
 //! arm.set_control_modes(elbow, &[Mode::Position])?;
 //! arm.set_reference_speeds(elbow, &[20.0])?; // deg/s
 //! arm.position_move(elbow, &[120.0])?; // deg
-//! let arrived = arm.wait_for_rest(elbow, Duration::from_secs(10))?;
+//! let arrived = arm.wait_motion_done(elbow, Duration::from_secs(10))?;
 //! println!("{arrived}: {:?}", arm.positions()?);
 //! # Ok(()) }
 //! ```

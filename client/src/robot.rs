@@ -13,12 +13,12 @@ use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions};
 use crate::Error;
 
 /// How long the first state is waited for.
-const FIRST_STATE: Duration = Duration::from_secs(5);
+const FIRST_STATE_TIMEOUT: Duration = Duration::from_secs(5);
 /// How often something that is waited for is looked at.
-const LOOK: Duration = Duration::from_millis(10);
+const POLL_INTERVAL: Duration = Duration::from_millis(10);
 
 /// Tells the robots of one process apart.
-static COUNT: AtomicU32 = AtomicU32::new(0);
+static NEXT_ROBOT_NUMBER: AtomicU32 = AtomicU32::new(0);
 
 /// A control board somewhere on the network, ready to be driven.
 ///
@@ -48,7 +48,7 @@ impl Robot {
     ///
     /// Its own ports are named `/client/PROCESS/NUMBER` and then as the board.
     pub fn connect_on(network: &Network, remote: &str) -> Result<Self, Error> {
-        let number = COUNT.fetch_add(1, Ordering::Relaxed);
+        let number = NEXT_ROBOT_NUMBER.fetch_add(1, Ordering::Relaxed);
         let local = format!("/client/{}/{number}{remote}", std::process::id());
         Self::open(network, RemoteControlBoardOptions::new(remote, local))
     }
@@ -59,16 +59,16 @@ impl Robot {
         let robot = Self {
             board: Arc::new(board),
         };
-        robot.wait_for_state()?;
+        robot.wait_first_state()?;
         Ok(robot)
     }
 
-    fn wait_for_state(&self) -> Result<(), DeviceError> {
-        let deadline = Instant::now() + FIRST_STATE;
+    fn wait_first_state(&self) -> Result<(), DeviceError> {
+        let deadline = Instant::now() + FIRST_STATE_TIMEOUT;
         loop {
             match self.encoder_readings(Axes::All) {
                 Err(DeviceError::NoDataYet { .. }) if Instant::now() < deadline => {
-                    thread::sleep(LOOK);
+                    thread::sleep(POLL_INTERVAL);
                 }
                 outcome => return outcome.map(drop),
             }
@@ -83,11 +83,11 @@ impl Robot {
         Ok(readings.iter().map(|reading| reading.position).collect())
     }
 
-    /// Waits until these joints are at rest, at most for `patience`; tells whether they are.
+    /// Waits until these joints are at rest, at most for `timeout`; tells whether they are.
     ///
     /// Errors: those of [`PositionControl::motion_done`].
-    pub fn wait_for_rest(&self, axes: Axes<'_>, patience: Duration) -> Result<bool, DeviceError> {
-        let deadline = Instant::now() + patience;
+    pub fn wait_motion_done(&self, axes: Axes<'_>, timeout: Duration) -> Result<bool, DeviceError> {
+        let deadline = Instant::now() + timeout;
         loop {
             if self.motion_done(axes)? {
                 return Ok(true);
@@ -95,7 +95,7 @@ impl Robot {
             if Instant::now() >= deadline {
                 return Ok(false);
             }
-            thread::sleep(LOOK);
+            thread::sleep(POLL_INTERVAL);
         }
     }
 

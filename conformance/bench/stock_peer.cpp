@@ -130,7 +130,7 @@ static bool count_messages(const std::string& name)
     return true;
 }
 
-// Slopes with a little noise, as a camera sees; the same as in `src/bin/bench/peer.rs`.
+// Slopes with a little noise, as a camera sees; the same as in `src/bin/bench/peer_programs.rs`.
 static void paint(yarp::sig::ImageOf<yarp::sig::PixelRgb>& image)
 {
     image.resize(640, 480);

@@ -435,7 +435,7 @@ def check_without_majority(load, members, address):
         try:
             ask(address, "set /nobody k v")
         except OSError as error:
-            return "this name server cannot: not kept within" in str(error)
+            return "this name server cannot: not committed within" in str(error)
         return False
 
     until("changes are refused in words", refused)

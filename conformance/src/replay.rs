@@ -9,10 +9,10 @@ use crate::capture::{Run, Stream};
 use crate::mask;
 
 /// How long an answer may take before it counts as missing.
-const PATIENCE: Duration = Duration::from_secs(20);
+const REPLY_TIMEOUT: Duration = Duration::from_secs(20);
 
 /// Bytes of a header reply, whose number is the acceptor's port.
-const HEADER_REPLY: usize = 8;
+const HEADER_REPLY_BYTES: usize = 8;
 
 /// One connection of a recorded conversation, to be played against a peer of ours.
 #[derive(Debug)]
@@ -64,7 +64,7 @@ impl<'a> Player<'a> {
         let mut rest = Vec::new();
         let reading = self.stream.read_to_end(&mut rest);
         // A reset says as clearly as an end that nothing more comes.
-        let _ = tokio::time::timeout(PATIENCE, reading)
+        let _ = tokio::time::timeout(REPLY_TIMEOUT, reading)
             .await
             .map_err(|_| "the connection stays open after the conversation")?;
         if rest.is_empty() {
@@ -86,7 +86,7 @@ impl<'a> Player<'a> {
             answer.len() < recorded.len()
         } {
             let reading = self.stream.read(&mut byte);
-            match tokio::time::timeout(PATIENCE, reading).await {
+            match tokio::time::timeout(REPLY_TIMEOUT, reading).await {
                 Ok(Ok(1)) => answer.push(byte[0]),
                 other => {
                     let (got, expected) = (show(&answer), show(recorded));
@@ -111,7 +111,7 @@ fn comparable(bytes: &[u8], first: bool) -> Vec<u8> {
         return mask::text(bytes).into_bytes();
     }
     let mut bytes = bytes.to_vec();
-    if first && bytes.len() >= HEADER_REPLY && bytes.starts_with(b"YA") {
+    if first && bytes.len() >= HEADER_REPLY_BYTES && bytes.starts_with(b"YA") {
         bytes[2..6].fill(0);
     }
     bytes

@@ -22,16 +22,16 @@ use yarp_wire::carrier::Carrier;
 use yarp_wire::typed::{Image, PixelCode};
 use yarp_wire::{Bottle, WireVersion};
 
-use crate::counting;
+use crate::counting_allocator;
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;
 
 /// Longest time that anything here takes.
-const PATIENCE: Duration = Duration::from_secs(30);
+const STEP_TIMEOUT: Duration = Duration::from_secs(30);
 /// Ports that are connected to; each has its own range of numbers at the other end.
-const READERS: usize = 8;
+const READER_COUNT: usize = 8;
 /// Cycles under way at once.
-const WORKERS: usize = 8;
+const MAX_CONCURRENT_CYCLES: usize = 8;
 /// Carriers over which messages go.
 const CARRIERS: [&str; 12] = [
     "tcp",
@@ -48,14 +48,14 @@ const CARRIERS: [&str; 12] = [
     "fast_tcp+send.portmonitor+recv.portmonitor+type.dll+file.bottle_compression_zlib",
 ];
 /// What a page says that wants to go on in frames.
-const UPGRADE: &[u8] = b"GET /?ws HTTP/1.1\r\nHost: h\r\nUpgrade: websocket\r\n\
+const WEBSOCKET_UPGRADE: &[u8] = b"GET /?ws HTTP/1.1\r\nHost: h\r\nUpgrade: websocket\r\n\
     Connection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\
     Sec-WebSocket-Version: 13\r\n\r\n";
 /// How often the cycles are run at the most if bytes are left. A list that keeps its room grows when
 /// by chance more goes on at once than ever before; what leaks grows every time.
-const ROUNDS: usize = 3;
+const MAX_ROUNDS: usize = 3;
 /// Beginnings of connections that are broken off.
-const BROKEN: [&[u8]; 5] = [
+const TRUNCATED_OPENINGS: [&[u8]; 5] = [
     b"",
     b"YA\xe4\x1e\0\0RP\x04\0\0\0/w",
     b"CONNECT ",
@@ -85,7 +85,7 @@ impl Footprint {
         Self {
             descriptors: std::fs::read_dir("/proc/self/fd").map_or(0, Iterator::count),
             tasks: Handle::current().metrics().num_alive_tasks(),
-            bytes: counting::held(),
+            bytes: counting_allocator::held(),
             mappings: shared_mappings(),
             shared: segments() + locks(),
         }
@@ -113,7 +113,7 @@ impl Footprint {
                 tokio::time::sleep(Duration::from_millis(10)).await;
             }
         };
-        let settled = tokio::time::timeout(PATIENCE, settling).await;
+        let settled = tokio::time::timeout(STEP_TIMEOUT, settling).await;
         settled.unwrap_or_else(|_| Self::now())
     }
 }
@@ -137,20 +137,20 @@ fn segments() -> usize {
 }
 
 /// Set in a process that [`alone`] has started.
-const ALONE: &str = "SOAK_ALONE";
+const CHILD_VARIABLE: &str = "SOAK_ALONE";
 
 /// Runs this program once more, with these words and a folder of its own for temporary files: in such
 /// lie the locks of shared memory, and those of other programs are not to be counted. `None` in the
 /// process that was started so, which goes on.
 pub fn alone<W: AsRef<OsStr>>(words: impl IntoIterator<Item = W>) -> io::Result<Option<Output>> {
-    if std::env::var_os(ALONE).is_some() {
+    if std::env::var_os(CHILD_VARIABLE).is_some() {
         return Ok(None);
     }
     let folder = std::env::temp_dir().join(format!("soak.{}", std::process::id()));
     std::fs::create_dir(&folder)?;
     let output = Command::new(std::env::current_exe()?)
         .args(words)
-        .env(ALONE, "")
+        .env(CHILD_VARIABLE, "")
         .env("TMPDIR", &folder)
         .output();
     std::fs::remove_dir_all(&folder)?;
@@ -220,14 +220,14 @@ struct Others {
 /// Runs so many cycles after a tenth of them, at the least 2000, to warm up; again if bytes are left,
 /// to see whether that goes on. Tells of the last time.
 ///
-/// Needs a runtime with several threads, and [`Counting`](crate::counting::Counting) as allocator
+/// Needs a runtime with several threads, and [`Counting`](crate::counting_allocator::Counting) as allocator
 /// for the bytes.
 pub async fn run(cycles: usize) -> Result<Outcome, Failure> {
     // Only for the groups of those who write to one.
     let server = Server::start(ServerOptions::default().at("127.0.0.1", 0)).await?;
-    let network = server.network().with_timeout(PATIENCE);
+    let network = server.network().with_timeout(STEP_TIMEOUT);
     let mut readers = Vec::new();
-    for number in 0..READERS {
+    for number in 0..READER_COUNT {
         let options = PortOptions::new().unregistered().queue(Queue::Latest);
         readers.push(Port::open(&network, &format!("/reader/{number}"), options).await?);
     }
@@ -238,7 +238,7 @@ pub async fn run(cycles: usize) -> Result<Outcome, Failure> {
     let echo = Port::open(&network, "/echo", options).await?;
     let others = Arc::new(Others { readers, echo });
     let mut writers = Vec::new();
-    for worker in 0..WORKERS {
+    for worker in 0..MAX_CONCURRENT_CYCLES {
         let options = PortOptions::new().unregistered();
         writers.push(Port::open(&network, &format!("/writer/{worker}"), options).await?);
     }
@@ -250,7 +250,7 @@ pub async fn run(cycles: usize) -> Result<Outcome, Failure> {
         before,
         after: before,
     };
-    for _ in 0..ROUNDS {
+    for _ in 0..MAX_ROUNDS {
         outcome.before = outcome.after;
         writers = turn(writers, &others, cycles).await?;
         outcome.after = left(outcome.before, &others.readers).await;
@@ -277,7 +277,7 @@ async fn left(before: Footprint, readers: &[Port]) -> Footprint {
         while reader.try_read().is_some() {}
     }
     Footprint {
-        bytes: counting::held(),
+        bytes: counting_allocator::held(),
         ..settled
     }
 }
@@ -298,9 +298,9 @@ async fn turn(
                 if number >= cycles {
                     return Ok::<_, Failure>(writer);
                 }
-                let reader = &others.readers[number % READERS];
+                let reader = &others.readers[number % READER_COUNT];
                 let working = cycle(number / 3, &writer, reader, &others.echo);
-                let working = tokio::time::timeout(PATIENCE, working);
+                let working = tokio::time::timeout(STEP_TIMEOUT, working);
                 match working.await {
                     Ok(Ok(())) => {}
                     Ok(Err(error)) => {
@@ -338,7 +338,7 @@ async fn cycle(number: usize, writer: &Port, reader: &Port, echo: &Port) -> Resu
         }
         kind @ 12..17 => {
             let mut stream = raw().await?;
-            stream.write_all(BROKEN[kind - 12]).await?;
+            stream.write_all(TRUNCATED_OPENINGS[kind - 12]).await?;
         }
         17 => {
             let mut stream = raw().await?;
@@ -369,7 +369,7 @@ async fn cycle(number: usize, writer: &Port, reader: &Port, echo: &Port) -> Resu
         }
         20 => {
             let mut stream = raw().await?;
-            stream.write_all(UPGRADE).await?;
+            stream.write_all(WEBSOCKET_UPGRADE).await?;
             stream.write_all(&frame(number)).await?;
             // The frame that closes.
             stream.write_all(&[0x88, 0x80, 0, 0, 0, 0]).await?;

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use bytes::{Buf, BufMut, Bytes, BytesMut};
-use yarp_conformance::counting::{Counting, calls};
+use yarp_conformance::counting_allocator::{Counting, calls};
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_ports::{Answer, Network, Port, PortOptions, Queue};
 use yarp_wire::WireVersion;
@@ -21,7 +21,7 @@ static COUNTING: Counting = Counting;
 const MESSAGES: usize = 2000;
 const WARM_UP: usize = 2000;
 /// The most that a step may take; nothing is right or wrong because of it.
-const PATIENCE: Duration = Duration::from_secs(30);
+const TIMEOUT: Duration = Duration::from_secs(30);
 
 /// A bottle of one integer.
 struct Small(i32);
@@ -109,7 +109,7 @@ async fn measure(network: &Network, carrier: &str, way: Way, reading: Reading) -
 
 /// Allocations while requests are answered, one at a time.
 async fn measure_calls(carrier: &str, reading: Reading) -> usize {
-    let network = Network::none().with_timeout(PATIENCE);
+    let network = Network::none().with_timeout(TIMEOUT);
     let options = PortOptions::new().unregistered();
     let options = match reading {
         Reading::Handler => {
@@ -176,7 +176,7 @@ fn most(carrier: &str) -> usize {
 async fn fewest(most: usize, measure: impl AsyncFn() -> usize) -> usize {
     let mut fewest = usize::MAX;
     for _ in 0..5 {
-        let measuring = tokio::time::timeout(PATIENCE, measure()).await;
+        let measuring = tokio::time::timeout(TIMEOUT, measure()).await;
         fewest = fewest.min(measuring.expect("it gets through"));
         if fewest <= most {
             break;
@@ -190,7 +190,7 @@ async fn in_steady_state_there_are_none() {
     // Groups are given by a name server.
     let options = ServerOptions::default().at("127.0.0.1", 0);
     let server = Server::start(options).await.unwrap();
-    let network = server.network().with_timeout(PATIENCE);
+    let network = server.network().with_timeout(TIMEOUT);
     let mut found = Vec::new();
     for carrier in CARRIERS {
         for way in [Way::Write, Way::Strict, Way::IfIdle] {

@@ -6,14 +6,14 @@ use std::time::Duration;
 use bytes::{Bytes, BytesMut};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
-use yarp_conformance::board::RecordedBoard;
 use yarp_conformance::capture::{Capture, Run};
 use yarp_conformance::mask;
+use yarp_conformance::recorded_board::RecordedBoard;
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_wire::{Bottle, Limits, WireVersion};
 use yarp_wrappers::{ControlBoardOptions, ControlBoardServer};
 
-const PATIENCE: Duration = Duration::from_secs(20);
+const TIMEOUT: Duration = Duration::from_secs(20);
 
 /// The answer in a run: one bottle, and the acknowledgement after it.
 fn answer(bytes: &[u8]) -> Option<Bottle> {
@@ -58,7 +58,7 @@ async fn read_answer(stream: &mut TcpStream) -> Bottle {
             );
         }
     };
-    tokio::time::timeout(PATIENCE, reading)
+    tokio::time::timeout(TIMEOUT, reading)
         .await
         .expect("an answer in time")
 }

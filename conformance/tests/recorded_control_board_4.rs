@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
-use yarp_conformance::board::RecordedBoard;
 use yarp_conformance::capture::Capture;
+use yarp_conformance::recorded_board::RecordedBoard;
 use yarp_conformance::replay;
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_ports::{Network, Port, PortOptions};
@@ -14,7 +14,7 @@ use yarp_wire::name_service::RegisterRequest;
 use yarp_wire::{Bottle, Value};
 use yarp_wrappers::{ControlBoardOptions, ControlBoardServer};
 
-const PATIENCE: Duration = Duration::from_secs(20);
+const TIMEOUT: Duration = Duration::from_secs(20);
 
 /// A name server with a board like the recorded one.
 struct Stage {
@@ -97,7 +97,7 @@ async fn streamed_commands_are_obeyed() {
             tokio::time::sleep(Duration::from_millis(2)).await;
         }
     };
-    tokio::time::timeout(PATIENCE, obeyed)
+    tokio::time::timeout(TIMEOUT, obeyed)
         .await
         .expect("the recorded velocity");
     stage.close().await;
@@ -152,7 +152,7 @@ async fn read_state(stage: &Stage, name: &str, cut: &str, wanted: &[u8]) {
         }
     };
     let both = async { tokio::join!(connecting, reading).0 };
-    let connected = tokio::time::timeout(PATIENCE, both).await.expect("an end");
+    let connected = tokio::time::timeout(TIMEOUT, both).await.expect("an end");
     connected.expect("a connection");
 }
 
@@ -181,7 +181,7 @@ async fn both_generations_ask_the_same_board_at_once() {
     let four = port("/four/nwc/rpc:o", "/fake/nws/rpc:i").await;
     let ask = async |port: &Port, text: &str| {
         let question = Bottle::parse(text).expect("the test's own text");
-        port.call_within::<Bottle>(&question, PATIENCE)
+        port.call_within::<Bottle>(&question, TIMEOUT)
             .await
             .expect("an answer")
     };

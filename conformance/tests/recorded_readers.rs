@@ -10,7 +10,7 @@ use yarp_ports::{Port, PortOptions};
 use yarp_wire::Bottle;
 use yarp_wire::name_service::RegisterRequest;
 
-const PATIENCE: Duration = Duration::from_secs(20);
+const TIMEOUT: Duration = Duration::from_secs(20);
 
 /// What the recorded writer was given.
 const LINES: [&str; 5] = [
@@ -117,7 +117,7 @@ async fn compare(generation: &str, carrier: &str) {
         play_reader(writer, data).await
     };
     let both = async { tokio::join!(writing, reading).1 };
-    let heard = tokio::time::timeout(PATIENCE, both).await.expect("an end");
+    let heard = tokio::time::timeout(TIMEOUT, both).await.expect("an end");
     assert_eq!(
         heard.escape_ascii().to_string(),
         expected.escape_ascii().to_string(),

@@ -1,6 +1,6 @@
 //! Programs that come and go leave nothing behind; `make soak` does the same for longer.
 
-use yarp_conformance::counting::Counting;
+use yarp_conformance::counting_allocator::Counting;
 use yarp_conformance::soak;
 
 #[global_allocator]

@@ -3,8 +3,8 @@
 //! `yarp demo repeatability` and `yarp demo sync` run them; they need no network and no robot, and take seconds
 //! where the arm takes hours.
 
+pub mod joint_synchronisation;
 pub mod repeatability;
-pub mod sync;
 
 use std::io;
 

@@ -59,10 +59,10 @@ const THESIS: [Row; 4] = [
 /// The tool speed of the server the thesis used, m/s (MIT's `wamif`), and the same in m/s².
 const SPEED: f64 = 0.2;
 /// How long the arm may come to rest before it is measured.
-const SETTLE: Duration = Duration::from_millis(500);
+const SETTLE_TIME: Duration = Duration::from_millis(500);
 
 /// In millimetres.
-type Places = Vec<Vector3<f64>>;
+type Positions = Vec<Vector3<f64>>;
 
 /// Sends the simulated arm to the four poses `repeat` times and writes the thesis's table beside its own.
 ///
@@ -91,15 +91,15 @@ pub fn run(repeat: usize, out: &mut dyn Write) -> Result<(), DemoError> {
 }
 
 /// Where the tool ended, pose by pose, in millimetres; and how long the arm took.
-fn measure(repeat: usize) -> Result<(Vec<Places>, Duration), DemoError> {
+fn measure(repeat: usize) -> Result<(Vec<Positions>, Duration), DemoError> {
     let targets = THESIS.map(|row| pose(row.place, row.angles));
     let model = WamModel::<7>::new();
     let mut arm = SimulatedArm::new(model.clone(), SimulatorOptions::default());
     arm.move_joints(
-        &comfortable(&model, &targets[0])?,
+        &preferred_joints(&model, &targets[0])?,
         &JointLimits::uniform(0.75, 0.5),
     )?;
-    arm.finish(SETTLE);
+    arm.finish(SETTLE_TIME);
     let line = StraightLineOptions {
         speed: SPEED,
         acceleration: SPEED,
@@ -110,7 +110,7 @@ fn measure(repeat: usize) -> Result<(Vec<Places>, Duration), DemoError> {
         // The first pose comes last, so that it too is reached from its neighbour.
         for number in [1, 2, 3, 0] {
             arm.move_line(&targets[number], &line)?;
-            arm.finish(SETTLE);
+            arm.finish(SETTLE_TIME);
             let end = arm.measured_tool().translation.vector;
             ends[number].push(end * 1000.0);
         }
@@ -119,7 +119,7 @@ fn measure(repeat: usize) -> Result<(Vec<Places>, Duration), DemoError> {
 }
 
 /// Joint angles for a pose, away from the limits.
-fn comfortable(model: &WamModel<7>, target: &Pose) -> Result<Joints<7>, DemoError> {
+fn preferred_joints(model: &WamModel<7>, target: &Pose) -> Result<Joints<7>, DemoError> {
     let options = SolverOptions {
         redundancy: Redundancy::AwayFromLimits,
         ..SolverOptions::default()
@@ -129,7 +129,7 @@ fn comfortable(model: &WamModel<7>, target: &Pose) -> Result<Joints<7>, DemoErro
     Ok(solver.solve(target, &start)?.joints)
 }
 
-fn table(ends: &[Places], out: &mut dyn Write) -> io::Result<()> {
+fn table(ends: &[Positions], out: &mut dyn Write) -> io::Result<()> {
     writeln!(
         out,
         "{:<7}  {:<17} | {:<25} {:>6} {:>7} | {:<25} {:>6} {:>7}",
@@ -142,11 +142,11 @@ fn table(ends: &[Places], out: &mut dyn Write) -> io::Result<()> {
             out,
             "{:<7}  {:<17} | {:<25} {:>6.2} {:>7.4} | {:<25} {:>6.2} {:>7.4}",
             format!("Point {}", number + 1),
-            place(&row.place, 0),
-            place(&row.mean, 2),
+            format_position(&row.place, 0),
+            format_position(&row.mean, 2),
             row.error,
             row.spread,
-            place(&found.mean.into(), 2),
+            format_position(&found.mean.into(), 2),
             found.error,
             found.spread
         )?;
@@ -165,7 +165,7 @@ fn table(ends: &[Places], out: &mut dyn Write) -> io::Result<()> {
     )
 }
 
-fn place(millimetres: &[f64; 3], decimals: usize) -> String {
+fn format_position(millimetres: &[f64; 3], decimals: usize) -> String {
     let [x, y, z] = millimetres;
     format!("({x:.decimals$}, {y:.decimals$}, {z:.decimals$})")
 }

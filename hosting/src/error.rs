@@ -16,7 +16,7 @@ pub enum HostError {
     #[error(
         "{origin}: device {device}: there is no device {kind}{hint}; `yarp dev --list` shows all"
     )]
-    UnknownKind {
+    UnknownDeviceType {
         /// Where it is asked for.
         origin: Origin,
         /// Its name.

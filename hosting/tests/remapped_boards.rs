@@ -5,7 +5,7 @@ mod support;
 use std::sync::Arc;
 use std::time::Duration;
 
-use support::{PATIENCE, Stage};
+use support::{Stage, TIMEOUT};
 use yarp_devices::{Axes, AxisIndex, AxisInfo, Device, Encoders, checks};
 
 /// Two arms, and a server of its own for each.
@@ -85,8 +85,8 @@ fn drives_both_arms(board: &dyn Device) {
     let limits = board.control_limits().expect("it has limits");
     let most = [0, 1, 2].map(|axis| limits.position_limits(axis.into()).unwrap().max);
     assert_eq!(most, [20.0, 30.0, 40.0]);
-    checks::a_move_ends_at_its_target(board, PATIENCE);
-    checks::a_bad_target_for_one_moves_none(board, PATIENCE);
+    checks::a_move_ends_at_its_target(board, TIMEOUT);
+    checks::a_bad_target_for_one_moves_none(board, TIMEOUT);
 }
 
 #[test]
@@ -107,7 +107,7 @@ action = [
     let (both, left) = (stage.remote("/two/both"), stage.remote("/two/left"));
     drives_both_arms(&both);
     let ours = both.encoder_readings(Axes::All).unwrap()[0].position;
-    let deadline = std::time::Instant::now() + PATIENCE;
+    let deadline = std::time::Instant::now() + TIMEOUT;
     // The other server tells the same place of the elbow, once its next state has come.
     while (left
         .encoder_readings(Axes::All)

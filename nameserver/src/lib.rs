@@ -3,17 +3,17 @@
 //! [`registry`] is a plain state machine that answers requests; [`store`] keeps what changes, [`shared`] what several servers share;
 //! [`Server`] puts them behind a port and looks after who lives; `web` shows it to browsers.
 
-mod access;
-mod desk;
-pub mod discovery;
+mod access_control;
+pub mod multicast_discovery;
+mod name_server;
+mod prober;
 pub mod registry;
-mod server;
+mod request_handler;
 pub mod shared;
 pub mod store;
-mod watch;
 mod web;
 
-pub use server::{Server, ServerOptions, StartError};
+pub use name_server::{Server, ServerOptions, StartError};
 
 /// Compiles the example of the README.
 #[cfg(doctest)]

@@ -13,12 +13,12 @@ use yarp_wrappers::frame_grabber::Capability;
 use yarp_wrappers::{FrameGrabberOptions, FrameGrabberServer};
 
 use crate::error::Result;
-use crate::session;
+use crate::network_access;
 use crate::signals::Interrupt;
 
 /// show a test pattern, a picture or a film as a camera
 ///
-/// Serves a simulated camera, for programs of YARP 3.x and of 4.0: NAME streams images, NAME/rpc turns its knobs.
+/// Serves a simulated camera, for programs of YARP 3.x and of 4.0: NAME streams images, NAME/rpc sets its features.
 ///
 /// Ctrl-C ends it and takes the names back.
 #[derive(Debug, clap::Args)]
@@ -57,7 +57,7 @@ fn pattern(word: &str) -> std::result::Result<Pattern, String> {
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     args.name.parse::<PortName>().map_err(PortError::from)?;
     let mut interrupt = Interrupt::listen();
-    let network = session::network()?;
+    let network = network_access::network()?;
     let scene = match args.src {
         Some(path) => Scene::File(path),
         None => Scene::Pattern(args.mode),
@@ -95,7 +95,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
 fn tell(name: &str, out: &mut dyn Write) -> Result<()> {
     writeln!(
         out,
-        "Camera {name}: images on {name}, questions and orders of YARP 3.x and 4.0 on {name}/rpc
+        "Camera {name}: images on {name}, RPC (YARP 3.x and 4.0) on {name}/rpc
 
 Try in another terminal:
   yarp name query {name}                                # then open http://ADDRESS:PORT/?action=stream in a browser

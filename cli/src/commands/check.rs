@@ -7,15 +7,15 @@ use std::time::Duration;
 use yarp_ports::{Network, Port, PortOptions, Queue};
 use yarp_wire::{Bottle, Value};
 
-use crate::connecting::{self, Telling};
 use crate::error::Result;
-use crate::session;
+use crate::network_access;
+use crate::port_connections::{self, Verbosity};
 use crate::signals::Interrupt;
 
 const RULE: &str = "==================================================================";
-const NUMBER: i32 = 42;
+const TEST_VALUE: i32 = 42;
 /// How long the message may take.
-const PATIENCE: Duration = Duration::from_secs(10);
+const MESSAGE_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// run a simple sanity check to see if yarp is working
 ///
@@ -38,7 +38,7 @@ pub(super) async fn run(_args: Args, out: &mut dyn Write) -> Result<ExitCode> {
 {RULE}
 === Trying to register some ports"
     )?;
-    let network = session::network()?;
+    let network = network_access::network()?;
     let served = network.ask("help").await.is_ok();
     let network = if served {
         network
@@ -65,8 +65,8 @@ pub(super) async fn run(_args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     writer.close().await;
     reader.close().await;
     match number? {
-        Some(NUMBER) if served => writeln!(out, "*** YARP seems okay!")?,
-        Some(NUMBER) => {
+        Some(TEST_VALUE) if served => writeln!(out, "*** YARP seems okay!")?,
+        Some(TEST_VALUE) => {
             writeln!(
                 out,
                 "*** YARP seems okay, but there is no name server available."
@@ -85,7 +85,7 @@ fn broken(out: &mut dyn Write) -> Result<ExitCode> {
 /// A port with a name that the name server chooses, or that it would have chosen.
 async fn open(network: &Network, number: usize, options: PortOptions) -> Result<Option<Port>> {
     if network.server().is_some() {
-        return session::open(network, "...", options).await;
+        return network_access::open(network, "...", options).await;
     }
     let name = format!("/tmp/port/{number}");
     Ok(Some(
@@ -106,15 +106,15 @@ async fn transmit(
         None => format!("{}{}", port.address().trim_end_matches('/'), port.name()),
     };
     let (from, to) = (contact(writer), contact(reader));
-    if !connecting::connect(network, &from, &to, None, Telling::All).await {
+    if !port_connections::connect(network, &from, &to, None, Verbosity::All).await {
         return Ok(None);
     }
     writeln!(out, "{RULE}")?;
     writeln!(out, "=== Trying to write some data")?;
-    writer.write(&Bottle::of(NUMBER)).await;
+    writer.write(&Bottle::of(TEST_VALUE)).await;
     writeln!(out, "{RULE}")?;
     writeln!(out, "=== Trying to read some data")?;
-    let Ok(message) = tokio::time::timeout(PATIENCE, reader.read()).await else {
+    let Ok(message) = tokio::time::timeout(MESSAGE_TIMEOUT, reader.read()).await else {
         return Ok(None);
     };
     let bottle = message?.bottle().unwrap_or_default();

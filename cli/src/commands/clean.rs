@@ -9,8 +9,8 @@ use tokio::sync::Semaphore;
 use yarp_ports::{Endpoint, Network, remote_admin};
 
 use crate::error::Result;
-use crate::session;
-use crate::text::general;
+use crate::network_access;
+use crate::stock_format::general;
 
 /// try to remove inactive entries from the name server
 ///
@@ -25,9 +25,9 @@ pub(crate) struct Args {
 }
 
 /// How long a port may take unless told otherwise. Stock waits for ever.
-const PATIENCE: Duration = Duration::from_secs(2);
+const DEFAULT_TIMEOUT: Duration = Duration::from_secs(2);
 /// Ports that are tested at once.
-const TOGETHER: usize = 256;
+const MAX_CONCURRENT_PROBES: usize = 256;
 
 /// Whether a port listens; waits until there is room to test it.
 async fn test(room: Arc<Semaphore>, network: Network, place: Endpoint) -> bool {
@@ -47,7 +47,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         )?;
         writeln!(out, "#   yarp clean --timeout 5.0")?;
     }
-    let network = session::network()?;
+    let network = network_access::network()?;
     let timeout = args.timeout.and_then(|text| text.parse::<f64>().ok());
     let timeout = timeout.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
     let timeout = timeout.filter(|timeout| !timeout.is_zero());
@@ -56,7 +56,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         Ok(answer) => answer.registrations(),
         Err(error) => {
             writeln!(out, "got -1 ports")?;
-            session::server_away(&network, &error);
+            network_access::server_away(&network, &error);
             return Ok(ExitCode::FAILURE);
         }
     };
@@ -74,8 +74,8 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             "No timeout; to specify one, do \"yarp clean --timeout NN.N\""
         )?,
     }
-    let patient = network.with_timeout(timeout.unwrap_or(PATIENCE));
-    let room = Arc::new(Semaphore::new(TOGETHER));
+    let patient = network.with_timeout(timeout.unwrap_or(DEFAULT_TIMEOUT));
+    let room = Arc::new(Semaphore::new(MAX_CONCURRENT_PROBES));
     // Many at once, told in their order.
     let tests: Vec<_> = places
         .into_iter()

@@ -9,9 +9,9 @@ use yarp_devices::clock::wall_clock;
 use yarp_ports::{Port, PortOptions};
 use yarp_wire::{Bottle, Value};
 
-use super::words::Options;
+use super::argument_words::Options;
 use crate::error::Result;
-use crate::session;
+use crate::network_access;
 use crate::signals::Interrupt;
 
 const USAGE: &str = "\
@@ -26,9 +26,9 @@ help:       print this help
 ";
 
 /// How often it says that it runs.
-const HAPPILY: u64 = 5;
+const REPORT_SECONDS: u64 = 5;
 /// The shortest pause between two messages.
-const BREATH: Duration = Duration::from_millis(1);
+const MIN_SLEEP: Duration = Duration::from_millis(1);
 
 /// creates a server publishing the system time
 ///
@@ -61,9 +61,9 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     writeln!(out, "name   {name}")?;
     writeln!(out, "rtf    {factor:.3}")?;
     writeln!(out, "system {system}")?;
-    let network = session::network()?;
+    let network = network_access::network()?;
     let mut interrupt = Interrupt::listen();
-    let Some(port) = session::open(&network, &name, PortOptions::new()).await? else {
+    let Some(port) = network_access::open(&network, &name, PortOptions::new()).await? else {
         writeln!(out, "yarp clock error: Cannot open '/clock' port")?;
         return Ok(ExitCode::FAILURE);
     };
@@ -73,11 +73,11 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         offset: if system { wall_clock() } else { 0.0 },
         factor,
     };
-    let pause = Duration::try_from_secs_f64(period).unwrap_or(BREATH);
+    let pause = Duration::try_from_secs_f64(period).unwrap_or(MIN_SLEEP);
     let done = tick(
         &port,
         &clock,
-        pause.clamp(BREATH, session::FOREVER),
+        pause.clamp(MIN_SLEEP, network_access::FOREVER),
         &mut interrupt,
         out,
     )
@@ -104,7 +104,7 @@ async fn tick(
     loop {
         let elapsed = clock.began.elapsed();
         port.write_if_idle(&shown(clock.after(elapsed)), None);
-        let lustrum = elapsed.as_secs() / HAPPILY;
+        let lustrum = elapsed.as_secs() / REPORT_SECONDS;
         if said.replace(lustrum) != Some(lustrum) {
             writeln!(out, "yarp clock running happily...")?;
             out.flush()?;

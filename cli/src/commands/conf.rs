@@ -8,7 +8,7 @@ use yarp_ports::config::{self, ConfigError, Mode, NameServer, file_name};
 
 use super::namespace;
 use crate::error::Result;
-use crate::text::complain;
+use crate::stock_format::complain;
 
 /// report location of configuration file, and optionally fix it
 ///

@@ -8,10 +8,10 @@ use yarp_wire::carrier::ALL;
 use yarp_wire::{Bottle, Value};
 
 use super::{code, ping};
-use crate::connecting::{self, Telling};
 use crate::error::Result;
-use crate::session;
-use crate::text::complain;
+use crate::network_access;
+use crate::port_connections::{self, Verbosity};
+use crate::stock_format::complain;
 
 /// What a carrier may have, under the names that stock lists.
 const MODIFIERS: [&str; 3] = ["bayer", "portmonitor", "priority"];
@@ -66,10 +66,10 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             if !persist {
                 complain(out, "[get help with 'yarp connect --help']")?;
             }
-            return Ok(code(list(&session::network()?, None, out).await?));
+            return Ok(code(list(&network_access::network()?, None, out).await?));
         }
         [port] => {
-            let network = session::network()?;
+            let network = network_access::network()?;
             // A port that does not answer may still have persistent connections.
             let alive = persist || ping::describe(&network, port, out).await? == ping::Found::Alive;
             return Ok(code(list(&network, Some(port), out).await? && alive));
@@ -84,7 +84,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             return Ok(ExitCode::FAILURE);
         }
     };
-    let network = session::network()?;
+    let network = network_access::network()?;
     if !persist && (is_topic(source) || is_topic(destination)) {
         // Stock names the carrier of a writer to a topic, and only of it.
         let source = match source.starts_with('/') {
@@ -107,7 +107,8 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             subscribe(&network, source, destination, mode, carrier).await,
         ));
     }
-    let made = connecting::connect(&network, source, destination, carrier, Telling::All).await;
+    let made =
+        port_connections::connect(&network, source, destination, carrier, Verbosity::All).await;
     Ok(code(made))
 }
 
@@ -138,10 +139,10 @@ fn with_carrier(destination: &str, carrier: Option<&str>) -> String {
 
 /// Tells the name server of a persistent connection; gives whether it agreed.
 pub(super) async fn subscription(network: &Network, request: &Bottle) -> bool {
-    match session::ask_server(network, request).await {
+    match network_access::ask_server(network, request).await {
         Ok(answer) => answer.get(0).map(Value::to_plain_string).as_deref() == Some("ok"),
         Err(error) => {
-            session::server_away(network, &error);
+            network_access::server_away(network, &error);
             false
         }
     }
@@ -151,10 +152,10 @@ pub(super) async fn subscription(network: &Network, request: &Bottle) -> bool {
 async fn list(network: &Network, port: Option<&str>, out: &mut dyn Write) -> Result<bool> {
     let words = ["subscribe"].into_iter().chain(port);
     let request: Bottle = words.map(Value::from).collect();
-    let answer = match session::ask_server(network, &request).await {
+    let answer = match network_access::ask_server(network, &request).await {
         Ok(answer) => answer,
         Err(error) => {
-            session::server_away(network, &error);
+            network_access::server_away(network, &error);
             return Ok(false);
         }
     };

@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::process::ExitCode;
 
-use yarp_demos::{repeatability, sync};
+use yarp_demos::{joint_synchronisation, repeatability};
 
 use crate::error::Result;
 
@@ -32,7 +32,7 @@ enum Demo {
 pub(super) fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let told = match args.demo {
         Demo::Repeatability { repeat } => repeatability::run(repeat as usize, out),
-        Demo::Sync => sync::run(out),
+        Demo::Sync => joint_synchronisation::run(out),
     };
     told.map(|()| ExitCode::SUCCESS).map_err(Into::into)
 }

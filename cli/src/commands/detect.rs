@@ -9,13 +9,13 @@ use yarp_ports::discovery_client::Discovery;
 use yarp_ports::{Network, addresses};
 
 use crate::error::Result;
-use crate::session;
-use crate::text::complain;
+use crate::network_access;
+use crate::stock_format::complain;
 
 const RULE: &str = "=========================================================";
 /// How often stock asks, and how long it waits each time.
-const ROUNDS: u32 = 3;
-const ROUND: Duration = Duration::from_millis(750);
+const MAX_ROUNDS: u32 = 3;
+const ROUND_TIMEOUT: Duration = Duration::from_millis(750);
 
 /// search for the yarp name server
 ///
@@ -37,7 +37,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let configuration = Configuration::from_process()?;
     if let Some((namespace, server)) = configuration.name_server() {
         let network = Network::at(&server.host, server.port).with_key(configuration.key().cloned());
-        if session::serves(&network, namespace).await {
+        if network_access::serves(&network, namespace).await {
             found(namespace, server, &[], out)?;
             return Ok(ExitCode::SUCCESS);
         }
@@ -90,9 +90,9 @@ async fn scan(configuration: &Configuration, namespace: &str) -> Option<NameServ
     let discovery = Discovery::of(namespace)
         .port(configuration.default_port())
         .interfaces(own)
-        .rounds(1, ROUND);
-    for round in 1..=ROUNDS {
-        tracing::info!(target: SCANNER, "Polling for name server (using multicast), try {round} of max {ROUNDS}");
+        .rounds(1, ROUND_TIMEOUT);
+    for round in 1..=MAX_ROUNDS {
+        tracing::info!(target: SCANNER, "Polling for name server (using multicast), try {round} of max {MAX_ROUNDS}");
         match discovery.run().await {
             Ok(Some(place)) => {
                 let (host, port) = (&place.host, place.port);

@@ -5,14 +5,14 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use tokio::sync::watch;
-use yarp_hosting::{Hosted, kinds, open_wrapped, park};
+use yarp_hosting::{Hosted, device_types, open_wrapped, park};
 use yarp_ports::{Answer, Network, Port, PortOptions, Received};
 use yarp_wire::settings::{Origin, Parameters, Settings};
 use yarp_wire::{Bottle, Value, Vocab32};
 
 use crate::error::Result;
 use crate::signals::Interrupt;
-use crate::{ready, session};
+use crate::{network_access, systemd_notify};
 
 const COMPONENT: &str = "yarp.dev.Drivers";
 /// What stock's yarpdev ends with if there is no name server.
@@ -57,7 +57,7 @@ pub(crate) struct Args {
 }
 
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
-    let finder = session::finder(&args.words, None)?;
+    let finder = network_access::finder(&args.words, None)?;
     let mut settings = finder.settings().clone();
     let nested = settings.get("nested").or_else(|| settings.get("lispy"));
     if let Some(text) = nested.map(|text| text.to_plain_string()) {
@@ -86,11 +86,11 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     };
     let network = Network::from_process()?;
-    if !session::serves(&network, network.namespace()).await {
+    if !network_access::serves(&network, network.namespace()).await {
         tracing::error!(target: COMPONENT, "YARP network not available, check if yarp server is reachable");
         return Ok(ExitCode::from(NO_NETWORK));
     }
-    let mut interrupt = Interrupt::listen_to(1, Duration::ZERO);
+    let mut interrupt = Interrupt::listen_with(1, Duration::ZERO);
     let parks = !settings.has("nopark");
     let origin = settings.origin("device").cloned();
     let parameters = Parameters::new(&device, settings, origin.unwrap_or(Origin::CommandLine));
@@ -123,12 +123,12 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
 /// Every kind of device, one a line.
 fn list(out: &mut dyn Write) -> Result<()> {
     let bundler = (
-        kinds::BUNDLER,
+        device_types::BUNDLER,
         &[][..],
         "one device attached to another; wrapper_device, attached_device",
         None,
     );
-    let all = kinds::ALL
+    let all = device_types::DEVICE_TYPES
         .iter()
         .map(|kind| (kind.name, kind.aliases, kind.about, kind.wrapper));
     for (name, aliases, about, wrapper) in all.chain([bundler]) {
@@ -182,7 +182,7 @@ async fn serve(
         }
     };
     tracing::info!(target: COMPONENT, "device active in background...");
-    ready::tell();
+    systemd_notify::notify_ready();
     tokio::select! {
         () = interrupt.heard() => {}
         _ = told.wait_for(|told| *told) => {}
@@ -216,7 +216,7 @@ async fn quit_port(
         };
         Answer::reply(Bottle::of(word))
     };
-    session::open(
+    network_access::open(
         network,
         name,
         PortOptions::new().handler(answer).input_only(),

@@ -7,10 +7,10 @@ use yarp_wire::{Bottle, Value};
 
 use super::code;
 use super::connect::subscription;
-use crate::connecting;
 use crate::error::Result;
-use crate::session;
-use crate::text::complain;
+use crate::network_access;
+use crate::port_connections;
+use crate::stock_format::complain;
 
 /// remove a connection between two ports
 ///
@@ -37,13 +37,13 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         )?;
         return Ok(ExitCode::FAILURE);
     };
-    let network = session::network()?;
+    let network = network_access::network()?;
     if args.persist {
         let words = ["unsubscribe", source, destination];
         let request: Bottle = words.into_iter().map(Value::from).collect();
         return Ok(code(subscription(&network, &request).await));
     }
     Ok(code(
-        connecting::disconnect(&network, source, destination).await,
+        port_connections::disconnect(&network, source, destination).await,
     ))
 }

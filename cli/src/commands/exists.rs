@@ -6,10 +6,10 @@ use std::process::ExitCode;
 use yarp_ports::{PortError, remote_admin};
 
 use super::code;
-use crate::connecting;
 use crate::error::Result;
-use crate::session;
-use crate::text::complain;
+use crate::network_access;
+use crate::port_connections;
+use crate::stock_format::complain;
 
 /// check if a port or connection is alive
 ///
@@ -28,19 +28,19 @@ pub(crate) struct Args {
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     match &args.ports[..] {
         [port] => {
-            let network = session::network()?;
+            let network = network_access::network()?;
             match remote_admin::exists(&network, port).await {
                 Ok(exists) => Ok(code(exists)),
                 Err(PortError::NoNameServer) => Ok(ExitCode::FAILURE),
                 Err(error) => {
-                    session::away(&error);
+                    network_access::away(&error);
                     Ok(ExitCode::FAILURE)
                 }
             }
         }
         [source, destination] => {
-            let network = session::network()?;
-            let connected = connecting::is_connected(&network, source, destination).await?;
+            let network = network_access::network()?;
+            let connected = port_connections::is_connected(&network, source, destination).await?;
             Ok(code(connected))
         }
         _ => {

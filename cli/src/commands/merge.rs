@@ -9,10 +9,10 @@ use yarp_devices::clock::wall_clock;
 use yarp_ports::{Answer, Network, Port, PortOptions, Received};
 use yarp_wire::{Bottle, Stamp};
 
-use super::words::Options;
-use crate::connecting::{self, Telling};
+use super::argument_words::Options;
 use crate::error::Result;
-use crate::session;
+use crate::network_access;
+use crate::port_connections::{self, Verbosity};
 use crate::signals::Interrupt;
 
 const USAGE: &str = "\
@@ -23,10 +23,10 @@ Alternative syntax:
 
 /// Merged messages that a reader may be behind before it misses one. Stock leaves one out whenever the one before it was not
 /// acknowledged yet, and who sends nothing more is then missing.
-const BACKLOG: usize = 16;
+const MAX_BACKLOG: usize = 16;
 
 /// What stock ends with if it cannot begin.
-const FAILED: u8 = 255;
+const EXIT_FAILED: u8 = 255;
 
 /// concatenate input from several ports into a single unit
 ///
@@ -46,7 +46,7 @@ pub(crate) struct Args {
 
 /// The newest messages, by the place of their port.
 #[derive(Default)]
-struct Newest {
+struct LatestInputs {
     bottles: Mutex<Vec<Bottle>>,
     changed: Notify,
 }
@@ -54,7 +54,7 @@ struct Newest {
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     if args.words.is_empty() {
         writeln!(out, "{USAGE}")?;
-        return Ok(ExitCode::from(FAILED));
+        return Ok(ExitCode::from(EXIT_FAILED));
     }
     let options = Options::parse(&args.words);
     let text = |name: &str, usual: &str| options.text(name).unwrap_or_else(|| usual.to_owned());
@@ -69,19 +69,25 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         text("output", "/portsMerge/o0"),
         text("worker", "/portsMerge/i"),
     );
-    let network = session::network()?;
+    let network = network_access::network()?;
     let mut interrupt = Interrupt::listen();
-    let newest = Arc::new(Newest::default());
+    let newest = Arc::new(LatestInputs::default());
     let names = (0..sources.len()).map(|place| format!("{worker}{place}"));
     let mut ports = open(&network, names, &newest).await?;
-    let writer = session::open(&network, &output, PortOptions::new()).await?;
+    let writer = network_access::open(&network, &output, PortOptions::new()).await?;
     let mut ready = ports.len() == sources.len();
     if let Some(writer) = &writer {
         let carrier = text("carrier", "udp");
         for (source, port) in sources.iter().zip(&ports) {
             ready = ready
-                && connecting::connect(&network, source, port.name(), Some(&carrier), Telling::All)
-                    .await;
+                && port_connections::connect(
+                    &network,
+                    source,
+                    port.name(),
+                    Some(&carrier),
+                    Verbosity::All,
+                )
+                .await;
         }
         if ready {
             writeln!(out, "Ready. Output goes to {}", writer.name())?;
@@ -92,14 +98,14 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     for port in ports.drain(..).chain(writer) {
         port.close().await;
     }
-    Ok(ExitCode::from(FAILED))
+    Ok(ExitCode::from(EXIT_FAILED))
 }
 
 /// Opens the ports that read, until one does not open.
 async fn open(
     network: &Network,
     names: impl Iterator<Item = String>,
-    newest: &Arc<Newest>,
+    newest: &Arc<LatestInputs>,
 ) -> Result<Vec<Port>> {
     let mut ports = Vec::new();
     for (place, name) in names.enumerate() {
@@ -113,7 +119,7 @@ async fn open(
             Answer::Nothing
         };
         let options = PortOptions::new().handler(take).input_only();
-        match session::open(network, &name, options).await? {
+        match network_access::open(network, &name, options).await? {
             Some(port) => ports.push(port),
             None => break,
         }
@@ -122,7 +128,7 @@ async fn open(
 }
 
 /// Sends on what comes, until a signal.
-async fn pass_on(newest: &Newest, writer: &Port, interrupt: &mut Interrupt) {
+async fn pass_on(newest: &LatestInputs, writer: &Port, interrupt: &mut Interrupt) {
     // Stock counts from 0.
     let mut stamp = Stamp::new(-1, 0.0);
     loop {
@@ -134,11 +140,11 @@ async fn pass_on(newest: &Newest, writer: &Port, interrupt: &mut Interrupt) {
         stamp = stamp.next(wall_clock());
         let bottles = newest.bottles().clone();
         let all: Bottle = bottles.iter().flat_map(|one| one.iter().cloned()).collect();
-        writer.try_write(&all, Some(stamp.into()), BACKLOG);
+        writer.try_write(&all, Some(stamp.into()), MAX_BACKLOG);
     }
 }
 
-impl Newest {
+impl LatestInputs {
     fn bottles(&self) -> std::sync::MutexGuard<'_, Vec<Bottle>> {
         self.bottles.lock().unwrap_or_else(PoisonError::into_inner)
     }

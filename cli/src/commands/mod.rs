@@ -1,5 +1,6 @@
 //! The commands, one file each.
 
+mod argument_words;
 mod camera;
 mod check;
 mod clean;
@@ -48,7 +49,6 @@ mod version;
 mod wait;
 mod wam_node;
 mod where_;
-mod words;
 mod write;
 
 use std::io::Write;

@@ -9,8 +9,8 @@ use yarp_wire::name_service::{END, Registration};
 use yarp_wire::{Bottle, Contact, Value};
 
 use crate::error::Result;
-use crate::session;
-use crate::text::complain;
+use crate::network_access;
+use crate::stock_format::complain;
 
 /// send commands to the yarp name server
 ///
@@ -38,7 +38,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         complain(out, "Please supply a request, for example: yarp name list")?;
         return Ok(ExitCode::FAILURE);
     };
-    let network = session::network()?;
+    let network = network_access::network()?;
     match *command {
         "query" => query(&network, rest.first().copied().unwrap_or_default(), out).await,
         "register" => register(&network, rest, out).await,
@@ -64,7 +64,7 @@ async fn query(network: &Network, name: &str, out: &mut dyn Write) -> Result<Exi
         name: name.to_owned(),
         ..Contact::default()
     };
-    match session::find(network, &contact).await? {
+    match network_access::find(network, &contact).await? {
         Some(place) => {
             writeln!(out, "{}\n", registration(&place))?;
             Ok(ExitCode::SUCCESS)
@@ -96,7 +96,7 @@ async fn register(network: &Network, words: &[&str], out: &mut dyn Write) -> Res
     let answer = match network.ask(&format!("register {}", words.join(" "))).await {
         Ok(answer) => answer,
         Err(error) => {
-            session::server_away(network, &error);
+            network_access::server_away(network, &error);
             return Ok(ExitCode::FAILURE);
         }
     };
@@ -128,7 +128,7 @@ async fn unregister(network: &Network, name: &str, out: &mut dyn Write) -> Resul
             Ok(ExitCode::SUCCESS)
         }
         Err(error) => {
-            session::server_away(network, &error);
+            network_access::server_away(network, &error);
             Ok(ExitCode::FAILURE)
         }
     }
@@ -144,7 +144,7 @@ async fn states(network: &Network, prefix: &str, out: &mut dyn Write) -> Result<
     let (states, list) = match asking.await {
         Ok(answers) => answers,
         Err(error) => {
-            session::server_away(network, &error);
+            network_access::server_away(network, &error);
             complain(out, "Failed to reach name server")?;
             return Ok(ExitCode::FAILURE);
         }
@@ -171,7 +171,7 @@ async fn plain(network: &Network, request: &str, out: &mut dyn Write) -> Result<
         Ok(answer) => answer,
         Err(error) => {
             if network.server().is_some() {
-                session::away(&error);
+                network_access::away(&error);
             }
             complain(out, "Failed to reach name server")?;
             return Ok(ExitCode::FAILURE);
@@ -190,13 +190,13 @@ async fn plain(network: &Network, request: &str, out: &mut dyn Write) -> Result<
 
 async fn structured(network: &Network, words: &[&str], out: &mut dyn Write) -> Result<ExitCode> {
     let request: Bottle = words.iter().copied().map(Value::from).collect();
-    match session::ask_server(network, &request).await {
+    match network_access::ask_server(network, &request).await {
         Ok(answer) => {
             writeln!(out, "{answer}")?;
             Ok(ExitCode::SUCCESS)
         }
         Err(error) => {
-            session::server_away(network, &error);
+            network_access::server_away(network, &error);
             complain(out, "Failed to reach name server")?;
             Ok(ExitCode::FAILURE)
         }

@@ -5,12 +5,12 @@
 use std::io::{self, Write};
 use std::process::ExitCode;
 
-use yarp_hosting::kinds;
+use yarp_hosting::device_types;
 use yarp_ports::{built_in_monitors, modifier_names};
 use yarp_wire::carrier;
 
 use crate::error::Result;
-use crate::text::complain;
+use crate::stock_format::complain;
 
 const USAGE: &str = "\
 Print information about installed plugins
@@ -112,13 +112,13 @@ fn all() -> Vec<Plugin> {
     let carriers = carriers.into_iter().map(|name| plugin("carrier", name, ""));
     let modifiers = modifier_names().map(|name| plugin("carrier", name, ""));
     let monitors = built_in_monitors().map(|name| plugin("portmonitor", name, ""));
-    let devices = kinds::ALL.iter().flat_map(|device| {
+    let devices = device_types::DEVICE_TYPES.iter().flat_map(|device| {
         let names = std::iter::once(device.name).chain(device.aliases.iter().copied());
         names.map(move |name| plugin("device", name, device.about))
     });
     let bundler = plugin(
         "device",
-        kinds::BUNDLER,
+        device_types::BUNDLER,
         "a device and what serves it, as one",
     );
     carriers

@@ -7,10 +7,10 @@ use yarp_wire::Value;
 use yarp_wire::qos::{CodePoint, Level};
 
 use super::{code, priority_tables};
+use crate::connection_qos::{NAMES, QosCommand, side};
 use crate::error::Result;
-use crate::quality::{NAMES, Wish, side};
-use crate::session;
-use crate::text::complain;
+use crate::network_access;
+use crate::stock_format::complain;
 
 /// set/get the packet priority for a given connection
 ///
@@ -38,15 +38,15 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         priority_tables::packets().show(words.first(), out)?;
         return Ok(ExitCode::SUCCESS);
     }
-    let Some(wish) = Wish::parse(&args.words, "priority-qos", out)? else {
+    let Some(command) = QosCommand::parse(&args.words, "priority-qos", out)? else {
         return Ok(ExitCode::FAILURE);
     };
-    let network = session::network()?;
-    let Some(ends) = wish.ends(&network, out).await? else {
+    let network = network_access::network()?;
+    let Some(ends) = command.ends(&network, out).await? else {
         return Ok(ExitCode::FAILURE);
     };
-    if wish.sets {
-        let Some((chosen, value)) = wish.chosen(out)? else {
+    if command.sets {
+        let Some((chosen, value)) = command.chosen(out)? else {
             return Ok(ExitCode::FAILURE);
         };
         let Some(service) = service(value) else {
@@ -70,7 +70,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         let (label, value) = shown(services[index], format);
         format!("({} (qos (({label} {value}))))", NAMES[index])
     };
-    let rest: Vec<&str> = wish.rest.iter().map(String::as_str).collect();
+    let rest: Vec<&str> = command.rest.iter().map(String::as_str).collect();
     let text = match rest[..] {
         [] => Some(format!("{} {}", told(0, "--tos"), told(1, "--tos"))),
         [format] if FORMATS.contains(&format) => {
@@ -83,7 +83,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             .filter(|(_, format)| FORMATS.contains(format))
             .map(|(index, format)| told(index, format)),
     };
-    wish.tell(text, out)
+    command.tell(text, out)
 }
 
 /// A type of service as it is to be shown; as a number where it has no name.

@@ -6,10 +6,10 @@ use std::process::ExitCode;
 use yarp_wire::Value;
 
 use super::{code, priority_tables};
+use crate::connection_qos::{NAMES, QosCommand, side};
 use crate::error::Result;
-use crate::quality::{NAMES, Wish, side};
-use crate::session;
-use crate::text::complain;
+use crate::network_access;
+use crate::stock_format::complain;
 
 /// set/get the thread policy and priority for a given connection
 ///
@@ -50,11 +50,11 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         priority_tables::threads(&POLICIES).show(words.first(), out)?;
         return Ok(ExitCode::SUCCESS);
     }
-    let Some(wish) = Wish::parse(&args.words, "priority-sched", out)? else {
+    let Some(command) = QosCommand::parse(&args.words, "priority-sched", out)? else {
         return Ok(ExitCode::FAILURE);
     };
-    let network = session::network()?;
-    let Some(ends) = wish.ends(&network, out).await? else {
+    let network = network_access::network()?;
+    let Some(ends) = command.ends(&network, out).await? else {
         return Ok(ExitCode::FAILURE);
     };
     let mut schedules = Vec::new();
@@ -66,8 +66,8 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         let (policy, priority) = (number("policy"), number("priority"));
         schedules.push(Schedule { policy, priority });
     }
-    if wish.sets {
-        let Some((chosen, value)) = wish.chosen(out)? else {
+    if command.sets {
+        let Some((chosen, value)) = command.chosen(out)? else {
             return Ok(ExitCode::FAILURE);
         };
         let (schedule, warning) = match schedules[chosen].with(value) {
@@ -88,7 +88,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         let what = schedules[index].shown(format);
         format!("({} (sched ({what})))", NAMES[index])
     };
-    let rest: Vec<&str> = wish.rest.iter().map(String::as_str).collect();
+    let rest: Vec<&str> = command.rest.iter().map(String::as_str).collect();
     let text = match rest[..] {
         [] => Some(told(0, "") + &told(1, "")),
         [format] if FORMATS.contains(&format) => Some(told(0, format) + &told(1, format)),
@@ -101,7 +101,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
                 format => told(index, format),
             }),
     };
-    wish.tell(text, out)
+    command.tell(text, out)
 }
 
 impl Schedule {

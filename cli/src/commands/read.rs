@@ -7,17 +7,17 @@ use bytes::Bytes;
 use yarp_ports::{PortOptions, Queue, Received};
 use yarp_wire::{Bottle, Stamp, Value};
 
-use super::words::take_value;
-use crate::connecting::{self, Telling};
+use super::argument_words::take_value;
 use crate::error::Result;
-use crate::session;
+use crate::network_access;
+use crate::port_connections::{self, Verbosity};
 use crate::signals::Interrupt;
-use crate::text::{complain, leading_integer};
+use crate::stock_format::{complain, leading_integer};
 
 /// Messages that may wait to be printed; beyond that the writer waits.
-const QUEUE: usize = 64;
+const MAX_QUEUED: usize = 64;
 /// Characters of a message under `trim` without a number.
-const TRIM: usize = 80;
+const DEFAULT_TRIM: usize = 80;
 
 /// read from the network and print to standard output
 ///
@@ -53,21 +53,24 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         )?;
         return Ok(ExitCode::FAILURE);
     };
-    let wishes = Wishes::parse(args.words);
-    let network = session::network()?;
+    let read_options = ReadOptions::parse(args.words);
+    let network = network_access::network()?;
     let mut interrupt = Interrupt::listen();
-    let mut options = PortOptions::new().queue(Queue::Wait(QUEUE)).input_only();
-    if let Some(type_name) = &wishes.type_name {
+    let mut options = PortOptions::new()
+        .queue(Queue::Wait(MAX_QUEUED))
+        .input_only();
+    if let Some(type_name) = &read_options.type_name {
         options = options.type_name(type_name);
     }
-    let Some(port) = session::open(&network, &name, options).await? else {
+    let Some(port) = network_access::open(&network, &name, options).await? else {
         return Ok(ExitCode::FAILURE);
     };
-    if let Some(remote) = &wishes.remote {
+    if let Some(remote) = &read_options.remote {
         // Stock reads on even so: somebody else may connect.
-        connecting::connect(&network, remote, port.name(), None, Telling::Failure).await;
+        port_connections::connect(&network, remote, port.name(), None, Verbosity::FailuresOnly)
+            .await;
     }
-    let mut printer = Printer::new(&wishes);
+    let mut printer = Printer::new(&read_options);
     let printed = loop {
         let message = tokio::select! {
             biased;
@@ -78,7 +81,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             },
         };
         match printer.print(&message, out) {
-            Ok(true) if wishes.once => break Ok(()),
+            Ok(true) if read_options.once => break Ok(()),
             Ok(true) => {}
             Ok(false) => break Ok(()),
             Err(error) => break Err(error),
@@ -89,13 +92,13 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
 }
 
 /// Whether a word says how to read, rather than from where or how much.
-fn is_wish(word: &str) -> bool {
+fn is_option(word: &str) -> bool {
     matches!(word, "envelope" | "envelope2" | "once" | "trim") || word.starts_with('/')
 }
 
 /// What is asked for beside the name of the port.
 #[derive(Debug, Default, Eq, PartialEq)]
-struct Wishes {
+struct ReadOptions {
     remote: Option<String>,
     envelope: bool,
     trim: Option<usize>,
@@ -103,29 +106,29 @@ struct Wishes {
     type_name: Option<String>,
 }
 
-impl Wishes {
+impl ReadOptions {
     fn parse(mut words: Vec<String>) -> Self {
-        let mut wishes = Self {
+        let mut read_options = Self {
             type_name: take_value(&mut words, "--type"),
             ..Self::default()
         };
         let mut words = words.into_iter().peekable();
         while let Some(word) = words.next() {
             match word.as_str() {
-                "envelope" | "envelope2" => wishes.envelope = true,
-                "once" => wishes.once = true,
+                "envelope" | "envelope2" => read_options.envelope = true,
+                "once" => read_options.once = true,
                 "trim" => {
-                    let number = words.next_if(|word| !is_wish(word));
+                    let number = words.next_if(|word| !is_option(word));
                     // As in stock, what is no number or 0 means no limit.
-                    wishes.trim = match number.map(|word| leading_integer(&word)) {
-                        None => Some(TRIM),
+                    read_options.trim = match number.map(|word| leading_integer(&word)) {
+                        None => Some(DEFAULT_TRIM),
                         Some(number) => usize::try_from(number).ok().filter(|limit| *limit > 0),
                     };
                 }
-                _ => wishes.remote = Some(word),
+                _ => read_options.remote = Some(word),
             }
         }
-        wishes
+        read_options
     }
 }
 
@@ -137,10 +140,10 @@ pub(super) struct Printer {
 }
 
 impl Printer {
-    fn new(wishes: &Wishes) -> Self {
+    fn new(read_options: &ReadOptions) -> Self {
         Self {
-            envelope: wishes.envelope,
-            trim: wishes.trim,
+            envelope: read_options.envelope,
+            trim: read_options.trim,
             last_envelope: None,
         }
     }
@@ -216,8 +219,8 @@ mod tests {
     #[test]
     fn words_may_stand_in_any_order() {
         let parse =
-            |line: &str| Wishes::parse(line.split_whitespace().map(str::to_owned).collect());
-        let expected = Wishes {
+            |line: &str| ReadOptions::parse(line.split_whitespace().map(str::to_owned).collect());
+        let expected = ReadOptions {
             remote: Some("/w".into()),
             envelope: true,
             trim: Some(3),
@@ -227,8 +230,8 @@ mod tests {
         assert_eq!(parse("once /w --type T trim 3 envelope"), expected);
         assert_eq!(parse("trim").trim, Some(80));
         assert_eq!(parse("trim 0").trim, None);
-        assert_eq!(parse("trim x"), Wishes::default());
-        assert_eq!(parse(""), Wishes::default());
+        assert_eq!(parse("trim x"), ReadOptions::default());
+        assert_eq!(parse(""), ReadOptions::default());
         assert_eq!(parse("trim /w").remote.as_deref(), Some("/w"));
     }
 

@@ -5,17 +5,17 @@ use std::process::ExitCode;
 
 use yarp_ports::{PortOptions, Queue};
 
+use super::argument_words::take_flag;
 use super::code;
 use super::read::Printer;
-use super::words::take_flag;
 use super::write::{self, Form};
 use crate::error::Result;
-use crate::session;
+use crate::network_access;
 use crate::signals::Interrupt;
-use crate::text::complain;
+use crate::stock_format::complain;
 
 /// Messages that may wait to be printed; beyond that the writer waits.
-const QUEUE: usize = 64;
+const MAX_QUEUED: usize = 64;
 
 /// read from the network and print to standard output, write to the network from standard input
 ///
@@ -40,13 +40,15 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         complain(out, "Please supply the read and write port names")?;
         return Ok(ExitCode::FAILURE);
     };
-    let network = session::network()?;
+    let network = network_access::network()?;
     let mut interrupt = Interrupt::listen();
-    let options = PortOptions::new().queue(Queue::Wait(QUEUE)).input_only();
-    let Some(reader) = session::open(&network, reader, options).await? else {
+    let options = PortOptions::new()
+        .queue(Queue::Wait(MAX_QUEUED))
+        .input_only();
+    let Some(reader) = network_access::open(&network, reader, options).await? else {
         return Ok(ExitCode::FAILURE);
     };
-    let Some(writer) = session::open(&network, writer, PortOptions::new()).await? else {
+    let Some(writer) = network_access::open(&network, writer, PortOptions::new()).await? else {
         reader.close().await;
         return Ok(ExitCode::FAILURE);
     };

@@ -9,12 +9,12 @@ use yarp_wire::WireVersion;
 use yarp_wire::message::{Form, Payload, WireObject};
 
 use crate::error::Result;
-use crate::session;
+use crate::network_access;
 use crate::signals::Interrupt;
-use crate::text::complain;
+use crate::stock_format::complain;
 
 /// Messages that may wait to be sent on; beyond that the writer waits.
-const QUEUE: usize = 64;
+const MAX_QUEUED: usize = 64;
 
 /// repeats on the output port the same data received in the input port
 ///
@@ -40,10 +40,10 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         )?;
         return Ok(ExitCode::FAILURE);
     };
-    let network = session::network()?;
+    let network = network_access::network()?;
     let mut interrupt = Interrupt::listen();
-    let options = PortOptions::new().queue(Queue::Wait(QUEUE));
-    let Some(port) = session::open(&network, name, options).await? else {
+    let options = PortOptions::new().queue(Queue::Wait(MAX_QUEUED));
+    let Some(port) = network_access::open(&network, name, options).await? else {
         complain(out, &format!("Failed to open port: {name}"))?;
         return Ok(ExitCode::FAILURE);
     };
@@ -57,7 +57,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             },
         };
         let envelope = envelope(&message);
-        let same = Same(message.payload);
+        let same = ForwardedPayload(message.payload);
         // A reader that is stuck holds up the writer, not the signal.
         tokio::select! {
             biased;
@@ -75,9 +75,9 @@ fn envelope(message: &Received) -> Option<Envelope> {
 }
 
 /// A payload that goes on as it came, or translated where the reader speaks otherwise.
-struct Same(Payload);
+struct ForwardedPayload(Payload);
 
-impl WireObject for Same {
+impl WireObject for ForwardedPayload {
     fn write_binary(&self, out: &mut BytesMut, wire_version: WireVersion) {
         let as_it_came =
             matches!(self.0.form(), Form::Binary(_)) && self.0.wire_version() == wire_version;
@@ -108,11 +108,11 @@ mod tests {
             let payload = Payload::new(bottle.encode(from), Form::Binary(from));
             for to in [WireVersion::V3, WireVersion::V4] {
                 let mut out = BytesMut::new();
-                Same(payload.clone()).write_binary(&mut out, to);
+                ForwardedPayload(payload.clone()).write_binary(&mut out, to);
                 assert_eq!(out.freeze(), bottle.encode(to), "{from} to {to}");
             }
             let mut text = BytesMut::new();
-            Same(payload).write_text(&mut text);
+            ForwardedPayload(payload).write_text(&mut text);
             assert_eq!(&text[..], b"hello 1.5 (a b)\r\n");
         }
     }

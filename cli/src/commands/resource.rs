@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use yarp_wire::settings::Settings;
 
 use crate::error::Result;
-use crate::session;
+use crate::network_access;
 
 const USAGE: &str = "Looks for, and prints the complete path to, resource files.
 Example usage:
@@ -40,7 +40,7 @@ pub(super) fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let mut asked = Settings::new();
     asked.add_command_line(&args.words);
     let find = asked.get("find").map(|file| file.to_plain_string());
-    let finder = session::finder(&args.words, find.as_deref())?;
+    let finder = network_access::finder(&args.words, find.as_deref())?;
     if finder.settings().has("show") {
         writeln!(out, ">>> {}", finder.settings())?;
     }

@@ -12,13 +12,13 @@ use yarp_wrappers::thrift::{Item, Message};
 
 use crate::error::Result;
 use crate::signals::Interrupt;
-use crate::{ready, session};
+use crate::{network_access, systemd_notify};
 
 const COMPONENT: &str = "yarprobotinterface";
 /// Where the description is named if the command line does not.
-const MAIN: &str = "yarprobotinterface.ini";
+const DEFAULT_INI: &str = "yarprobotinterface.ini";
 /// One for the shutdown, and two for the phases of later interrupts.
-const SIGNALS: u32 = 3;
+const MAX_SIGNALS: u32 = 3;
 
 const HELP: [(&str, &str); 8] = [
     ("get_phase", "Returns current phase."),
@@ -52,10 +52,10 @@ pub(crate) struct Args {
 }
 
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
-    let finder = session::finder(&args.words, Some(MAIN))?;
+    let finder = network_access::finder(&args.words, Some(DEFAULT_INI))?;
     let settings = finder.settings();
     if !settings.has("config") {
-        tracing::error!(target: COMPONENT, "Missing \"config\" argument: expected --config FILE, or config FILE in {MAIN}");
+        tracing::error!(target: COMPONENT, "Missing \"config\" argument: expected --config FILE, or config FILE in {DEFAULT_INI}");
         return Ok(ExitCode::FAILURE);
     }
     let Some(file) = finder.find_file("config") else {
@@ -75,11 +75,11 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     }
     let parks = !settings.has("nopark");
     let network = Network::from_process()?;
-    if !session::serves(&network, network.namespace()).await {
+    if !network_access::serves(&network, network.namespace()).await {
         tracing::error!(target: COMPONENT, "Sorry YARP network does not seem to be available, is the yarp server available?");
         return Ok(ExitCode::FAILURE);
     }
-    let mut interrupt = Interrupt::listen_to(SIGNALS, Duration::ZERO);
+    let mut interrupt = Interrupt::listen_with(MAX_SIGNALS, Duration::ZERO);
     let (sender, told) = watch::channel(false);
     let progress = Progress::default();
     let name = format!("/{}/yarprobotinterface", robot.port_prefix);
@@ -129,7 +129,7 @@ async fn live(
     let mut well = robot.is_ready();
     if well {
         tracing::info!(target: COMPONENT, "running happily");
-        ready::tell();
+        systemd_notify::notify_ready();
         tokio::select! {
             () = interrupt.heard() => {}
             _ = told.wait_for(|told| *told) => {}
@@ -186,7 +186,7 @@ async fn rpc(
             _ => Answer::reply(Bottle::of(Vocab32::FAIL)),
         }
     };
-    session::open(
+    network_access::open(
         network,
         name,
         PortOptions::new().handler(answer).input_only(),

@@ -11,15 +11,15 @@ use yarp_wire::{Bottle, Contact, Value, Vocab32};
 
 use crate::cli::Prefixes;
 use crate::error::Result;
-use crate::input::Lines;
-use crate::session;
+use crate::network_access;
 use crate::signals::Interrupt;
-use crate::text::complain;
+use crate::stdin_lines::Lines;
+use crate::stock_format::complain;
 
 /// What we call ourselves if nothing else is wished.
-const ANONYMOUS: &str = "anon_rpc";
+const ANONYMOUS_NAME: &str = "anon_rpc";
 /// How long a port has to take a connection; its replies may take as long as they like.
-const CONNECTING: Duration = Duration::from_secs(10);
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// write commands to a port, and read replies
 ///
@@ -57,13 +57,13 @@ pub(super) async fn run(args: Args, prefixes: Prefixes, out: &mut dyn Write) -> 
             Ok(ExitCode::FAILURE)
         }
         [port, ..] => {
-            let own = words.get(1).copied().unwrap_or(ANONYMOUS);
+            let own = words.get(1).copied().unwrap_or(ANONYMOUS_NAME);
             let command = if prefixes.admin {
                 Command::Admin
             } else {
                 Command::data(true)
             };
-            ask(&session::network()?, port, own, &command, out).await
+            ask(&network_access::network()?, port, own, &command, out).await
         }
     }
 }
@@ -114,7 +114,7 @@ struct Connection {
 impl Connection {
     async fn open(network: &Network, port: &str, own: &str) -> Result<Option<Self>> {
         let contact = Contact::parse(port);
-        let Some(place) = session::find(network, &contact).await? else {
+        let Some(place) = network_access::find(network, &contact).await? else {
             return Ok(None);
         };
         let spec = contact.carrier.unwrap_or_else(|| place.carrier.clone());
@@ -123,9 +123,9 @@ impl Connection {
             return Ok(None);
         };
         let address = (place.host.as_str(), place.port);
-        let patient = network.with_timeout(session::FOREVER);
+        let patient = network.with_timeout(network_access::FOREVER);
         let opening = AdminClient::open(&place.name, address, carrier, own, &patient);
-        let Ok(Ok(client)) = tokio::time::timeout(CONNECTING, opening).await else {
+        let Ok(Ok(client)) = tokio::time::timeout(CONNECT_TIMEOUT, opening).await else {
             return Ok(None);
         };
         if own.starts_with('/') {
@@ -177,10 +177,10 @@ fn print(reply: &Bottle, out: &mut dyn Write) -> Result<()> {
 
 /// `rpc --client`: a port of ours that somebody connects.
 async fn client(name: &str, out: &mut dyn Write) -> Result<ExitCode> {
-    let network = session::network()?;
+    let network = network_access::network()?;
     let mut interrupt = Interrupt::listen();
     let options = PortOptions::new().rpc_client();
-    let Some(port) = session::open(&network, name, options).await? else {
+    let Some(port) = network_access::open(&network, name, options).await? else {
         return Ok(ExitCode::FAILURE);
     };
     let mut lines = Lines::open();

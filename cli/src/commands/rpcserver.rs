@@ -6,12 +6,12 @@ use std::process::ExitCode;
 use yarp_ports::{PortOptions, Received};
 use yarp_wire::Bottle;
 
-use super::words::take_flag;
+use super::argument_words::take_flag;
 use crate::error::Result;
-use crate::input::Lines;
-use crate::session;
+use crate::network_access;
 use crate::signals::Interrupt;
-use crate::text::complain;
+use crate::stdin_lines::Lines;
+use crate::stock_format::complain;
 
 const USAGE: &str = "Usage:
   yarp rpcserver [--single] [--stop] [--echo] /port/name
@@ -55,9 +55,10 @@ pub(super) async fn run(mut args: Args, out: &mut dyn Write) -> Result<ExitCode>
         writeln!(out, "{USAGE}")?;
         return Ok(ExitCode::FAILURE);
     };
-    let network = session::network()?;
+    let network = network_access::network()?;
     let mut interrupt = Interrupt::listen();
-    let Some(port) = session::open(&network, name, PortOptions::new().rpc_server()).await? else {
+    let Some(port) = network_access::open(&network, name, PortOptions::new().rpc_server()).await?
+    else {
         return Ok(ExitCode::FAILURE);
     };
     let mut lines = Lines::open();

@@ -8,12 +8,12 @@ use tokio::time::{Instant, sleep_until, timeout_at};
 use yarp_ports::{Port, PortError, PortOptions, Queue, Received};
 use yarp_wire::Bottle;
 
-use super::words::Options;
-use crate::connecting::{self, Telling};
+use super::argument_words::Options;
 use crate::error::Result;
-use crate::session;
+use crate::network_access;
+use crate::port_connections::{self, Verbosity};
 use crate::signals::Interrupt;
-use crate::text::complain;
+use crate::stock_format::complain;
 
 const USAGE: &str = "\
 This is yarp sample. Syntax:
@@ -51,10 +51,10 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         writeln!(out, "{USAGE}")?;
         return Ok(ExitCode::FAILURE);
     };
-    let network = session::network()?;
+    let network = network_access::network()?;
     let mut interrupt = Interrupt::listen();
     let reading = PortOptions::new().queue(Queue::Latest);
-    let Some(port) = session::open(&network, &output, reading).await? else {
+    let Some(port) = network_access::open(&network, &output, reading).await? else {
         complain(out, "Failed to open output port")?;
         return Ok(ExitCode::FAILURE);
     };
@@ -63,17 +63,17 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             .text("carrier")
             .filter(|carrier| !carrier.is_empty());
         // Stock goes on even so: somebody else may connect.
-        connecting::connect(
+        port_connections::connect(
             &network,
             &input,
             port.name(),
             carrier.as_deref(),
-            Telling::Failure,
+            Verbosity::FailuresOnly,
         )
         .await;
     }
     let show = options.has("show");
-    let done = pass_on(&port, Beat::of(period), show, &mut interrupt, out).await;
+    let done = pass_on(&port, Sampler::of(period), show, &mut interrupt, out).await;
     port.close().await;
     done.map(|()| ExitCode::SUCCESS)
 }
@@ -81,7 +81,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
 /// Sends on the newest message at each beat, until a signal.
 async fn pass_on(
     port: &Port,
-    mut beat: Beat,
+    mut sampler: Sampler,
     show: bool,
     interrupt: &mut Interrupt,
     out: &mut dyn Write,
@@ -91,7 +91,7 @@ async fn pass_on(
         let came = tokio::select! {
             biased;
             () = interrupt.heard() => return Ok(()),
-            came = beat.next(port) => came?,
+            came = sampler.next(port) => came?,
         };
         if let Some(bottle) = came.and_then(|message| message.bottle().ok()) {
             newest = bottle;
@@ -105,22 +105,22 @@ async fn pass_on(
 }
 
 /// When messages go on: at fixed times after the first one.
-struct Beat {
+struct Sampler {
     /// Without it each message goes on as it comes.
     period: Option<Duration>,
     /// Of the last beat; none before the first message.
     last: Option<Instant>,
 }
 
-impl Beat {
+impl Sampler {
     /// A beat every so many seconds; what is no time or none at all lets each message go on as it comes.
     fn of(seconds: f64) -> Self {
         let period = match seconds > 0.0 {
-            true => Some(Duration::try_from_secs_f64(seconds).unwrap_or(session::FOREVER)),
+            true => Some(Duration::try_from_secs_f64(seconds).unwrap_or(network_access::FOREVER)),
             false => None,
         };
         Self {
-            period: period.map(|period| period.min(session::FOREVER)),
+            period: period.map(|period| period.min(network_access::FOREVER)),
             last: None,
         }
     }
@@ -154,13 +154,13 @@ mod tests {
     #[test]
     fn periods_are_seconds_and_may_be_nonsense() {
         let check = |seconds: f64, expected: Option<Duration>| {
-            assert_eq!(Beat::of(seconds).period, expected, "{seconds}");
+            assert_eq!(Sampler::of(seconds).period, expected, "{seconds}");
         };
         check(0.25, Some(Duration::from_millis(250)));
         check(0.0, None);
         check(-1.0, None);
         check(f64::NAN, None);
-        check(f64::INFINITY, Some(session::FOREVER));
-        check(1e300, Some(session::FOREVER));
+        check(f64::INFINITY, Some(network_access::FOREVER));
+        check(1e300, Some(network_access::FOREVER));
     }
 }

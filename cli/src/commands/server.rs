@@ -10,16 +10,16 @@ use std::time::Duration;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use tokio::signal::unix::{SignalKind, signal};
 #[cfg(feature = "etcd")]
-use yarp_nameserver::shared::{EtcdTruth, Truth as _};
+use yarp_nameserver::shared::{EtcdStore, SharedStore as _};
 use yarp_nameserver::store::{Durability, SqliteStore};
 use yarp_nameserver::{Server, ServerOptions, StartError};
 use yarp_ports::config::{self, Configuration, Mode, NameServer, Namespace};
 use yarp_ports::{PortError, addresses, error_chain};
 
-use super::words::{take_flag, take_value};
+use super::argument_words::{take_flag, take_value};
 use crate::error::Result;
 use crate::signals::Interrupt;
-use crate::text::{complain, leading_integer};
+use crate::stock_format::{complain, leading_integer};
 
 const BANNER: &str = r"
      ==========================
@@ -89,24 +89,34 @@ pub(crate) struct Args {
     /// Wait for the disk before each answer: what was answered survives the loss of power too.
     /// Without it, it survives the end of the program, however sudden; after the loss of power
     /// the names are those of some seconds before
-    #[arg(long)]
-    cautious: bool,
+    #[arg(long, alias = "cautious")]
+    sync: bool,
     /// Give a name to whoever asks for it, as stock does, whether its owner lives or not
     #[arg(long)]
     replace: bool,
     /// Time between two looks at a port that does not speak up by itself; 0 looks at none
-    #[arg(long, value_name = "SECONDS")]
-    look_every: Option<String>,
+    #[arg(long, alias = "look-every", value_name = "SECONDS")]
+    probe_interval: Option<String>,
     /// Drop the name of a port that has been gone for so long; 0 drops none
-    #[arg(long, value_name = "SECONDS")]
-    drop_after: Option<String>,
+    #[arg(long, alias = "drop-after", value_name = "SECONDS")]
+    expire_after: Option<String>,
     /// End connections that have not said who they are by then; 0 ends none
-    #[arg(long, value_name = "SECONDS", default_value = "30")]
-    header_within: Option<String>,
+    #[arg(
+        long,
+        alias = "header-within",
+        value_name = "SECONDS",
+        default_value = "30"
+    )]
+    handshake_timeout: Option<String>,
     /// End connections that have said nothing more for so long; 0 ends none. A client of stock may
     /// keep a connection open for hours and say nothing
-    #[arg(long, value_name = "SECONDS", default_value = "86400")]
-    message_within: Option<String>,
+    #[arg(
+        long,
+        alias = "message-within",
+        value_name = "SECONDS",
+        default_value = "86400"
+    )]
+    idle_timeout: Option<String>,
     /// Connections at once; one more ends the one that has been silent for longest. Never more than
     /// the system lets the program have
     #[arg(long, value_name = "NUMBER", default_value = "8192")]
@@ -127,8 +137,26 @@ pub(crate) struct Args {
     rest: Vec<String>,
 }
 
+/// Earlier names of options, and the names that replaced them.
+const RENAMED_OPTIONS: [(&str, &str); 5] = [
+    ("--cautious", "--sync"),
+    ("--look-every", "--probe-interval"),
+    ("--drop-after", "--expire-after"),
+    ("--header-within", "--handshake-timeout"),
+    ("--message-within", "--idle-timeout"),
+];
+
+/// Replaces earlier names of options by their present names.
+fn rename_options(words: &mut [String]) {
+    for word in words {
+        if let Some((_, new)) = RENAMED_OPTIONS.iter().find(|(old, _)| old == word) {
+            (*new).clone_into(word);
+        }
+    }
+}
+
 impl Args {
-    /// Stock takes its options in any order, between words that mean nothing.
+    /// Accepts its options in any order, between words that mean nothing.
     fn sort(mut self) -> Self {
         let rest = &mut self.rest;
         self.write |= take_flag(rest, "--write");
@@ -136,7 +164,8 @@ impl Args {
         self.silent |= take_flag(rest, "--silent");
         self.local |= take_flag(rest, "--local");
         self.memory |= take_flag(rest, "--memory");
-        self.cautious |= take_flag(rest, "--cautious");
+        rename_options(rest);
+        self.sync |= take_flag(rest, "--sync");
         self.replace |= take_flag(rest, "--replace");
         for (option, held) in [
             ("--bind", &mut self.bind),
@@ -147,10 +176,10 @@ impl Args {
             ("--portdb", &mut self.portdb),
             ("--subdb", &mut self.subdb),
             ("--store", &mut self.store),
-            ("--look-every", &mut self.look_every),
-            ("--drop-after", &mut self.drop_after),
-            ("--header-within", &mut self.header_within),
-            ("--message-within", &mut self.message_within),
+            ("--probe-interval", &mut self.probe_interval),
+            ("--expire-after", &mut self.expire_after),
+            ("--handshake-timeout", &mut self.handshake_timeout),
+            ("--idle-timeout", &mut self.idle_timeout),
             ("--connections", &mut self.connections),
         ] {
             if let Some(value) = take_value(rest, option) {
@@ -203,21 +232,29 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         .multicast(configuration.default_port())
         .key(configuration.key().cloned())
         .roles(configuration.roles().clone());
-    options.numbers = numbers;
+    options.port_range = numbers;
     options.bind = bind;
     options.replace = args.replace;
     let times = [
-        ("--look-every", &args.look_every, &mut options.look_every),
-        ("--drop-after", &args.drop_after, &mut options.drop_after),
         (
-            "--header-within",
-            &args.header_within,
-            &mut options.callers.handshake_timeout,
+            "--probe-interval",
+            &args.probe_interval,
+            &mut options.probe_interval,
         ),
         (
-            "--message-within",
-            &args.message_within,
-            &mut options.callers.idle_timeout,
+            "--expire-after",
+            &args.expire_after,
+            &mut options.expire_after,
+        ),
+        (
+            "--handshake-timeout",
+            &args.handshake_timeout,
+            &mut options.connection_limits.handshake_timeout,
+        ),
+        (
+            "--idle-timeout",
+            &args.idle_timeout,
+            &mut options.connection_limits.idle_timeout,
         ),
     ];
     for (option, text, time) in times {
@@ -231,20 +268,20 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     }
     let connections = args.connections.as_deref().unwrap_or_default();
     match connections.parse() {
-        Ok(most) if most > 0 => options.callers.max_connections = Some(most),
+        Ok(most) if most > 0 => options.connection_limits.max_connections = Some(most),
         _ => {
             eprintln!("--connections {connections}: expected a number, 1 or more");
             complain(out, "Aborting.")?;
             return Ok(ExitCode::FAILURE);
         }
     }
-    let most = options.callers.max_connections.as_mut();
+    let most = options.connection_limits.max_connections.as_mut();
     if let (Some(most), Some(allowed)) = (most, allow_many_connections()) {
         *most = allowed.min(*most);
     }
     // Else the system would end the program when the database may grow no more.
     let _oversize = signal(SignalKind::from_raw(SIGXFSZ));
-    let server = match database.start(options, args.cautious).await {
+    let server = match database.start(options, args.sync).await {
         Ok(server) => server,
         Err(error) => {
             match &error {
@@ -286,13 +323,13 @@ enum Database {
     Memory,
     File(PathBuf),
     #[cfg(feature = "etcd")]
-    Etcd(Box<EtcdTruth>),
+    Etcd(Box<EtcdStore>),
 }
 
 /// The store that servers share.
 #[cfg(feature = "etcd")]
 fn shared(url: &str) -> std::result::Result<Database, String> {
-    let truth = EtcdTruth::at(url).map_err(|error| format!("--store: {error}"))?;
+    let truth = EtcdStore::at(url).map_err(|error| format!("--store: {error}"))?;
     Ok(Database::Etcd(Box::new(truth)))
 }
 
@@ -314,9 +351,9 @@ impl Database {
     ) -> std::result::Result<Self, String> {
         let file = args.portdb.as_ref().or(args.subdb.as_ref());
         if let Some(url) = &args.store {
-            return match file.is_some() || args.memory || args.cautious {
+            return match file.is_some() || args.memory || args.sync {
                 true => Err(
-                    "--store goes without --portdb, --subdb, --memory and --cautious: names are \
+                    "--store goes without --portdb, --subdb, --memory and --sync: names are \
                              in one place, and etcd waits for the disk"
                         .to_owned(),
                 ),
@@ -349,9 +386,9 @@ impl Database {
     async fn start(
         self,
         options: ServerOptions,
-        cautious: bool,
+        sync: bool,
     ) -> std::result::Result<Server, StartError> {
-        let durability = match cautious {
+        let durability = match sync {
             true => Durability::Power,
             false => Durability::Process,
         };

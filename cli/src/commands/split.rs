@@ -6,21 +6,21 @@ use std::process::ExitCode;
 use yarp_ports::{Envelope, Network, Port, PortOptions, Queue};
 use yarp_wire::Bottle;
 
-use super::words::Options;
-use crate::connecting::{self, Telling};
+use super::argument_words::Options;
 use crate::error::Result;
-use crate::session;
+use crate::network_access;
+use crate::port_connections::{self, Verbosity};
 use crate::signals::Interrupt;
-use crate::text::complain;
+use crate::stock_format::complain;
 
 const USAGE: &str = "\
 This is yarp split. Please provide the name of the port to process, e.g:
   yarp split /port1";
 
 /// What stock ends with if it cannot begin.
-const FAILED: u8 = 255;
+const EXIT_FAILED: u8 = 255;
 /// The most ports that one message opens.
-const MOST: usize = 256;
+const MAX_PORTS: usize = 256;
 
 /// splits data received in a bottle onto multiple ports, one for each element
 ///
@@ -41,18 +41,19 @@ pub(crate) struct Args {
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let Some(source) = args.words.first() else {
         writeln!(out, "{USAGE}")?;
-        return Ok(ExitCode::from(FAILED));
+        return Ok(ExitCode::from(EXIT_FAILED));
     };
-    let network = session::network()?;
+    let network = network_access::network()?;
     let mut interrupt = Interrupt::listen();
     let reading = PortOptions::new().queue(Queue::Latest).input_only();
-    let Some(port) = session::open(&network, "...", reading).await? else {
-        return Ok(ExitCode::from(FAILED));
+    let Some(port) = network_access::open(&network, "...", reading).await? else {
+        return Ok(ExitCode::from(EXIT_FAILED));
     };
     let carrier = Options::parse(&args.words).text("carrier");
     let carrier = carrier.as_deref().unwrap_or("udp");
     let connected =
-        connecting::connect(&network, source, port.name(), Some(carrier), Telling::All).await;
+        port_connections::connect(&network, source, port.name(), Some(carrier), Verbosity::All)
+            .await;
     let mut outputs = Vec::new();
     let done = if connected {
         split(&network, source, &port, &mut outputs, &mut interrupt, out).await
@@ -65,7 +66,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     }
     Ok(match done? {
         true => ExitCode::SUCCESS,
-        false => ExitCode::from(FAILED),
+        false => ExitCode::from(EXIT_FAILED),
     })
 }
 
@@ -89,11 +90,11 @@ async fn split(
         let Ok(bottle) = message.bottle() else {
             continue;
         };
-        if outputs.is_empty() && (1..=MOST).contains(&bottle.len()) {
+        if outputs.is_empty() && (1..=MAX_PORTS).contains(&bottle.len()) {
             writeln!(out, "Received a Bottle of {} elements.", bottle.len())?;
             for element in 0..bottle.len() {
                 let name = format!("{source}/split{element}:o");
-                match session::open(network, &name, PortOptions::new()).await? {
+                match network_access::open(network, &name, PortOptions::new()).await? {
                     Some(port) => outputs.push(port),
                     None => return Ok(false),
                 }

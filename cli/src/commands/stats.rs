@@ -10,12 +10,12 @@ use tokio::time::{Instant, interval_at};
 use yarp_ports::{Answer, PortOptions, Received};
 use yarp_wire::WireVersion;
 
-use super::words::Options;
-use crate::connecting::{self, Telling};
+use super::argument_words::Options;
 use crate::error::Result;
-use crate::session;
+use crate::network_access;
+use crate::port_connections::{self, Verbosity};
 use crate::signals::Interrupt;
-use crate::text::general;
+use crate::stock_format::general;
 
 const USAGE: &str = "\
 This is yarp stats. Syntax:
@@ -27,9 +27,9 @@ yarp stats /remote_port --duration <time_in_s> --protocol <protocol_name>
 If port_type is not specified, BufferedPort is assumed as default";
 
 /// What stock ends with if it cannot begin.
-const FAILED: u8 = 255;
+const EXIT_FAILED: u8 = 255;
 /// What is counted in one line.
-const LINE: Duration = Duration::from_secs(1);
+const REPORT_INTERVAL: Duration = Duration::from_secs(1);
 
 /// print statics about the data received from a specific port
 ///
@@ -56,7 +56,7 @@ struct Arrived {
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let Some(remote) = args.words.first() else {
         writeln!(out, "{USAGE}")?;
-        return Ok(ExitCode::from(FAILED));
+        return Ok(ExitCode::from(EXIT_FAILED));
     };
     let options = Options::parse(&args.words);
     // Here the two do the same: each message is counted where it arrives.
@@ -68,10 +68,10 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
                 out,
                 "Invalid value for parameter port_type. Must be `BufferedPort` or `Port`"
             )?;
-            return Ok(ExitCode::from(FAILED));
+            return Ok(ExitCode::from(EXIT_FAILED));
         }
     }
-    let network = session::network()?;
+    let network = network_access::network()?;
     let mut interrupt = Interrupt::listen();
     let arrived = Arc::new(Arrived::default());
     let counting = arrived.clone();
@@ -80,13 +80,14 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         Answer::Nothing
     };
     let reading = PortOptions::new().handler(take).input_only();
-    let Some(port) = session::open(&network, "...", reading).await? else {
-        return Ok(ExitCode::from(FAILED));
+    let Some(port) = network_access::open(&network, "...", reading).await? else {
+        return Ok(ExitCode::from(EXIT_FAILED));
     };
     let carrier = options.text("protocol");
     let carrier = carrier.as_deref().unwrap_or("tcp");
     let connected =
-        connecting::connect(&network, remote, port.name(), Some(carrier), Telling::All).await;
+        port_connections::connect(&network, remote, port.name(), Some(carrier), Verbosity::All)
+            .await;
     let done = if connected {
         let seconds = options.number("duration").filter(|seconds| *seconds != 0.0);
         tell(&arrived, seconds, &mut interrupt, out).await
@@ -97,7 +98,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     done?;
     Ok(match connected {
         true => ExitCode::SUCCESS,
-        false => ExitCode::from(FAILED),
+        false => ExitCode::from(EXIT_FAILED),
     })
 }
 
@@ -108,7 +109,7 @@ async fn tell(
     interrupt: &mut Interrupt,
     out: &mut dyn Write,
 ) -> Result<()> {
-    let mut ticks = interval_at(Instant::now() + LINE, LINE);
+    let mut ticks = interval_at(Instant::now() + REPORT_INTERVAL, REPORT_INTERVAL);
     let (mut lines, mut messages, mut bytes) = (0_u32, 0, 0);
     while seconds.is_none_or(|seconds| f64::from(lines) < seconds) {
         tokio::select! {

@@ -10,13 +10,13 @@ use yarp_wire::message::Command;
 use yarp_wire::{Bottle, Contact};
 
 use crate::error::Result;
-use crate::session;
-use crate::text::complain;
+use crate::network_access;
+use crate::stock_format::complain;
 
 /// What stock calls itself when it asks so.
-const SENDER: &str = "/terminate";
+const SENDER_NAME: &str = "/terminate";
 /// How long the program has to take note.
-const DEADLINE: Duration = Duration::from_secs(3);
+const REPLY_TIMEOUT: Duration = Duration::from_secs(3);
 
 /// terminate a yarp-terminate-aware process by name
 ///
@@ -41,8 +41,8 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         return Ok(ExitCode::FAILURE);
     };
     writeln!(out, "Asking port {name} to quit gracefully")?;
-    let network = session::network()?;
-    let Some(place) = session::find(&network, &Contact::parse(name)).await? else {
+    let network = network_access::network()?;
+    let Some(place) = network_access::find(&network, &Contact::parse(name)).await? else {
         return Ok(ExitCode::SUCCESS);
     };
     let asked = ask(&network, &place).await;
@@ -55,8 +55,9 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
 async fn ask(network: &Network, place: &Endpoint) -> std::result::Result<(), PortError> {
     let carrier = Carrier::by_name("text_ack").expect("text_ack is in the table");
     let address = (place.host.as_str(), place.port);
-    let network = network.with_timeout(network.timeout().min(DEADLINE));
-    let mut client = AdminClient::open(&place.name, address, carrier, SENDER, &network).await?;
+    let network = network.with_timeout(network.timeout().min(REPLY_TIMEOUT));
+    let mut client =
+        AdminClient::open(&place.name, address, carrier, SENDER_NAME, &network).await?;
     if place.name.contains("/quit") {
         let request = Bottle::of("quit");
         client.request(&Command::data(true), &request).await?;

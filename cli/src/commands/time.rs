@@ -4,11 +4,11 @@ use std::io::Write;
 use std::process::ExitCode;
 use std::time::{Duration, SystemTime};
 
-use super::words::take_flag;
+use super::argument_words::take_flag;
 use crate::error::Result;
 
 /// Pause between two lines.
-const PAUSE: Duration = Duration::from_millis(100);
+const PRINT_INTERVAL: Duration = Duration::from_millis(100);
 
 /// show the time
 ///
@@ -36,6 +36,6 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             false => writeln!(out, "{:.6}", now.as_secs_f64())?,
         }
         out.flush()?;
-        tokio::time::sleep(PAUSE).await;
+        tokio::time::sleep(PRINT_INTERVAL).await;
     }
 }

@@ -6,8 +6,8 @@ use std::process::ExitCode;
 use yarp_wire::{Bottle, Value};
 
 use crate::error::Result;
-use crate::session;
-use crate::text::complain;
+use crate::network_access;
+use crate::stock_format::complain;
 
 /// set a topic name
 ///
@@ -33,13 +33,13 @@ pub(crate) struct Args {
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let words: Vec<&str> = args.words.iter().map(String::as_str).collect();
     let (request, kind) = if args.list {
-        (vec!["topic"], Asking::List)
+        (vec!["topic"], TopicRequest::List)
     } else if let Some(name) = args.remove.as_deref().filter(|name| !name.is_empty()) {
-        (vec!["untopic", name], Asking::Remove(name))
+        (vec!["untopic", name], TopicRequest::Remove(name))
     } else if args.remove.is_none() && !words.is_empty() {
         (
             [&["topic"], &words[..words.len().min(2)]].concat(),
-            Asking::Create(words[0]),
+            TopicRequest::Create(words[0]),
         )
     } else {
         complain(
@@ -48,32 +48,36 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         )?;
         return Ok(ExitCode::FAILURE);
     };
-    let network = session::network()?;
+    let network = network_access::network()?;
     let request: Bottle = request.into_iter().map(Value::from).collect();
-    let answer = match session::ask_server(&network, &request).await {
+    let answer = match network_access::ask_server(&network, &request).await {
         Ok(answer) => Some(answer),
         Err(error) => {
-            session::server_away(&network, &error);
+            network_access::server_away(&network, &error);
             None
         }
     };
     tell(kind, answer.as_ref(), out)
 }
 
-enum Asking<'a> {
+enum TopicRequest<'a> {
     List,
     Remove(&'a str),
     Create(&'a str),
 }
 
-fn tell(asking: Asking<'_>, answer: Option<&Bottle>, out: &mut dyn Write) -> Result<ExitCode> {
+fn tell(
+    request: TopicRequest<'_>,
+    answer: Option<&Bottle>,
+    out: &mut dyn Write,
+) -> Result<ExitCode> {
     let agreed = answer
         .and_then(|answer| answer.get(0))
         .map(Value::to_plain_string);
     let agreed = agreed.as_deref() == Some("ok");
     let reason = answer.map(ToString::to_string).unwrap_or_default();
-    let failure = match asking {
-        Asking::List => match answer {
+    let failure = match request {
+        TopicRequest::List => match answer {
             None => "Failed to read topic list".to_owned(),
             Some(topics) if topics.is_empty() => {
                 writeln!(out, "No topics")?;
@@ -84,16 +88,16 @@ fn tell(asking: Asking<'_>, answer: Option<&Bottle>, out: &mut dyn Write) -> Res
                 return Ok(ExitCode::SUCCESS);
             }
         },
-        Asking::Remove(name) if agreed => {
+        TopicRequest::Remove(name) if agreed => {
             writeln!(out, "Topic {name} deleted")?;
             return Ok(ExitCode::SUCCESS);
         }
-        Asking::Create(name) if agreed => {
+        TopicRequest::Create(name) if agreed => {
             writeln!(out, "Topic {name} created")?;
             return Ok(ExitCode::SUCCESS);
         }
-        Asking::Remove(name) => format!("Failed to delete topic {name}:"),
-        Asking::Create(name) => format!("Failed to create topic {name}:"),
+        TopicRequest::Remove(name) => format!("Failed to delete topic {name}:"),
+        TopicRequest::Create(name) => format!("Failed to create topic {name}:"),
     };
     complain(out, &failure)?;
     if failure.ends_with(':') {

@@ -8,11 +8,11 @@ use tokio::time::{Instant, interval, sleep_until};
 use yarp_ports::PortOptions;
 use yarp_wire::{Bottle, Value};
 
-use super::words::Options;
+use super::argument_words::Options;
 use crate::error::Result;
-use crate::session;
+use crate::network_access;
 use crate::signals::Interrupt;
-use crate::text::complain;
+use crate::stock_format::complain;
 
 const USAGE: &str = "\
 This is yarp trafficgen. Syntax/available options:
@@ -22,9 +22,9 @@ This is yarp trafficgen. Syntax/available options:
   yarp trafficgen /port --period [s] --size [MB] --duration [s]";
 
 /// The largest message in MB: a quarter of what the length of a text on the wire can say.
-const LARGEST: f64 = 500.0;
+const MAX_MEGABYTES: f64 = 500.0;
 /// The shortest pause between two messages.
-const BREATH: Duration = Duration::from_millis(1);
+const MIN_SLEEP: Duration = Duration::from_millis(1);
 
 /// generates and streams some test data traffic on a port
 ///
@@ -70,23 +70,26 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         "Starting trafficgen with the following options: {}",
         traffic.described()
     )?;
-    if !(0.0..=LARGEST).contains(&traffic.size) {
+    if !(0.0..=MAX_MEGABYTES).contains(&traffic.size) {
         complain(
             out,
-            &format!("A message may have 0 to {LARGEST} MB, not {}", traffic.size),
+            &format!(
+                "A message may have 0 to {MAX_MEGABYTES} MB, not {}",
+                traffic.size
+            ),
         )?;
         return Ok(ExitCode::FAILURE);
     }
-    let network = session::network()?;
+    let network = network_access::network()?;
     let mut interrupt = Interrupt::listen();
-    let Some(port) = session::open(&network, name, PortOptions::new()).await? else {
+    let Some(port) = network_access::open(&network, name, PortOptions::new()).await? else {
         complain(out, &format!("Failed to open port: {name}"))?;
         complain(out, "Failed to start the main thread")?;
         return Ok(ExitCode::SUCCESS);
     };
     let message: Bottle = std::iter::once(Value::from("0".repeat(traffic.bytes()))).collect();
     let end = Instant::now() + seconds(traffic.duration);
-    let mut ticks = interval(seconds(traffic.period).max(BREATH));
+    let mut ticks = interval(seconds(traffic.period).max(MIN_SLEEP));
     let sending = async {
         loop {
             ticks.tick().await;
@@ -106,7 +109,9 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
 fn seconds(number: f64) -> Duration {
     let duration = Duration::try_from_secs_f64(number);
     match number > 0.0 {
-        true => duration.unwrap_or(session::FOREVER).min(session::FOREVER),
+        true => duration
+            .unwrap_or(network_access::FOREVER)
+            .min(network_access::FOREVER),
         false => Duration::ZERO,
     }
 }

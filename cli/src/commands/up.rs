@@ -17,30 +17,30 @@ use yarp_wrappers::{
     ControlBoardServer,
 };
 
-use crate::arm::{Arm, MeetingArgs};
+use crate::arm_selection::{Arm, LinkModeArgs};
 use crate::error::{Failure, Result};
-use crate::session;
+use crate::network_access;
 use crate::signals::Interrupt;
 
 /// What a port of the arm is for.
 const PORTS: [(&str, &str); 6] = [
-    ("rpc:i", "questions and orders of YARP 3.x"),
-    ("nws/rpc:i", "questions and orders of YARP 4.0"),
-    ("command:i", "streams of orders"),
+    ("rpc:i", "RPC (YARP 3.x)"),
+    ("nws/rpc:i", "RPC (YARP 4.0)"),
+    ("command:i", "streaming commands"),
     ("state:o", "joint positions in degrees, 50 times a second"),
     ("stateExt:o", "the whole state, 50 times a second"),
-    ("async:o", "ends of moves, with their numbers"),
+    ("async:o", "motion completion events"),
 ];
 
 /// What stands in front of the name of an arm for the controller of its tool, as at iCub.
-const TOOL: &str = "/cartController";
+const TOOL_PREFIX: &str = "/cartController";
 
 /// What a port of that controller is for.
 const TOOL_PORTS: [(&str, &str); 4] = [
-    ("rpc:i", "questions and orders about the tool"),
+    ("rpc:i", "RPC of the tool controller"),
     ("command:i", "targets and velocities of the tool"),
     ("state:o", "its pose, 100 times a second"),
-    ("events:o", "motions that begin and end"),
+    ("events:o", "motion start and completion events"),
 ];
 
 /// bring up a whole network with a simulated arm
@@ -66,7 +66,7 @@ pub(crate) struct Args {
           value_parser = cartesian_version)]
     cartesian: Option<CartesianVersion>,
     #[command(flatten)]
-    meeting: MeetingArgs,
+    link_mode: LinkModeArgs,
 }
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
@@ -94,13 +94,13 @@ fn cartesian_version(text: &str) -> std::result::Result<CartesianVersion, &'stat
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     args.name.parse::<PortName>().map_err(PortError::from)?;
     let arm = args.arm();
-    let meeting = args.meeting.meeting(true).map_err(Failure::Meeting)?;
+    let link_mode = args.link_mode.link_mode(true).map_err(Failure::LinkMode)?;
     let mut interrupt = Interrupt::listen();
-    let base = Base::find(out).await?;
+    let base = NameServerAccess::find(out).await?;
     let opened = tokio::select! {
         biased;
         () = interrupt.heard() => None,
-        opened = open(&base.network, &args.name, arm.clone(), meeting, args.cartesian) => Some(opened),
+        opened = open(&base.network, &args.name, arm.clone(), link_mode, args.cartesian) => Some(opened),
     };
     let served = match opened {
         Some(Ok(served)) => served,
@@ -117,7 +117,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         &base,
         &args.name,
         arm,
-        meeting,
+        link_mode,
         args.cartesian.is_some(),
         out,
     )
@@ -131,18 +131,18 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
 }
 
 /// The network, and the name server if it is ours.
-struct Base {
+struct NameServerAccess {
     network: Network,
     server: Option<Server>,
 }
 
-impl Base {
+impl NameServerAccess {
     /// The configured name server if it answers, else one of our own where the configuration says.
     async fn find(out: &mut dyn Write) -> Result<Self> {
         let configuration = Configuration::from_process()?;
         let network = Network::from_process()?;
         if let Some((namespace, _)) = configuration.name_server()
-            && session::serves(&network, namespace).await
+            && network_access::serves(&network, namespace).await
         {
             return Ok(Self {
                 network,
@@ -197,10 +197,10 @@ async fn open(
     network: &Network,
     name: &str,
     arm: Arm,
-    meeting: LinkMode,
+    link_mode: LinkMode,
     cartesian: Option<CartesianVersion>,
 ) -> Result<Served> {
-    let arm = arm.start(meeting)?;
+    let arm = arm.start(link_mode)?;
     let options = ControlBoardOptions::new();
     let board = ControlBoardServer::open(network, arm.clone(), name, options).await?;
     let Some(version) = cartesian else {
@@ -227,7 +227,7 @@ async fn open_tool(
     let options = CartesianOptions::new().part_type("wam7");
     let tool = CartesianController::start(arm, WamModel::<7>::new().chain, options)?;
     let options = CartesianServerOptions::new().version(version);
-    let name = format!("{TOOL}{name}");
+    let name = format!("{TOOL_PREFIX}{name}");
     Ok(CartesianServer::open(network, Arc::new(tool), &name, options).await?)
 }
 
@@ -247,9 +247,9 @@ impl Served {
 }
 
 /// How the PC of an arm is met.
-fn way(meeting: LinkMode) -> String {
+fn describe_link(link_mode: LinkMode) -> String {
     let at = |places: LinkAddresses| format!("{} and {}", places.arm, places.packets);
-    match meeting {
+    match link_mode {
         LinkMode::Listen(places) => {
             format!(
                 "waiting for it at {}; run `yarp wam-node` on it",
@@ -265,10 +265,10 @@ fn way(meeting: LinkMode) -> String {
 
 /// Prints what is there and what to try.
 async fn tell(
-    base: &Base,
+    base: &NameServerAccess,
     name: &str,
     arm: Arm,
-    meeting: LinkMode,
+    link_mode: LinkMode,
     cartesian: bool,
     out: &mut dyn Write,
 ) -> Result<()> {
@@ -281,11 +281,15 @@ async fn tell(
     };
     writeln!(out, "\nName server {namespace} at {host}:{port} ({whose})")?;
     match arm {
-        Arm::Embedded => writeln!(out, "WAM arm {name} behind its PC: {}\n", way(meeting))?,
+        Arm::Embedded => writeln!(
+            out,
+            "WAM arm {name} behind its PC: {}\n",
+            describe_link(link_mode)
+        )?,
         Arm::Can(interface) => writeln!(out, "WAM arm {name} on the CAN bus {interface}\n")?,
         Arm::Simulated | Arm::Dynamic => writeln!(out, "Simulated WAM arm {name}, seven joints\n")?,
     }
-    let tool = format!("{TOOL}{name}");
+    let tool = format!("{TOOL_PREFIX}{name}");
     let mut ports: Vec<_> = PORTS
         .map(|(suffix, purpose)| (format!("{name}/{suffix}"), purpose))
         .into();

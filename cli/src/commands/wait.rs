@@ -9,13 +9,13 @@ use yarp_ports::{Network, PortError, remote_admin};
 use yarp_wire::Contact;
 
 use crate::error::Result;
-use crate::session;
-use crate::text::complain;
+use crate::network_access;
+use crate::stock_format::complain;
 
 /// How often we look.
-const PERIOD: Duration = Duration::from_millis(100);
+const POLL_INTERVAL: Duration = Duration::from_millis(100);
 /// How often we say that we still wait.
-const REMINDER: Duration = Duration::from_secs(3);
+const REMINDER_INTERVAL: Duration = Duration::from_secs(3);
 
 /// wait for a port to be alive
 ///
@@ -44,14 +44,14 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             return Ok(ExitCode::FAILURE);
         }
     };
-    let network = session::network()?;
+    let network = network_access::network()?;
     if network.server().is_none() {
         return Err(PortError::NoNameServer.into());
     }
     let mut told = None::<Instant>;
     let mut complained = false;
     loop {
-        if told.is_none_or(|told| told.elapsed() >= REMINDER) {
+        if told.is_none_or(|told| told.elapsed() >= REMINDER_INTERVAL) {
             tracing::info!(target: "yarp.os.Network", "Waiting for {what}...");
             told = Some(Instant::now());
         }
@@ -60,11 +60,11 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             Ok(false) => {}
             Err(error) if complained => tracing::debug!("{}", error.error_chain()),
             Err(error) => {
-                session::away(&error);
+                network_access::away(&error);
                 complained = true;
             }
         }
-        tokio::time::sleep(PERIOD).await;
+        tokio::time::sleep(POLL_INTERVAL).await;
     }
 }
 

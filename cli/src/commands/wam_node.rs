@@ -6,12 +6,12 @@ use std::time::Duration;
 
 use yarp_devices::embedded::{LinkMode, NodeOptions, WamNode};
 
-use crate::arm::{Arm, MeetingArgs};
+use crate::arm_selection::{Arm, LinkModeArgs};
 use crate::error::{Failure, Result};
 use crate::signals::Interrupt;
 
 /// How often is looked whether somebody came or went.
-const LOOK: Duration = Duration::from_millis(100);
+const STATUS_POLL_INTERVAL: Duration = Duration::from_millis(100);
 
 /// serve an arm to its driver, on the arm's own PC
 ///
@@ -27,7 +27,7 @@ pub(crate) struct Args {
     #[arg(long, default_value_t = Arm::Dynamic, value_parser = own_arm)]
     arm: Arm,
     #[command(flatten)]
-    meeting: MeetingArgs,
+    link_mode: LinkModeArgs,
 }
 
 /// An arm that this PC can drive.
@@ -40,10 +40,13 @@ fn own_arm(text: &str) -> std::result::Result<Arm, String> {
 
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let mut interrupt = Interrupt::listen();
-    let meeting = args.meeting.meeting(false).map_err(Failure::Meeting)?;
-    let node = WamNode::start(args.arm.clone().start(meeting)?, NodeOptions::new(meeting))?;
+    let link_mode = args.link_mode.link_mode(false).map_err(Failure::LinkMode)?;
+    let node = WamNode::start(
+        args.arm.clone().start(link_mode)?,
+        NodeOptions::new(link_mode),
+    )?;
     let places = node.addresses();
-    let verb = match meeting {
+    let verb = match link_mode {
         LinkMode::Listen(_) => "waits for the driver at",
         LinkMode::Connect(_) => "goes to the driver at",
     };
@@ -78,7 +81,7 @@ async fn tell(node: &WamNode, interrupt: &mut Interrupt, out: &mut dyn Write) ->
         tokio::select! {
             biased;
             () = interrupt.heard() => return Ok(()),
-            () = tokio::time::sleep(LOOK) => {}
+            () = tokio::time::sleep(STATUS_POLL_INTERVAL) => {}
         }
     }
 }

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use yarp_ports::config::{Configuration, NameServer};
 
 use crate::error::Result;
-use crate::session;
+use crate::network_access;
 
 const RULE: &str = "=======================================================================";
 
@@ -47,7 +47,7 @@ pub(crate) struct Args {
 
 pub(super) async fn run(_args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let configuration = Configuration::from_process()?;
-    let network = session::network()?;
+    let network = network_access::network()?;
     let Some((namespace, server)) = configuration.name_server() else {
         problem(
             out,
@@ -63,7 +63,7 @@ pub(super) async fn run(_args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     } = server;
     writeln!(out, "Looking for name server on {host}, port number {port}")?;
     writeln!(out, "If there is a long delay, try:\n  yarp conf --clean")?;
-    if session::serves(&network, namespace).await {
+    if network_access::serves(&network, namespace).await {
         // Of several servers of the same names, the one that answers.
         let places = network.servers();
         let (host, port) = places

@@ -9,17 +9,17 @@ use yarp_wire::carrier::Carrier;
 use yarp_wire::message::Command;
 use yarp_wire::{Bottle, Contact, Value};
 
-use super::words::{take_flag, take_value};
+use super::argument_words::{take_flag, take_value};
 use crate::cli::Prefixes;
-use crate::connecting::{self, Telling};
 use crate::error::Result;
-use crate::input::Lines;
-use crate::session;
+use crate::network_access;
+use crate::port_connections::{self, Verbosity};
 use crate::signals::Interrupt;
-use crate::text::complain;
+use crate::stdin_lines::Lines;
+use crate::stock_format::complain;
 
 /// How often we look whether somebody reads.
-const LOOK: Duration = Duration::from_millis(50);
+const READER_POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 /// write to the network from standard input
 ///
@@ -57,13 +57,13 @@ pub(super) async fn run(args: Args, prefixes: Prefixes, out: &mut dyn Write) -> 
         )?;
         return Ok(ExitCode::FAILURE);
     };
-    let network = session::network()?;
+    let network = network_access::network()?;
     let mut interrupt = Interrupt::listen();
     let mut options = PortOptions::new();
     if let Some(type_name) = type_name {
         options = options.type_name(type_name);
     }
-    let Some(port) = session::open(&network, name, options).await? else {
+    let Some(port) = network_access::open(&network, name, options).await? else {
         return Ok(ExitCode::FAILURE);
     };
     let sent = tokio::select! {
@@ -88,7 +88,9 @@ pub(super) async fn run(args: Args, prefixes: Prefixes, out: &mut dyn Write) -> 
 /// Connects a port of ours to targets; ends at the first that fails.
 pub(super) async fn connect(network: &Network, port: &Port, targets: &[String]) -> bool {
     for target in targets {
-        if !connecting::connect(network, port.name(), target, None, Telling::Failure).await {
+        if !port_connections::connect(network, port.name(), target, None, Verbosity::FailuresOnly)
+            .await
+        {
             return false;
         }
     }
@@ -125,7 +127,7 @@ impl Form {
 /// Sends the lines of standard input until it ends.
 pub(super) async fn send(port: &Port, form: Form, wait: bool) {
     while wait && port.outputs().is_empty() {
-        tokio::time::sleep(LOOK).await;
+        tokio::time::sleep(READER_POLL_INTERVAL).await;
     }
     let mut lines = Lines::open();
     while let Some(line) = lines.next().await {
@@ -140,7 +142,7 @@ pub(super) async fn send(port: &Port, form: Form, wait: bool) {
 async fn administer(network: &Network, port: &Port, targets: &[String]) -> Result<bool> {
     let mut dialogues = Vec::new();
     for target in targets {
-        let Some(place) = session::find(network, &Contact::parse(target)).await? else {
+        let Some(place) = network_access::find(network, &Contact::parse(target)).await? else {
             tracing::error!(target: "yarp.os.Network", "Failure: could not find destination port {target}");
             return Ok(false);
         };

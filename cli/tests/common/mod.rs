@@ -14,7 +14,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// Longer than any step takes on a busy machine.
-const PATIENCE: Duration = Duration::from_secs(60);
+const TIMEOUT: Duration = Duration::from_secs(60);
 
 /// A configuration directory, and what all commands of a test have in common.
 pub(crate) struct Home {
@@ -79,7 +79,7 @@ impl Home {
             if ended.says(text) {
                 return ended;
             }
-            assert!(start.elapsed() < PATIENCE, "no {text:?}: {ended:?}");
+            assert!(start.elapsed() < TIMEOUT, "no {text:?}: {ended:?}");
         }
     }
 
@@ -188,19 +188,19 @@ pub(crate) struct Running {
 impl Running {
     /// Waits until a line of standard output holds `text`; tells whether one does before the end.
     pub(crate) fn sees(&mut self, text: &str) -> bool {
-        self.sees_within(text, PATIENCE)
+        self.sees_within(text, TIMEOUT)
     }
 
-    /// As [`Running::sees`], for no longer than `patience`.
-    pub(crate) fn sees_within(&mut self, text: &str, patience: Duration) -> bool {
-        self.out.wait(|line| line.contains(text), patience)
+    /// As [`Running::sees`], for no longer than `timeout`.
+    pub(crate) fn sees_within(&mut self, text: &str, timeout: Duration) -> bool {
+        self.out.wait(|line| line.contains(text), timeout)
     }
 
     /// Waits until so many lines of standard output are `text`.
     #[track_caller]
     pub(crate) fn see_often(self, text: &str, count: usize) -> Self {
         let often = |lines: &[String]| lines.iter().filter(|line| *line == text).count() >= count;
-        let seen = self.out.wait_for(often, PATIENCE);
+        let seen = self.out.wait_for(often, TIMEOUT);
         assert!(
             seen,
             "{}: not {count} times {text:?} in {:?}",
@@ -218,7 +218,7 @@ impl Running {
     /// Types `text` as a line again and again until `reader` prints it.
     #[track_caller]
     pub(crate) fn reaches(&mut self, reader: &mut Self, text: &str) {
-        let deadline = Instant::now() + PATIENCE;
+        let deadline = Instant::now() + TIMEOUT;
         while !reader.sees_within(text, Duration::from_millis(300)) {
             let (out, err) = (reader.out.lines(), reader.err.lines());
             assert!(
@@ -274,7 +274,7 @@ impl Running {
     /// Ends its input and waits for its end.
     pub(crate) fn finish(mut self) -> Ended {
         drop(self.child.stdin.take());
-        let deadline = Instant::now() + PATIENCE;
+        let deadline = Instant::now() + TIMEOUT;
         let status = loop {
             if let Some(status) = self.child.try_wait().unwrap() {
                 break status;
@@ -336,13 +336,13 @@ impl Watched {
         }
     }
 
-    fn wait(&self, matches: impl Fn(&str) -> bool, patience: Duration) -> bool {
-        self.wait_for(|lines| lines.iter().any(|line| matches(line)), patience)
+    fn wait(&self, matches: impl Fn(&str) -> bool, timeout: Duration) -> bool {
+        self.wait_for(|lines| lines.iter().any(|line| matches(line)), timeout)
     }
 
-    fn wait_for(&self, found: impl Fn(&[String]) -> bool, patience: Duration) -> bool {
+    fn wait_for(&self, found: impl Fn(&[String]) -> bool, timeout: Duration) -> bool {
         let (collected, changed) = &*self.state;
-        let waiting = changed.wait_timeout_while(collected.lock().unwrap(), patience, |state| {
+        let waiting = changed.wait_timeout_while(collected.lock().unwrap(), timeout, |state| {
             !state.ended && !found(&state.lines)
         });
         found(&waiting.unwrap().0.lines)

@@ -22,14 +22,14 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use socket2::{Domain, Socket, Type};
-use yarp_conformance::statistics::median;
+use yarp_conformance::benchmark_statistics::median;
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;
 
 /// Clients at once.
 const CLIENTS: usize = 50;
 /// How long each load lasts.
-const LOAD: Duration = Duration::from_secs(2);
+const LOAD_DURATION: Duration = Duration::from_secs(2);
 /// How often each load is put on, unless `ROUNDS` says otherwise; the medians are told.
 const ROUNDS: usize = 5;
 /// Names of a large laboratory.
@@ -37,9 +37,9 @@ const NAMES: usize = 10_000;
 /// Processes that come and go at once.
 const PROCESSES: usize = 500;
 /// Names whose ports are gone.
-const DEAD: usize = 1000;
+const DEAD_NAMES: usize = 1000;
 /// Longest wait for an answer.
-const PATIENCE: Duration = Duration::from_secs(20);
+const REPLY_TIMEOUT: Duration = Duration::from_secs(20);
 const END: &[u8] = b"*** end of message\r\n";
 const ACK: &[u8] = b"<ACK>\r\n";
 
@@ -58,12 +58,12 @@ fn main() -> ExitCode {
             })
         }
         ["bare", port] => bare(port),
-        ["visit", port, name] => port
+        ["register_and_leave", port, name] => port
             .parse()
             .map_err(Failure::from)
-            .and_then(|port| visit(port, name)),
+            .and_then(|port| register_and_leave(port, name)),
         _ => Err(
-            "usage: bench_names [load PORT name_server|text_ack | bare PORT | visit PORT NAME]"
+            "usage: bench_names [load PORT name_server|text_ack | bare PORT | register_and_leave PORT NAME]"
                 .into(),
         ),
     };
@@ -94,10 +94,10 @@ fn ask(port: u16, client: u8, style: Style, request: &str) -> Result<Vec<u8>, Fa
     socket.set_reuse_address(true)?;
     socket.bind(&from.into())?;
     let to = SocketAddrV4::new(Ipv4Addr::LOCALHOST, port);
-    socket.connect_timeout(&to.into(), PATIENCE)?;
+    socket.connect_timeout(&to.into(), REPLY_TIMEOUT)?;
     let mut stream = TcpStream::from(socket);
     stream.set_nodelay(true)?;
-    stream.set_read_timeout(Some(PATIENCE))?;
+    stream.set_read_timeout(Some(REPLY_TIMEOUT))?;
     let (line, end) = match style {
         Style::Plain => (format!("NAME_SERVER {request}\n"), END),
         Style::TextAck => (format!("CONNACK admin\r\nd\r\n{request}\r\n"), ACK),
@@ -115,7 +115,7 @@ fn ask(port: u16, client: u8, style: Style, request: &str) -> Result<Vec<u8>, Fa
 }
 
 /// What a short program does, and whether it got what it asked for.
-fn visit(port: u16, name: &str) -> Result<(), Failure> {
+fn register_and_leave(port: u16, name: &str) -> Result<(), Failure> {
     for request in [
         format!("register {name}"),
         format!("query {name}"),
@@ -252,7 +252,7 @@ impl Kind {
         let server = Server { child, port };
         let began = Instant::now();
         while ask(port, 1, Style::Plain, "query /root").is_err() {
-            if began.elapsed() > PATIENCE {
+            if began.elapsed() > REPLY_TIMEOUT {
                 return Err(format!("{} does not serve", self.name()).into());
             }
             thread::sleep(Duration::from_millis(2));
@@ -317,7 +317,7 @@ fn load(port: u16, style: Style) -> Load {
                 })
             })
             .collect();
-        thread::sleep(LOAD);
+        thread::sleep(LOAD_DURATION);
         stop.store(true, Ordering::Relaxed);
         let times = clients.into_iter().map(|client| client.join());
         times.flat_map(Result::unwrap_or_default).collect()
@@ -358,7 +358,7 @@ fn compare() -> Result<(), Failure> {
     rates(&home)?;
     laboratory(&home)?;
     dead_names(&home)?;
-    bad_company(&home)
+    beside_bad_clients(&home)
 }
 
 /// How often each load is put on.
@@ -389,7 +389,8 @@ fn rates(home: &Home) -> Result<(), Failure> {
                 let before = processor_time(&server)?;
                 let mut load = load(server.port, style);
                 let used = processor_time(&server)? - before;
-                load.processor = used.as_secs_f64() / (load.per_second * LOAD.as_secs_f64());
+                load.processor =
+                    used.as_secs_f64() / (load.per_second * LOAD_DURATION.as_secs_f64());
                 loads.push(load);
             }
         }
@@ -477,7 +478,7 @@ fn laboratory(home: &Home) -> Result<(), Failure> {
         milliseconds(median(lists.iter().map(|list| list.0))),
         lists.len()
     );
-    crowd(&server)?;
+    process_crowd(&server)?;
     let mut times = Vec::new();
     let mut held = 0;
     for _ in 0..rounds()? {
@@ -513,13 +514,13 @@ fn memory(server: &Server) -> Result<u64, Failure> {
 }
 
 /// Many programs that come and go at once.
-fn crowd(server: &Server) -> Result<(), Failure> {
+fn process_crowd(server: &Server) -> Result<(), Failure> {
     let port = server.port.to_string();
     let began = Instant::now();
     let visitors: Vec<Child> = (0..PROCESSES)
         .map(|index| {
             Command::new(std::env::current_exe()?)
-                .args(["visit", &port, &format!("/visitor/{index}")])
+                .args(["register_and_leave", &port, &format!("/visitor/{index}")])
                 .stderr(Stdio::inherit())
                 .spawn()
         })
@@ -557,7 +558,7 @@ fn dead_names(home: &Home) -> Result<(), Failure> {
     let gone = TcpListener::bind("127.0.0.1:0")?;
     let numbers = [off.local_addr()?.port(), gone.local_addr()?.port()];
     drop(gone);
-    for index in 0..DEAD {
+    for index in 0..DEAD_NAMES {
         let number = numbers[index % 2];
         let request = format!("register /dead/{index} tcp 127.0.0.1 {number}");
         ask(server.port, 1, Style::Plain, &request)?;
@@ -578,7 +579,7 @@ fn dead_names(home: &Home) -> Result<(), Failure> {
     drop((off, fillers));
     let left = names(&ask(server.port, 1, Style::Plain, "list /dead")?);
     println!(
-        "`yarp clean`, {DEAD} dead names: {:.2} s, {left} left, success {}   aim < 10 s",
+        "`yarp clean`, {DEAD_NAMES} dead names: {:.2} s, {left} left, success {}   aim < 10 s",
         took.as_secs_f64(),
         status.success()
     );
@@ -586,7 +587,7 @@ fn dead_names(home: &Home) -> Result<(), Failure> {
 }
 
 /// The same load while others say nothing, or nonsense.
-fn bad_company(home: &Home) -> Result<(), Failure> {
+fn beside_bad_clients(home: &Home) -> Result<(), Failure> {
     let server = Kind::Ours.start(&home.fresh()?)?;
     let port = server.port;
     let repeated = || -> Result<Load, Failure> {

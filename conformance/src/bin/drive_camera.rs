@@ -9,7 +9,7 @@
 
 use std::process::ExitCode;
 
-use yarp_conformance::checks::{Checks, PATIENCE};
+use yarp_conformance::live_checks::{CHECK_TIMEOUT, Checks};
 use yarp_devices::image::Crop;
 use yarp_devices::{
     Feature, FeatureMode, FirewireControls, FrameGrabberControls, FrameGrabberImage,
@@ -27,7 +27,7 @@ fn main() -> ExitCode {
     let mut checks = Checks::new();
     for streams in [true, false] {
         let mut options =
-            RemoteFrameGrabberOptions::new(name, "/drive/camera").max_state_age(PATIENCE);
+            RemoteFrameGrabberOptions::new(name, "/drive/camera").max_state_age(CHECK_TIMEOUT);
         if !streams {
             println!("---- each image asked for");
             options = options.no_stream();

@@ -22,11 +22,11 @@ use yarp_wire::Bottle;
 type Failure = Box<dyn std::error::Error>;
 
 /// Between two messages.
-const PERIOD: Duration = Duration::from_millis(100);
+const WRITE_INTERVAL: Duration = Duration::from_millis(100);
 /// For a call.
-const DEADLINE: Duration = Duration::from_secs(2);
+const CALL_TIMEOUT: Duration = Duration::from_secs(2);
 /// After that much silence a host is taken for gone.
-const SILENCE: Duration = Duration::from_secs(3);
+const PEER_TIMEOUT: Duration = Duration::from_secs(3);
 
 #[tokio::main]
 async fn main() -> ExitCode {
@@ -78,7 +78,7 @@ async fn serve() -> Result<(), Failure> {
 }
 
 async fn watch(reader: &str, carrier: &str) -> Result<(), Failure> {
-    let network = Network::from_process()?.with_timeout(DEADLINE);
+    let network = Network::from_process()?.with_timeout(CALL_TIMEOUT);
     let watch = Port::open(&network, "/hosts/watch", PortOptions::new()).await?;
     let plain = Port::open(&network, "/hosts/plain", PortOptions::new()).await?;
     let caller = Port::open(&network, "/hosts/caller", PortOptions::new().rpc_client()).await?;
@@ -86,8 +86,8 @@ async fn watch(reader: &str, carrier: &str) -> Result<(), Failure> {
     caller.connect("/hosts/server").await?;
     let supervision = ReconnectOptions::new()
         .backoff(Duration::from_millis(100), Duration::from_secs(1))
-        .connect_timeout(DEADLINE)
-        .peer_timeout(SILENCE);
+        .connect_timeout(CALL_TIMEOUT)
+        .peer_timeout(PEER_TIMEOUT);
     let mut link = watch.connect_persistent(&format!("{carrier}:/{reader}"), supervision);
     let telling = async {
         loop {
@@ -107,7 +107,7 @@ async fn watch(reader: &str, carrier: &str) -> Result<(), Failure> {
             if plain.outputs().is_empty() && std::mem::take(&mut connected) {
                 println!("plain lost");
             }
-            tokio::time::sleep(PERIOD).await;
+            tokio::time::sleep(WRITE_INTERVAL).await;
         }
     };
     let calling = async {
@@ -118,12 +118,12 @@ async fn watch(reader: &str, carrier: &str) -> Result<(), Failure> {
                 // Also a try to connect ends in time.
                 let _ = caller.connect("/hosts/server").await;
             }
-            let answer = caller.call_within::<Bottle>(&hello, DEADLINE).await;
+            let answer = caller.call_within::<Bottle>(&hello, CALL_TIMEOUT).await;
             let outcome = answer.is_ok();
             if last.replace(outcome) != Some(outcome) {
                 println!("call {}", if outcome { "ok" } else { "failed" });
             }
-            tokio::time::sleep(PERIOD).await;
+            tokio::time::sleep(WRITE_INTERVAL).await;
         }
     };
     tokio::select! {

@@ -29,14 +29,14 @@ const POSES: [[f64; 7]; 3] = [
     [0.0, -70.0, 0.0, 110.0, 0.0, 10.0, 0.0],
 ];
 /// How far from its target a joint may end, degrees: gains and friction of the simulated arm leave tenths.
-const NEAR: f64 = 1.5;
+const MAX_POSITION_ERROR: f64 = 1.5;
 /// What a question for the joints and its answer have, in bytes.
-const QUESTION: usize = 3;
-const ANSWER: usize = 57;
+const REQUEST_BYTES: usize = 3;
+const REPLY_BYTES: usize = 57;
 /// How long both ends wait for each other: a machine that stands still for seconds is to be counted, not to end the run.
-const STANDSTILL: Duration = Duration::from_secs(20);
+const PEER_TIMEOUT: Duration = Duration::from_secs(20);
 /// How long a move may take.
-const PATIENCE: Duration = Duration::from_secs(120);
+const MOVE_TIMEOUT: Duration = Duration::from_secs(120);
 
 struct Words {
     minutes: f64,
@@ -95,14 +95,14 @@ fn run(words: &Words) -> Result<bool, Failure> {
     };
     let driver = EmbeddedWam::start(DriverOptions {
         period,
-        timeout: STANDSTILL,
+        timeout: PEER_TIMEOUT,
         ..DriverOptions::new(LinkMode::listen_on_loopback())
     })?;
     let node = WamNode::start(
         arm,
         NodeOptions {
-            timeout: STANDSTILL,
-            idle_timeout: STANDSTILL,
+            timeout: PEER_TIMEOUT,
+            idle_timeout: PEER_TIMEOUT,
             ..NodeOptions::new(LinkMode::Connect(driver.addresses()))
         },
     )?;
@@ -121,7 +121,7 @@ fn run(words: &Words) -> Result<bool, Failure> {
             Ok(off) => {
                 moves += 1;
                 farthest = farthest.max(off);
-                if off > NEAR {
+                if off > MAX_POSITION_ERROR {
                     broken.push(format!("move {moves} ended {off:.2} degrees off"));
                 }
             }
@@ -189,12 +189,12 @@ fn go(driver: &EmbeddedWam, target: &[f64; 7]) -> Result<f64, Failure> {
 }
 
 fn rest(driver: &EmbeddedWam) -> Result<(), Failure> {
-    let deadline = Instant::now() + PATIENCE;
+    let deadline = Instant::now() + MOVE_TIMEOUT;
     while !matches!(driver.motion_done(Axes::All), Ok(true)) {
         if Instant::now() > deadline {
             let last = driver.link().last_failure.unwrap_or_default();
             return Err(
-                format!("the arm did not come to rest within {PATIENCE:?} ({last})").into(),
+                format!("the arm did not come to rest within {MOVE_TIMEOUT:?} ({last})").into(),
             );
         }
         thread::sleep(Duration::from_millis(10));
@@ -231,13 +231,13 @@ fn bare(end: Instant, period: Duration) -> Result<CycleStatistics, Failure> {
     near.set_nodelay(true)?;
     far.set_nodelay(true)?;
     let answering = thread::spawn(move || {
-        let mut question = [0; QUESTION];
+        let mut question = [0; REQUEST_BYTES];
         // Ends when the other side closes.
-        while far.read_exact(&mut question).is_ok() && far.write_all(&[0; ANSWER]).is_ok() {}
+        while far.read_exact(&mut question).is_ok() && far.write_all(&[0; REPLY_BYTES]).is_ok() {}
     });
     let timing = keep(end, period, || {
-        near.write_all(&[0; QUESTION])?;
-        near.read_exact(&mut [0; ANSWER])
+        near.write_all(&[0; REQUEST_BYTES])?;
+        near.read_exact(&mut [0; REPLY_BYTES])
     });
     drop(near);
     answering.join().map_err(|_| "the far end panicked")?;

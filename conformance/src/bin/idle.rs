@@ -12,7 +12,7 @@ use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, Command, ExitCode, Stdio};
 use std::time::Duration;
 
-use yarp_conformance::counting::Counting;
+use yarp_conformance::counting_allocator::Counting;
 use yarp_conformance::soak::Footprint;
 use yarp_ports::{Network, Port, PortOptions, Queue};
 use yarp_wire::Bottle;
@@ -23,13 +23,13 @@ static COUNTING: Counting = Counting;
 type Failure = Box<dyn std::error::Error>;
 
 /// Bytes that an idle connection may take.
-const ALLOWED: f64 = 20.0 * 1024.0;
+const MAX_BYTES_PER_CONNECTION: f64 = 20.0 * 1024.0;
 /// How long the CPU is watched.
-const WATCHED: Duration = Duration::from_secs(5);
+const CPU_SAMPLE_DURATION: Duration = Duration::from_secs(5);
 /// The part of a CPU that counts as rest: what looking at it costs, and no more.
-const REST: f64 = 0.001;
+const MAX_IDLE_CPU: f64 = 0.001;
 /// For each step; nothing is right or wrong because of it.
-const PATIENCE: Duration = Duration::from_secs(60);
+const STEP_TIMEOUT: Duration = Duration::from_secs(60);
 
 #[tokio::main]
 async fn main() -> ExitCode {
@@ -91,7 +91,7 @@ impl Memory {
 }
 
 async fn measure(connections: usize, ports: usize) -> Result<(), Failure> {
-    let network = Network::none().with_timeout(PATIENCE);
+    let network = Network::none().with_timeout(STEP_TIMEOUT);
     let mut most = 0.0_f64;
     let mut held = Vec::new();
     let mut others = Vec::new();
@@ -141,8 +141,8 @@ async fn measure(connections: usize, ports: usize) -> Result<(), Failure> {
 
     tokio::time::sleep(Duration::from_secs(1)).await;
     let before = cpu()?;
-    tokio::time::sleep(WATCHED).await;
-    let share = (cpu()? - before).as_secs_f64() / WATCHED.as_secs_f64();
+    tokio::time::sleep(CPU_SAMPLE_DURATION).await;
+    let share = (cpu()? - before).as_secs_f64() / CPU_SAMPLE_DURATION.as_secs_f64();
     println!("CPU at rest: {:.4} %", 100.0 * share);
     let lost = held
         .iter()
@@ -153,10 +153,10 @@ async fn measure(connections: usize, ports: usize) -> Result<(), Failure> {
         return Err(format!("{left} connections of {opened} are left").into());
     }
     drop(others);
-    if most >= ALLOWED {
+    if most >= MAX_BYTES_PER_CONNECTION {
         return Err(format!("an idle connection takes {:.1} KiB", most / 1024.0).into());
     }
-    if share > REST {
+    if share > MAX_IDLE_CPU {
         return Err("the CPU is not at rest".into());
     }
     Ok(())
@@ -210,7 +210,7 @@ impl Drop for Other {
 
 /// The other ends: writers over a carrier to port `number`, or readers, whose numbers it prints.
 async fn other(what: &str, number: &str, count: &str) -> Result<(), Failure> {
-    let network = Network::none().with_timeout(PATIENCE);
+    let network = Network::none().with_timeout(STEP_TIMEOUT);
     let mut held = Vec::new();
     if what == "readers" {
         for reader in 0..count.parse()? {

@@ -6,7 +6,7 @@
 use std::process::ExitCode;
 use std::time::Instant;
 
-use yarp_conformance::counting::Counting;
+use yarp_conformance::counting_allocator::Counting;
 use yarp_conformance::soak;
 
 #[global_allocator]

@@ -16,7 +16,7 @@ use yarp_devices::wam::SimulatedWam;
 /// The elbow of the WAM.
 const ELBOW: AxisIndex = AxisIndex::new(3);
 /// Degrees it moves to and fro.
-const NOD: f64 = -10.0;
+const NOD_DEGREES: f64 = -10.0;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arm: Arc<dyn Device> = match std::env::args().nth(1) {
@@ -42,10 +42,10 @@ fn nod(arm: &dyn Device) -> Result<(), Box<dyn Error>> {
     motion.set_reference_speeds(elbow, &[20.0])?;
     let start = position()?;
     println!("the elbow stands at {start:.1} degrees");
-    for target in [start + NOD, start] {
+    for target in [start + NOD_DEGREES, start] {
         motion.position_move(elbow, &[target])?;
-        let patience = Instant::now() + Duration::from_secs(10);
-        while !motion.motion_done(elbow)? && Instant::now() < patience {
+        let deadline = Instant::now() + Duration::from_secs(10);
+        while !motion.motion_done(elbow)? && Instant::now() < deadline {
             sleep(Duration::from_millis(20));
         }
         // The last reading of a remote arm may be one period old.

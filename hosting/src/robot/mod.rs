@@ -10,13 +10,13 @@
 //! Source: `XMLReaderFileV3.cpp`, `XMLReaderFileV1.cpp`, `Robot.cpp`, `Device.cpp` of YARP 3.5, tags, `${portprefix}`
 //! and the order of actions as in 4.0.
 
+mod description_files;
+mod device_parameters;
 mod error;
-mod files;
-mod parameters;
-mod run;
-mod tags;
-mod toml;
-mod xml;
+mod include_tags;
+mod lifecycle;
+mod toml_description;
+mod xml_description;
 
 use std::fmt;
 use std::path::Path;
@@ -25,7 +25,7 @@ use yarp_wire::Value;
 use yarp_wire::settings::{Origin, Settings};
 
 pub use error::RobotError;
-pub use run::{Progress, RunningRobot};
+pub use lifecycle::{Progress, RunningRobot};
 
 /// A robot, as described.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,7 +49,7 @@ pub struct Robot {
 pub struct DeviceEntry {
     /// Its name among the devices.
     pub name: String,
-    /// Its kind, as in [`kinds`](crate::kinds).
+    /// Its kind, as in [`kinds`](crate::device_types).
     pub kind: String,
     /// Its parameters.
     pub params: Vec<Param>,
@@ -172,8 +172,8 @@ impl Robot {
     /// Errors: [`RobotError`], with file and line.
     pub fn read(file: &Path, options: &ReadOptions) -> Result<Self, RobotError> {
         let mut robot = match file.extension() {
-            Some(ending) if ending == "toml" => toml::read(file, options)?,
-            _ => xml::read(file, options)?,
+            Some(ending) if ending == "toml" => toml_description::read(file, options)?,
+            _ => xml_description::read(file, options)?,
         };
         if let Some(prefix) = options.given.get("portprefix") {
             robot.port_prefix = prefix.to_plain_string();

@@ -12,7 +12,7 @@ use yarp_wire::settings::{NoSource, Origin, Parameters, Settings};
 use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions};
 
 /// Longer than anything here takes on a busy machine.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(60);
+pub(crate) const TIMEOUT: Duration = Duration::from_secs(60);
 
 pub(crate) struct Stage {
     pub(crate) runtime: Runtime,

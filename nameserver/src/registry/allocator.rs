@@ -4,16 +4,16 @@ use std::collections::{BTreeSet, HashMap, VecDeque};
 use std::net::Ipv4Addr;
 use std::ops::RangeInclusive;
 
-use super::limits::Refusal;
+use super::registry_limits::Refusal;
 
 /// Port numbers that the server hands out, one pool for all hosts.
 ///
 /// In stock's order: the number that the name had before, if nobody has it now; else the next
 /// number that was never handed out; else the one that has been free longest. Unlike stock, a
 /// number that a live port asked for itself is never handed out to another, and a network of more
-/// ports than stock has numbers for gets those up to [`SPARE`].
+/// ports than stock has numbers for gets those up to [`LAST_SPARE_NUMBER`].
 #[derive(Debug)]
-pub(super) struct Numbers {
+pub(super) struct PortNumbers {
     first: u32,
     /// First number that was never handed out.
     next: u32,
@@ -30,14 +30,14 @@ pub(super) struct Numbers {
 }
 
 /// The last number before those that Linux gives to clients.
-const SPARE: u32 = 32_767;
+const LAST_SPARE_NUMBER: u32 = 32_767;
 
-impl Numbers {
+impl PortNumbers {
     /// Stock's range above its own number: from the second to the 9999th.
     pub(super) fn above(server: u16) -> Self {
         let server = u32::from(server);
         let last = (server + 9999).min(u16::MAX.into());
-        Self::between(server + 2, last, SPARE)
+        Self::between(server + 2, last, LAST_SPARE_NUMBER)
     }
 
     /// Any other range.
@@ -171,7 +171,7 @@ struct Counter {
 }
 
 impl Counter {
-    /// Numbers beyond that are not ours, or will be skipped when it comes to them.
+    /// PortNumbers beyond that are not ours, or will be skipped when it comes to them.
     const GAP: u32 = 100_000;
 
     fn from(next: u32) -> Self {
@@ -205,9 +205,9 @@ impl Counter {
 
 /// Invented names: `/tmp/port/1`, `/tmp/port/2`...
 #[derive(Debug)]
-pub(super) struct Names(Counter);
+pub(super) struct AnonymousNames(Counter);
 
-impl Names {
+impl AnonymousNames {
     const PREFIX: &str = "/tmp/port/";
 
     pub(super) fn new() -> Self {
@@ -248,10 +248,10 @@ impl Names {
 
 /// Multicast groups: `224.1.1.3`, `224.1.1.4`...
 #[derive(Debug)]
-pub(super) struct Groups(Counter);
+pub(super) struct MulticastGroups(Counter);
 
-impl Groups {
-    /// Groups after which the second last byte would be 256.
+impl MulticastGroups {
+    /// MulticastGroups after which the second last byte would be 256.
     const COUNT: u32 = 255 * 255;
 
     pub(super) fn new() -> Self {
@@ -305,7 +305,7 @@ impl Groups {
 mod tests {
     use super::*;
 
-    fn take(numbers: &mut Numbers, name: &str) -> Option<u16> {
+    fn take(numbers: &mut PortNumbers, name: &str) -> Option<u16> {
         let number = numbers.choose(name)?;
         numbers.take(number);
         Some(number)
@@ -313,7 +313,7 @@ mod tests {
 
     #[test]
     fn a_name_gets_its_number_back() {
-        let mut numbers = Numbers::above(10000);
+        let mut numbers = PortNumbers::above(10000);
         assert_eq!(take(&mut numbers, "/a"), Some(10002));
         assert_eq!(take(&mut numbers, "/b"), Some(10003));
         numbers.free(10002);
@@ -324,7 +324,7 @@ mod tests {
 
     #[test]
     fn numbers_return_when_the_range_is_used_up() {
-        let mut numbers = Numbers::above(10000);
+        let mut numbers = PortNumbers::above(10000);
         for number in 10002..=19999 {
             assert_eq!(take(&mut numbers, &format!("/{number}")), Some(number));
         }
@@ -337,7 +337,7 @@ mod tests {
     /// Stock exits when 9998 ports have asked for a number; a lab may have 10 000 names.
     #[test]
     fn more_ports_than_stock_has_numbers_for() {
-        let mut numbers = Numbers::above(10000);
+        let mut numbers = PortNumbers::above(10000);
         for number in 10002..=32767 {
             assert_eq!(take(&mut numbers, &format!("/{number}")), Some(number));
         }
@@ -345,7 +345,7 @@ mod tests {
         numbers.free(25000);
         assert_eq!(take(&mut numbers, "/more"), Some(25000));
 
-        let mut again = Numbers::above(10000);
+        let mut again = PortNumbers::above(10000);
         for number in (10002..=19999).chain([20001]) {
             again.restore(&format!("/{number}"), number);
         }
@@ -356,7 +356,7 @@ mod tests {
 
     #[test]
     fn numbers_asked_for_by_ports_are_left_out() {
-        let mut numbers = Numbers::above(10000);
+        let mut numbers = PortNumbers::above(10000);
         numbers.take(10002);
         numbers.take(10002);
         assert_eq!(take(&mut numbers, "/a"), Some(10003));
@@ -368,16 +368,16 @@ mod tests {
 
     #[test]
     fn the_range_ends_with_the_numbers() {
-        let mut numbers = Numbers::above(65_532);
+        let mut numbers = PortNumbers::above(65_532);
         assert_eq!(take(&mut numbers, "/a"), Some(65_534));
         assert_eq!(take(&mut numbers, "/b"), Some(65_535));
         assert_eq!(take(&mut numbers, "/c"), None);
-        assert_eq!(take(&mut Numbers::above(65_535), "/a"), None);
+        assert_eq!(take(&mut PortNumbers::above(65_535), "/a"), None);
     }
 
     #[test]
     fn groups_are_numbered_as_in_stock() {
-        let mut groups = Groups::new();
+        let mut groups = MulticastGroups::new();
         assert_eq!(groups.choose(|_| false).unwrap(), "224.1.1.3");
         assert_eq!(groups.choose(|_| false).unwrap(), "224.1.1.4");
         groups.free("224.1.1.3");
@@ -386,13 +386,13 @@ mod tests {
         groups.free("nonsense");
         assert_eq!(groups.choose(|_| false).unwrap(), "224.1.1.3");
         assert_eq!(groups.choose(|_| false).unwrap(), "224.1.1.5");
-        assert_eq!(Groups::address(254).to_string(), "224.1.1.255");
-        assert_eq!(Groups::address(255).to_string(), "224.1.2.1");
+        assert_eq!(MulticastGroups::address(254).to_string(), "224.1.1.255");
+        assert_eq!(MulticastGroups::address(255).to_string(), "224.1.2.1");
     }
 
     #[test]
     fn groups_run_out_without_harm() {
-        let mut groups = Groups::new();
+        let mut groups = MulticastGroups::new();
         let count = std::iter::from_fn(|| groups.choose(|_| false)).count();
         assert_eq!(count, 255 * 255 - 2);
         assert_eq!(groups.choose(|_| false), None);
@@ -402,7 +402,7 @@ mod tests {
 
     #[test]
     fn names_are_invented_and_reused() {
-        let mut names = Names::new();
+        let mut names = AnonymousNames::new();
         assert_eq!(
             names.choose("", |name| name == "/tmp/port/1"),
             "/tmp/port/2"

@@ -10,8 +10,8 @@ use std::time::Instant;
 
 use yarp_wire::name_service::Registration;
 
-use super::life::Life;
-use super::persistent::End;
+use super::liveness::LivenessRecord;
+use super::persistent_connections::ConnectionEnd;
 use super::{Entry, FALLBACK, Registry};
 
 /// One thing to remember, or to forget.
@@ -75,7 +75,10 @@ pub enum Change {
 impl Change {
     /// The bare names of both ends of a subscription given as they were written.
     pub fn bare_ends(source: &str, destination: &str) -> (String, String) {
-        (End::parse(source).name, End::parse(destination).name)
+        (
+            ConnectionEnd::parse(source).name,
+            ConnectionEnd::parse(destination).name,
+        )
     }
 
     /// The port that it is about, if it is about one.
@@ -118,20 +121,20 @@ impl Registry {
 
     /// The registry as it would be if `changes` were all that ever happened to others; what is known
     /// of the server itself, and of who lives, stays.
-    pub(crate) fn again(&self, now: Instant, changes: Vec<Change>) -> Self {
-        let mut again = Self::new(self.settings.clone());
-        again.restore(now, changes);
+    pub(crate) fn rebuilt(&self, now: Instant, changes: Vec<Change>) -> Self {
+        let mut rebuilt = Self::new(self.settings.clone());
+        rebuilt.restore(now, changes);
         let own = self.settings.name.as_str();
-        if let (Some(entry), Some(old)) = (again.ports.get_mut(own), self.ports.get(own)) {
+        if let (Some(entry), Some(old)) = (rebuilt.ports.get_mut(own), self.ports.get(own)) {
             entry.properties = old.properties.clone();
         }
-        for (name, entry) in &mut again.ports {
+        for (name, entry) in &mut rebuilt.ports {
             let same = |old: &&Entry| old.registration == entry.registration;
             if let Some(old) = self.ports.get(name).filter(same) {
-                entry.life = old.life.clone();
+                entry.liveness = old.liveness.clone();
             }
         }
-        again
+        rebuilt
     }
 
     pub(super) fn restore_one(&mut self, now: Instant, change: Change) {
@@ -158,7 +161,7 @@ impl Registry {
                 destination,
                 mode,
             } => {
-                let ends = [&source, &destination].map(|text| End::parse(text));
+                let ends = [&source, &destination].map(|text| ConnectionEnd::parse(text));
                 let [source, destination] = ends;
                 // As above.
                 let _ = self.persistent.restore(source, destination, &mode);
@@ -167,7 +170,8 @@ impl Registry {
                 source,
                 destination,
             } => {
-                let [source, destination] = [source, destination].map(|name| End::parse(&name));
+                let [source, destination] =
+                    [source, destination].map(|name| ConnectionEnd::parse(&name));
                 self.persistent.unsubscribe(&source, &destination);
             }
             Change::Topic { name, structure } => {
@@ -191,7 +195,7 @@ impl Registry {
         if registration.carrier == "mcast" {
             self.groups.restore(&registration.host);
         }
-        self.place(registration, Life::restored());
+        self.place(registration, LivenessRecord::restored());
     }
 }
 
@@ -266,11 +270,11 @@ mod tests {
         let lines = ["register ...", "register ... mcast", "register /c"].map(str::to_owned);
         let mut changes = run(&mut registry, &lines);
         changes.extend(run(&mut registry, &["unregister /tmp/port/1".to_owned()]));
-        let mut again = Registry::new(settings());
-        again.restore(Instant::now(), changes);
-        run(&mut again, &lines[..2]);
-        run(&mut again, &["register /d".to_owned()]);
-        let places: Vec<_> = again.registrations().map(ToString::to_string).collect();
+        let mut rebuilt = Registry::new(settings());
+        rebuilt.restore(Instant::now(), changes);
+        run(&mut rebuilt, &lines[..2]);
+        run(&mut rebuilt, &["register /d".to_owned()]);
+        let places: Vec<_> = rebuilt.registrations().map(ToString::to_string).collect();
         let expected = [
             "registration name /c ip 127.0.0.1 port 10314 type tcp",
             "registration name /d ip 127.0.0.1 port 10316 type tcp",
@@ -289,9 +293,9 @@ mod tests {
             let names = ["/a", "/b", "/tmp/port/1", "/t"];
             let mut registry = Registry::new(settings());
             let changes = run(&mut registry, &lines);
-            let mut again = Registry::new(settings());
-            again.restore(Instant::now(), changes);
-            prop_assert_eq!(told(&mut again, &names), told(&mut registry, &names));
+            let mut rebuilt = Registry::new(settings());
+            rebuilt.restore(Instant::now(), changes);
+            prop_assert_eq!(told(&mut rebuilt, &names), told(&mut registry, &names));
         }
     }
 
@@ -304,7 +308,7 @@ mod tests {
             back in 0..60usize,
         ) {
             use crate::registry::Item;
-            use crate::shared::content;
+            use crate::shared::store_format;
             let names = ["/a", "/b", "/tmp/port/1", "/t"];
             let [mut registry, mut other, mut past] = [(); 3].map(|()| Registry::new(settings()));
             let mut later = Vec::new();
@@ -314,8 +318,8 @@ mod tests {
                 items.sort();
                 items.dedup();
                 for item in items {
-                    let write = content::write(&item, registry.held(&item).as_ref());
-                    let read = content::item_of(&write.key, write.value.as_deref());
+                    let write = store_format::write(&item, registry.held(&item).as_ref());
+                    let read = store_format::item_of(&write.key, write.value.as_deref());
                     let (read, held) = read.expect("what is written is understood");
                     prop_assert_eq!(&read, &item);
                     other.adopt(Instant::now(), &read, held.clone());
@@ -343,7 +347,7 @@ mod tests {
         /// Whatever somebody else writes under our keys.
         #[test]
         fn no_value_makes_trouble(key in "(port|connection|topic|type)/[ -~]{0,9}", value in "\\PC{0,40}") {
-            let item = crate::shared::content::item_of(&key, Some(value.as_bytes()));
+            let item = crate::shared::store_format::item_of(&key, Some(value.as_bytes()));
             prop_assert!(item.is_none_or(|(_, held)| held.is_some()));
         }
     }

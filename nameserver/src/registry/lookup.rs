@@ -5,8 +5,8 @@ use std::net::IpAddr;
 use yarp_wire::name_service::{Form, Registration, plain_text};
 use yarp_wire::{Bottle, Value};
 
-use super::limits;
-use super::persistent::split_carrier;
+use super::persistent_connections::split_carrier;
+use super::registry_limits;
 use super::{Body, Change, Entry, Registry, subnets};
 
 impl Registry {
@@ -100,9 +100,9 @@ impl Registry {
         let Some(entry) = self.ports.get_mut(name) else {
             return unknown(form);
         };
-        let held = limits::check_key(key)
+        let held = registry_limits::check_key(key)
             .and_then(|()| match (key, values.iter().min()) {
-                ("carrier", Some(carrier)) => limits::check_word("carrier", carrier),
+                ("carrier", Some(carrier)) => registry_limits::check_word("carrier", carrier),
                 _ => Ok(()),
             })
             .and_then(|()| entry.properties.set(&mut self.pool, key, values));

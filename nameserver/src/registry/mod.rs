@@ -17,19 +17,19 @@
 
 mod allocator;
 mod change;
-mod item;
-mod life;
-mod limits;
+mod fixed_replies;
+mod liveness;
 mod lookup;
-mod persistent;
+mod persistent_connections;
 mod properties;
 mod register;
-mod reply;
+mod registry_limits;
+#[cfg(test)]
+mod registry_tests;
+mod reply_and_effects;
+mod shared_item;
 mod subnets;
 mod subscribe;
-#[cfg(test)]
-mod tests;
-mod text;
 
 use std::collections::BTreeMap;
 use std::net::IpAddr;
@@ -40,21 +40,21 @@ use yarp_wire::name_service::{
     Command, DEFAULT_NAMESPACE, DEFAULT_PORT, Form, RegisterRequest, Registration, Request,
 };
 
-use allocator::{Groups, Names, Numbers};
-use life::Life;
-use persistent::Persistent;
+use allocator::{AnonymousNames, MulticastGroups, PortNumbers};
+use liveness::LivenessRecord;
+use persistent_connections::PersistentConnections;
 use properties::{Pool, Properties};
 
 pub use change::Change;
-pub(crate) use item::{Held, Item};
-pub use life::{Claim, Known, Look, Outcome, State};
-pub use limits::Refusal;
-pub use reply::{Body, Effect, Link, Reply};
+pub use liveness::{ClaimResult, Liveness, PortStatus, Probe, ProbeResult};
+pub use registry_limits::Refusal;
+pub use reply_and_effects::{Body, Effect, Link, Reply};
+pub(crate) use shared_item::{Item, ItemValue};
 pub use subnets::Subnet;
 
 /// The name in a contact such as `tcp://name`, as persistent connections have them.
 pub(crate) fn bare_name(contact: &str) -> &str {
-    persistent::split_carrier(contact).1
+    persistent_connections::split_carrier(contact).1
 }
 
 /// What the server knows of itself.
@@ -71,7 +71,7 @@ pub struct Settings {
     /// The networks that it has addresses in.
     pub subnets: Vec<Subnet>,
     /// The numbers that it hands out, if not those above its own.
-    pub numbers: Option<RangeInclusive<u16>>,
+    pub port_range: Option<RangeInclusive<u16>>,
     /// Told to ports that keep a lease: another one says that the server was started anew.
     pub incarnation: u64,
     /// How long a lease holds.
@@ -85,10 +85,10 @@ pub struct Settings {
 pub struct Registry {
     settings: Settings,
     ports: BTreeMap<String, Entry>,
-    numbers: Numbers,
-    names: Names,
-    groups: Groups,
-    persistent: Persistent,
+    numbers: PortNumbers,
+    names: AnonymousNames,
+    groups: MulticastGroups,
+    persistent: PersistentConnections,
     types: BTreeMap<String, String>,
     pool: Pool,
     /// What the request in hand has changed so far.
@@ -102,7 +102,7 @@ struct Entry {
     properties: Properties,
     /// When it last said that it listens; none before it did, or once it was found dead.
     announced: Option<Instant>,
-    life: Life,
+    liveness: LivenessRecord,
 }
 
 impl Settings {
@@ -114,7 +114,7 @@ impl Settings {
             port,
             multicast_port: DEFAULT_PORT,
             subnets: Vec::new(),
-            numbers: None,
+            port_range: None,
             incarnation: 0,
             lease: LEASE,
             others: Vec::new(),
@@ -135,13 +135,13 @@ impl Registry {
     pub fn new(settings: Settings) -> Self {
         let mut registry = Self {
             ports: BTreeMap::new(),
-            numbers: match settings.numbers.clone() {
-                Some(numbers) => Numbers::within(numbers),
-                None => Numbers::above(settings.port),
+            numbers: match settings.port_range.clone() {
+                Some(range) => PortNumbers::within(range),
+                None => PortNumbers::above(settings.port),
             },
-            names: Names::new(),
-            groups: Groups::new(),
-            persistent: Persistent::default(),
+            names: AnonymousNames::new(),
+            groups: MulticastGroups::new(),
+            persistent: PersistentConnections::default(),
             types: BTreeMap::new(),
             pool: Pool::default(),
             journal: Vec::new(),
@@ -196,9 +196,9 @@ impl Registry {
             Command::Route {
                 source,
                 destination,
-            } => Body::lines([text::route(source, destination)]).into(),
+            } => Body::lines([fixed_replies::route(source, destination)]).into(),
             Command::CollectGarbage => Body::lines(["garbage collection done.".into()]).into(),
-            Command::Help => text::help(form).into(),
+            Command::Help => fixed_replies::help(form).into(),
             Command::Announce { name, alive } => self.announce(now, name, *alive),
             Command::Subscribe {
                 source,
@@ -218,7 +218,7 @@ impl Registry {
                 name,
                 value,
             } => self.type_definition(family, name, value.as_deref()).into(),
-            Command::Web(_) => text::web().into(),
+            Command::Web(_) => fixed_replies::web().into(),
             Command::Lease { holders } => self.lease(now, holders).into(),
             // Told to another server, which passes it on.
             Command::Passed { holders } => self.lease(now, holders).into(),

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use yarp_wire::name_service::plain_text;
 use yarp_wire::{Bottle, Value};
 
-use super::limits::{self, Refusal};
+use super::registry_limits::{self, Refusal};
 
 /// A list of texts that many ports may have in common.
 pub(super) type Values = Arc<[String]>;
@@ -64,10 +64,10 @@ impl Properties {
     ) -> Result<(), Refusal> {
         let others = self.0.iter().filter(|(other, _)| &**other != key);
         let others: usize = others.map(|(key, values)| size(key, values)).sum();
-        if others + size(key, values) > limits::PROPERTIES {
+        if others + size(key, values) > registry_limits::MAX_PROPERTY_BYTES {
             return Err(Refusal::Full {
                 what: "bytes of properties per port",
-                limit: limits::PROPERTIES,
+                limit: registry_limits::MAX_PROPERTY_BYTES,
             });
         }
         let mut values = values.to_vec();

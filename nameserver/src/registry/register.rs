@@ -6,9 +6,9 @@ use std::time::Instant;
 
 use yarp_wire::name_service::{Form, RegisterRequest, Registration, SERVER_CHOOSES};
 
-use super::life::Life;
-use super::limits::{self, Refusal};
+use super::liveness::LivenessRecord;
 use super::properties::Properties;
+use super::registry_limits::{self, Refusal};
 use super::{Body, Change, Effect, Entry, Registry, Reply};
 
 impl Registry {
@@ -36,21 +36,21 @@ impl Registry {
         effects: &mut Vec<Effect>,
     ) -> Result<Registration, Refusal> {
         let carrier = asked.carrier.as_deref().unwrap_or("tcp");
-        limits::check_word("carrier", carrier)?;
+        registry_limits::check_word("carrier", carrier)?;
         if let Some(host) = &asked.host {
-            limits::check_word("host", host)?;
+            registry_limits::check_word("host", host)?;
         }
         if let Some(type_name) = &asked.type_name {
-            limits::check_word("type", type_name)?;
+            registry_limits::check_word("type", type_name)?;
         }
         let number = self.wanted_number(carrier, asked)?;
         let name = self.name_for(&asked.name)?;
         self.forget(&name, effects, &mut Vec::new());
-        if self.ports.len() >= limits::PORTS {
+        if self.ports.len() >= registry_limits::MAX_PORTS {
             self.names.free(&name);
             return Err(Refusal::Full {
                 what: "ports",
-                limit: limits::PORTS,
+                limit: registry_limits::MAX_PORTS,
             });
         }
         let Some(port) = number.or_else(|| self.numbers.choose(&name)) else {
@@ -69,7 +69,7 @@ impl Registry {
             port,
         };
         self.record(Change::Port(registration.clone()));
-        self.place(registration.clone(), Life::registered(now));
+        self.place(registration.clone(), LivenessRecord::registered(now));
         if let Some(type_name) = &asked.type_name {
             // A short word: it always fits.
             self.set(Form::Plain, &name, "type", std::slice::from_ref(type_name));
@@ -81,7 +81,7 @@ impl Registry {
     }
 
     /// Puts a port where it belongs, with no property but its carrier.
-    pub(super) fn place(&mut self, registration: Registration, life: Life) {
+    pub(super) fn place(&mut self, registration: Registration, liveness: LivenessRecord) {
         let mut properties = Properties::default();
         let carrier = std::slice::from_ref(&registration.carrier);
         // A short word: it always fits.
@@ -91,7 +91,7 @@ impl Registry {
             registration,
             properties,
             announced: None,
-            life,
+            liveness,
         };
         self.ports.insert(name, entry);
     }
@@ -120,11 +120,11 @@ impl Registry {
             _ => asked.strip_prefix('=').map(|_| asked),
         };
         let Some(suffix) = suffix else {
-            limits::check_name(asked)?;
+            registry_limits::check_name(asked)?;
             return Ok(asked.to_owned());
         };
         // As long as the longest name that can come out.
-        limits::check_name(&format!("/tmp/port/4294967295{suffix}"))?;
+        registry_limits::check_name(&format!("/tmp/port/4294967295{suffix}"))?;
         Ok(self
             .names
             .choose(suffix, |name| self.ports.contains_key(name)))
@@ -178,7 +178,7 @@ impl Registry {
             let Some(entry) = self.ports.get(&name) else {
                 continue;
             };
-            if going.len() >= limits::LINKS || !seen.insert(name.clone()) {
+            if going.len() >= registry_limits::MAX_LINKS_PER_REQUEST || !seen.insert(name.clone()) {
                 continue;
             }
             let owned = entry.properties.get("owns");

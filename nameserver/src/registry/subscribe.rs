@@ -2,14 +2,14 @@
 
 use std::time::{Duration, Instant};
 
-use super::limits::{self, Refusal};
-use super::persistent::{End, verdict};
+use super::persistent_connections::{ConnectionEnd, ok_or_fail};
+use super::registry_limits::{self, Refusal};
 use super::{Body, Change, Effect, Entry, Link, Registry, Reply};
 
 /// How fresh an announcement must be to outweigh somebody's word that the port is dead.
 ///
 /// A port that has just opened may not have been ready for that somebody yet. Source: stock.
-const FRESH: Duration = Duration::from_secs(30);
+const MAX_ANNOUNCEMENT_AGE: Duration = Duration::from_secs(30);
 
 impl Registry {
     /// `announce NAME`: the port listens; what waited for it is connected. `announce NAME 0`: a
@@ -24,7 +24,8 @@ impl Registry {
                 entry.announced = Some(now);
                 effects = self.due(name);
             } else {
-                let fresh = |then: &Instant| now.saturating_duration_since(*then) <= FRESH;
+                let fresh =
+                    |then: &Instant| now.saturating_duration_since(*then) <= MAX_ANNOUNCEMENT_AGE;
                 entry.announced = entry.announced.filter(fresh);
             }
             let announced = self.ports[name].announced.is_some();
@@ -33,7 +34,7 @@ impl Registry {
                 self.record(Change::Announced { name, announced });
             }
         }
-        let body = Body::Bottle(verdict(Ok(())));
+        let body = Body::Bottle(ok_or_fail(Ok(())));
         Reply::new(body, effects)
     }
 
@@ -41,7 +42,10 @@ impl Registry {
     /// not, as in stock. A mode whose end is missing ends the subscription before it begins; the
     /// answer is `[ok]` nevertheless.
     pub(super) fn subscribe(&mut self, source: &str, destination: &str, mode: &str) -> Reply {
-        let (source, destination) = (End::parse(source), End::parse(destination));
+        let (source, destination) = (
+            ConnectionEnd::parse(source),
+            ConnectionEnd::parse(destination),
+        );
         let [from, to] = [&source, &destination].map(|end| end.name.clone());
         let topics = [&source, &destination].map(|end| end.names_topic().then(|| end.name.clone()));
         let change = Change::Subscription {
@@ -50,7 +54,7 @@ impl Registry {
             mode: mode.to_owned(),
         };
         if let Err(refusal) = self.persistent.subscribe(source, destination, mode) {
-            return Body::Bottle(verdict(Err(refusal))).into();
+            return Body::Bottle(ok_or_fail(Err(refusal))).into();
         }
         for topic in topics.iter().flatten() {
             self.record_topic(topic);
@@ -74,20 +78,20 @@ impl Registry {
                 ours.map(Effect::Connect).collect()
             }
         };
-        let body = Body::Bottle(verdict(Ok(())));
+        let body = Body::Bottle(ok_or_fail(Ok(())));
         Reply::new(body, effects)
     }
 
     /// Stock leaves the connection itself as it is.
     pub(super) fn unsubscribe(&mut self, source: &str, destination: &str) -> Reply {
-        let [source, destination] = [source, destination].map(End::parse);
+        let [source, destination] = [source, destination].map(ConnectionEnd::parse);
         if self.persistent.unsubscribe(&source, &destination) {
             self.record(Change::SubscriptionGone {
                 source: source.name,
                 destination: destination.name,
             });
         }
-        Body::Bottle(verdict(Ok(()))).into()
+        Body::Bottle(ok_or_fail(Ok(()))).into()
     }
 
     /// Ends the subscriptions that go with a port.
@@ -116,7 +120,7 @@ impl Registry {
             }
             Err(_) => Vec::new(),
         };
-        let body = Body::Bottle(verdict(result));
+        let body = Body::Bottle(ok_or_fail(result));
         Reply::new(body, effects)
     }
 
@@ -124,7 +128,7 @@ impl Registry {
         if self.persistent.remove_topic(name) {
             self.record(Change::TopicGone(name.to_owned()));
         }
-        Body::Bottle(verdict(Ok(()))).into()
+        Body::Bottle(ok_or_fail(Ok(()))).into()
     }
 
     /// `type FAMILY NAME [VALUE]`. Stock keeps only the family `yarp`.
@@ -148,21 +152,21 @@ impl Registry {
                 _ => fail(),
             };
         };
-        Body::Bottle(verdict(self.store_type(name, value)))
+        Body::Bottle(ok_or_fail(self.store_type(name, value)))
     }
 
     fn store_type(&mut self, name: &str, value: &str) -> Result<(), Refusal> {
-        limits::check_name(name)?;
-        if value.len() > limits::DEFINITION {
+        registry_limits::check_name(name)?;
+        if value.len() > registry_limits::MAX_DEFINITION_BYTES {
             return Err(Refusal::Full {
                 what: "bytes of definition per type",
-                limit: limits::DEFINITION,
+                limit: registry_limits::MAX_DEFINITION_BYTES,
             });
         }
-        if self.types.len() >= limits::TOPICS && !self.types.contains_key(name) {
+        if self.types.len() >= registry_limits::MAX_TOPICS && !self.types.contains_key(name) {
             return Err(Refusal::Full {
                 what: "types",
-                limit: limits::TOPICS,
+                limit: registry_limits::MAX_TOPICS,
             });
         }
         let (name, value) = (name.to_owned(), value.to_owned());
@@ -179,7 +183,7 @@ impl Registry {
 
     /// Connections that `name` has part in and whose ends are both registered and `fit`.
     pub(super) fn links(&self, name: &str, fit: impl Fn(&Entry) -> bool) -> Vec<Link> {
-        let entry = |end: &End| self.ports.get(&end.name).filter(|entry| fit(entry));
+        let entry = |end: &ConnectionEnd| self.ports.get(&end.name).filter(|entry| fit(entry));
         let pairs = self.persistent.pairs(name).into_iter();
         pairs
             .filter_map(|(source, destination)| {

@@ -1,10 +1,10 @@
 //! Several servers, one namespace.
 //!
-//! The names are kept by a [`Truth`] that the servers share, usually etcd. Each server has a copy of
+//! The names are kept by a [`SharedStore`] that the servers share, usually etcd. Each server has a copy of
 //! it, from which it answers questions. What changes something is tried on a draft of the copy and
 //! written in one transaction that holds only if nobody has written since (`writer`); if somebody
 //! has, the draft follows and the request is tried again. So all servers together do one request after
-//! the other, as a single one would; the rest is as in `desk`.
+//! the other, as a single one would; the rest is as in `request_handler`.
 //!
 //! | file | what it is about |
 //! | --- | --- |
@@ -14,25 +14,25 @@
 //! | `leases` | ports tell one server that they are there; it tells the others |
 //! | `etcd` | etcd as the truth (feature `etcd`) |
 
-pub(crate) mod content;
+mod commit_writer;
 #[cfg(feature = "etcd")]
-mod etcd;
-mod leases;
-mod line;
-mod writer;
+mod etcd_store;
+mod lease_forwarding;
+pub(crate) mod store_format;
+mod writer_channel;
 
 use std::future::Future;
 use std::time::Duration;
 
-pub(crate) use content::Content;
+pub(crate) use commit_writer::Writer;
 #[cfg(feature = "etcd")]
-pub use etcd::EtcdTruth;
-pub(crate) use leases::Leases;
-pub(crate) use line::{Line, May, Outcome, is_change};
-pub(crate) use writer::Writer;
+pub use etcd_store::EtcdStore;
+pub(crate) use lease_forwarding::LeaseForwarder;
+pub(crate) use store_format::Content;
+pub(crate) use writer_channel::{Precondition, WriteOutcome, WriterChannel, is_change};
 
 /// How long a request may take that changes something; then it is refused.
-pub(crate) const DEADLINE: Duration = Duration::from_secs(4);
+pub(crate) const WRITE_TIMEOUT: Duration = Duration::from_secs(4);
 
 /// One value under a key.
 #[derive(Clone, Debug, Eq, PartialEq)]
@@ -54,7 +54,7 @@ pub struct Write {
 
 /// Everything that there is, at one moment.
 #[derive(Clone, Debug, Default)]
-pub struct Everything {
+pub struct Snapshot {
     /// The number of the last commit; 0 if there was none.
     pub generation: i64,
     /// All entries, those first that were made first.
@@ -72,16 +72,16 @@ pub struct Commit {
 
 /// What became of a commit.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
-pub enum Verdict {
+pub enum CommitResult {
     /// It holds, under this number.
-    Done(i64),
+    Committed(i64),
     /// Nothing was written: the last commit is another one, this.
-    Behind(i64),
+    Conflict(i64),
 }
 
 /// What is heard by asking.
 #[derive(Clone, Debug, Default)]
-pub struct Beat {
+pub struct Heartbeat {
     /// The number of the last commit.
     pub generation: i64,
     /// Where the other servers are that have asked lately: host and TCP port.
@@ -90,34 +90,36 @@ pub struct Beat {
 
 /// What several servers have in common: entries, written by numbered commits.
 ///
-/// After an error [`load`](Self::load) comes next, unless it is [`TruthError::Declined`], after which all
+/// After an error [`load`](Self::load) comes next, unless it is [`SharedStoreError::Rejected`], after which all
 /// is as before. Every call may take some seconds at the most; dropping one before its end is allowed.
-pub trait Truth: Send + 'static {
+pub trait SharedStore: Send + 'static {
     /// What it is called in messages: where it is.
     fn name(&self) -> String;
 
     /// Everything that there is, all that was committed before the call included; begins to listen
     /// for the commits behind it.
-    fn load(&mut self) -> impl Future<Output = Result<Everything, TruthError>> + Send;
+    fn load(&mut self) -> impl Future<Output = Result<Snapshot, SharedStoreError>> + Send;
 
     /// Waits for the next commits, of this server and of others: each once, in their order, all of
     /// them from the last [`load`](Self::load) on.
-    fn next(&mut self) -> impl Future<Output = Result<Vec<Commit>, TruthError>> + Send;
+    fn next(&mut self) -> impl Future<Output = Result<Vec<Commit>, SharedStoreError>> + Send;
 
     /// Writes all of it, if the last commit is the one called `generation`, or nothing.
     ///
     /// Without anything to write it only tells whether that commit is the last one, as of some
-    /// moment during the call. [`TruthError::Declined`] says that it was not done and will not be; after
+    /// moment during the call. [`SharedStoreError::Rejected`] says that it was not done and will not be; after
     /// any other error neither is known.
     fn commit(
         &mut self,
         generation: i64,
         writes: &[Write],
-    ) -> impl Future<Output = Result<Verdict, TruthError>> + Send;
+    ) -> impl Future<Output = Result<CommitResult, SharedStoreError>> + Send;
 
     /// Asks for the last commit, and says that this server, to be reached at `place`, is there.
-    fn beat(&mut self, place: (&str, u16))
-    -> impl Future<Output = Result<Beat, TruthError>> + Send;
+    fn heartbeat(
+        &mut self,
+        place: (&str, u16),
+    ) -> impl Future<Output = Result<Heartbeat, SharedStoreError>> + Send;
 
     /// Says that the server at `place` is there no longer; in vain, if that cannot be said.
     fn leave(&mut self, place: (&str, u16)) -> impl Future<Output = ()> + Send;
@@ -126,7 +128,7 @@ pub trait Truth: Send + 'static {
 /// Why several servers have nothing in common at the moment.
 #[derive(Clone, Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum TruthError {
+pub enum SharedStoreError {
     /// The address of the store cannot be read.
     #[error(
         "{address:?} is no address of a store: {reason}; expected etcd://HOST:PORT,HOST:PORT/PREFIX"
@@ -141,7 +143,7 @@ pub enum TruthError {
     #[error(
         "{step} failed at {place}: {reason}; is etcd running there, and do most of its members see each other?"
     )]
-    Away {
+    Unreachable {
         /// What was tried.
         step: &'static str,
         /// Where.
@@ -151,7 +153,7 @@ pub enum TruthError {
     },
     /// It does not take what is to be written.
     #[error("{place} does not take it: {reason}")]
-    Declined {
+    Rejected {
         /// Where.
         place: String,
         /// What was heard.
@@ -168,8 +170,8 @@ pub enum TruthError {
         reason: String,
     },
     /// What was written has not been heard of within the time.
-    #[error("{place} has news that do not arrive")]
-    Silent {
+    #[error("{place} has commits that its watch does not deliver")]
+    WatchLagged {
         /// Where.
         place: String,
     },

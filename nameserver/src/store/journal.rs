@@ -12,11 +12,11 @@ use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
 
 use super::{Store, StoreError};
+use crate::name_server::lock;
 use crate::registry::{Change, Registry};
-use crate::server::lock;
 
 /// Changes of one request, and who waits for them.
-struct Entry {
+struct JournalEntry {
     changes: Vec<Change>,
     /// What else the request causes, once it is kept.
     then: Box<dyn FnOnce() + Send>,
@@ -24,21 +24,21 @@ struct Entry {
 }
 
 /// Resolves once the changes of a request are kept, or cannot be.
-pub(crate) type Kept = oneshot::Receiver<Result<(), Arc<StoreError>>>;
+pub(crate) type StoreResult = oneshot::Receiver<Result<(), Arc<StoreError>>>;
 
 /// Requests that are kept together at the most.
-const TOGETHER: usize = 1024;
+const MAX_BATCH_REQUESTS: usize = 1024;
 /// Requests in one batch from which on the next batch is given time to gather.
-const CROWD: usize = 3;
+const GATHER_THRESHOLD: usize = 3;
 /// How long it gathers.
-const GATHER: Duration = Duration::from_micros(200);
+const GATHER_DELAY: Duration = Duration::from_micros(200);
 /// The store may tidy up after this long without a request.
-const QUIET: Duration = Duration::from_millis(500);
+const MAINTENANCE_IDLE_TIME: Duration = Duration::from_millis(500);
 
 /// The way to the thread that writes. Dropping it waits until everything is kept.
 pub(crate) struct Journal {
     /// None once it is closed.
-    queue: Option<mpsc::Sender<Entry>>,
+    queue: Option<mpsc::Sender<JournalEntry>>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -62,11 +62,15 @@ impl Journal {
     ///
     /// The registry that made them must still be locked: they are kept in the order in which they
     /// happened.
-    pub(crate) fn keep(&self, changes: Vec<Change>, then: impl FnOnce() + Send + 'static) -> Kept {
+    pub(crate) fn keep(
+        &self,
+        changes: Vec<Change>,
+        then: impl FnOnce() + Send + 'static,
+    ) -> StoreResult {
         let (kept, answer) = oneshot::channel();
         if let Some(queue) = &self.queue {
             // A thread that is gone drops the entry, which the waiting end notices.
-            let _ = queue.send(Entry {
+            let _ = queue.send(JournalEntry {
                 changes,
                 then: Box::new(then),
                 kept,
@@ -86,19 +90,23 @@ impl Drop for Journal {
     }
 }
 
-fn write(mut store: impl Store, registry: &Mutex<Registry>, waiting: &mpsc::Receiver<Entry>) {
+fn write(
+    mut store: impl Store,
+    registry: &Mutex<Registry>,
+    waiting: &mpsc::Receiver<JournalEntry>,
+) {
     // Why the registry has what the store has not; nothing new can be kept as long as it does.
-    let mut ahead: Option<Arc<StoreError>> = None;
-    let mut crowd = false;
+    let mut unsaved_error: Option<Arc<StoreError>> = None;
+    let mut gather = false;
     while let Some(first) = next(&mut store, waiting) {
         let mut batch = vec![first];
-        if crowd {
+        if gather {
             // Many write: waiting for some more of them costs each less than a batch of its own.
-            std::thread::sleep(GATHER);
+            std::thread::sleep(GATHER_DELAY);
         }
-        batch.extend(waiting.try_iter().take(TOGETHER - 1));
-        crowd = batch.len() >= CROWD;
-        let kept = match &ahead {
+        batch.extend(waiting.try_iter().take(MAX_BATCH_REQUESTS - 1));
+        gather = batch.len() >= GATHER_THRESHOLD;
+        let kept = match &unsaved_error {
             Some(error) => Err(error.clone()),
             None => {
                 let changes = batch
@@ -115,9 +123,9 @@ fn write(mut store: impl Store, registry: &Mutex<Registry>, waiting: &mpsc::Rece
                 let mut registry = lock(registry);
                 // Nobody changes anything now: what has gathered is as little kept as the batch.
                 batch.extend(waiting.try_iter());
-                ahead = match store.load() {
+                unsaved_error = match store.load() {
                     Ok(changes) => {
-                        *registry = registry.again(Instant::now(), changes);
+                        *registry = registry.rebuilt(Instant::now(), changes);
                         None
                     }
                     Err(_) => Some(error.clone()),
@@ -133,16 +141,16 @@ fn write(mut store: impl Store, registry: &Mutex<Registry>, waiting: &mpsc::Rece
             let _ = entry.kept.send(outcome.clone());
         }
     }
-    store.rest();
+    store.maintain();
 }
 
 /// The next request, or none at the end; lets the store tidy up if none comes for a while.
-fn next(store: &mut impl Store, waiting: &mpsc::Receiver<Entry>) -> Option<Entry> {
-    match waiting.recv_timeout(QUIET) {
+fn next(store: &mut impl Store, waiting: &mpsc::Receiver<JournalEntry>) -> Option<JournalEntry> {
+    match waiting.recv_timeout(MAINTENANCE_IDLE_TIME) {
         Ok(entry) => Some(entry),
         Err(RecvTimeoutError::Disconnected) => None,
         Err(RecvTimeoutError::Timeout) => {
-            store.rest();
+            store.maintain();
             waiting.recv().ok()
         }
     }

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use crate::registry::Change;
 
-pub(crate) use journal::{Journal, Kept};
+pub(crate) use journal::{Journal, StoreResult};
 pub use sqlite::{Durability, SqliteStore};
 
 /// Keeps what changes.
@@ -29,7 +29,7 @@ pub trait Store: Send + 'static {
     fn keep(&mut self, changes: &[Change]) -> Result<(), StoreError>;
 
     /// Nothing is to do at the moment: a chance to tidy up.
-    fn rest(&mut self) {}
+    fn maintain(&mut self) {}
 }
 
 /// Why names cannot be kept.
@@ -75,7 +75,7 @@ pub enum StoreError {
         reason: String,
     },
     /// The server is ending.
-    #[error("it is ending")]
+    #[error("the server is shutting down")]
     Ended,
     /// The database cannot be written, or read, at the moment.
     #[error("the database {} cannot be {step}: {source}", path.display())]

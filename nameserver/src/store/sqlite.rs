@@ -15,17 +15,17 @@ use super::{Store, StoreError};
 use crate::registry::Change;
 
 /// Marks the file as ours: `YRNS`.
-const APPLICATION: i32 = 0x5952_4e53;
+const APPLICATION_ID: i32 = 0x5952_4e53;
 /// The version of the tables.
-const VERSION: i32 = 1;
+const SCHEMA_VERSION: i32 = 1;
 /// How long a server that is ending has to let go of the file.
-const PATIENCE: Duration = Duration::from_secs(5);
+const BUSY_TIMEOUT: Duration = Duration::from_secs(5);
 /// Length of the log, in pages of 4 KiB, from which it is moved into the file although there is
 /// other work; usually that happens when there is none.
-const LOG_PAGES: i32 = 8192;
+const MAX_WAL_PAGES: i32 = 8192;
 
 /// Names that go with their port, lists as JSON.
-const TABLES: &str = "
+const SCHEMA: &str = "
     CREATE TABLE port(
         name TEXT PRIMARY KEY, carrier TEXT NOT NULL, host TEXT NOT NULL, number INTEGER NOT NULL,
         announced INTEGER NOT NULL DEFAULT 0) WITHOUT ROWID;
@@ -97,7 +97,7 @@ impl SqliteStore {
             reason: reason.to_owned(),
         };
         let connection = &self.connection;
-        connection.busy_timeout(PATIENCE).map_err(opened)?;
+        connection.busy_timeout(BUSY_TIMEOUT).map_err(opened)?;
         // From the first access on: nobody else, so no file for what processes share.
         connection
             .pragma_update(None, "locking_mode", "EXCLUSIVE")
@@ -109,9 +109,10 @@ impl SqliteStore {
             .query_row("SELECT count(*) FROM sqlite_schema", [], |row| row.get(0))
             .map_err(opened)?;
         match (application, version, tables) {
-            (0, 0, 0) | (APPLICATION, VERSION, _) => {}
-            (APPLICATION, version, _) => {
-                let reason = format!("it has version {version}, this program knows {VERSION}");
+            (0, 0, 0) | (APPLICATION_ID, SCHEMA_VERSION, _) => {}
+            (APPLICATION_ID, version, _) => {
+                let reason =
+                    format!("it has version {version}, this program knows {SCHEMA_VERSION}");
                 return Err(foreign(&reason));
             }
             _ => return Err(foreign("it belongs to another program")),
@@ -139,15 +140,15 @@ impl SqliteStore {
             // Answers with the mode that it takes; where logs cannot be, another is as good.
             connection.query_row("PRAGMA journal_mode = WAL", [], |_| Ok(()))?;
             connection.pragma_update(None, "synchronous", synchronous)?;
-            connection.pragma_update(None, "wal_autocheckpoint", LOG_PAGES)?;
+            connection.pragma_update(None, "wal_autocheckpoint", MAX_WAL_PAGES)?;
             connection.set_prepared_statement_cache_capacity(32);
             let version: i32 =
                 connection.pragma_query_value(None, "user_version", |row| row.get(0))?;
             let transaction = connection.transaction()?;
             if version == 0 {
-                transaction.execute_batch(TABLES)?;
-                transaction.pragma_update(None, "application_id", APPLICATION)?;
-                transaction.pragma_update(None, "user_version", VERSION)?;
+                transaction.execute_batch(SCHEMA)?;
+                transaction.pragma_update(None, "application_id", APPLICATION_ID)?;
+                transaction.pragma_update(None, "user_version", SCHEMA_VERSION)?;
             }
             // Written in any case: that it can be is known before anybody relies on it.
             transaction.execute("DELETE FROM type WHERE name = ''", [])?;
@@ -174,7 +175,7 @@ impl Store for SqliteStore {
         keep().map_err(|source| StoreError::of(&self.path, "written", source))
     }
 
-    fn rest(&mut self) {
+    fn maintain(&mut self) {
         // Later is as good: the log is as safe as the file.
         let moved = self
             .connection

@@ -16,11 +16,11 @@
 //! than [`Settings::interval`] after the last one. The first answer waits a little for the first
 //! round, two seconds unless the field `wait` says otherwise (`/api/names?wait=0`).
 
-mod ask;
-mod files;
-mod status;
-mod survey;
-mod view;
+mod connection_survey;
+mod json_view;
+mod name_status;
+mod port_query;
+mod static_files;
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::{Arc, Mutex};
@@ -30,14 +30,14 @@ use serde::Serialize;
 use yarp_ports::Page;
 use yarp_wire::http::{Request, Response};
 
+use crate::name_server::lock;
 use crate::registry::Registry;
-use crate::server::lock;
-pub(crate) use survey::{Settings, Survey};
+pub(crate) use connection_survey::{Settings, Survey};
 
 /// How long an answer waits for the first round of questions, unless told otherwise.
-const FIRST_ROUND: Duration = Duration::from_secs(2);
+const DEFAULT_FIRST_ROUND_WAIT: Duration = Duration::from_secs(2);
 /// The longest that somebody may have an answer wait.
-const LONGEST_WAIT: f64 = 10.0;
+const MAX_WAIT_SECONDS: f64 = 10.0;
 
 /// The pages, and what they show.
 #[derive(Clone)]
@@ -57,21 +57,21 @@ impl Web {
         if path.is_empty() && !request.fields.is_empty() {
             return None;
         }
-        if let Some(file) = files::at(path) {
+        if let Some(file) = static_files::at(path) {
             return Some(Box::pin(std::future::ready(file)));
         }
         let web = self.clone();
         let wait = wait_of(request);
         let revision = field(request, "revision").map(str::to_owned);
         match path {
-            "api" => Some(Box::pin(async { view::addresses() })),
+            "api" => Some(Box::pin(async { json_view::addresses() })),
             "api/names" => Some(Box::pin(async move {
-                web.survey.look(wait).await;
+                web.survey.request_round(wait).await;
                 web.names(revision.as_deref())
             })),
             "api/connections" => Some(Box::pin(async move {
-                web.survey.look(wait).await;
-                json(&view::connections(&web.survey))
+                web.survey.request_round(wait).await;
+                json(&json_view::connections(&web.survey))
             })),
             other if other.starts_with("api/") => {
                 let words = format!("There is nothing at /{other}; /api lists what there is.\n");
@@ -85,8 +85,8 @@ impl Web {
     fn names(&self, revision: Option<&str>) -> Response {
         let (names, server) = {
             let registry = lock(&self.registry);
-            let names = status::names(&registry, &self.survey);
-            (names, view::Server::of(registry.settings()))
+            let names = name_status::names(&registry, &self.survey);
+            (names, json_view::Server::of(registry.settings()))
         };
         let names = to_json(&names);
         let mut hasher = DefaultHasher::new();
@@ -109,8 +109,8 @@ fn field<'a>(request: &'a Request, name: &str) -> Option<&'a str> {
 fn wait_of(request: &Request) -> Duration {
     let asked = field(request, "wait").and_then(|text| text.parse::<f64>().ok());
     match asked {
-        Some(seconds) if seconds >= 0.0 => Duration::from_secs_f64(seconds.min(LONGEST_WAIT)),
-        _ => FIRST_ROUND,
+        Some(seconds) if seconds >= 0.0 => Duration::from_secs_f64(seconds.min(MAX_WAIT_SECONDS)),
+        _ => DEFAULT_FIRST_ROUND_WAIT,
     }
 }
 

@@ -11,23 +11,23 @@ use yarp_ports::{Network, Port, PortError, PortOptions, Queue};
 use yarp_wire::carrier::{Carrier, CarrierSpec};
 use yarp_wire::{Bottle, Value};
 
-use super::{CLIENT, FAILED, SERVER, Sizes, rest};
-use crate::commands::words::Options;
-use crate::connecting::{self, Telling};
+use super::{CLIENT, EXIT_FAILED, SERVER, Sizes, rest};
+use crate::commands::argument_words::Options;
 use crate::error::Result;
-use crate::session;
+use crate::network_access;
+use crate::port_connections::{self, Verbosity};
 use crate::signals::Interrupt;
-use crate::text::{complain, general, statistics};
+use crate::stock_format::{complain, general, statistics};
 
 /// Between two tries to reach the server.
-const PAUSE: Duration = Duration::from_millis(500);
+const RETRY_DELAY: Duration = Duration::from_millis(500);
 /// How long a frame may take.
-const PATIENCE: Duration = Duration::from_secs(60);
+const FRAME_TIMEOUT: Duration = Duration::from_secs(60);
 /// The most frames of a test.
-const MOST: i32 = 10_000_000;
+const MAX_FRAMES: i32 = 10_000_000;
 
 /// How the frames travel.
-struct Way<'a> {
+struct Route<'a> {
     carrier: &'a str,
     /// Whether what comes back is a reply.
     replies: bool,
@@ -47,12 +47,12 @@ pub(super) async fn measure(
     sizes: &Sizes,
     out: &mut dyn Write,
 ) -> Result<ExitCode> {
-    let network = session::network()?;
+    let network = network_access::network()?;
     let mut interrupt = Interrupt::listen();
     let frames = options.value("nframes").and_then(|value| value.as_i32());
-    let Some(frames) = frames.filter(|frames| (1..=MOST).contains(frames)) else {
-        complain(out, &format!("nframes must be 1 to {MOST}"))?;
-        return Ok(ExitCode::from(FAILED));
+    let Some(frames) = frames.filter(|frames| (1..=MAX_FRAMES).contains(frames)) else {
+        complain(out, &format!("nframes must be 1 to {MAX_FRAMES}"))?;
+        return Ok(ExitCode::from(EXIT_FAILED));
     };
     let mut code = sizes.code;
     for size in &sizes.sizes {
@@ -64,8 +64,8 @@ pub(super) async fn measure(
             continue;
         };
         let reading = PortOptions::new().queue(Queue::Wait(1));
-        let Some(port) = session::open(&network, CLIENT, reading).await? else {
-            return Ok(ExitCode::from(FAILED));
+        let Some(port) = network_access::open(&network, CLIENT, reading).await? else {
+            return Ok(ExitCode::from(EXIT_FAILED));
         };
         let test = test(&network, &port, options, (frames, *size), out);
         let done = tokio::select! {
@@ -97,7 +97,7 @@ async fn test(
         tracing::error!(target: "yarp.os.Carriers", "Could not find carrier \"{named}\"");
         return Ok(Some(Err(1)));
     };
-    let way = Way {
+    let way = Route {
         carrier: &named,
         replies: !carrier.connectionless && carrier.push && !options.has("no-reply"),
     };
@@ -118,14 +118,14 @@ async fn test(
                 out,
                 &format!("The server does not answer: {}", error.error_chain()),
             )?;
-            return Ok(Some(Err(FAILED)));
+            return Ok(Some(Err(EXIT_FAILED)));
         }
     };
     port.write(&Bottle::of("stop")).await;
     port.flush().await;
     // As in stock: the server has to be there again for the next test, and the end of datagrams takes another way, on
     // which it may overtake them.
-    tokio::time::sleep(PAUSE).await;
+    tokio::time::sleep(RETRY_DELAY).await;
     Ok(Some(Ok(measured)))
 }
 
@@ -134,13 +134,21 @@ async fn reach(
     network: &Network,
     from: &str,
     to: &str,
-    way: &Way<'_>,
+    way: &Route<'_>,
     out: &mut dyn Write,
 ) -> Result<()> {
-    while !connecting::connect(network, from, to, Some(way.carrier), Telling::Failure).await {
+    while !port_connections::connect(
+        network,
+        from,
+        to,
+        Some(way.carrier),
+        Verbosity::FailuresOnly,
+    )
+    .await
+    {
         writeln!(out, "Waiting for connection..")?;
         out.flush()?;
-        tokio::time::sleep(PAUSE).await;
+        tokio::time::sleep(RETRY_DELAY).await;
     }
     Ok(())
 }
@@ -149,7 +157,7 @@ async fn reach(
 async fn exchange(
     port: &Port,
     options: &Options,
-    way: &Way<'_>,
+    way: &Route<'_>,
     frames: i32,
     out: &mut dyn Write,
 ) -> Result<std::result::Result<Vec<Frame>, PortError>> {
@@ -159,15 +167,15 @@ async fn exchange(
         let sent = wall_clock();
         let frame = Bottle::from_iter([Value::Int32(number), Value::Float64(sent)]);
         let reply: std::result::Result<Bottle, PortError> = if way.replies {
-            port.call_within(&frame, PATIENCE).await
+            port.call_within(&frame, FRAME_TIMEOUT).await
         } else {
             port.write(&frame).await;
-            match timeout(PATIENCE, port.read()).await {
+            match timeout(FRAME_TIMEOUT, port.read()).await {
                 Ok(received) => received.map(|received| received.bottle().unwrap_or_default()),
                 Err(_) => Err(PortError::Timeout {
                     peer: SERVER.to_owned(),
                     step: "frame",
-                    seconds: PATIENCE.as_secs_f64(),
+                    seconds: FRAME_TIMEOUT.as_secs_f64(),
                 }),
             }
         };

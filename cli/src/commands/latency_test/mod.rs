@@ -13,10 +13,10 @@ use std::time::Duration;
 
 use yarp_wire::Value;
 
-use super::words::Options;
+use super::argument_words::Options;
 use crate::error::Result;
-use crate::session;
-use crate::text::complain;
+use crate::network_access;
+use crate::stock_format::complain;
 
 const USAGE: &str = "\
 This is yarp latency-test
@@ -33,12 +33,12 @@ yarp latency-test --client [--details]
 Default value for filename_prefix: log_";
 
 /// What stock ends with if the words are wrong, and after some tests that went well.
-const FAILED: u8 = 255;
+const EXIT_FAILED: u8 = 255;
 /// The names of the two ports.
 const SERVER: &str = "/latencyTest/server";
 const CLIENT: &str = "/latencyTest/client";
 /// The largest text: with what is around it, still a message that a port takes.
-const LARGEST: i32 = 500_000_000;
+const MAX_MESSAGE_BYTES: i32 = 500_000_000;
 
 /// perform a latency test by exchanging data between a server and a client
 ///
@@ -59,7 +59,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let options = Options::parse(&args.words);
     if args.words.is_empty() || options.has("help") {
         writeln!(out, "{USAGE}")?;
-        return Ok(ExitCode::from(FAILED));
+        return Ok(ExitCode::from(EXIT_FAILED));
     }
     if options.has("server") {
         return server::serve(&options, out).await;
@@ -74,13 +74,14 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         "Syntax error. See available options with yarp latency-test"
     };
     complain(out, complaint)?;
-    Ok(ExitCode::from(FAILED))
+    Ok(ExitCode::from(EXIT_FAILED))
 }
 
 /// A pause between two frames, of so many seconds; what is no time is none, or is for ever.
 async fn rest(seconds: f64) {
     if seconds > 0.0 {
-        tokio::time::sleep(Duration::try_from_secs_f64(seconds).unwrap_or(session::FOREVER)).await;
+        tokio::time::sleep(Duration::try_from_secs_f64(seconds).unwrap_or(network_access::FOREVER))
+            .await;
     }
 }
 
@@ -119,7 +120,7 @@ impl Sizes {
                     Value::Int32(size) => Some(*size),
                     _ => None,
                 };
-                (sizes.iter().map(size).collect(), FAILED)
+                (sizes.iter().map(size).collect(), EXIT_FAILED)
             }
             _ => return None,
         };
@@ -167,8 +168,12 @@ mod tests {
             &[8, 10, 20, 40, 80, 100].map(Some),
             0,
         );
-        check(&["--customtest", "(1 40)"], &[Some(1), Some(40)], FAILED);
-        check(&["--customtest", "(1 x)"], &[Some(1), None], FAILED);
+        check(
+            &["--customtest", "(1 40)"],
+            &[Some(1), Some(40)],
+            EXIT_FAILED,
+        );
+        check(&["--customtest", "(1 x)"], &[Some(1), None], EXIT_FAILED);
         assert_eq!(sizes("--multitest").unwrap().sizes.len(), 36);
         assert_eq!(
             sizes("--multitest").unwrap().sizes.last(),

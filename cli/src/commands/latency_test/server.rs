@@ -8,12 +8,12 @@ use tokio::sync::{mpsc, oneshot};
 use yarp_ports::{Answer, Network, Port, PortOptions, Received};
 use yarp_wire::{Bottle, Value};
 
-use super::{FAILED, LARGEST, SERVER, rest};
-use crate::commands::words::Options;
+use super::{EXIT_FAILED, MAX_MESSAGE_BYTES, SERVER, rest};
+use crate::commands::argument_words::Options;
 use crate::error::Result;
-use crate::session;
+use crate::network_access;
 use crate::signals::Interrupt;
-use crate::text::complain;
+use crate::stock_format::complain;
 
 /// How a test ended.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
@@ -29,7 +29,7 @@ type Request = (Bottle, oneshot::Sender<Bottle>);
 
 /// Serves one test after the other.
 pub(super) async fn serve(options: &Options, out: &mut dyn Write) -> Result<ExitCode> {
-    let network = session::network()?;
+    let network = network_access::network()?;
     let mut interrupt = Interrupt::listen();
     for count in 0_u64.. {
         let (sender, mut requests) = mpsc::channel(1);
@@ -58,7 +58,7 @@ pub(super) async fn serve(options: &Options, out: &mut dyn Write) -> Result<Exit
             End::Interrupted => return Ok(ExitCode::SUCCESS),
         }
     }
-    Ok(ExitCode::from(FAILED))
+    Ok(ExitCode::from(EXIT_FAILED))
 }
 
 async fn open(network: &Network, sender: mpsc::Sender<Request>) -> Result<Option<Port>> {
@@ -79,7 +79,7 @@ async fn open(network: &Network, sender: mpsc::Sender<Request>) -> Result<Option
             }
         }))
     };
-    session::open(network, SERVER, PortOptions::new().handler(pass_on)).await
+    network_access::open(network, SERVER, PortOptions::new().handler(pass_on)).await
 }
 
 /// What a client asks for.
@@ -92,7 +92,7 @@ impl Wanted {
     /// What a `start` says; nothing if it is none, or wants more than there is.
     fn of(start: &Bottle) -> Option<Self> {
         let size = start.get(1)?.as_i32()?;
-        if start.get(0)?.as_str()? != "start" || !(0..=LARGEST).contains(&size) {
+        if start.get(0)?.as_str()? != "start" || !(0..=MAX_MESSAGE_BYTES).contains(&size) {
             return None;
         }
         let length = usize::try_from(size).ok()?.saturating_sub(1);

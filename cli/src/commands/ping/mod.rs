@@ -1,7 +1,7 @@
 //! `yarp ping`: what a port says of itself, and how fast it is.
 
-mod rate;
-mod time;
+mod publish_rate;
+mod round_trip;
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -9,10 +9,10 @@ use std::process::ExitCode;
 use yarp_ports::{Network, remote_admin};
 use yarp_wire::{Bottle, Contact};
 
-use super::words::take_flag;
+use super::argument_words::take_flag;
 use crate::error::Result;
-use crate::session;
-use crate::text::complain;
+use crate::network_access;
+use crate::stock_format::complain;
 
 /// get live information about a port
 ///
@@ -49,11 +49,11 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         )?;
         return Ok(ExitCode::FAILURE);
     };
-    let network = session::network()?;
+    let network = network_access::network()?;
     if time {
-        time::run(&network, port, out).await
+        round_trip::run(&network, port, out).await
     } else if rate {
-        rate::run(&network, port, out).await
+        publish_rate::run(&network, port, out).await
     } else {
         match describe(&network, port, out).await? {
             Found::Alive => Ok(ExitCode::SUCCESS),
@@ -76,7 +76,7 @@ pub(super) enum Found {
 
 /// Prints how a port describes itself.
 pub(super) async fn describe(network: &Network, port: &str, out: &mut dyn Write) -> Result<Found> {
-    let Some(place) = session::find(network, &Contact::parse(port)).await? else {
+    let Some(place) = network_access::find(network, &Contact::parse(port)).await? else {
         return Ok(Found::Nothing);
     };
     // Only a stream can be asked; the group of a multicast carrier can not.

@@ -7,23 +7,23 @@ use std::time::Duration;
 use yarp_ports::{Network, Port, PortError, PortOptions};
 use yarp_wire::{Bottle, Value};
 
-use super::{ERROR, FAILED, note};
-use crate::commands::words::Options;
+use super::{EXIT_FAILED, REPLY_ERROR, note};
+use crate::commands::argument_words::Options;
 use crate::error::Result;
-use crate::session;
+use crate::network_access;
 use crate::signals::Interrupt;
 
 /// How often a server is tried, and the pause between, as in stock.
-const TRIES: u32 = 20;
-const PAUSE: Duration = Duration::from_millis(500);
+const MAX_ATTEMPTS: u32 = 20;
+const RETRY_DELAY: Duration = Duration::from_millis(500);
 /// How long a server may take to answer. Terminals may have to be opened.
-const PATIENCE: Duration = Duration::from_secs(60);
+const REPLY_TIMEOUT: Duration = Duration::from_secs(60);
 /// What stock ends with if the server did not do it.
-const NOT_DONE: u8 = 2;
+const EXIT_NOT_DONE: u8 = 2;
 
 /// What a server is asked.
 #[derive(Debug, PartialEq)]
-pub(super) struct Wish {
+pub(super) struct RunRequest {
     server: String,
     request: Bottle,
     /// The reply that means yes; without it the server just has to answer.
@@ -32,7 +32,7 @@ pub(super) struct Wish {
     starts: bool,
 }
 
-impl Wish {
+impl RunRequest {
     /// What the options ask for, if anything; or what is wrong with them.
     pub(super) fn of(options: &Options) -> std::result::Result<Option<Self>, String> {
         for name in ["sysinfo", "stresstest"] {
@@ -99,7 +99,7 @@ impl Wish {
         match self.yes {
             Some(yes) => reply.get(0).and_then(Value::as_str) == Some(yes),
             None if self.starts => number.is_some_and(|number| number > 0),
-            None => number != Some(ERROR),
+            None => number != Some(REPLY_ERROR),
         }
     }
 }
@@ -122,49 +122,54 @@ fn group(options: &Options, name: &str) -> Value {
 }
 
 /// Asks, shows the reply on standard error as stock does, and tells whether it was done.
-pub(super) async fn ask(wish: &Wish, options: &Options, out: &mut dyn Write) -> Result<ExitCode> {
-    let network = session::network()?;
-    if network.server().is_none() || !session::serves(&network, network.namespace()).await {
+pub(super) async fn ask(
+    run_request: &RunRequest,
+    options: &Options,
+    out: &mut dyn Write,
+) -> Result<ExitCode> {
+    let network = network_access::network()?;
+    if network.server().is_none() || !network_access::serves(&network, network.namespace()).await {
         note("ERROR: no yarp network found.");
-        return Ok(ExitCode::from(FAILED));
+        return Ok(ExitCode::from(EXIT_FAILED));
     }
     let mut interrupt = Interrupt::listen();
-    if wish.starts && options.has("stdio") {
+    if run_request.starts && options.has("stdio") {
         writeln!(out, "*********** {} ************", options.described())?;
     }
-    let reply = reply(&network, wish, &mut interrupt).await?;
+    let reply = reply(&network, run_request, &mut interrupt).await?;
     note("RESPONSE:\n=========");
     let Some(reply) = reply else {
         note("Cannot connect to remote server, aborting...\n");
-        return Ok(ExitCode::from(NOT_DONE));
+        return Ok(ExitCode::from(EXIT_NOT_DONE));
     };
     for value in reply.iter() {
         note(value.to_plain_string());
     }
-    Ok(match wish.is_done(&reply) {
+    Ok(match run_request.is_done(&reply) {
         // Nothing runs: stock's `ps` ends so.
-        _ if reply.is_empty() => ExitCode::from(FAILED),
+        _ if reply.is_empty() => ExitCode::from(EXIT_FAILED),
         true => ExitCode::SUCCESS,
-        false => ExitCode::from(NOT_DONE),
+        false => ExitCode::from(EXIT_NOT_DONE),
     })
 }
 
 /// What the server replies; nothing if none could be asked before a signal.
 async fn reply(
     network: &Network,
-    wish: &Wish,
+    run_request: &RunRequest,
     interrupt: &mut Interrupt,
 ) -> Result<Option<Bottle>> {
-    for _ in 0..TRIES {
-        let Some(port) = session::open(network, "...", PortOptions::new().rpc_client()).await?
+    for _ in 0..MAX_ATTEMPTS {
+        let Some(port) =
+            network_access::open(network, "...", PortOptions::new().rpc_client()).await?
         else {
-            tokio::time::sleep(PAUSE).await;
+            tokio::time::sleep(RETRY_DELAY).await;
             continue;
         };
         let reply = tokio::select! {
             biased;
             () = interrupt.heard() => None,
-            reply = call(&port, wish) => Some(reply),
+            reply = call(&port, run_request) => Some(reply),
         };
         port.close().await;
         match reply {
@@ -179,32 +184,35 @@ async fn reply(
         tokio::select! {
             biased;
             () = interrupt.heard() => break,
-            () = tokio::time::sleep(PAUSE) => {}
+            () = tokio::time::sleep(RETRY_DELAY) => {}
         }
     }
     Ok(None)
 }
 
-async fn call(port: &Port, wish: &Wish) -> std::result::Result<Bottle, PortError> {
-    port.connect(&wish.server).await?;
-    port.call_within(&wish.request, PATIENCE).await
+async fn call(port: &Port, run_request: &RunRequest) -> std::result::Result<Bottle, PortError> {
+    port.connect(&run_request.server).await?;
+    port.call_within(&run_request.request, REPLY_TIMEOUT).await
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn wish(words: &[&str]) -> std::result::Result<Option<Wish>, String> {
+    fn run_request(words: &[&str]) -> std::result::Result<Option<RunRequest>, String> {
         let words: Vec<String> = words.iter().map(|word| (*word).to_owned()).collect();
-        Wish::of(&Options::parse(&words))
+        RunRequest::of(&Options::parse(&words))
     }
 
     #[test]
     fn options_become_the_requests_of_stock() {
         let check = |words: &[&str], expected: &str| {
-            let wish = wish(words).unwrap().unwrap();
+            let run_request = run_request(words).unwrap().unwrap();
             assert_eq!(
-                (wish.server.as_str(), wish.request.to_string().as_str()),
+                (
+                    run_request.server.as_str(),
+                    run_request.request.to_string().as_str()
+                ),
                 ("/h", expected)
             );
         };
@@ -229,8 +237,9 @@ mod tests {
 
     #[test]
     fn what_is_missing_is_told() {
-        let check =
-            |words: &[&str], expected: &str| assert_eq!(wish(words), Err(expected.to_owned()));
+        let check = |words: &[&str], expected: &str| {
+            assert_eq!(run_request(words), Err(expected.to_owned()))
+        };
         check(&["--cmd", "ls", "--as", "t"], "missing remote server");
         check(&["--cmd", "ls", "--on", "/h"], "missing tag");
         check(&["--cmd", "--on", "/h"], "missing command");
@@ -238,15 +247,15 @@ mod tests {
         check(&["--sigterm", "t"], "missing remote server");
         check(&["--kill", "t", "--on", "/h"], "missing signum");
         check(&["--on", "/h", "--sysinfo"], "--sysinfo is not known here");
-        assert_eq!(wish(&["--on", "/h"]), Ok(None));
+        assert_eq!(run_request(&["--on", "/h"]), Ok(None));
     }
 
     #[test]
     fn replies_say_whether_it_was_done() {
         let check = |words: &[&str], reply: &str, expected: bool| {
-            let wish = wish(words).unwrap().unwrap();
+            let run_request = run_request(words).unwrap().unwrap();
             let reply = Bottle::parse(reply).unwrap();
-            assert_eq!(wish.is_done(&reply), expected, "{words:?} {reply}");
+            assert_eq!(run_request.is_done(&reply), expected, "{words:?} {reply}");
         };
         let start = &["--on", "/h", "--as", "t", "--cmd", "ls"];
         check(start, "17 \"STARTED: ..\"", true);

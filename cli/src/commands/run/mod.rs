@@ -18,21 +18,21 @@
 //! open when there is neither such a role nor a key.
 //!
 //! Each command is a process group of its own (`processes`), signals go to all of it, and whatever is left when the
-//! server ends is ended by a small process beside it, the keeper (`keeper`): it notices the end of its standard input,
+//! server ends is ended by a small process beside it, the guard (`guard`): it notices the end of its standard input,
 //! so also a server that was killed leaves nothing behind. What a command makes independent of its group
 //! (`setsid`) is on its own.
 
 mod client;
-mod keeper;
 mod launch;
-mod processes;
+mod orphan_guard;
+mod process_table;
 mod server;
 
 use std::fmt::Display;
 use std::io::{self, Write};
 use std::process::ExitCode;
 
-use super::words::Options;
+use super::argument_words::Options;
 use crate::error::Result;
 
 const USAGE: &str = "
@@ -67,11 +67,11 @@ stop SERVERPORT server
 ";
 
 /// What stock ends with if the words are wrong, or nobody can be asked.
-const FAILED: u8 = 255;
+const EXIT_FAILED: u8 = 255;
 /// What a reply begins with if a command was not started, or nothing was done.
-const ERROR: i32 = -1;
-/// How a server calls its keeper.
-const KEEPER: &str = "keeper";
+const REPLY_ERROR: i32 = -1;
+/// How a server calls its guard.
+const GUARD_ARGUMENT: &str = "keeper";
 
 /// run a command on another machine, and a server that runs commands
 ///
@@ -90,14 +90,14 @@ pub(crate) struct Args {
 
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let options = Options::parse(&args.words);
-    if options.has(KEEPER) {
-        keeper::keep().await;
+    if options.has(GUARD_ARGUMENT) {
+        orphan_guard::keep().await;
         return Ok(ExitCode::SUCCESS);
     }
     if let Some(name) = options.text("server") {
         return server::serve(&name, out).await;
     }
-    match client::Wish::of(&options) {
+    match client::RunRequest::of(&options) {
         Ok(Some(wish)) => client::ask(&wish, &options, out).await,
         Ok(None) => {
             note(USAGE);
@@ -105,7 +105,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         }
         Err(complaint) => {
             note(format_args!("SYNTAX ERROR: {complaint}\n{USAGE}"));
-            Ok(ExitCode::from(FAILED))
+            Ok(ExitCode::from(EXIT_FAILED))
         }
     }
 }

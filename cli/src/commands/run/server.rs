@@ -13,12 +13,12 @@ use yarp_ports::roles::{Peer, Right};
 use yarp_ports::{Answer, Network, PortOptions, Received};
 use yarp_wire::{Bottle, Value};
 
-use super::keeper::Keeper;
 use super::launch::Launch;
-use super::processes::Processes;
-use super::{ERROR, FAILED, note};
+use super::orphan_guard::OrphanGuard;
+use super::process_table::Processes;
+use super::{EXIT_FAILED, REPLY_ERROR, note};
 use crate::error::Result;
-use crate::session;
+use crate::network_access;
 use crate::signals::Interrupt;
 
 /// Somebody from nowhere: an address that is in no network, kept for documentation (RFC 5737).
@@ -29,25 +29,25 @@ const STRANGER: Peer<'static> = Peer {
 
 /// Runs a server until it is asked to end, or a signal.
 pub(super) async fn serve(name: &str, out: &mut dyn Write) -> Result<ExitCode> {
-    let network = session::network()?;
+    let network = network_access::network()?;
     let mut interrupt = Interrupt::listen();
-    let processes = Arc::new(Processes::new(Keeper::start()?));
+    let processes = Arc::new(Processes::new(OrphanGuard::start()?));
     let ending = Arc::new(Notify::new());
-    let desk = Desk {
+    let handler = CommandHandler {
         name: name.to_owned(),
         network: network.clone(),
         processes: processes.clone(),
         ending: ending.clone(),
     };
-    // The desk asks the roles itself: a right to write is not enough.
+    // The handler asks the roles itself: a right to write is not enough.
     let options = PortOptions::new()
-        .handler(move |received| desk.answer(received))
+        .handler(move |received| handler.answer(received))
         .allow_any_writer()
         .input_only();
-    let Some(port) = session::open(&network, name, options).await? else {
+    let Some(port) = network_access::open(&network, name, options).await? else {
         note(format_args!("[ERROR] Yarprun failed to open port:  {name}"));
         processes.end().await;
-        return Ok(ExitCode::from(FAILED));
+        return Ok(ExitCode::from(EXIT_FAILED));
     };
     if network.key().is_none() && may_administer(&network, name, STRANGER) {
         tracing::warn!(
@@ -76,14 +76,14 @@ fn may_administer(network: &Network, name: &str, peer: Peer<'_>) -> bool {
 }
 
 /// Where requests are answered.
-struct Desk {
+struct CommandHandler {
     name: String,
     network: Network,
     processes: Arc<Processes>,
     ending: Arc<Notify>,
 }
 
-impl Desk {
+impl CommandHandler {
     fn answer(&self, received: &mut Received) -> Answer {
         let peer = Peer {
             name: &received.from,
@@ -93,7 +93,7 @@ impl Desk {
             let name = &self.name;
             let text =
                 format!("ABORTED: roles.conf gives {peer} no right to administer on {name}\n");
-            return Answer::reply(Bottle::from_iter([Value::Int32(ERROR), text.into()]));
+            return Answer::reply(Bottle::from_iter([Value::Int32(REPLY_ERROR), text.into()]));
         }
         match received.bottle() {
             Ok(request) => Answer::reply(self.reply(&request)),
@@ -182,13 +182,16 @@ impl Desk {
         let (name, Launch { tag, command, .. }) = (&self.name, launch);
         let told = format!("ABORTED: server={name} alias={tag} cmd={command}\n{reason}\n");
         note(told.trim_end());
-        Bottle::from_iter([Value::Int32(ERROR), told.into()])
+        Bottle::from_iter([Value::Int32(REPLY_ERROR), told.into()])
     }
 }
 
 /// A reply that no client takes for a yes.
 fn not_done(text: &str) -> Bottle {
-    Bottle::from_iter([Value::Int32(ERROR), format!("ABORTED: {text}\n").into()])
+    Bottle::from_iter([
+        Value::Int32(REPLY_ERROR),
+        format!("ABORTED: {text}\n").into(),
+    ])
 }
 
 /// Whether a request holds a word, or a list that begins with it.

@@ -11,18 +11,18 @@
 //! Every peer is a process of its own, of ours or of stock's, so that both do the same work. The
 //! stock side needs stock YARP: `STOCK` names its folder (see `conformance/README.md`).
 
-mod browser;
-mod datagrams;
+mod browser_bench;
+mod browser_client;
+mod datagram_bench;
 mod one_way;
-mod pages;
-mod peer;
-mod processes;
+mod peer_processes;
+mod peer_programs;
 mod round_trips;
 mod zenoh;
 
 use std::process::ExitCode;
 
-use processes::Bench;
+use peer_processes::Bench;
 use yarp_conformance::machine;
 
 type Failure = Box<dyn std::error::Error>;
@@ -38,8 +38,8 @@ fn main() -> ExitCode {
     let result = match words[..] {
         [] => compare(""),
         ["only", part] => compare(part),
-        _ => peer::work(&words)
-            .or_else(|| browser::work(&words))
+        _ => peer_programs::work(&words)
+            .or_else(|| browser_client::work(&words))
             .unwrap_or_else(|| {
                 Err(
                     "usage: bench [only PART | serve NAME | count NAME | call NAME N | \

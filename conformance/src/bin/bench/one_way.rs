@@ -2,9 +2,9 @@
 
 use std::time::Instant;
 
-use yarp_conformance::statistics::median;
+use yarp_conformance::benchmark_statistics::median;
 
-use crate::processes::{Bench, Running, Side};
+use crate::peer_processes::{Bench, Running, Side};
 use crate::{Failure, RUNS};
 
 /// Writer and reader of each column; the first is what the others are compared with.

@@ -1,8 +1,8 @@
 //! Requests and replies.
 
-use yarp_conformance::statistics::{median, percentiles};
+use yarp_conformance::benchmark_statistics::{median, percentiles};
 
-use crate::processes::{Bench, Side};
+use crate::peer_processes::{Bench, Side};
 use crate::{CALLS, Failure, RUNS};
 
 impl Bench {

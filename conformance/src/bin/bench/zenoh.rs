@@ -1,8 +1,8 @@
 //! Ours beside zenoh, which a new program may well take instead: the same work by `bench/zenoh`.
 
-use yarp_conformance::statistics::{median, percentiles};
+use yarp_conformance::benchmark_statistics::{median, percentiles};
 
-use crate::processes::{Bench, Side};
+use crate::peer_processes::{Bench, Side};
 use crate::{CALLS, Failure, RUNS};
 
 /// What zenoh's peers are told for round trips: who answers, who asks.

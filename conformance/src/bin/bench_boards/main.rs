@@ -14,22 +14,22 @@
 //! `fakeMotionControl`, seven joints each, behind `controlBoard_nws_yarp`. The same reader and the same clients, in
 //! processes of their own, meet both, in turn. What is read from the environment is in `boards.sh`, which starts this.
 
-mod arrivals;
-mod crowd;
-mod device_call;
-mod feed;
-mod load;
-mod orders;
-mod place;
-mod reader;
-mod server;
-mod table;
+mod arrival_times;
+mod background_load;
+mod board_processes;
+mod command_latency;
+mod device_call_latency;
+mod many_clients;
+mod result_tables;
+mod state_reader;
+mod state_streams;
+mod test_hosts;
 
 use std::process::ExitCode;
 
 use yarp_conformance::machine;
 
-use place::Place;
+use test_hosts::TestHosts;
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;
 
@@ -42,12 +42,14 @@ fn main() -> ExitCode {
     let result = match words[..] {
         [] => compare(&["feed", "orders", "crowd"]),
         ["only", part @ ("feed" | "orders" | "crowd")] => compare(&[part]),
-        ["read", name, period, carrier, seconds] => reader::run(name, period, carrier, seconds),
-        ["order", name, generation, n] => orders::run(name, generation, n),
-        ["crowd", name, company, n] => crowd::run(name, company, n),
-        ["device-call", n] => device_call::run(n),
-        ["busy"] => load::busy(),
-        ["copy"] => load::copy(),
+        ["read", name, period, carrier, seconds] => {
+            state_reader::run(name, period, carrier, seconds)
+        }
+        ["order", name, generation, n] => command_latency::run(name, generation, n),
+        ["crowd", name, company, n] => many_clients::run(name, company, n),
+        ["device-call", n] => device_call_latency::run(n),
+        ["busy"] => background_load::busy(),
+        ["copy"] => background_load::copy(),
         _ => Err(
             "usage: bench_boards [only feed | only orders | only crowd]; the rest is for itself"
                 .into(),
@@ -69,22 +71,22 @@ fn compare(parts: &[&str]) -> Result<(), Failure> {
     };
     println!("machine: {}", machine());
     println!("{rounds} rounds, in turn; every server, reader and client is a process of its own");
-    let here = Place::here()?;
+    let here = TestHosts::here()?;
     if parts.contains(&"feed") {
         let mut places = vec![&here];
-        let apart = Place::apart()?;
+        let apart = TestHosts::apart()?;
         match &apart {
             Some(apart) => places.push(apart),
             None => println!("no network namespaces (they need root): only localhost is measured"),
         }
-        feed::compare(&places, rounds)?;
+        state_streams::compare(&places, rounds)?;
     }
     if parts.contains(&"orders") {
-        orders::compare(&here, rounds)?;
-        device_call::measure(&here, rounds)?;
+        command_latency::compare(&here, rounds)?;
+        device_call_latency::measure(&here, rounds)?;
     }
     if parts.contains(&"crowd") {
-        crowd::compare(&here, rounds)?;
+        many_clients::compare(&here, rounds)?;
     }
     Ok(())
 }

@@ -8,7 +8,7 @@
 //! moves arrive at once. What that version itself refuses (`[don]`, `[sto]`, `[rel]`) is not asked.
 //! Ends with 1 if any check failed.
 
-mod motors;
+mod motor_checks;
 
 use std::process::ExitCode;
 use std::time::Duration;
@@ -17,10 +17,10 @@ use yarp_client::{
     Axes, AxisIndex, AxisInfo, ControlMode, DeviceError, Encoders, JointType, Mode, MotionControl,
     PositionControl, Robot, VelocityControl,
 };
-use yarp_conformance::checks::Checks;
+use yarp_conformance::live_checks::Checks;
 
 /// Degrees by which a joint may miss its target.
-const CLOSE: f64 = 0.1;
+const POSITION_TOLERANCE: f64 = 0.1;
 
 fn main() -> ExitCode {
     let Some(name) = std::env::args().nth(1) else {
@@ -99,7 +99,7 @@ fn main() -> ExitCode {
         refusal(robot.position_move(Axes::One(AxisIndex::new(axes)), &[0.0])),
         |_| true,
     );
-    motors::drive(&mut checks, &robot);
+    motor_checks::drive(&mut checks, &robot);
     checks.exit_code()
 }
 
@@ -109,7 +109,9 @@ fn position(robot: &Robot, axis: usize) -> Result<f64, DeviceError> {
 
 pub(crate) fn arrives(checks: &mut Checks, what: &str, robot: &Robot, axis: usize, target: f64) {
     let now = || position(robot, axis);
-    checks.until(what, now, |found| (found - target).abs() < CLOSE);
+    checks.until(what, now, |found| {
+        (found - target).abs() < POSITION_TOLERANCE
+    });
 }
 
 /// An error that was expected.

@@ -1,0 +1,177 @@
+//! The arms that a command can serve: `--arm`, in one place.
+
+use std::fmt;
+use std::io;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, ToSocketAddrs};
+use std::str::FromStr;
+use std::sync::Arc;
+
+use yarp_devices::embedded::{
+    ARM_PORT, DriverOptions, EmbeddedWam, LinkAddresses, LinkMode, PACKET_PORT,
+};
+use yarp_devices::wam::can::{CanOptions, CanWam};
+use yarp_devices::wam::{DynamicWam, SimulatedWam};
+use yarp_devices::{Device, DeviceError};
+
+/// An arm as it is named on the command line.
+#[derive(Clone, Debug, Eq, PartialEq)]
+pub(crate) enum Arm {
+    /// Moves exactly as it is told.
+    Simulated,
+    /// Has masses, friction, encoders and a controller.
+    Dynamic,
+    /// Behind its embedded PC, which runs `yarp wam-node`.
+    Embedded,
+    /// On a CAN bus: this interface of the machine.
+    Can(String),
+}
+
+/// Every arm that has a name of its own.
+const NAMES: [(&str, Arm); 3] = [
+    ("simulated", Arm::Simulated),
+    ("dynamic", Arm::Dynamic),
+    ("embedded", Arm::Embedded),
+];
+/// What stands in front of the interface of an arm on a CAN bus.
+const CAN_PREFIX: &str = "can:";
+
+impl FromStr for Arm {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if let Some(interface) = text
+            .strip_prefix(CAN_PREFIX)
+            .filter(|name| !name.is_empty())
+        {
+            return Ok(Self::Can(interface.to_owned()));
+        }
+        let found = NAMES.into_iter().find(|(name, _)| *name == text);
+        found.map(|(_, arm)| arm).ok_or_else(|| {
+            let names = NAMES.map(|(name, _)| name).join(", ");
+            format!("there is no arm \"{text}\"; expected one of {names}, or {CAN_PREFIX}INTERFACE")
+        })
+    }
+}
+
+impl fmt::Display for Arm {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Self::Can(interface) = self {
+            return write!(f, "{CAN_PREFIX}{interface}");
+        }
+        let named = NAMES.iter().find(|(_, arm)| arm == self);
+        f.write_str(named.map_or("", |(name, _)| name))
+    }
+}
+
+impl Arm {
+    /// Starts it; `link_mode` is for one behind its embedded PC.
+    pub(crate) fn start(self, link_mode: LinkMode) -> Result<Arc<dyn Device>, DeviceError> {
+        Ok(match self {
+            Self::Simulated => Arc::new(SimulatedWam::new()),
+            Self::Dynamic => Arc::new(DynamicWam::start()?),
+            Self::Embedded => Arc::new(EmbeddedWam::start(DriverOptions::new(link_mode))?),
+            Self::Can(interface) => {
+                Arc::new(CanWam::on_interface(&interface, CanOptions::default())?)
+            }
+        })
+    }
+}
+
+/// Which end of the connections between driver and embedded PC this is.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct LinkModeArgs {
+    /// Wait for the other end at this address of this machine
+    #[arg(long, value_name = "ADDRESS", conflicts_with = "connect")]
+    listen: Option<IpAddr>,
+    /// Go to the other end on this machine, again and again
+    #[arg(long, value_name = "HOST")]
+    connect: Option<String>,
+    /// TCP ports for commands and for asynchronous packets
+    #[arg(long, value_name = "ARM,PACKETS", value_delimiter = ',', num_args = 1,
+          default_values_t = [ARM_PORT, PACKET_PORT])]
+    ports: Vec<u16>,
+}
+
+impl LinkModeArgs {
+    /// As told; where nothing is told, one listens and the other connects on this machine.
+    pub(crate) fn link_mode(&self, listens: bool) -> io::Result<LinkMode> {
+        let &[arm, packets] = self.ports.as_slice() else {
+            return Err(io::Error::new(
+                io::ErrorKind::InvalidInput,
+                format!("--ports needs two numbers, as in {ARM_PORT},{PACKET_PORT}"),
+            ));
+        };
+        let at = |address: IpAddr| LinkAddresses {
+            arm: SocketAddr::new(address, arm),
+            packets: SocketAddr::new(address, packets),
+        };
+        let here = IpAddr::V4(Ipv4Addr::LOCALHOST);
+        Ok(match (&self.listen, &self.connect) {
+            (Some(address), _) => LinkMode::Listen(at(*address)),
+            (None, Some(host)) => LinkMode::Connect(at(resolve(host)?)),
+            (None, None) if listens => LinkMode::Listen(at(here)),
+            (None, None) => LinkMode::Connect(at(here)),
+        })
+    }
+}
+
+/// The first address of a host.
+fn resolve(host: &str) -> io::Result<IpAddr> {
+    let found = (host, 0).to_socket_addrs().and_then(|mut addresses| {
+        addresses
+            .next()
+            .ok_or_else(|| io::Error::new(io::ErrorKind::NotFound, "it has no address"))
+    });
+    found.map(|address| address.ip()).map_err(|error| {
+        io::Error::new(
+            error.kind(),
+            format!("cannot find the host {host}: {error}"),
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_read_as_they_are_printed() {
+        let on_a_bus = [("can:can0", Arm::Can("can0".to_owned()))];
+        for (name, arm) in NAMES.into_iter().chain(on_a_bus) {
+            assert_eq!(arm.to_string(), name);
+            assert_eq!(name.parse(), Ok(arm));
+        }
+        for wrong in ["ghost", "can:", "can"] {
+            let refused = wrong.parse::<Arm>().unwrap_err();
+            let known = "simulated, dynamic, embedded, or can:INTERFACE";
+            assert!(refused.contains(known), "{refused}");
+        }
+    }
+
+    #[test]
+    fn by_default_one_end_listens_and_the_other_connects() {
+        let meet = |listen: Option<&str>, connect: Option<&str>, listens: bool| {
+            let args = LinkModeArgs {
+                listen: listen.map(|text| text.parse().unwrap()),
+                connect: connect.map(str::to_owned),
+                ports: vec![1, 2],
+            };
+            args.link_mode(listens).unwrap()
+        };
+        let at = |address: &str| LinkAddresses {
+            arm: format!("{address}:1").parse().unwrap(),
+            packets: format!("{address}:2").parse().unwrap(),
+        };
+        let here = at("127.0.0.1");
+        assert_eq!(meet(None, None, true), LinkMode::Listen(here));
+        assert_eq!(meet(None, None, false), LinkMode::Connect(here));
+        assert_eq!(
+            meet(Some("0.0.0.0"), None, false),
+            LinkMode::Listen(at("0.0.0.0"))
+        );
+        assert_eq!(
+            meet(None, Some("127.0.0.2"), true),
+            LinkMode::Connect(at("127.0.0.2"))
+        );
+    }
+}

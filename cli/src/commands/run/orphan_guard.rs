@@ -1,0 +1,119 @@
+//! The process beside a server that ends what is left when the server has ended, however it ended.
+
+use std::collections::BTreeSet;
+use std::io::Write;
+use std::os::unix::process::CommandExt;
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::time::Duration;
+use std::{env, io};
+
+use rustix::process::{Pid, Signal, kill_process_group, test_kill_process_group};
+use tokio::time::{Instant, sleep};
+
+use super::GUARD_ARGUMENT;
+use crate::network_access::FOREVER;
+use crate::signals::Interrupt;
+use crate::stdin_lines::Lines;
+
+/// How long a command has to end when it is asked to, and then when it is killed.
+const TERMINATION_TIMEOUT: Duration = Duration::from_secs(5);
+/// How often it is looked at meanwhile.
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
+/// A guard takes no longer.
+const GUARD_TIMEOUT: Duration = Duration::from_secs(15);
+
+/// The server's end of its guard.
+pub(super) struct OrphanGuard {
+    child: Child,
+    input: ChildStdin,
+}
+
+impl OrphanGuard {
+    pub(super) fn start() -> io::Result<Self> {
+        let mut child = Command::new(env::current_exe()?)
+            .args(["run", &format!("--{GUARD_ARGUMENT}")])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            // Ctrl-C is not for it.
+            .process_group(0)
+            .spawn()?;
+        let input = child.stdin.take();
+        let input =
+            input.ok_or_else(|| io::Error::other("the process guard has no standard input"))?;
+        Ok(Self { child, input })
+    }
+
+    /// From now on a process group is ended when the server ends.
+    pub(super) fn keep(&mut self, group: Pid) {
+        self.tell('+', group);
+    }
+
+    /// A process group has ended; its number may be given to others.
+    pub(super) fn forget(&mut self, group: Pid) {
+        self.tell('-', group);
+    }
+
+    fn tell(&mut self, sign: char, group: Pid) {
+        let line = format!("{sign}{}\n", group.as_raw_nonzero());
+        if let Err(error) = self.input.write_all(line.as_bytes()) {
+            tracing::error!(target: "yarp.run", "the process guard is gone: commands may outlive this server: {error}");
+        }
+    }
+
+    /// Has all groups ended, and waits for that.
+    pub(super) async fn end(self) {
+        let Self { mut child, input } = self;
+        drop(input);
+        let deadline = Instant::now() + GUARD_TIMEOUT;
+        while matches!(child.try_wait(), Ok(None)) {
+            if Instant::now() > deadline {
+                // It has ended, or will.
+                let _ = child.kill();
+                let _ = child.wait();
+                return;
+            }
+            sleep(POLL_INTERVAL).await;
+        }
+    }
+}
+
+/// What a guard does: it takes note of groups until its standard input ends, and ends them.
+pub(super) async fn keep() {
+    // Signals are the server's business.
+    let _deaf = Interrupt::listen_with(u32::MAX, FOREVER);
+    let mut lines = Lines::open();
+    let mut groups = BTreeSet::new();
+    while let Some(line) = lines.next().await {
+        let (sign, number) = line.split_at(line.len().min(1));
+        match (sign, number.parse()) {
+            ("+", Ok(number)) => drop(groups.insert(number)),
+            ("-", Ok(number)) => drop(groups.remove(&number)),
+            _ => {}
+        }
+    }
+    // 1 would be everybody.
+    let groups = groups.into_iter().filter(|number: &i32| *number > 1);
+    end(&groups.filter_map(Pid::from_raw).collect::<Vec<_>>()).await;
+}
+
+/// Asks groups to end, kills those that do not, and waits for both.
+async fn end(groups: &[Pid]) {
+    for signals in [&[Signal::TERM, Signal::CONT][..], &[Signal::KILL]] {
+        for group in groups {
+            for signal in signals {
+                // It may have ended.
+                let _ = kill_process_group(*group, *signal);
+            }
+        }
+        let deadline = Instant::now() + TERMINATION_TIMEOUT;
+        while groups.iter().any(|group| exists(*group)) && Instant::now() < deadline {
+            sleep(POLL_INTERVAL).await;
+        }
+    }
+}
+
+/// Whether any process of a group is left.
+pub(super) fn exists(group: Pid) -> bool {
+    test_kill_process_group(group).is_ok()
+}

@@ -1,0 +1,156 @@
+//! The commands of a server.
+
+use std::process::Child;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use rustix::io::Errno;
+use rustix::process::{Pid, Signal, WaitId, WaitIdOptions, kill_process_group, waitid};
+use yarp_wire::{Bottle, Value};
+
+use super::launch::Launch;
+use super::note;
+use super::orphan_guard::{self, OrphanGuard};
+
+/// The most commands that run at once.
+const MAX_PROCESSES: usize = 256;
+
+/// What runs.
+pub(super) struct Processes {
+    state: Mutex<State>,
+}
+
+struct State {
+    running: Vec<Process>,
+    /// Groups whose command has ended, but not all that it started.
+    left: Vec<Pid>,
+    /// Gone once the server ends: then nothing is started any more.
+    guard: Option<OrphanGuard>,
+}
+
+struct Process {
+    pid: Pid,
+    launch: Launch,
+}
+
+impl Processes {
+    pub(super) fn new(guard: OrphanGuard) -> Self {
+        let state = State {
+            running: Vec::new(),
+            left: Vec::new(),
+            guard: Some(guard),
+        };
+        Self {
+            state: Mutex::new(state),
+        }
+    }
+
+    /// Starts a command; gives its number, or says why not.
+    pub(super) fn start(self: &Arc<Self>, launch: Launch) -> Result<Pid, String> {
+        let mut state = self.lock();
+        let State { running, guard, .. } = &mut *state;
+        let Some(guard) = guard else {
+            return Err("Can't execute command because the server ends".to_owned());
+        };
+        if running.len() >= MAX_PROCESSES {
+            return Err(format!(
+                "Can't execute command because {MAX_PROCESSES} are running"
+            ));
+        }
+        let mut child = launch.spawn()?;
+        let Some(pid) = i32::try_from(child.id()).ok().and_then(Pid::from_raw) else {
+            let _ = child.kill();
+            let _ = child.wait();
+            return Err("Can't execute command because its process has no number".to_owned());
+        };
+        guard.keep(pid);
+        running.push(Process { pid, launch });
+        let processes = self.clone();
+        // Ends with the command.
+        std::thread::spawn(move || processes.reap(pid, child));
+        Ok(pid)
+    }
+
+    /// Waits for the end of a command, and forgets it.
+    fn reap(&self, pid: Pid, mut child: Child) {
+        let ended = WaitIdOptions::EXITED | WaitIdOptions::NOWAIT;
+        while matches!(waitid(WaitId::Pid(pid), ended), Err(Errno::INTR)) {}
+        let mut state = self.lock();
+        // From here on its number may be another's: nobody who has the lock sends it a signal.
+        let _ = child.wait();
+        state.running.retain(|process| process.pid != pid);
+        state.left.push(pid);
+        state.prune();
+        note(format_args!("CLEANUP cmd {}", pid.as_raw_nonzero()));
+    }
+
+    /// Sends a signal to all commands with a tag, or to all; tells how many there are.
+    pub(super) fn signal(&self, tag: Option<&str>, signal: Signal) -> usize {
+        let mut state = self.lock();
+        state.prune();
+        let wanted = |process: &&Process| tag.is_none_or(|tag| process.launch.tag == tag);
+        let mut count = 0;
+        for Process { pid, launch } in state.running.iter().filter(wanted) {
+            note(format_args!(
+                "SIGNAL {} ({})",
+                launch.tag,
+                pid.as_raw_nonzero()
+            ));
+            // It may have ended, and is not buried yet.
+            let _ = kill_process_group(*pid, signal);
+            count += 1;
+        }
+        count
+    }
+
+    /// Whether a command with this tag runs.
+    pub(super) fn is_running(&self, tag: &str) -> bool {
+        let state = self.lock();
+        state
+            .running
+            .iter()
+            .any(|process| process.launch.tag == tag)
+    }
+
+    /// All commands, as `ps` tells them.
+    pub(super) fn list(&self) -> Bottle {
+        let state = self.lock();
+        let shown = |Process { pid, launch }: &Process| {
+            let pair =
+                |name: &str, value: Value| Value::List([name.into(), value].into_iter().collect());
+            Value::List(Bottle::from_iter([
+                pair("pid", Value::Int32(pid.as_raw_nonzero().get())),
+                pair("tag", launch.tag.as_str().into()),
+                pair("status", "running".into()),
+                pair("cmd", launch.command.as_str().into()),
+                pair("env", launch.environment.as_str().into()),
+            ]))
+        };
+        state.running.iter().map(shown).collect()
+    }
+
+    /// Ends all commands and what they started, and waits for that.
+    pub(super) async fn end(&self) {
+        let guard = self.lock().guard.take();
+        if let Some(guard) = guard {
+            guard.end().await;
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl State {
+    /// Forgets groups that have ended: their numbers may be given to others.
+    fn prune(&mut self) {
+        let Self { left, guard, .. } = self;
+        left.retain(|group| {
+            let exists = orphan_guard::exists(*group);
+            if !exists && let Some(guard) = guard {
+                guard.forget(*group);
+            }
+            exists
+        });
+    }
+}

@@ -1,0 +1,183 @@
+//! Connecting ports of others, in stock's words.
+
+use yarp_ports::remote_admin::{self, ConnectError, Connection};
+use yarp_ports::{Network, PortError};
+use yarp_wire::Contact;
+
+use crate::error::Result;
+use crate::network_access;
+
+const COMPONENT: &str = "yarp.os.Network";
+
+/// Whether success is told as well as failure.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub(crate) enum Verbosity {
+    /// Both.
+    All,
+    /// Failure only.
+    FailuresOnly,
+}
+
+/// Connects two ports; tells whether it went well.
+pub(crate) async fn connect(
+    network: &Network,
+    source: &str,
+    destination: &str,
+    carrier: Option<&str>,
+    verbosity: Verbosity,
+) -> bool {
+    if let Some(text) = refused(source, destination) {
+        tracing::error!(target: COMPONENT, "Failure: {text}");
+        return false;
+    }
+    let result = remote_admin::connect(network, source, destination, carrier).await;
+    tell(source, destination, result, verbosity)
+}
+
+/// Ends the connection between two ports; tells whether it went well.
+pub(crate) async fn disconnect(network: &Network, source: &str, destination: &str) -> bool {
+    if let Some(text) = refused(source, destination) {
+        tracing::error!(target: COMPONENT, "Failure: {text}");
+        return false;
+    }
+    let result = remote_admin::disconnect(network, source, destination).await;
+    tell(source, destination, result, Verbosity::All)
+}
+
+/// Why names cannot be connected, before anybody is asked.
+fn refused(source: &str, destination: &str) -> Option<String> {
+    let invalid = |text: &str| {
+        let contact = Contact::parse(text);
+        let name = &contact.name;
+        let anonymous = name.is_empty() && contact.address.is_some();
+        !anonymous && (!name.starts_with('/') || name.ends_with('/'))
+    };
+    if source.contains(' ') || destination.contains(' ') {
+        Some(format!(
+            "no way to make connection {source}->{destination}, one of the port names contains a space character."
+        ))
+    } else if invalid(source) {
+        Some(format!(
+            "no way to make connection, invalid source '{source}'"
+        ))
+    } else if invalid(destination) {
+        Some(format!(
+            "no way to make connection, invalid destination '{destination}'"
+        ))
+    } else {
+        None
+    }
+}
+
+fn tell(
+    source: &str,
+    destination: &str,
+    result: std::result::Result<String, ConnectError>,
+    verbosity: Verbosity,
+) -> bool {
+    let text = match result {
+        Ok(text) => {
+            if verbosity == Verbosity::All {
+                // The answer of a port ends in a line end of its own.
+                tracing::info!(target: COMPONENT, "Success: {text}\r\n");
+            }
+            return true;
+        }
+        Err(ConnectError::NoSource { .. } | ConnectError::Port(PortError::NoNameServer)) => {
+            format!("Failure: could not find source port {source}")
+        }
+        Err(ConnectError::NoDestination { .. }) => {
+            format!("Failure: could not find destination port {destination}")
+        }
+        Err(ConnectError::Port(error @ PortError::NameServer { .. })) => {
+            network_access::away(&error);
+            format!("Failure: could not find source port {source}")
+        }
+        Err(ConnectError::Port(PortError::Connect { peer, .. })) => {
+            format!("Cannot connect to port {peer}")
+        }
+        Err(ConnectError::Port(error)) => format!("Failure: {}", error.error_chain()),
+        Err(ConnectError::Refused { text }) => format!("Failure: {text}\r\n"),
+        Err(error) => format!("Failure: {error}"),
+    };
+    tracing::error!(target: COMPONENT, "{text}");
+    false
+}
+
+/// Whether two ports are connected, with the carrier that `destination` names if it names one.
+pub(crate) async fn is_connected(
+    network: &Network,
+    source: &str,
+    destination: &str,
+) -> Result<bool> {
+    let found = look(network, source, destination).await?;
+    let connected = match found {
+        Some((connection, wanted)) => {
+            let Connection {
+                from, to, carrier, ..
+            } = &connection;
+            tracing::info!(target: COMPONENT, "Connection found between {from} and {to} using carrier {carrier}");
+            *carrier == wanted
+        }
+        None => false,
+    };
+    if !connected {
+        tracing::info!(target: COMPONENT, "No connection from {source} to {destination} found");
+    }
+    Ok(connected)
+}
+
+/// The connection between two ports and the carrier that it should have.
+pub(crate) async fn look(
+    network: &Network,
+    source: &str,
+    destination: &str,
+) -> Result<Option<(Connection, String)>> {
+    let (from, to) = (Contact::parse(source), Contact::parse(destination));
+    let Some(from) = network_access::find(network, &from).await? else {
+        tracing::error!(target: COMPONENT, "Failure: could not find source port {source}");
+        return Ok(None);
+    };
+    let Some(reader) = network_access::find(network, &to).await? else {
+        tracing::error!(target: COMPONENT, "Failure: could not find destination port {destination}");
+        return Ok(None);
+    };
+    match remote_admin::connection(network, &from, &reader.name).await {
+        Ok(known) => Ok(known.map(|known| (known, to.carrier.unwrap_or(reader.carrier)))),
+        Err(_) => {
+            tracing::error!(target: COMPONENT, "Cannot connect to port {source}");
+            Ok(None)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_refused_in_the_words_of_stock() {
+        let check = |source: &str, destination: &str, expected: Option<&str>| {
+            assert_eq!(refused(source, destination).as_deref(), expected);
+        };
+        check("/a", "/b", None);
+        check("tcp://a", "tcp://10.0.0.1:10002/", None);
+        check(
+            "w",
+            "/r",
+            Some("no way to make connection, invalid source 'w'"),
+        );
+        check(
+            "/w",
+            "/w/",
+            Some("no way to make connection, invalid destination '/w/'"),
+        );
+        check(
+            "/w x",
+            "/r",
+            Some(
+                "no way to make connection /w x->/r, one of the port names contains a space character.",
+            ),
+        );
+    }
+}

@@ -1,0 +1,87 @@
+//! A simulated hand and what serves it, each as a program.
+
+#![cfg(unix)]
+
+mod common;
+
+use std::process::Command;
+use std::time::Duration;
+
+use common::Home;
+use yarp_devices::Hand;
+use yarp_devices::hand::node::{RemoteHand, RemoteHandOptions};
+
+const TIMEOUT: Duration = Duration::from_secs(60);
+
+#[test]
+fn a_finger_is_moved_by_typing_and_over_the_hand_server() {
+    let home = Home::new();
+    let line = home.path().join("line-of-the-hand");
+    let line = line.to_str().expect("its name is text");
+    let there = home
+        .start(&format!("hand-sim --link {line} --speed 2"))
+        .see(line);
+    let server = home.serve();
+
+    let board = home
+        .start(&format!("hand-board --serial {line}"))
+        .see("served as /hand");
+    let moved = home.run_with("rpc /hand/rpc:i", "[set] [pos] 2 30.0\n");
+    assert!(moved.says("Response: [ok]"), "{moved:?}");
+    let axes = home.run_with("rpc /hand/rpc:i", "[get] [axes]\n").with(0);
+    assert!(axes.says("[is] [axes] 4"), "{axes:?}");
+    let grasp = home
+        .run_with("rpc /hand/hand/rpc:i", "grasp rect\n")
+        .with(0);
+    assert!(grasp.says("Response: [ok]"), "{grasp:?}");
+    let where_it_is = home
+        .run_with("rpc /hand/hand/rpc:i", "gcl 4FGET P\n")
+        .with(0);
+    assert!(
+        where_it_is.says("Response: [ok] \"1500\""),
+        "{where_it_is:?}"
+    );
+    board.signal("TERM").finish().with(0);
+
+    let options = RemoteHandOptions::new()
+        .connect_timeout(TIMEOUT)
+        .motion_timeout(TIMEOUT);
+    let remote = RemoteHand::listen("127.0.0.1:0", options).expect("a port is free");
+    let place = remote.address();
+    let node = home
+        .start(&format!("hand-node --serial {line} --driver {place}"))
+        .see("looking for a driver");
+    remote.initialise().expect("a hand is behind the server");
+    assert_eq!(remote.finger_positions().expect("it answers"), [0.0; 4]);
+    node.signal("TERM").finish().with(0);
+    there.signal("TERM").finish().with(0);
+    drop(server);
+}
+
+/// Nobody hears where it is served, so it ends; its names end with it.
+#[test]
+fn a_hand_whose_output_is_gone_leaves_no_names() {
+    let home = Home::new();
+    let line = home.path().join("line-of-the-hand");
+    let line = line.to_str().expect("its name is text");
+    let _there = home
+        .start(&format!("hand-sim --link {line} --speed 2"))
+        .see(line);
+    let _server = home.serve();
+    let mut command = Command::new("sh");
+    let yarp = env!("CARGO_BIN_EXE_yarp");
+    command.args([
+        "-c",
+        &format!("exec {yarp} hand-board --serial {line} >/dev/full"),
+    ]);
+    let ended = home.spawn(command, "hand-board, without output").finish();
+    assert_ne!(ended.code, Some(0), "{ended:?}");
+    assert_eq!(home.names(), Vec::<String>::new());
+}
+
+#[test]
+fn a_line_that_is_not_there_is_reported() {
+    let home = Home::new();
+    let told = home.run("hand-node --serial /nowhere/hand").with(1);
+    assert!(told.err[0].contains("/nowhere/hand"), "{told:?}");
+}

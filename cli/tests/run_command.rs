@@ -1,0 +1,252 @@
+//! `yarp run`: commands start, are asked about and end, and nothing is left of them.
+
+#![cfg(target_os = "linux")]
+
+mod common;
+
+use std::path::Path;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use common::{Ended, Home, Running};
+
+/// Longer than any step takes on a busy machine.
+const TIMEOUT: Duration = Duration::from_secs(60);
+
+/// Runs `yarp run --on /host` with these words, each as it is.
+fn ask(home: &Home, words: &[&str]) -> Ended {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_yarp"));
+    command.args(["run", "--on", "/host"]).args(words);
+    home.spawn(command, &words.join(" ")).finish()
+}
+
+fn serve(home: &Home) -> Running {
+    let server = home.start("run --server /host");
+    server.see("Yarprun successfully started on port:  /host")
+}
+
+/// The number that a command writes to a file.
+fn number_in(file: &Path) -> u32 {
+    until("a number in the file", || {
+        std::fs::read_to_string(file).ok()?.trim().parse().ok()
+    })
+}
+
+fn until<T>(what: &str, mut found: impl FnMut() -> Option<T>) -> T {
+    let start = Instant::now();
+    loop {
+        if let Some(found) = found() {
+            return found;
+        }
+        assert!(start.elapsed() < TIMEOUT, "no {what}");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+/// Waits until a process is gone, or dead and waiting for whoever adopted it.
+fn gone(process: u32) {
+    until("end of the process", || {
+        let state = std::fs::read_to_string(format!("/proc/{process}/stat"));
+        let dead = |stat: &str| {
+            stat.rsplit(')')
+                .next()
+                .is_some_and(|rest| rest.starts_with(" Z"))
+        };
+        state.map_or(true, |stat| dead(&stat)).then_some(())
+    });
+}
+
+/// Starts a shell with a child; gives the number of the child. Neither ends by itself.
+fn start_family(home: &Home, before: &str) -> u32 {
+    let file = home.path().join("child");
+    let command = format!(
+        "sh -c \"{before} sleep 1000 & echo $! > {}; wait; wait\"",
+        file.display()
+    );
+    let started = ask(home, &["--as", "family", "--cmd", &command]).with(0);
+    started.complains("STARTED: server=/host alias=family cmd=sh -c");
+    number_in(&file)
+}
+
+#[test]
+fn a_command_starts_and_ends() {
+    let home = Home::new();
+    let _name_server = home.serve();
+    let server = serve(&home);
+    assert!(home.run("name get /host yarprun").says("true"));
+    let file = home.path().join("told");
+    let command = format!(
+        "sh -c \"echo $COLOUR $YARP_IS_YARPRUN > {}; sleep 1000\"",
+        file.display()
+    );
+    let started = ask(
+        &home,
+        &[
+            "--as",
+            "t",
+            "--cmd",
+            &command,
+            "--env",
+            "SIZE=3;COLOUR=blue",
+        ],
+    )
+    .with(0);
+    assert_eq!(started.err[..2], ["RESPONSE:", "========="]);
+    let told = until("line in the file", || {
+        std::fs::read_to_string(&file)
+            .ok()
+            .filter(|text| !text.is_empty())
+    });
+    assert_eq!(told, "blue 1\n");
+    ask(&home, &["--ps"])
+        .with(0)
+        .complains("(tag t) (status running)");
+    ask(&home, &["--isrunning", "t"])
+        .with(0)
+        .complains("running");
+    ask(&home, &["--isrunning", "other"])
+        .with(2)
+        .complains("not running");
+    ask(&home, &["--sigterm", "other"])
+        .with(2)
+        .complains("sigterm FAILED");
+    ask(&home, &["--kill", "other", "9"])
+        .with(2)
+        .complains("kill FAILED");
+    ask(&home, &["--sigterm", "t"])
+        .with(0)
+        .complains("sigterm OK");
+    until("end of the command", || {
+        (ask(&home, &["--isrunning", "t"]).code == Some(2)).then_some(())
+    });
+    // Nothing to tell is no success, as in stock.
+    ask(&home, &["--ps"]).with(255);
+    ask(&home, &["--exit"]).with(0).complains("exit OK");
+    server.finish().with(0);
+    assert!(!home.names().contains(&"/host".to_owned()));
+}
+
+#[test]
+fn a_signal_reaches_all_of_a_command() {
+    let home = Home::new();
+    let _name_server = home.serve();
+    let _server = serve(&home);
+    let child = start_family(&home, "");
+    ask(&home, &["--kill", "family", "9"])
+        .with(0)
+        .complains("kill OK");
+    gone(child);
+}
+
+#[test]
+fn what_cannot_run_is_told() {
+    let home = Home::new();
+    let _name_server = home.serve();
+    let _server = serve(&home);
+    let check = |words: &[&str], expected: &str| {
+        let ended = ask(&home, words).with(2);
+        ended.complains("ABORTED: server=/host alias=t cmd=");
+        ended.complains(expected);
+    };
+    check(
+        &["--as", "t", "--cmd", "/no/such/program"],
+        "Can't execute command because No such file or directory",
+    );
+    check(
+        &["--as", "t", "--cmd", "ls", "--workdir", "/no/such/place"],
+        "Can't execute command, cannot set working directory No such file or directory",
+    );
+    check(
+        &["--as", "t", "--cmd", "ls", "--stdio", "/host"],
+        "This server opens no terminals",
+    );
+}
+
+#[test]
+fn a_server_that_ends_takes_its_commands_along() {
+    for signal in ["INT", "TERM", "HUP"] {
+        let home = Home::new();
+        let _name_server = home.serve();
+        let server = serve(&home);
+        let child = start_family(&home, "");
+        server.signal(signal).finish().with(0);
+        gone(child);
+    }
+}
+
+#[test]
+fn a_server_that_is_killed_takes_its_commands_along() {
+    let home = Home::new();
+    let _name_server = home.serve();
+    let server = serve(&home);
+    let child = start_family(&home, "");
+    server.kill();
+    gone(child);
+}
+
+#[test]
+fn what_does_not_end_when_asked_is_killed() {
+    let home = Home::new();
+    let _name_server = home.serve();
+    let server = serve(&home);
+    let child = start_family(&home, "trap '' TERM;");
+    ask(&home, &["--exit"]).with(0);
+    server.finish().with(0);
+    gone(child);
+}
+
+#[test]
+fn what_a_command_leaves_behind_ends_with_the_server() {
+    let home = Home::new();
+    let _name_server = home.serve();
+    let server = serve(&home);
+    let file = home.path().join("child");
+    let command = format!("sh -c \"sleep 1000 & echo $! > {}\"", file.display());
+    ask(&home, &["--as", "t", "--cmd", &command]).with(0);
+    let child = number_in(&file);
+    until("end of the command", || {
+        (ask(&home, &["--isrunning", "t"]).code == Some(2)).then_some(())
+    });
+    // As in stock, it goes on while the server does.
+    assert!(Path::new(&format!("/proc/{child}")).exists());
+    server.signal("INT").finish().with(0);
+    gone(child);
+}
+
+#[test]
+fn running_commands_needs_the_right_to_administer() {
+    let home = Home::new();
+    let roles = home.path().join("roles.conf");
+    let _name_server = home.serve();
+    let file = home.path().join("made");
+    let command = format!("touch {}", file.display());
+    // Whoever may not administer the name cannot register it either.
+    std::fs::write(&roles, "[everybody]\nports /host\nrights all\n").unwrap();
+    let _server = serve(&home);
+    std::fs::write(
+        &roles,
+        "[everybody]\nports /host\nrights read write connect\n",
+    )
+    .unwrap();
+    let refused = until("refusal", || {
+        let ended = ask(&home, &["--ps"]);
+        (ended.code == Some(2)).then_some(ended)
+    });
+    refused.complains("no right to administer on /host");
+    ask(&home, &["--as", "t", "--cmd", &command]).with(2);
+    ask(&home, &["--exit"]).with(2);
+    assert!(!file.exists());
+    std::fs::write(&roles, "[everybody]\nports /host\nrights all\n").unwrap();
+    until("right", || {
+        (ask(&home, &["--as", "t", "--cmd", &command]).code == Some(0)).then_some(())
+    });
+    until("file", || file.exists().then_some(()));
+}
+
+#[test]
+fn an_open_server_says_so() {
+    let home = Home::new();
+    let _name_server = home.serve();
+    let ended = serve(&home).signal("INT").finish().with(0);
+    ended.complains("no roles.conf that is about /host");
+}

@@ -1,0 +1,90 @@
+//! What else the machine does meanwhile.
+
+use std::hint::black_box;
+use std::process::{Child, Command, Stdio};
+use std::thread::available_parallelism;
+
+use crate::Failure;
+
+/// How busy others are.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub(crate) enum Load {
+    /// Nobody else.
+    Quiet,
+    /// One process that computes.
+    Mild,
+    /// Two processes that compute for each processor, and one that copies memory.
+    Intensive,
+}
+
+impl Load {
+    pub(crate) const ALL: [Self; 3] = [Self::Quiet, Self::Mild, Self::Intensive];
+
+    pub(crate) fn label(self) -> &'static str {
+        match self {
+            Self::Quiet => "quiet",
+            Self::Mild => "mild",
+            Self::Intensive => "intensive",
+        }
+    }
+
+    /// Puts it on until what is returned is let go.
+    pub(crate) fn start(self) -> Result<RunningLoad, Failure> {
+        let cores = available_parallelism()?.get();
+        let (busy, copying) = match self {
+            Self::Quiet => (0, 0),
+            Self::Mild => (1, 0),
+            Self::Intensive => (2 * cores, 1),
+        };
+        let mut burden = RunningLoad(Vec::new());
+        for word in [vec!["busy"; busy], vec!["copy"; copying]].concat() {
+            let mut command = Command::new(std::env::current_exe()?);
+            burden
+                .0
+                .push(command.arg(word).stdin(Stdio::null()).spawn()?);
+        }
+        Ok(burden)
+    }
+}
+
+/// Processes that are at work.
+#[derive(Debug)]
+pub(crate) struct RunningLoad(Vec<Child>);
+
+impl Drop for RunningLoad {
+    fn drop(&mut self) {
+        for child in &mut self.0 {
+            // They end in no other way.
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+/// Computes for ever.
+pub(crate) fn busy() -> Result<(), Failure> {
+    busy_while(|| true);
+    Ok(())
+}
+
+/// Computes as long as it shall.
+pub(crate) fn busy_while(goes_on: impl Fn() -> bool) {
+    let mut number = 1_u64;
+    while goes_on() {
+        number = black_box(
+            number
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1),
+        );
+    }
+}
+
+/// Copies memory that no cache holds, for ever.
+pub(crate) fn copy() -> Result<(), Failure> {
+    let from = vec![1_u8; 64 << 20];
+    let mut to = vec![0_u8; from.len()];
+    loop {
+        to.copy_from_slice(black_box(&from));
+        black_box(&to);
+    }
+}

@@ -1,0 +1,140 @@
+//! A device from its parameters, alone or together with what serves it.
+
+use yarp_ports::Network;
+use yarp_wire::settings::Parameters;
+
+use crate::device_types::{self, DeviceType, Opening};
+use crate::{Attached, Future, HostError, Hosted, Parts};
+
+/// Opens a device of a kind.
+///
+/// * `deviceBundler`, with `wrapper_device` and `attached_device`, is both, the one attached to the other. Both read
+///   the same parameters, as in stock. With `doNotAttach` they stay apart.
+/// * `subdevice` is what a wrapper attaches to at once; it reads the same parameters too.
+/// * Errors: [`HostError`]; then nothing stays open.
+pub async fn open(
+    network: &Network,
+    kind: &str,
+    parameters: &Parameters,
+) -> Result<Box<dyn Hosted>, HostError> {
+    if kind == device_types::BUNDLER {
+        let wrapper: String = parameters.need("wrapper_device")?;
+        let inner: String = parameters.need("attached_device")?;
+        let wrapper = device_types::find(&wrapper, parameters, "wrapper_device")?;
+        let inner = device_types::find(&inner, parameters, "attached_device")?;
+        let apart = parameters.has("doNotAttach");
+        let opening = Opening {
+            network,
+            parameters,
+        };
+        return bundle(
+            opening,
+            wrapper,
+            inner.name,
+            inner.open(opening).await?,
+            apart,
+        )
+        .await;
+    }
+    let kind = device_types::find(kind, parameters, "device")?;
+    let opening = Opening {
+        network,
+        parameters,
+    };
+    match parameters.get::<String>("subdevice")? {
+        Some(inner) => {
+            let inner = device_types::find(&inner, parameters, "subdevice")?;
+            bundle(opening, kind, inner.name, inner.open(opening).await?, false).await
+        }
+        None => kind.open(opening).await,
+    }
+}
+
+/// As [`open`], but a device that is served by a wrapper of its own is opened together with it, as stock's `yarpdev`
+/// does.
+pub async fn open_wrapped(
+    network: &Network,
+    kind: &str,
+    parameters: &Parameters,
+) -> Result<Box<dyn Hosted>, HostError> {
+    if kind != device_types::BUNDLER {
+        let inner = device_types::find(kind, parameters, "device")?;
+        if let Some(wrapper) = inner.wrapper {
+            let wrapper = device_types::find(wrapper, parameters, "device")?;
+            let opening = Opening {
+                network,
+                parameters,
+            };
+            // It may have a subdevice of its own.
+            let opened = open(network, kind, parameters).await?;
+            return bundle(opening, wrapper, inner.name, opened, false).await;
+        }
+    }
+    open(network, kind, parameters).await
+}
+
+async fn bundle(
+    opening: Opening<'_>,
+    wrapper: &DeviceType,
+    inner_name: &str,
+    inner: Box<dyn Hosted>,
+    apart: bool,
+) -> Result<Box<dyn Hosted>, HostError> {
+    let wrapper = wrapper.open(opening).await;
+    let mut wrapper = match wrapper {
+        Ok(wrapper) => wrapper,
+        Err(error) => {
+            inner.close().await;
+            return Err(error);
+        }
+    };
+    if !apart {
+        let attached = Attached {
+            device: inner_name.to_owned(),
+            network: "...".to_owned(),
+            parts: inner.parts(),
+        };
+        if let Err(error) = wrapper.attach(vec![attached]).await {
+            wrapper.close().await;
+            inner.close().await;
+            return Err(error);
+        }
+    }
+    Ok(Box::new(Bundle { wrapper, inner }))
+}
+
+/// A device, and what serves it.
+struct Bundle {
+    wrapper: Box<dyn Hosted>,
+    inner: Box<dyn Hosted>,
+}
+
+impl Hosted for Bundle {
+    /// Those of the one in front, if it has any.
+    fn parts(&self) -> Parts {
+        let front = self.wrapper.parts();
+        match (&front.board, &front.camera) {
+            (None, None) => self.inner.parts(),
+            _ => front,
+        }
+    }
+
+    fn machine(&self) -> Option<std::sync::Arc<dyn yarp_devices::Device>> {
+        self.inner.machine()
+    }
+
+    fn attach(&mut self, others: Vec<Attached>) -> Future<'_, Result<(), HostError>> {
+        self.wrapper.attach(others)
+    }
+
+    fn detach(&mut self) -> Future<'_, Result<(), HostError>> {
+        self.wrapper.detach()
+    }
+
+    fn close(self: Box<Self>) -> Future<'static, ()> {
+        Box::pin(async move {
+            self.wrapper.close().await;
+            self.inner.close().await;
+        })
+    }
+}

@@ -1,0 +1,88 @@
+//! What servers that are open while they are attached have in common.
+
+use std::time::Duration;
+
+use yarp_wire::settings::{Origin, ParameterError, Parameters};
+use yarp_wrappers::{ControlBoardServer, FrameGrabberServer, OpenError};
+
+use crate::HostError;
+
+/// A server on ports.
+pub(super) trait Server {
+    /// Closes its ports.
+    fn close(self) -> impl Future<Output = ()> + Send;
+}
+
+impl Server for ControlBoardServer {
+    fn close(self) -> impl Future<Output = ()> + Send {
+        Self::close(self)
+    }
+}
+
+impl Server for FrameGrabberServer {
+    fn close(self) -> impl Future<Output = ()> + Send {
+        Self::close(self)
+    }
+}
+
+/// A server, if it is open, and what errors say it is.
+pub(super) struct AttachedServer<S> {
+    origin: Origin,
+    device: String,
+    running: Option<S>,
+}
+
+impl<S: Server> AttachedServer<S> {
+    pub(super) fn of(parameters: &Parameters) -> Self {
+        Self {
+            origin: parameters.origin().clone(),
+            device: parameters.device().to_owned(),
+            running: None,
+        }
+    }
+
+    /// An error while it is open.
+    pub(super) fn check_free(&self) -> Result<(), HostError> {
+        match self.running {
+            Some(_) => Err(HostError::Attached),
+            None => Ok(()),
+        }
+    }
+
+    pub(super) async fn open(
+        &mut self,
+        opening: impl Future<Output = Result<S, OpenError>>,
+    ) -> Result<(), HostError> {
+        let opened = opening.await;
+        let opened = opened.map_err(|source| not_opened(&self.origin, &self.device, source))?;
+        self.running = Some(opened);
+        Ok(())
+    }
+
+    pub(super) async fn close(&mut self) {
+        if let Some(running) = self.running.take() {
+            running.close().await;
+        }
+    }
+}
+
+/// That the ports of a device did not open.
+pub(super) fn not_opened(origin: &Origin, device: &str, source: OpenError) -> HostError {
+    HostError::Open {
+        origin: origin.clone(),
+        device: device.to_owned(),
+        source: Box::new(source),
+    }
+}
+
+/// Checks the parameter `period`; `expected` is in the unit that it was given in.
+pub(super) fn check_period(
+    parameters: &Parameters,
+    period: Duration,
+    expected: &str,
+) -> Result<Duration, ParameterError> {
+    match (0.001..=60.0).contains(&period.as_secs_f64()) {
+        true => Ok(period),
+        false => Err(parameters.refuse("period", expected)),
+    }
+}

@@ -1,0 +1,28 @@
+//! The BarrettHand on its serial line, as a board of four axes.
+
+use yarp_devices::hand::{BarrettHand, HandBoard, HandOptions};
+use yarp_devices::{DeviceError, Hand};
+
+use super::local_device::{self, LocalDevice};
+use super::{OpenResult, Opening};
+
+/// What a hand that was reset speaks, bits per second.
+const DEFAULT_BAUD: usize = 9600;
+
+/// The hand is initialised first: its fingers open.
+pub(super) async fn open(opening: Opening<'_>) -> OpenResult {
+    let parameters = opening.parameters;
+    let path: String = parameters.need("serial")?;
+    let baud = parameters.get_or("baud", DEFAULT_BAUD)?;
+    let baud = u32::try_from(baud)
+        .map_err(|_| parameters.refuse("baud", "the speed of the line, bits per second"))?;
+    let start = move || -> Result<HandBoard, DeviceError> {
+        let options = HandOptions::new(&path).baud(baud);
+        let hand = BarrettHand::open(options).map_err(|error| error.at(&path))?;
+        let board = HandBoard::start(hand)?;
+        board.initialise()?;
+        Ok(board)
+    };
+    let board = local_device::start(parameters, start).await?;
+    Ok(Box::new(LocalDevice::machine(board)))
+}

@@ -1,0 +1,183 @@
+//! Cameras: a simulated one, one served on ports, and one that another program serves.
+//!
+//! Parameters are those of stock's `fakeFrameGrabber`, `frameGrabber_nws_yarp` and `frameGrabber_nwc_yarp`.
+//! Source: `FakeFrameGrabber.cpp`, `FrameGrabber_nws_yarp.cpp` and `FrameGrabber_nwc_yarp.cpp` of YARP 3.5.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use yarp_devices::Intrinsics;
+use yarp_devices::camera::{CameraOptions, Pattern, Scene, SimulatedCamera};
+use yarp_ports::Network;
+use yarp_wire::PortName;
+use yarp_wire::settings::Parameters;
+use yarp_wrappers::frame_grabber::Capability;
+use yarp_wrappers::{
+    FrameGrabberOptions, FrameGrabberServer, RemoteFrameGrabber, RemoteFrameGrabberOptions,
+};
+
+use super::attached_server::{AttachedServer, check_period};
+use super::local_device::{self, LocalDevice};
+use super::remote_board::cast;
+use super::{OpenResult, Opening};
+use crate::{Attached, Future, HostError, Hosted};
+
+/// What stock's simulated camera has, and ours does without.
+const IGNORED_PARAMETERS: [&str; 9] = [
+    "fakeFrameGrabber_rpc_port",
+    "syncro",
+    "topIsLow",
+    "rectificationMatrix",
+    "timestamp",
+    "noise",
+    "snr",
+    "bayer",
+    "mono",
+];
+const VALID_RATES: std::ops::RangeInclusive<f64> = 0.1..=1000.0;
+
+pub(super) async fn simulated(opening: Opening<'_>) -> OpenResult {
+    let parameters = opening.parameters;
+    let options = options(parameters)?;
+    for name in IGNORED_PARAMETERS {
+        if parameters.has(name) {
+            tracing::warn!("{}: parameter {name} has no effect", parameters.device());
+        }
+    }
+    let camera = local_device::start(parameters, move || SimulatedCamera::start(options)).await?;
+    Ok(Box::new(LocalDevice::camera(camera)))
+}
+
+fn options(parameters: &Parameters) -> Result<CameraOptions, HostError> {
+    let word: Option<String> = parameters.get("mode")?;
+    let pattern = match &word {
+        None => Pattern::default(),
+        Some(word) => Pattern::from_word(word).ok_or_else(|| {
+            let words: Vec<_> = Pattern::words().collect();
+            parameters.refuse("mode", format!("one of {}", words.join(", ")))
+        })?,
+    };
+    let scene = match parameters.get::<String>("src")? {
+        Some(path) => Scene::File(PathBuf::from(path)),
+        None => Scene::Pattern(pattern),
+    };
+    let (name, rate) = match parameters.get::<f64>("freq")? {
+        Some(rate) => ("freq", rate),
+        None => {
+            let period = parameters.get::<Duration>("period")?;
+            (
+                "period",
+                period.map_or(30.0, |period| 1.0 / period.as_secs_f64()),
+            )
+        }
+    };
+    if !VALID_RATES.contains(&rate) {
+        return Err(parameters
+            .refuse(name, "0.1 to 1000 images a second")
+            .into());
+    }
+    let usual = CameraOptions::new();
+    let width = parameters.get_or("width", 320)?;
+    let height = parameters.get_or("height", 240)?;
+    let options = usual.scene(scene).size(width, height).rate(rate);
+    let options = options.mirrored(parameters.get_or("mirror", false)?);
+    let options = options.firewire(parameters.get_or("firewire", false)?);
+    let across = parameters.get_or("horizontalFov", 60.0)?;
+    let down = parameters.get_or("verticalFov", 46.8)?;
+    let number = |name: &str, usual: f64| parameters.get_or(name, usual);
+    Ok(options.field_of_view(across, down).intrinsics(Intrinsics {
+        physical_focal_length: number("physFocalLength", 0.0)?,
+        focal_length: (
+            number("focalLengthX", 277.1)?,
+            number("focalLengthY", 277.1)?,
+        ),
+        principal_point: (
+            number("principalPointX", 160.0)?,
+            number("principalPointY", 120.0)?,
+        ),
+        distortion_model: parameters.get_or("distortionModel", "none".to_owned())?,
+        radial: [number("k1", 0.0)?, number("k2", 0.0)?, number("k3", 0.0)?],
+        tangential: [number("t1", 0.0)?, number("t2", 0.0)?],
+        ..Intrinsics::default()
+    }))
+}
+
+pub(super) async fn remote(opening: Opening<'_>) -> OpenResult {
+    let parameters = opening.parameters;
+    let remote: PortName = parameters.need("remote")?;
+    let local: PortName = parameters.need("local")?;
+    let mut options = RemoteFrameGrabberOptions::new(remote.to_string(), local.to_string());
+    if let Some(carrier) = parameters.get::<String>("stream")? {
+        options = options.carrier(carrier);
+    }
+    if parameters.has("no_stream") {
+        options = options.no_stream();
+    }
+    let network = opening.network.clone();
+    let camera = cast(parameters, move || {
+        RemoteFrameGrabber::open(&network, options)
+    })
+    .await?;
+    Ok(Box::new(LocalDevice::camera(camera)))
+}
+
+pub(super) async fn server(opening: Opening<'_>) -> OpenResult {
+    let parameters = opening.parameters;
+    let name: Option<PortName> = parameters.get("name")?;
+    let mut options = FrameGrabberOptions::new();
+    if let Some(period) = parameters.get::<Duration>("period")? {
+        let period = check_period(parameters, period, "0.001 to 60 seconds")?;
+        options = options.period(period);
+    }
+    options = match parameters.get::<String>("capabilities")?.as_deref() {
+        None | Some("COLOR") => options.capability(Capability::Colour),
+        Some("RAW") => options.capability(Capability::Raw),
+        Some(_) => return Err(parameters.refuse("capabilities", "COLOR or RAW").into()),
+    };
+    // Every reader gets the newest image here.
+    parameters.has("no_drop");
+    Ok(Box::new(Server {
+        network: opening.network.clone(),
+        name: name.map_or("/grabber".to_owned(), |name| name.to_string()),
+        options,
+        ports: AttachedServer::of(parameters),
+    }))
+}
+
+/// A camera on ports, which are open while it is attached.
+struct Server {
+    network: Network,
+    name: String,
+    options: FrameGrabberOptions,
+    ports: AttachedServer<FrameGrabberServer>,
+}
+
+impl Hosted for Server {
+    fn attach(&mut self, others: Vec<Attached>) -> Future<'_, Result<(), HostError>> {
+        Box::pin(async move {
+            self.ports.check_free()?;
+            let [other] = &others[..] else {
+                return Err(HostError::SeveralCameras { got: others.len() });
+            };
+            let camera = other.parts.camera.clone();
+            let camera = camera.ok_or_else(|| HostError::Unsuitable {
+                device: other.device.clone(),
+                expected: "a camera",
+            })?;
+            let options = self.options.clone();
+            let opening = FrameGrabberServer::open(&self.network, camera, &self.name, options);
+            self.ports.open(opening).await
+        })
+    }
+
+    fn detach(&mut self) -> Future<'_, Result<(), HostError>> {
+        Box::pin(async move {
+            self.ports.close().await;
+            Ok(())
+        })
+    }
+
+    fn close(mut self: Box<Self>) -> Future<'static, ()> {
+        Box::pin(async move { self.ports.close().await })
+    }
+}

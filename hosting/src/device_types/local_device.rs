@@ -1,0 +1,77 @@
+//! Devices that run in this process.
+
+use std::sync::Arc;
+
+use yarp_devices::{Device, DeviceError};
+use yarp_wire::settings::Parameters;
+
+use crate::{Future, HostError, Hosted, Parts};
+
+/// Starts a device on a thread that may wait.
+pub(super) async fn start<D: Device + 'static>(
+    parameters: &Parameters,
+    start: impl FnOnce() -> Result<D, DeviceError> + Send + 'static,
+) -> Result<Arc<D>, HostError> {
+    let started = tokio::task::spawn_blocking(start).await;
+    let started =
+        started.unwrap_or_else(|panicked| std::panic::resume_unwind(panicked.into_panic()));
+    let device = started.map_err(|source| HostError::Device {
+        origin: parameters.origin().clone(),
+        device: parameters.device().to_owned(),
+        source: Box::new(source),
+    })?;
+    Ok(Arc::new(device))
+}
+
+/// A device and what it offers.
+pub(super) struct LocalDevice {
+    device: Arc<dyn Device>,
+    parts: Parts,
+    /// Whether it is parked in the end.
+    parks: bool,
+}
+
+impl LocalDevice {
+    /// A machine whose joints are parked in the end.
+    pub(super) fn machine(device: Arc<dyn Device>) -> Self {
+        let board = Some(device.clone());
+        Self {
+            device,
+            parts: Parts {
+                board,
+                ..Parts::default()
+            },
+            parks: true,
+        }
+    }
+
+    /// A camera.
+    pub(super) fn camera(device: Arc<dyn Device>) -> Self {
+        let camera = Some(device.clone());
+        Self {
+            device,
+            parts: Parts {
+                camera,
+                ..Parts::default()
+            },
+            parks: false,
+        }
+    }
+}
+
+impl Hosted for LocalDevice {
+    fn parts(&self) -> Parts {
+        self.parts.clone()
+    }
+
+    fn machine(&self) -> Option<Arc<dyn Device>> {
+        self.parks.then(|| self.device.clone())
+    }
+
+    fn close(self: Box<Self>) -> Future<'static, ()> {
+        Box::pin(async {
+            // A thread that is joined, and ports of a remote one, are waited for.
+            let _ = tokio::task::spawn_blocking(move || drop(self)).await;
+        })
+    }
+}

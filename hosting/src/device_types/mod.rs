@@ -1,0 +1,137 @@
+//! The table of devices.
+//!
+//! A device is one line in [`DEVICE_TYPES`]: its name, the names that stock has for it, what it is, the wrapper that `yarp dev`
+//! serves it with, and how it is opened.
+
+mod arms;
+mod attached_server;
+mod barrett_hand;
+mod board_remapper;
+mod board_server;
+mod calibrator;
+mod camera_devices;
+mod fake_motion_control;
+mod local_device;
+mod remote_board;
+
+use yarp_ports::Network;
+use yarp_wire::settings::{Origin, Parameters};
+
+use crate::{Future, HostError, Hosted};
+
+/// What a device is opened with.
+#[derive(Clone, Copy)]
+pub struct Opening<'a> {
+    /// Where its ports are opened.
+    pub network: &'a Network,
+    /// Its parameters; whatever it has no use for is reported.
+    pub parameters: &'a Parameters,
+}
+
+type OpenResult = Result<Box<dyn Hosted>, HostError>;
+type Open = for<'a> fn(Opening<'a>) -> Future<'a, OpenResult>;
+
+/// A kind of device.
+pub struct DeviceType {
+    /// Its name.
+    pub name: &'static str,
+    /// Other names of it.
+    pub aliases: &'static [&'static str],
+    /// What it is, on one line.
+    pub about: &'static str,
+    /// The kind that serves it on the network if nothing else is said.
+    pub wrapper: Option<&'static str>,
+    open: Open,
+}
+
+const SERVER: &str = "controlBoard_nws_yarp";
+const CAMERA_SERVER: &str = "frameGrabber_nws_yarp";
+
+/// The device that is two; see [`open`](crate::open).
+pub const BUNDLER: &str = "deviceBundler";
+
+/// Every kind of device.
+#[rustfmt::skip]
+pub const DEVICE_TYPES: &[DeviceType] = &[
+    device_type("controlBoard_nws_yarp", &[], "serves joints on ports; name, period in seconds", None, |opening| Box::pin(board_server::open(opening))),
+    device_type("controlboardwrapper2", &[], "the same with stock's old parameters; name, period in milliseconds, networks and joints for several devices", None, |opening| Box::pin(board_server::open_old(opening))),
+    device_type("barrettHand", &[], "a BarrettHand on its serial line as joints: three fingers and the spread; serial, baud", Some(SERVER), |opening| Box::pin(barrett_hand::open(opening))),
+    device_type("boardCalibrator", &[], "has boards calibrate and park themselves, in actions of a robot", None, |opening| Box::pin(calibrator::open(opening))),
+    device_type("canWam", &[], "a WAM arm on a CAN bus of this machine that is up; interface", Some(SERVER), |opening| Box::pin(arms::on_can_bus(opening))),
+    device_type("controlboardremapper", &["controlBoardRemapper"], "several devices as one board, or a part of one; axesNames, or joints, networks and a row of four numbers for each", Some(SERVER), |opening| Box::pin(board_remapper::open(opening))),
+    device_type("dynamicWam", &[], "a simulated WAM arm with masses, friction and control", Some(SERVER), |opening| Box::pin(arms::dynamic(opening))),
+    device_type("embeddedWam", &[], "a WAM arm behind its embedded PC, which runs yarp wam-node; listen or connect, ports", Some(SERVER), |opening| Box::pin(arms::embedded(opening))),
+    device_type("fakeFrameGrabber", &[], "a simulated camera: a test pattern, a picture or a film; mode, src, width, height, freq or period, mirror", Some(CAMERA_SERVER), |opening| Box::pin(camera_devices::simulated(opening))),
+    device_type("fakeMotionControl", &[], "simulated joints of any number; GENERAL::Joints, GENERAL::AxisName, GENERAL::AxisType, LIMITS::Min, LIMITS::Max", Some(SERVER), |opening| Box::pin(fake_motion_control::open(opening))),
+    device_type("remote_controlboard", &["controlBoard_nwc_yarp"], "joints served by another program; remote, local, carrier, timeout", None, |opening| Box::pin(remote_board::open(opening))),
+    device_type("frameGrabber_nwc_yarp", &[], "a camera served by another program; remote, local, stream, no_stream", None, |opening| Box::pin(camera_devices::remote(opening))),
+    device_type("frameGrabber_nws_yarp", &[], "serves a camera on ports; name, period in seconds, capabilities", None, |opening| Box::pin(camera_devices::server(opening))),
+    device_type("remotecontrolboardremapper", &["remoteControlBoardRemapper"], "boards served by other programs as one; axesNames, remoteControlBoards, localPortPrefix, REMOTE_CONTROLBOARD_OPTIONS", Some(SERVER), |opening| Box::pin(board_remapper::open_remote(opening))),
+    device_type("simulatedWam", &[], "a simulated WAM arm that moves exactly as it is told", Some(SERVER), |opening| Box::pin(arms::ideal(opening))),
+];
+
+const fn device_type(
+    name: &'static str,
+    aliases: &'static [&'static str],
+    about: &'static str,
+    wrapper: Option<&'static str>,
+    open: Open,
+) -> DeviceType {
+    DeviceType {
+        name,
+        aliases,
+        about,
+        wrapper,
+        open,
+    }
+}
+
+impl DeviceType {
+    /// Opens a device of this kind.
+    pub fn open<'a>(&self, opening: Opening<'a>) -> Future<'a, OpenResult> {
+        (self.open)(opening)
+    }
+
+    fn names(&self) -> impl Iterator<Item = &'static str> {
+        std::iter::once(self.name).chain(self.aliases.iter().copied())
+    }
+}
+
+/// The kind called `name`, which stands in the parameter `asked`.
+pub fn find<'a>(
+    name: &str,
+    parameters: &Parameters,
+    asked: &str,
+) -> Result<&'a DeviceType, HostError> {
+    let called = |kind: &&DeviceType| kind.names().any(|known| known == name);
+    DEVICE_TYPES.iter().find(called).ok_or_else(|| {
+        let same = |known: &&str| known.eq_ignore_ascii_case(name);
+        let close = DEVICE_TYPES.iter().flat_map(DeviceType::names).find(same);
+        let origin = parameters.settings().origin(asked);
+        let origin = origin.filter(|origin| **origin != Origin::Program);
+        HostError::UnknownDeviceType {
+            origin: origin.unwrap_or(parameters.origin()).clone(),
+            device: parameters.device().to_owned(),
+            kind: name.to_owned(),
+            hint: close.map_or(String::new(), |close| format!(", but there is {close}")),
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    #[test]
+    fn every_name_means_one_kind() {
+        let names: Vec<_> = DEVICE_TYPES.iter().flat_map(DeviceType::names).collect();
+        let distinct: BTreeSet<_> = names.iter().collect();
+        assert_eq!(distinct.len(), names.len());
+        assert!(!names.contains(&BUNDLER));
+        for wrapper in DEVICE_TYPES.iter().filter_map(|kind| kind.wrapper) {
+            assert!(names.contains(&wrapper));
+        }
+    }
+}

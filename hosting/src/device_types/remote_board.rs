@@ -1,0 +1,104 @@
+//! Joints that another program serves.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use yarp_devices::Device;
+use yarp_wire::PortName;
+use yarp_wire::settings::Parameters;
+use yarp_wrappers::{OpenError, RemoteControlBoard, RemoteControlBoardOptions};
+
+use super::attached_server::not_opened;
+use super::{OpenResult, Opening};
+use crate::{Future, HostError, Hosted, Parts};
+
+/// What stock reads, and what we do without.
+const IGNORED_PARAMETERS: [&str; 5] = [
+    "writeStrict",
+    "diagnostic",
+    "local_qos",
+    "remote_qos",
+    "use_streaming",
+];
+
+pub(super) async fn open(opening: Opening<'_>) -> OpenResult {
+    let parameters = opening.parameters;
+    let remote: PortName = parameters.need("remote")?;
+    let local: PortName = parameters.need("local")?;
+    let options = options(parameters, "", remote.as_ref(), local.as_ref())?;
+    Ok(Box::new(Remote(connect(opening, options).await?)))
+}
+
+/// How to connect to a board, from parameters whose names begin with `group`.
+pub(super) fn options(
+    parameters: &Parameters,
+    group: &str,
+    remote: &str,
+    local: &str,
+) -> Result<RemoteControlBoardOptions, HostError> {
+    let named = |name: &str| format!("{group}{name}");
+    let mut options = RemoteControlBoardOptions::new(remote, local);
+    if let Some(carrier) = parameters.get::<String>(&named("carrier"))? {
+        options = options.carrier(carrier);
+    }
+    if let Some(timeout) = parameters.get::<Duration>(&named("timeout"))? {
+        options = options.max_state_age(timeout);
+    }
+    if parameters.has(&named("ignoreProtocolCheck")) {
+        options = options.ignore_protocol_version();
+    }
+    for name in IGNORED_PARAMETERS {
+        if parameters.has(&named(name)) {
+            tracing::warn!(
+                "{}: parameter {group}{name} has no effect",
+                parameters.device()
+            );
+        }
+    }
+    Ok(options)
+}
+
+/// Connects to a board; waits until it has answered.
+pub(super) async fn connect(
+    opening: Opening<'_>,
+    options: RemoteControlBoardOptions,
+) -> Result<Arc<RemoteControlBoard>, HostError> {
+    let parameters = opening.parameters;
+    let network = opening.network.clone();
+    cast(parameters, move || {
+        RemoteControlBoard::open(&network, options)
+    })
+    .await
+}
+
+/// Connects to a device of another program, on a thread that may wait.
+pub(super) async fn cast<D: Device + 'static>(
+    parameters: &Parameters,
+    open: impl FnOnce() -> Result<D, OpenError> + Send + 'static,
+) -> Result<Arc<D>, HostError> {
+    let opened = tokio::task::spawn_blocking(open).await;
+    let opened = opened.unwrap_or_else(|panicked| std::panic::resume_unwind(panicked.into_panic()));
+    let (origin, device) = (parameters.origin(), parameters.device());
+    Ok(Arc::new(
+        opened.map_err(|source| not_opened(origin, device, source))?,
+    ))
+}
+
+struct Remote(Arc<RemoteControlBoard>);
+
+impl Hosted for Remote {
+    fn parts(&self) -> Parts {
+        let board: Arc<dyn Device> = self.0.clone();
+        Parts {
+            board: Some(board),
+            ..Parts::default()
+        }
+    }
+
+    fn close(self: Box<Self>) -> Future<'static, ()> {
+        Box::pin(async {
+            // Its ports are closed with a wait.
+            let _ = tokio::task::spawn_blocking(move || drop(self)).await;
+        })
+    }
+}

@@ -1,0 +1,372 @@
+//! The phases of a robot's life.
+
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use tokio::task::JoinSet;
+use yarp_devices::{Device, DeviceError};
+use yarp_ports::{Network, error_chain};
+
+use super::device_parameters::find;
+use super::{Action, ActionKind, DeviceEntry, Param, ParamValue, Phase, Robot};
+use crate::{Attached, Hosted, open, park};
+
+/// Where a robot is in its life, for whoever asks.
+#[derive(Clone, Debug, Default)]
+pub struct Progress(Arc<State>);
+
+#[derive(Debug, Default)]
+struct State {
+    phase: Mutex<Option<Phase>>,
+    level: AtomicU32,
+    interrupted: AtomicBool,
+}
+
+impl Progress {
+    /// Has the startup begin nothing more; what it waits for it still waits for.
+    pub fn interrupt(&self) {
+        self.0.interrupted.store(true, Ordering::Relaxed);
+    }
+
+    fn may_continue(&self, phase: Phase) -> bool {
+        phase != Phase::Startup || !self.0.interrupted.load(Ordering::Relaxed)
+    }
+
+    /// The phase it is in; none before the first.
+    pub fn phase(&self) -> Option<Phase> {
+        *self.0.phase.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The level of the actions that were begun last in this phase.
+    pub fn level(&self) -> u32 {
+        self.0.level.load(Ordering::Relaxed)
+    }
+
+    fn enter(&self, phase: Phase) {
+        *self.0.phase.lock().unwrap_or_else(PoisonError::into_inner) = Some(phase);
+        self.0.level.store(0, Ordering::Relaxed);
+    }
+}
+
+/// A robot whose devices are open.
+///
+/// It is ended with [`shut_down`](Self::shut_down); dropped, it ends without any action.
+pub struct RunningRobot {
+    robot: Robot,
+    devices: Vec<(DeviceEntry, Box<dyn Hosted>)>,
+    progress: Progress,
+    /// Whether all actions of the startup were done.
+    ready: bool,
+}
+
+impl RunningRobot {
+    /// Opens all devices in their order, and does the actions of the startup.
+    ///
+    /// What fails is told in the log, with file and line. If a device does not open, the others are tried, and then all
+    /// are closed: `None`. If an action fails, the others are done, and the robot is not [`ready`](Self::is_ready).
+    pub async fn start(network: &Network, robot: Robot, progress: Progress) -> Option<Self> {
+        progress.enter(Phase::Startup);
+        tracing::info!("startup phase starting...");
+        let mut running = Self {
+            devices: Vec::new(),
+            progress,
+            ready: false,
+            robot,
+        };
+        let mut whole = true;
+        for entry in running.robot.devices.clone() {
+            if !running.progress.may_continue(Phase::Startup) {
+                whole = false;
+                break;
+            }
+            match running.open(network, &entry).await {
+                Ok(device) => running.devices.push((entry, device)),
+                Err(reason) => {
+                    tracing::error!("{reason}");
+                    tracing::warn!("Cannot open device {}", entry.name);
+                    whole = false;
+                }
+            }
+        }
+        if !whole {
+            tracing::error!("One or more devices failed opening");
+            running.close().await;
+            return None;
+        }
+        running.ready = running.actions(Phase::Startup).await;
+        if running.ready {
+            tracing::info!("startup phase finished.");
+            running.progress.enter(Phase::Run);
+        }
+        Some(running)
+    }
+
+    /// Whether the startup went well.
+    pub fn is_ready(&self) -> bool {
+        self.ready
+    }
+
+    /// Goes through `interrupt1` and `shutdown`, parks what is ours and was not parked by an action, and closes the
+    /// devices in reverse order. Tells whether all went well.
+    ///
+    /// * `parks`: whether machines are parked without an action that says so. Whether they are or not, none is if the
+    ///   startup failed.
+    /// * Cancelling leaves out what is not done yet, but for [`close`](Self::close), which has to be called then.
+    pub async fn shut_down(&mut self, parks: bool) -> bool {
+        let mut well = true;
+        for phase in [Phase::Interrupt1, Phase::Shutdown] {
+            self.progress.enter(phase);
+            well &= self.actions(phase).await;
+            if phase == Phase::Interrupt1 && parks && self.ready {
+                well &= self.park_remaining().await;
+            }
+        }
+        well
+    }
+
+    /// Does the actions of a phase: of a later interrupt, or of the shutdown after one.
+    pub async fn phase(&mut self, phase: Phase) -> bool {
+        self.progress.enter(phase);
+        self.actions(phase).await
+    }
+
+    /// Closes the devices, the last one first.
+    pub async fn close(&mut self) {
+        while let Some((_, device)) = self.devices.pop() {
+            device.close().await;
+        }
+    }
+
+    async fn open(
+        &self,
+        network: &Network,
+        entry: &DeviceEntry,
+    ) -> Result<Box<dyn Hosted>, String> {
+        let parameters = self
+            .robot
+            .parameters(entry)
+            .map_err(|error| error.to_string())?;
+        let device = open(network, &entry.kind, &parameters).await;
+        let device = device.map_err(|error| error_chain(&error))?;
+        for (name, origin) in parameters.unused() {
+            tracing::warn!(
+                "{origin}: device {} has no use for parameter {name}",
+                entry.name
+            );
+        }
+        Ok(device)
+    }
+
+    /// Level after level; at the end of each, calibrations and parkings are waited for.
+    async fn actions(&mut self, phase: Phase) -> bool {
+        let mut actions: Vec<(usize, Action)> = Vec::new();
+        for (at, (entry, _)) in self.devices.iter().enumerate() {
+            let ours = entry.actions.iter().filter(|action| action.phase == phase);
+            actions.extend(ours.map(|action| (at, action.clone())));
+        }
+        let mut levels: Vec<u32> = actions.iter().map(|(_, action)| action.level).collect();
+        levels.sort_unstable();
+        levels.dedup();
+        if self.robot.reversed && !matches!(phase, Phase::Startup | Phase::Run) {
+            levels.reverse();
+        }
+        let mut well = true;
+        for level in levels {
+            self.progress.0.level.store(level, Ordering::Relaxed);
+            tracing::info!("Entering action level {level} of phase {phase}");
+            let mut moving = JoinSet::new();
+            for (at, action) in actions.iter().filter(|(_, action)| action.level == level) {
+                if !self.progress.may_continue(phase) {
+                    well = false;
+                    break;
+                }
+                if let Err(reason) = self.run_action(*at, action, &mut moving).await {
+                    let (name, kind) = (&self.devices[*at].0.name, action.kind);
+                    let origin = &action.origin;
+                    tracing::error!(
+                        "{origin}: cannot run {kind} action on device {name}: {reason}"
+                    );
+                    well = false;
+                }
+            }
+            while let Some(ended) = moving.join_next().await {
+                match ended {
+                    Ok(Ok(())) => {}
+                    Ok(Err(reason)) => {
+                        tracing::error!("{reason}");
+                        well = false;
+                    }
+                    Err(panicked) => std::panic::resume_unwind(panicked.into_panic()),
+                }
+            }
+            tracing::info!("All actions for action level {level} of {phase} phase finished.");
+        }
+        well
+    }
+
+    async fn run_action(
+        &mut self,
+        at: usize,
+        action: &Action,
+        moving: &mut JoinSet<Result<(), String>>,
+    ) -> Result<(), String> {
+        let said = |error: crate::HostError| error_chain(&error);
+        match action.kind {
+            ActionKind::Attach => {
+                let others = self.others(&action.params)?;
+                self.devices[at].1.attach(others).await.map_err(said)
+            }
+            ActionKind::Detach => self.devices[at].1.detach().await.map_err(said),
+            ActionKind::Calibrate | ActionKind::Park => {
+                if !self.devices[at].1.is_calibrator() {
+                    return Err(
+                        "it is no calibrator, expected a device of type boardCalibrator".to_owned(),
+                    );
+                }
+                let name = need(&action.params, "target")?;
+                let board = self.device(&name)?.parts().board;
+                let board = board.ok_or_else(|| format!("{name} has no joints"))?;
+                let (origin, kind) = (action.origin.clone(), action.kind);
+                moving.spawn(async move {
+                    let done = match kind {
+                        ActionKind::Park => park(board).await,
+                        _ => calibrate(board).await,
+                    };
+                    done.map_err(|error| {
+                        format!("{origin}: cannot {kind} {name}: {}", error_chain(&error))
+                    })
+                });
+                Ok(())
+            }
+            ActionKind::Configure | ActionKind::Abort | ActionKind::Custom => {
+                tracing::warn!("{}: action {} does nothing", action.origin, action.kind);
+                Ok(())
+            }
+        }
+    }
+
+    /// The devices that an attach action names.
+    fn others(&self, params: &[Param]) -> Result<Vec<Attached>, String> {
+        let one = |device: String, network: String| {
+            let parts = self.device(&device)?.parts();
+            Ok(Attached {
+                device,
+                network,
+                parts,
+            })
+        };
+        let choices = ["network", "networks", "all"];
+        if choices
+            .iter()
+            .filter(|name| find(params, name).is_some())
+            .count()
+            > 1
+        {
+            return Err("expected one of network, networks and all, got several".to_owned());
+        }
+        if let Some(device) = find(params, "device").and_then(Param::word) {
+            let network = find(params, "network").and_then(Param::word);
+            return Ok(vec![one(
+                device,
+                network.unwrap_or_else(|| "...".to_owned()),
+            )?]);
+        }
+        if find(params, "all").is_some() {
+            let all = self.devices.iter().map(|(entry, device)| Attached {
+                device: entry.name.clone(),
+                network: "all".to_owned(),
+                parts: device.parts(),
+            });
+            return Ok(all.collect());
+        }
+        let Some(networks) = find(params, "networks") else {
+            return Err("expected parameter device, networks or all, got none".to_owned());
+        };
+        let names = match &networks.value {
+            ParamValue::Values(values) => match &values[..] {
+                [one] => one
+                    .as_list()
+                    .map_or(values.clone(), |list| list.as_slice().to_vec()),
+                several => several.to_vec(),
+            },
+            ParamValue::Group(_) => Vec::new(),
+        };
+        let names = names.iter().map(|name| name.to_plain_string());
+        names
+            .map(|network| one(need(params, &network)?, network))
+            .collect()
+    }
+
+    fn device(&self, name: &str) -> Result<&dyn Hosted, String> {
+        let found = self.devices.iter().find(|(entry, _)| entry.name == name);
+        match found {
+            Some((_, device)) => Ok(device.as_ref()),
+            None => {
+                let known: Vec<_> = self
+                    .devices
+                    .iter()
+                    .map(|(entry, _)| entry.name.as_str())
+                    .collect();
+                Err(format!(
+                    "there is no device {name}, only {}",
+                    known.join(", ")
+                ))
+            }
+        }
+    }
+
+    /// Parks the machines that no action of the end parks.
+    async fn park_remaining(&mut self) -> bool {
+        let ends = |action: &&Action| {
+            let end = matches!(action.phase, Phase::Interrupt1 | Phase::Shutdown);
+            end && action.kind == ActionKind::Park
+        };
+        let entries = self.devices.iter().map(|(entry, _)| entry);
+        let actions = entries.flat_map(|entry| entry.actions.iter().filter(ends));
+        if actions.count() > 0 {
+            // The description says what is parked, and when.
+            return true;
+        }
+        let mut moving = JoinSet::new();
+        for (entry, device) in &self.devices {
+            if let Some(machine) = device.machine() {
+                let name = entry.name.clone();
+                moving.spawn(async move { (name, park(machine).await) });
+            }
+        }
+        let mut well = true;
+        while let Some(ended) = moving.join_next().await {
+            match ended {
+                Ok((_, Ok(()))) => {}
+                Ok((name, Err(error))) => {
+                    tracing::error!("cannot park {name}: {}", error_chain(&error));
+                    well = false;
+                }
+                // The others are on their way still.
+                Err(panicked) => {
+                    tracing::error!("cannot park a device: {panicked}");
+                    well = false;
+                }
+            }
+        }
+        well
+    }
+}
+
+fn need(params: &[Param], name: &str) -> Result<String, String> {
+    let word = find(params, name).and_then(Param::word);
+    word.ok_or_else(|| format!("parameter {name} is missing, expected the name of a device"))
+}
+
+async fn calibrate(board: Arc<dyn Device>) -> Result<(), DeviceError> {
+    let work = tokio::task::spawn_blocking(move || {
+        let Some(calibration) = board.control_calibration() else {
+            return Err(DeviceError::NotSupported {
+                what: "calibration".to_owned(),
+            });
+        };
+        calibration.calibrate_robot()
+    });
+    work.await
+        .unwrap_or_else(|panicked| std::panic::resume_unwind(panicked.into_panic()))
+}

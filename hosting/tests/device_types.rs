@@ -1,0 +1,141 @@
+//! Arms, a hand and cameras of the table of devices, each with the other end that it needs.
+
+mod support;
+
+use std::time::Instant;
+
+use support::{Stage, TIMEOUT};
+use yarp_devices::Axes;
+use yarp_devices::embedded::{LinkMode, NodeOptions, WamNode};
+use yarp_devices::hand::simulated::{SimulatedHand, SimulatedHandOptions};
+use yarp_devices::wam::SimulatedWam;
+
+#[track_caller]
+fn eventually(what: &str, mut condition: impl FnMut() -> bool) {
+    let deadline = Instant::now() + TIMEOUT;
+    while !condition() {
+        assert!(Instant::now() < deadline, "{what} did not come");
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+}
+
+/// Of one program, and seen by another.
+#[test]
+fn a_camera_is_served_and_seen() {
+    let stage = Stage::new();
+    let text = "attached_device fakeFrameGrabber\nwrapper_device frameGrabber_nws_yarp\nname /eye\nmode grid\nwidth 48\nheight 32\nperiod 0.01\nfirewire true\nfocalLengthX 5.5\n";
+    let served = stage.open("deviceBundler", text).expect("it opens");
+    let text = "remote /eye\nlocal /me/eye\n";
+    let seen = stage
+        .open("frameGrabber_nwc_yarp", text)
+        .expect("it is there");
+    let camera = seen.parts().camera.expect("it has images");
+    let images = camera.frame_grabber_image().expect("in colour");
+    eventually("an image", || {
+        images
+            .image()
+            .is_ok_and(|image| (image.image.width(), image.image.height()) == (48, 32))
+    });
+    let lens = camera.rgb_visual_params().expect("it tells its lens");
+    assert_eq!(lens.intrinsics().unwrap().focal_length.0, 5.5);
+    let firewire = camera.firewire_controls().expect("it can be asked");
+    assert_eq!(firewire.video_mode().unwrap(), 24);
+    drop(camera);
+    stage.runtime.block_on(seen.close());
+    stage.runtime.block_on(served.close());
+}
+
+#[test]
+fn an_arm_behind_its_pc_is_a_device() {
+    let stage = Stage::new();
+    let arm = std::sync::Arc::new(SimulatedWam::new());
+    let node =
+        WamNode::start(arm, NodeOptions::new(LinkMode::listen_on_loopback())).expect("it listens");
+    let places = node.addresses();
+    let (ports, host) = ((places.arm.port(), places.packets.port()), places.arm.ip());
+    let text = format!("connect {host}\nports ({} {})\n", ports.0, ports.1);
+    let hosted = stage.open("embeddedWam", &text).expect("it opens");
+    let board = hosted.parts().board.expect("it has joints");
+    eventually("a reading", || {
+        board
+            .encoders()
+            .unwrap()
+            .encoder_readings(Axes::All)
+            .is_ok_and(|all| all.len() == 7)
+    });
+    assert!(hosted.machine().is_some());
+    drop(board);
+    stage.runtime.block_on(hosted.close());
+}
+
+#[test]
+fn a_hand_on_its_line_is_a_device() {
+    let stage = Stage::new();
+    let hand = SimulatedHand::start(SimulatedHandOptions::new().speed(20.0)).expect("it starts");
+    let text = format!("serial {}\nbaud 9600\n", hand.path());
+    let hosted = stage.open("barrettHand", &text).expect("it opens");
+    let board = hosted.parts().board.expect("it has joints");
+    assert_eq!(board.axis_info().unwrap().axes(), 4);
+    drop(board);
+    stage.runtime.block_on(hosted.close());
+}
+
+#[test]
+fn what_is_wrong_is_said_with_its_line() {
+    let stage = Stage::new();
+    for (kind, text, expected) in [
+        (
+            "barrettHand",
+            "a 1",
+            "d.ini:1: device d: parameter serial is missing, expected a word",
+        ),
+        (
+            "barrettHand",
+            "serial /nowhere/line",
+            "d.ini:1: device d did not start: ",
+        ),
+        (
+            "canWam",
+            "a 1",
+            "d.ini:1: device d: parameter interface is missing, expected a word",
+        ),
+        (
+            "canWam",
+            "interface ghost0",
+            "d.ini:1: device d did not start: ",
+        ),
+        (
+            "fakeFrameGrabber",
+            "width 10\nmode plaid",
+            "d.ini:2: device d: parameter mode: expected one of ",
+        ),
+        (
+            "fakeFrameGrabber",
+            "freq 0",
+            "d.ini:1: device d: parameter freq: expected 0.1 to 1000 images a second, got 0",
+        ),
+        (
+            "frameGrabber_nws_yarp",
+            "capabilities GREY",
+            "d.ini:1: device d: parameter capabilities: expected COLOR or RAW, got GREY",
+        ),
+        (
+            "frameGrabber_nwc_yarp",
+            "local /me",
+            "d.ini:1: device d: parameter remote is missing, expected a port name such as /arm",
+        ),
+        (
+            "frameGrabber_nws_yarp",
+            "subdevice simulatedWam",
+            "it cannot attach to simulatedWam, expected a camera",
+        ),
+        (
+            "controlBoard_nws_yarp",
+            "name /x\nsubdevice fakeFrameGrabber",
+            "it cannot attach to fakeFrameGrabber, expected a device with joints",
+        ),
+    ] {
+        let refused = stage.open(kind, text).err().expect("it is refused");
+        assert!(refused.starts_with(expected), "{kind}: {refused}");
+    }
+}

@@ -1,0 +1,423 @@
+//! The task that has the draft.
+//!
+//! Two registries: the *copy*, from which questions are answered, holds what was committed, commit
+//! after commit, and nothing else. The *draft* is the same between two batches of requests. A batch is
+//! tried on the draft and committed under the condition that the commit which the draft is made of is
+//! the last one. If so, the copy follows the draft. If not, the draft is taken back to the copy, both
+//! follow the commits of the others, and the batch is tried again. So each batch is done on the state
+//! that all batches before it, of all servers, have left: nothing is handed out twice.
+//!
+//! Whether a commit was done whose answer got lost is seen by the server's mark, which it writes with
+//! each commit: everything is loaded again, and either the mark is there, or the generation is still
+//! the same and the same commit is sent again (of the two at most one can be done), or another
+//! generation rules out that the lost one comes after all, and the batch is tried again.
+
+use std::collections::{BTreeSet, VecDeque};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use tokio::sync::mpsc;
+use tokio::time::{MissedTickBehavior, interval, timeout};
+use yarp_wire::name_service::Command;
+
+use super::store_format::{self, Content};
+use super::writer_channel::{Precondition, StoreHealth, WriteOutcome, WriteRequest};
+use super::{Commit, CommitResult, SharedStore, SharedStoreError, Write};
+use crate::name_server::lock;
+use crate::registry::{Body, ClaimResult, Effect, Item, Registry, Reply};
+
+/// Items that a batch may touch: etcd takes 128 writes at once, unless told otherwise.
+const MAX_BATCH_ITEMS: usize = 120;
+/// Items from which on no further request joins a batch.
+const TARGET_BATCH_ITEMS: usize = 40;
+/// Bytes of a batch: etcd takes 1.5 MiB at once, unless told otherwise.
+const MAX_BATCH_BYTES: usize = 1 << 20;
+/// Time between two looks whether we are up to date.
+const HEARTBEAT_INTERVAL: Duration = Duration::from_secs(1);
+/// How long news may take to arrive of which it is known that they are there.
+const CATCH_UP_TIMEOUT: Duration = Duration::from_secs(1);
+/// Rest between two attempts to get back in touch.
+const RECONNECT_DELAY: Duration = Duration::from_millis(200);
+
+/// The task, before it runs.
+pub(crate) struct Writer<T> {
+    pub(crate) store: T,
+    /// What the truth calls itself, for messages.
+    pub(crate) name: String,
+    /// Where this server is.
+    pub(crate) place: (String, u16),
+    /// The number of the commit that copy and draft are made of.
+    pub(crate) generation: i64,
+    pub(crate) copy: Arc<Mutex<Registry>>,
+    pub(crate) draft: Registry,
+    pub(crate) jobs: mpsc::Receiver<WriteRequest>,
+    pub(crate) queue: VecDeque<WriteRequest>,
+    pub(crate) health: StoreHealth,
+    /// Who is told what else requests cause.
+    pub(crate) on_effects: Box<dyn Fn(Vec<Effect>) + Send>,
+    /// Whether names are given to whoever asks.
+    pub(crate) replace: bool,
+    /// Tells one run of this server from another.
+    pub(crate) run: u64,
+    /// Batches that were tried in it.
+    pub(crate) attempts: u64,
+    /// Requests to be done one by one.
+    pub(crate) one_by_one: usize,
+}
+
+/// A batch that was tried on the draft.
+struct Batch {
+    /// The commit that it was tried on.
+    generation: i64,
+    id: String,
+    items: BTreeSet<Item>,
+    writes: Vec<Write>,
+    done: Vec<TriedRequest>,
+}
+
+/// One request of a batch.
+struct TriedRequest {
+    job: WriteRequest,
+    outcome: WriteOutcome,
+    effects: Vec<Effect>,
+}
+
+impl<T: SharedStore> Writer<T> {
+    /// Works until nobody can ask any more.
+    pub(crate) async fn run(mut self) {
+        let mut beat = interval(HEARTBEAT_INTERVAL);
+        beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        loop {
+            let busy = !self.queue.is_empty();
+            let step = tokio::select! {
+                () = std::future::ready(()), if busy => self.process_batch().await,
+                job = self.jobs.recv(), if !busy => match job {
+                    None => break,
+                    Some(job) => {
+                        self.queue.push_back(job);
+                        self.process_batch().await
+                    }
+                },
+                news = self.store.next() => news.map(|commits| self.apply_commits(commits)),
+                _ = beat.tick() => self.heartbeat().await,
+            };
+            if let Err(error) = step {
+                self.recover(error, None).await;
+            }
+        }
+        self.store.leave((&self.place.0, self.place.1)).await;
+    }
+
+    /// Sees that we are up to date, and that the others know of us.
+    async fn heartbeat(&mut self) -> Result<(), SharedStoreError> {
+        let asked = Instant::now();
+        let heard = self.store.heartbeat((&self.place.0, self.place.1)).await?;
+        self.catch_up_to(heard.generation).await?;
+        lock(&self.copy).set_others(heard.others);
+        self.health.record_success(asked);
+        Ok(())
+    }
+
+    /// Does some of what waits.
+    async fn process_batch(&mut self) -> Result<(), SharedStoreError> {
+        while let Ok(job) = self.jobs.try_recv() {
+            self.queue.push_back(job);
+        }
+        let asked = Instant::now();
+        let Some(batch) = self.try_batch() else {
+            return Ok(());
+        };
+        match self.store.commit(batch.generation, &batch.writes).await {
+            Ok(CommitResult::Committed(generation)) => {
+                self.finish_batch(batch, generation);
+                self.health.record_success(asked);
+                Ok(())
+            }
+            Ok(CommitResult::Conflict(generation)) => {
+                self.roll_back(batch);
+                self.catch_up_to(generation).await
+            }
+            Err(SharedStoreError::Rejected { place, reason }) => {
+                self.reject_batch(batch, format!("{place} does not take it: {reason}"));
+                Ok(())
+            }
+            Err(error) => {
+                self.recover(error, Some(batch)).await;
+                Ok(())
+            }
+        }
+    }
+
+    /// Tries some of the waiting requests on the draft; gives none if that did not work out.
+    fn try_batch(&mut self) -> Option<Batch> {
+        self.attempts += 1;
+        let mut items = BTreeSet::new();
+        let mut done = Vec::new();
+        let most = match self.one_by_one {
+            0 => usize::MAX,
+            _ => 1,
+        };
+        self.one_by_one = self.one_by_one.saturating_sub(1);
+        while items.len() < TARGET_BATCH_ITEMS && done.len() < most {
+            let Some(job) = self.queue.pop_front() else {
+                break;
+            };
+            // Who asked may have given up.
+            if job.answer.is_closed() {
+                continue;
+            }
+            let (outcome, effects) = self.try_one(&job, &mut items);
+            done.push(TriedRequest {
+                job,
+                outcome,
+                effects,
+            });
+        }
+        if done.is_empty() {
+            return None;
+        }
+        let mut writes: Vec<Write> = items
+            .iter()
+            .map(|item| store_format::write(item, self.draft.held(item).as_ref()))
+            .collect();
+        let value = |write: &Write| write.value.as_ref().map_or(0, Vec::len);
+        let bytes: usize = writes
+            .iter()
+            .map(|write| write.key.len() + value(write))
+            .sum();
+        let server = server(&self.place);
+        let id = format!("{} {}", self.run, self.attempts);
+        let touched = items.len();
+        if !writes.is_empty() {
+            writes.push(store_format::mark(&server, &id));
+        }
+        let batch = Batch {
+            generation: self.generation,
+            id,
+            items,
+            writes,
+            done,
+        };
+        if touched <= MAX_BATCH_ITEMS && bytes <= MAX_BATCH_BYTES {
+            return Some(batch);
+        }
+        self.reject_batch(
+            batch,
+            format!(
+                "it changes {touched} things in {bytes} bytes at once, {MAX_BATCH_ITEMS} in {MAX_BATCH_BYTES} can be kept"
+            ),
+        );
+        None
+    }
+
+    /// The batch cannot be kept; if it is of several requests, each is tried by itself.
+    fn reject_batch(&mut self, mut batch: Batch, reason: String) {
+        if batch.done.len() > 1 {
+            self.one_by_one = batch.done.len();
+        } else if let Some(one) = batch.done.pop() {
+            // Who asked may be gone.
+            let _ = one.job.answer.send(WriteOutcome::Failed(reason));
+        }
+        self.roll_back(batch);
+    }
+
+    /// Tries one request on the draft.
+    fn try_one(
+        &mut self,
+        job: &WriteRequest,
+        items: &mut BTreeSet<Item>,
+    ) -> (WriteOutcome, Vec<Effect>) {
+        let now = Instant::now();
+        let nothing = || WriteOutcome::Done(Body::Lines(Vec::new()));
+        let Some(request) = &job.request else {
+            return (nothing(), Vec::new());
+        };
+        match (&job.precondition, &request.command) {
+            (Precondition::NameFree(gone), Command::Register(asked)) if !self.replace => {
+                match self.draft.claim(now, asked) {
+                    ClaimResult::Held {
+                        holder,
+                        retry_until,
+                    } if gone.as_ref() != Some(&holder) => {
+                        return (
+                            WriteOutcome::Held {
+                                holder,
+                                retry_until,
+                            },
+                            Vec::new(),
+                        );
+                    }
+                    ClaimResult::Refused(refusal) => {
+                        return (WriteOutcome::Refused(refusal), Vec::new());
+                    }
+                    _ => {}
+                }
+            }
+            (Precondition::Unmoved(port), _)
+                if self.draft.find(&port.name).as_ref() != Some(port) =>
+            {
+                return (nothing(), Vec::new());
+            }
+            _ => {}
+        }
+        let Reply {
+            body,
+            effects,
+            changes,
+        } = self.draft.handle(now, job.from, request);
+        items.extend(changes.iter().map(Item::of));
+        (WriteOutcome::Done(body), effects)
+    }
+
+    /// Takes the draft back to the copy; the requests wait again.
+    fn roll_back(&mut self, batch: Batch) {
+        let now = Instant::now();
+        let copy = lock(&self.copy);
+        for item in &batch.items {
+            self.draft.adopt(now, item, copy.held(item));
+        }
+        drop(copy);
+        self.requeue(batch.done);
+    }
+
+    fn requeue(&mut self, done: Vec<TriedRequest>) {
+        for tried in done.into_iter().rev() {
+            self.queue.push_front(tried.job);
+        }
+    }
+
+    /// The batch is committed: the copy follows the draft, and everybody is answered.
+    fn finish_batch(&mut self, batch: Batch, generation: i64) {
+        if !batch.items.is_empty() {
+            self.generation = generation;
+            let now = Instant::now();
+            let mut copy = lock(&self.copy);
+            for item in &batch.items {
+                // What else it causes is known from the requests.
+                copy.adopt(now, item, self.draft.held(item));
+            }
+        }
+        self.answer(batch.done);
+    }
+
+    fn answer(&self, done: Vec<TriedRequest>) {
+        for TriedRequest {
+            job,
+            outcome,
+            effects,
+        } in done
+        {
+            (self.on_effects)(effects);
+            // Who asked may be gone.
+            let _ = job.answer.send(outcome);
+        }
+    }
+
+    /// Follows commits, most of them of others.
+    fn apply_commits(&mut self, commits: Vec<Commit>) {
+        for commit in commits {
+            // Our own were followed when they were made.
+            if commit.generation <= self.generation {
+                continue;
+            }
+            self.generation = commit.generation;
+            let now = Instant::now();
+            let read = |write: &Write| store_format::item_of(&write.key, write.value.as_deref());
+            let items: Vec<_> = commit.writes.iter().filter_map(read).collect();
+            let mut effects = Vec::new();
+            let mut copy = lock(&self.copy);
+            for (item, held) in items {
+                effects.extend(copy.adopt(now, &item, held.clone()));
+                self.draft.adopt(now, &item, held);
+            }
+            drop(copy);
+            (self.on_effects)(effects);
+        }
+    }
+
+    /// Follows commits until the one called `generation`.
+    async fn catch_up_to(&mut self, generation: i64) -> Result<(), SharedStoreError> {
+        if generation < self.generation {
+            // Somebody has put an old state back.
+            return Err(self.watch_lagged());
+        }
+        while self.generation < generation {
+            let news = timeout(CATCH_UP_TIMEOUT, self.store.next()).await;
+            let commits = news.map_err(|_| self.watch_lagged())??;
+            self.apply_commits(commits);
+        }
+        Ok(())
+    }
+
+    fn watch_lagged(&self) -> SharedStoreError {
+        let place = self.name.clone();
+        SharedStoreError::WatchLagged { place }
+    }
+
+    /// Gets back in touch, however long that takes, and sees to a batch of which nothing is known.
+    async fn recover(&mut self, error: SharedStoreError, mut unknown: Option<Batch>) {
+        let mut pending_error = Some(error);
+        loop {
+            if let Some(error) = pending_error.take() {
+                if self.health.record_error(error.clone()) {
+                    tracing::warn!("no names can be changed at the moment: {error}");
+                }
+                tokio::time::sleep(RECONNECT_DELAY).await;
+                if self.jobs.is_closed() && self.jobs.is_empty() {
+                    return;
+                }
+            }
+            let asked = Instant::now();
+            let content = match Content::load(&mut self.store, &self.name).await {
+                Ok(content) => content,
+                Err(error) => {
+                    pending_error = Some(error);
+                    continue;
+                }
+            };
+            self.start_from(&content);
+            let Some(batch) = unknown.take() else {
+                self.health.record_success(asked);
+                tracing::info!("names can be changed");
+                return;
+            };
+            if content.mark(&server(&self.place)) == Some(&batch.id) {
+                self.answer(batch.done);
+            } else if batch.generation != self.generation || batch.writes.is_empty() {
+                self.requeue(batch.done);
+            } else if batch.done.iter().all(|tried| tried.job.answer.is_closed()) {
+                // Nobody waits for it any more, nobody was told that it is done.
+            } else {
+                match self.store.commit(batch.generation, &batch.writes).await {
+                    // The next look shows it, or what came first.
+                    Ok(_) => unknown = Some(batch),
+                    Err(SharedStoreError::Rejected { place, reason }) => {
+                        self.reject_batch(batch, format!("{place} does not take it: {reason}"));
+                    }
+                    Err(error) => {
+                        pending_error = Some(error);
+                        unknown = Some(batch);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Copy and draft as everything is now; what is known of who lives stays.
+    fn start_from(&mut self, content: &Content) {
+        let now = Instant::now();
+        self.generation = content.generation;
+        let changes = content.changes();
+        let renew = |registry: &mut Registry, changes| {
+            registry.set_incarnation(content.incarnation);
+            *registry = registry.rebuilt(now, changes);
+        };
+        renew(&mut self.draft, changes.clone());
+        renew(&mut lock(&self.copy), changes);
+    }
+}
+
+/// What a server is called by its mark.
+fn server((host, port): &(String, u16)) -> String {
+    format!("{host}:{port}")
+}

@@ -1,0 +1,76 @@
+//! Ports tell one server that they are there; it tells the others.
+//!
+//! A port that holds a lease does so at all servers, whichever it speaks to. What is told to another
+//! server in vain is told again when the port renews its lease, four times while it holds.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use tokio::task::JoinSet;
+use tokio::time::{MissedTickBehavior, interval};
+use yarp_ports::Network;
+use yarp_wire::name_service::{Command, LeaseHolder, Request};
+
+use crate::name_server::lock;
+use crate::registry::Registry;
+
+/// Time between two rounds.
+const FORWARD_INTERVAL: Duration = Duration::from_secs(2);
+/// How long another server has to answer.
+const FORWARD_TIMEOUT: Duration = Duration::from_secs(2);
+/// Ports in one request.
+const MAX_LEASES_PER_REQUEST: usize = 64;
+
+/// Ports that have said that they are there since the last round.
+#[derive(Debug, Default)]
+pub(crate) struct LeaseForwarder(Mutex<BTreeMap<String, LeaseHolder>>);
+
+impl LeaseForwarder {
+    /// Takes note of ports that are registered where they say.
+    pub(crate) fn record(&self, registry: &Registry, holders: &[LeaseHolder]) {
+        let known = holders.iter().filter(|holder| {
+            let place = registry.find(&holder.name);
+            place.is_some_and(|place| (&place.host, place.port) == (&holder.host, holder.number))
+        });
+        let mut held = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        held.extend(known.map(|holder| (holder.name.clone(), holder.clone())));
+    }
+
+    fn take(&self) -> Vec<LeaseHolder> {
+        let mut held = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        std::mem::take(&mut *held).into_values().collect()
+    }
+
+    /// Tells the other servers, for ever. `network` is how they are spoken with.
+    pub(crate) async fn forward(self: Arc<Self>, registry: Arc<Mutex<Registry>>, network: Network) {
+        let mut round = interval(FORWARD_INTERVAL);
+        round.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        loop {
+            round.tick().await;
+            let others = lock(&registry).settings().others.clone();
+            let holders = self.take();
+            if holders.is_empty() {
+                continue;
+            }
+            let mut telling = JoinSet::new();
+            for (host, port) in others {
+                let network = network
+                    .with_server(&host, port)
+                    .with_timeout(FORWARD_TIMEOUT);
+                let holders = holders.clone();
+                telling.spawn(async move {
+                    for some in holders.chunks(MAX_LEASES_PER_REQUEST) {
+                        let holders = some.to_vec();
+                        let request = Request::plain(Command::Passed { holders });
+                        if let Err(error) = network.ask(&request.to_string()).await {
+                            tracing::debug!("leases are not passed on: {error}");
+                            return;
+                        }
+                    }
+                });
+            }
+            telling.join_all().await;
+        }
+    }
+}

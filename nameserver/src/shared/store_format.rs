@@ -1,0 +1,173 @@
+//! What several servers write, and how it is read.
+//!
+//! | key | value |
+//! | --- | --- |
+//! | `format` | `yarp-nameserver VERSION START`; START is a number that another start from nothing changes |
+//! | `port/NAME`, `connection/FROM TO`, `topic/NAME`, `type/NAME` | JSON, see [`ItemValue`] |
+//! | `mark/HOST:PORT` | what the server there has committed last |
+
+use std::collections::BTreeMap;
+
+use super::{CommitResult, Entry, SharedStore, SharedStoreError, Snapshot, Write};
+use crate::name_server::stamp;
+use crate::registry::{Change, Item, ItemValue};
+
+const FORMAT_KEY: &str = "format";
+const PROGRAM_NAME: &str = "yarp-nameserver";
+const FORMAT_VERSION: &str = "1";
+/// Servers that may be starting from nothing at once.
+const MAX_START_ATTEMPTS: usize = 10;
+
+/// Everything that there is, understood.
+#[derive(Debug, Default)]
+pub(crate) struct Content {
+    pub(crate) generation: i64,
+    /// Another one says that all names were lost.
+    pub(crate) incarnation: u64,
+    items: Vec<(Item, ItemValue)>,
+    /// What each server has committed last.
+    marks: BTreeMap<String, String>,
+    /// What nobody here can have written.
+    unknown_key: Option<String>,
+}
+
+impl Content {
+    /// Loads everything; makes the first entry if there is none yet.
+    pub(crate) async fn load(
+        store: &mut impl SharedStore,
+        place: &str,
+    ) -> Result<Self, SharedStoreError> {
+        for _ in 0..MAX_START_ATTEMPTS {
+            let all = store.load().await?;
+            if !all.entries.is_empty() {
+                return Self::read(place, all);
+            }
+            let start = stamp();
+            let first = Write {
+                key: FORMAT_KEY.to_owned(),
+                value: Some(format!("{PROGRAM_NAME} {FORMAT_VERSION} {start}").into_bytes()),
+            };
+            // Whoever was first, the next look shows what there is.
+            let (CommitResult::Committed(_) | CommitResult::Conflict(_)) =
+                store.commit(all.generation, &[first]).await?;
+        }
+        let place = place.to_owned();
+        Err(SharedStoreError::WatchLagged { place })
+    }
+
+    /// The same; whatever is not understood is an error and left as it is.
+    pub(crate) async fn load_strict(
+        store: &mut impl SharedStore,
+        place: &str,
+    ) -> Result<Self, SharedStoreError> {
+        let content = Self::load(store, place).await?;
+        match &content.unknown_key {
+            None => Ok(content),
+            Some(key) => Err(foreign(place, format!("the key {key:?}"))),
+        }
+    }
+
+    fn read(place: &str, all: Snapshot) -> Result<Self, SharedStoreError> {
+        let format = all.entries.iter().find(|entry| entry.key == FORMAT_KEY);
+        let Some(format) = format else {
+            let key = &all.entries[0].key;
+            return Err(foreign(place, format!("the key {key:?}")));
+        };
+        let text = String::from_utf8_lossy(&format.value);
+        let words: Vec<&str> = text.split(' ').collect();
+        let incarnation = match words[..] {
+            [PROGRAM_NAME, FORMAT_VERSION, start] => start.parse().ok(),
+            [PROGRAM_NAME, version, ..] => {
+                let reason = format!("format {version}, this program knows {FORMAT_VERSION}");
+                return Err(foreign(place, reason));
+            }
+            _ => None,
+        };
+        let incarnation = incarnation.ok_or_else(|| {
+            foreign(
+                place,
+                format!("the value {text:?} under the key \"format\""),
+            )
+        })?;
+        let mut content = Self {
+            generation: all.generation,
+            incarnation,
+            ..Self::default()
+        };
+        for Entry { key, value } in all.entries {
+            if let Some(server) = key.strip_prefix("mark/") {
+                let mark = String::from_utf8_lossy(&value).into_owned();
+                content.marks.insert(server.to_owned(), mark);
+            } else if let Some((item, Some(held))) = item_of(&key, Some(&value)) {
+                content.items.push((item, held));
+            } else if key != FORMAT_KEY {
+                tracing::warn!("{place} holds the key {key:?}, which is no name server's");
+                content.unknown_key = Some(key);
+            }
+        }
+        Ok(content)
+    }
+
+    /// What the server at `server` has committed last.
+    pub(crate) fn mark(&self, server: &str) -> Option<&str> {
+        self.marks.get(server).map(String::as_str)
+    }
+
+    /// The changes that bring an empty registry there.
+    pub(crate) fn changes(&self) -> Vec<Change> {
+        let items = self.items.iter();
+        let changes = items.flat_map(|(item, held)| item.changes(held.clone()));
+        changes.collect()
+    }
+}
+
+fn foreign(place: &str, reason: String) -> SharedStoreError {
+    let place = place.to_owned();
+    SharedStoreError::Foreign { place, reason }
+}
+
+/// What says that the server called `server` has made the commit called `id`.
+pub(crate) fn mark(server: &str, id: &str) -> Write {
+    Write {
+        key: format!("mark/{server}"),
+        value: Some(id.as_bytes().to_vec()),
+    }
+}
+
+/// What an item is, to be written.
+pub(crate) fn write(item: &Item, held: Option<&ItemValue>) -> Write {
+    let key = match item {
+        Item::Port(name) => format!("port/{name}"),
+        // No name holds a blank.
+        Item::Connection(from, to) => format!("connection/{from} {to}"),
+        Item::Topic(name) => format!("topic/{name}"),
+        Item::Type(name) => format!("type/{name}"),
+    };
+    let value = held.map(|held| {
+        serde_json::to_vec(held).expect("keys are texts, and writing to memory succeeds")
+    });
+    Write { key, value }
+}
+
+/// The item that was written, and what it is now; none if that is not understood.
+pub(crate) fn item_of(key: &str, value: Option<&[u8]>) -> Option<(Item, Option<ItemValue>)> {
+    let (kind, name) = key.split_once('/')?;
+    let item = match kind {
+        "port" => Item::Port(name.to_owned()),
+        "topic" => Item::Topic(name.to_owned()),
+        "type" => Item::Type(name.to_owned()),
+        "connection" => {
+            let (from, to) = name.split_once(' ')?;
+            Item::Connection(from.to_owned(), to.to_owned())
+        }
+        _ => return None,
+    };
+    let held = match value {
+        None => None,
+        Some(value) => {
+            let held = serde_json::from_slice(value).ok();
+            Some(held.filter(|held| item.fits(held))?)
+        }
+    };
+    Some((item, held))
+}
