@@ -147,7 +147,7 @@ impl Survey {
             let network = self.settings.network.clone();
             let request_handler = request_handler.clone();
             asking.spawn(async move {
-                let (look, client) = probe_connected(&network, &place).await;
+                let (probe, client) = probe_connected(&network, &place).await;
                 request_handler.record_probe(&place, probe);
                 let most = network.timeout() * MAX_STEPS;
                 let told = match client {
