@@ -1,5 +1,5 @@
-//! `pictures [NUMBER]`: a port that writes an image again and again, to be watched in a browser or
-//! with VLC at the address that it prints.
+//! `mjpeg_images [NUMBER]`: a port that writes an image repeatedly, to be watched in a browser or
+//! with VLC at the printed address.
 //!
 //! The left half is red, the right half blue; a white bar moves from left to right.
 
@@ -28,7 +28,7 @@ async fn main() -> Result<(), Box<dyn std::error::Error>> {
         });
         let pixels = row.collect::<Vec<u8>>().repeat(HEIGHT);
         let image = Image::from_packed(PixelCode::RGB, WIDTH, HEIGHT, pixels)?;
-        // Who is slow misses some.
+        // A slow reader misses some.
         port.write_if_idle(&image, None);
         tokio::time::sleep(Duration::from_millis(50)).await;
     }

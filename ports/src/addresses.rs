@@ -19,7 +19,7 @@ pub fn own() -> Vec<String> {
         .collect()
 }
 
-/// The addresses of this machine's interfaces, and how many bits each shares with its network.
+/// Returns the addresses of this machine's interfaces, each with the prefix length of its network.
 pub fn subnets() -> Vec<(IpAddr, u8)> {
     let interfaces = if_addrs::get_if_addrs().unwrap_or_default();
     let subnet = |interface: if_addrs::Interface| match interface.addr {
@@ -29,13 +29,13 @@ pub fn subnets() -> Vec<(IpAddr, u8)> {
     interfaces.into_iter().map(subnet).collect()
 }
 
-/// Whether this is an address of one of this machine's interfaces.
+/// Returns whether this is an address of one of this machine's interfaces.
 pub(crate) fn is_own(address: IpAddr) -> bool {
     let interfaces = if_addrs::get_if_addrs().unwrap_or_default();
     interfaces.iter().any(|interface| interface.ip() == address)
 }
 
-/// The address under which others reach this machine, as stock chooses it: the IPv4 address that is
+/// Returns the address under which others reach this machine, as stock chooses it: the IPv4 address that is
 /// not loopback, of several the one with the shortest text, of those the first.
 pub fn best() -> String {
     let interfaces = if_addrs::get_if_addrs().unwrap_or_default();

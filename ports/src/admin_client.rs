@@ -63,7 +63,7 @@ impl AdminClient {
         client.switch_transport().await
     }
 
-    /// Goes on over what carries the messages of the carrier.
+    /// Switches to the transport that carries the messages of the carrier.
     async fn switch_transport(mut self) -> Result<Self, PortError> {
         let going = transport_switch::switch_transport(self.stream, self.input, &self.initiator);
         let step = "connection header";

@@ -9,20 +9,20 @@ use yarp_wire::auth::{AuthError, Key, KeyHandshake, Nonce};
 
 use crate::socket::{self, Socket};
 
-/// How long each step may take; stock waits as long.
+/// Maximum duration of each step, as in stock.
 const STEP_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// Why two programs did not find out that they share a key.
+/// The reason why two programs could not establish that they share a key.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum AuthFailure {
-    /// The other side made its part with another key, or speaks of something else.
+    /// The other side used another key, or another protocol.
     #[error("the peer has a different key, or none; compare auth.conf on both sides")]
     Wrong(#[source] AuthError),
     /// The other side waits for us to begin, as those do that have no key.
     #[error("the peer sent nothing for {seconds} s; does it have an auth.conf?")]
     Silent {
-        /// How long.
+        /// Duration of the timeout.
         seconds: f64,
     },
     /// The other side ended the connection.

@@ -16,7 +16,7 @@ use crate::error::PortError;
 use crate::network::Network;
 use crate::port::{PortOptions, Received};
 
-/// The threads on which the ports of this module live.
+/// Returns the threads on which the ports of this module live.
 fn runtime() -> &'static Runtime {
     static RUNTIME: OnceLock<Runtime> = OnceLock::new();
     RUNTIME.get_or_init(|| {
@@ -31,7 +31,7 @@ fn runtime() -> &'static Runtime {
 }
 
 thread_local! {
-    /// Whether this is one of the threads of this module.
+    /// `true` on the threads of this module.
     static OWN: Cell<bool> = const { Cell::new(false) };
 }
 
@@ -71,7 +71,7 @@ pub struct Port {
 }
 
 impl Port {
-    /// As [`crate::Port::open`].
+    /// Opens a port like [`crate::Port::open`].
     pub fn open(network: &Network, name: &str, options: PortOptions) -> Result<Self, PortError> {
         let (network, name) = (network.clone(), name.to_owned());
         let port = wait(async move { crate::Port::open(&network, &name, options).await })?;
@@ -80,7 +80,7 @@ impl Port {
         })
     }
 
-    /// The same port for async code.
+    /// Returns the same port for async code.
     pub fn as_async(&self) -> &crate::Port {
         self.port.as_ref().expect("taken only on drop")
     }
@@ -89,24 +89,24 @@ impl Port {
         self.port.clone().expect("taken only on drop")
     }
 
-    /// The name.
+    /// Returns the name.
     pub fn name(&self) -> &str {
         self.as_async().name()
     }
 
-    /// As [`crate::Port::connect`].
+    /// Connects like [`crate::Port::connect`].
     pub fn connect(&self, to: &str) -> Result<(), PortError> {
         let (port, to) = (self.shared(), to.to_owned());
         wait(async move { port.connect(&to).await })
     }
 
-    /// As [`crate::Port::connect_over`].
+    /// Connects like [`crate::Port::connect_over`].
     pub fn connect_over(&self, to: &str, carrier: &str) -> Result<(), PortError> {
         let (port, to, carrier) = (self.shared(), to.to_owned(), carrier.to_owned());
         wait(async move { port.connect_over(&to, &carrier).await })
     }
 
-    /// The oldest message that was kept; waits for one at most until `deadline`, then `None`.
+    /// Returns the oldest message that was kept; waits for one at most until `deadline`, then `None`.
     pub fn read(&self, deadline: Duration) -> Result<Option<Received>, PortError> {
         let port = self.shared();
         wait(async move {
@@ -117,7 +117,8 @@ impl Port {
         })
     }
 
-    /// Sends to every reader and waits at most until `deadline`; tells how many took it in time.
+    /// Sends to every reader and waits at most until `deadline`; returns the number of readers that
+    /// took it before then.
     pub fn write(
         &self,
         message: impl WireObject + Send + Sync + 'static,
@@ -130,7 +131,7 @@ impl Port {
         })
     }
 
-    /// As [`crate::Port::write_if_idle`].
+    /// Sends like [`crate::Port::write_if_idle`].
     pub fn write_if_idle(&self, message: &impl WireObject) -> usize {
         self.as_async().write_if_idle(message, None)
     }

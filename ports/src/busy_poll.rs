@@ -1,14 +1,17 @@
-//! Waiting awake for bytes that are about to come.
+//! Busy polling for bytes that are expected soon.
 //!
-//! Waking a sleeping thread costs more than all else in a round trip of small messages. So a
-//! connection whose last bytes came within [`BUSY_POLL_THRESHOLD`] looks for the next ones itself for up to
-//! [`MAX_POLL_DURATION`] before it goes to sleep, giving way to others between looks ([`Yielder`]); what comes meanwhile
-//! wakes nobody else ([`Socket::suppress_wakeups`]). A connection at rest, or with a slow peer, sleeps at once.
+//! Waking a sleeping thread costs more than all other work in a round trip of small messages. So a
+//! connection whose last bytes arrived within [`BUSY_POLL_THRESHOLD`] polls for the next ones for
+//! up to [`MAX_POLL_DURATION`] before it sleeps, yielding between polls ([`Yielder`]); meanwhile,
+//! arriving bytes wake no other thread ([`Socket::suppress_wakeups`]). An idle connection, or one
+//! with a slow peer, sleeps at once.
 //!
-//! Small messages that come by themselves, one behind the other, are left a moment to become several: each look
-//! disturbs their writer. Where much comes nevertheless, from a writer that sends several at once, the moment is spent awake
-//! ([`GATHER_INTERVAL`]); where little comes, from one that hands over each by itself, asleep ([`GATHER_SLEEP`]), for even somebody who merely
-//! stays awake makes that dearer. Only one connection of the process does so at a time.
+//! Small unrequested messages that follow each other are left in the socket briefly, so that
+//! several are read together: each poll disturbs their writer. If many bytes arrive nevertheless,
+//! from a writer that sends several messages at once, the interval is spent polling
+//! ([`GATHER_INTERVAL`]); if few arrive, from a writer that sends each message by itself, the
+//! thread sleeps ([`GATHER_SLEEP`]), because even a polling thread slows that writer. Only one
+//! connection of the process does so at a time.
 
 use std::io;
 use std::mem;
@@ -20,43 +23,44 @@ use std::time::{Duration, Instant};
 
 use crate::socket::{ReadBuffer, Socket};
 
-/// Longest time awake per wait, also of a writer for room.
+/// Maximum duration of polling per wait, also for a writer that waits for room.
 pub(crate) const MAX_POLL_DURATION: Duration = Duration::from_micros(60);
-/// A wait this short makes the next one be spent awake.
+/// A wait shorter than this makes the next one poll.
 const BUSY_POLL_THRESHOLD: Duration = Duration::from_micros(120);
-/// How long messages that were not asked for are left alone.
+/// Duration for which unrequested messages are left in the socket.
 const GATHER_INTERVAL: Duration = Duration::from_micros(20);
-/// The same, asleep: the system makes 50 to 70 µs of it.
+/// The same for a sleeping thread: the system makes 50 to 70 µs of it.
 const GATHER_SLEEP: Duration = Duration::from_micros(1);
-/// Bytes per microsecond that are little.
+/// Rate below which a connection counts as slow, in bytes per microsecond.
 const TRICKLE_BYTES_PER_MICROSECOND: u128 = 100;
-/// Who gave way for longer has met a program that calculates.
+/// A longer yield indicates that a compute-bound program shares the processor.
 const CONTENDED_YIELD: Duration = Duration::from_millis(1);
-/// For how long nobody gives way to programs then.
+/// Time without yielding to other programs after that.
 const YIELD_HOLDOFF: Duration = Duration::from_millis(20);
-/// How long other tasks wait for one that is awake, while no more than [`MAX_EXCLUSIVE_POLLERS`] are.
+/// Interval between yields to other tasks, while at most [`MAX_EXCLUSIVE_POLLERS`] connections
+/// poll.
 const TASK_YIELD_INTERVAL: Duration = Duration::from_micros(10);
-/// Connections, one in each direction.
+/// Two connections, one in each direction.
 const MAX_EXCLUSIVE_POLLERS: usize = 2;
-/// Bytes read in one look, at first and at most.
+/// Minimum and maximum length of one read.
 const MIN_READ_LEN: usize = 4 * 1024;
 const MAX_READ_LEN: usize = 64 * 1024;
 
-/// Connections of this process that wait awake.
+/// Number of polling connections of this process.
 static POLLING: AtomicUsize = AtomicUsize::new(0);
 
-/// Whether a connection waits awake.
+/// The polling state of a connection.
 #[derive(Debug)]
 pub(crate) struct BusyPoll {
-    /// Whether what comes wakes tasks.
+    /// `true` if received messages wake other tasks.
     wakes: bool,
     polling: Option<PollingGuard>,
-    /// Bytes to read in the next look; grows while looks are filled.
+    /// Length of the next read; grows while reads are filled.
     chunk: usize,
     sleeping_since: Option<Instant>,
-    /// Whether the last message was a large one: the next is worth beginning with at once.
+    /// `true` if the last message was large: the next is worth reading at once.
     large: bool,
-    /// Whether little came until the last look.
+    /// `true` if few bytes arrived until the last poll.
     is_slow: bool,
 }
 
@@ -64,7 +68,7 @@ pub(crate) struct BusyPoll {
 #[derive(Debug)]
 struct PollingGuard;
 
-/// Why the peer will send something.
+/// The reason to expect bytes from the peer.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub(crate) enum Expecting {
     /// It is its turn: it was answered, or is to answer.
@@ -74,7 +78,8 @@ pub(crate) enum Expecting {
 }
 
 impl BusyPoll {
-    /// A connection that has seen nothing yet. Where what comes on it `wakes` tasks, they are let go first.
+    /// Creates the state of a new connection. If its messages wake tasks (`wakes`), it yields to
+    /// them first.
     pub(crate) fn new(wakes: bool) -> Self {
         Self {
             wakes,
@@ -86,7 +91,7 @@ impl BusyPoll {
         }
     }
 
-    /// Looks for bytes while it is worth it; `None` says to go to sleep.
+    /// Polls for bytes while it is worth it; `None` means to sleep.
     pub(crate) async fn read(
         &mut self,
         stream: &Socket,
@@ -156,26 +161,26 @@ impl BusyPoll {
     }
 }
 
-/// Lets others have this processor between two looks: programs each time, other tasks at first and then every
-/// [`TASK_YIELD_INTERVAL`], or each time where many wait awake.
+/// Yields the processor between two polls: to other programs each time, to other tasks at first and
+/// then every [`TASK_YIELD_INTERVAL`], or each time if many connections poll.
 ///
-/// The system likes to wake the peer on the processor of who woke it, where it would wait for as long as somebody is awake
-/// there. Beside programs that calculate all the time, giving way to programs takes milliseconds: then nobody gives way to
-/// them for a while. A task that gives way is taken over by another thread of the runtime, which wakes the next: too dear for
-/// every look.
+/// The system tends to wake the peer on the processor of the thread that woke it, where it would
+/// wait for the polling thread. Beside compute-bound programs, yielding takes milliseconds: then no
+/// thread yields to programs for a while. Another thread of the runtime takes over a task that
+/// yields and wakes the next: too expensive for every poll.
 #[derive(Debug)]
 pub(crate) struct Yielder {
-    /// When tasks last had their turn; `None` if they never had.
+    /// Time of the last yield to tasks; `None` before the first.
     tasks: Option<Instant>,
 }
 
 impl Yielder {
-    /// For who may have woken other tasks: they are let go first.
+    /// Creates a yielder that yields to tasks first, which may have been woken.
     pub(crate) fn after_waking() -> Self {
         Self { tasks: None }
     }
 
-    /// For who is in the midst of something.
+    /// Creates a yielder for a thread in the middle of its work.
     pub(crate) fn midway() -> Self {
         Self {
             tasks: Some(Instant::now()),

@@ -8,7 +8,7 @@ pub(crate) async fn join<T: 'static>(mut tasks: JoinSet<T>) {
     while tasks.join_next().await.is_some() {}
 }
 
-/// Ends every task that holds a [`Cancelled`] of it, when told or when dropped.
+/// Cancels every task that holds a [`Cancelled`] of it, on request or when dropped.
 #[derive(Debug)]
 pub(crate) struct Cancel(watch::Sender<bool>);
 

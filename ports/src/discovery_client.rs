@@ -1,8 +1,8 @@
-//! Looking for the name server by multicast.
+//! Discovery of the name server by multicast.
 //!
-//! One datagram with a query goes to the group 224.2.1.1; every name server in reach answers
-//! with one datagram to the group. Only `yarp detect` does this: programs know their name server
-//! by the configuration.
+//! One datagram with a query goes to the group 224.2.1.1; every reachable name server answers with
+//! one datagram to the group. Only `yarp detect` does this: programs get the address of their name
+//! server from the configuration.
 
 use std::io;
 use std::net::{IpAddr, Ipv4Addr};
@@ -19,7 +19,7 @@ use crate::config::DEFAULT_PORT;
 /// The multicast group of name servers.
 pub const GROUP: Ipv4Addr = Ipv4Addr::new(224, 2, 1, 1);
 
-/// How to look for a name server.
+/// The parameters of a search for a name server.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Discovery {
@@ -32,8 +32,8 @@ pub struct Discovery {
 }
 
 impl Discovery {
-    /// Looks for the server called `namespace` as stock does: on UDP port 10000, asking three
-    /// times and waiting 0.75 s each.
+    /// Searches for the server called `namespace` as stock does: on UDP port 10000, with three
+    /// queries and a wait of 0.75 s after each.
     pub fn of(namespace: &str) -> Self {
         Self {
             namespace: namespace.to_owned(),
@@ -62,13 +62,13 @@ impl Discovery {
         self
     }
 
-    /// The same with another patience.
+    /// Sets the number of queries and the wait after each.
     pub fn rounds(mut self, rounds: u32, round: Duration) -> Self {
         (self.rounds, self.round) = (rounds, round);
         self
     }
 
-    /// The first server that answers for the namespace, or none within the time.
+    /// Returns the first server that answers for the namespace, or none within the time.
     ///
     /// Takes at most the number of rounds times their length; dropping the future ends it at any
     /// time. With several servers of one name it is chance which answers first.
@@ -137,7 +137,7 @@ impl Discovery {
     }
 }
 
-/// The server that a datagram tells, if it is an answer and not a query.
+/// Returns the server in a datagram, if it is an answer and not a query.
 fn answer(namespace: &str, packet: &[u8]) -> Option<Registration> {
     let datagram = datagram::decode(packet).ok()?;
     let text = std::str::from_utf8(datagram.data).ok()?;
@@ -173,7 +173,7 @@ mod tests {
         assert_eq!(answer("/root", b"noise"), None);
     }
 
-    /// Some free UDP port, so that no server of this machine is asked.
+    /// Returns a free UDP port, so that no server of this machine is queried.
     fn free_port() -> u16 {
         let socket = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
         socket.local_addr().unwrap().port()
@@ -184,14 +184,14 @@ mod tests {
         let round = Duration::from_millis(20);
         let discovery = Discovery::of("/root").port(free_port()).rounds(2, round);
         let started = Instant::now();
-        // A machine without multicast says so at once.
+        // A machine without multicast reports that at once.
         if let Ok(found) = discovery.run().await {
             assert_eq!(found, None);
             assert!(started.elapsed() >= 2 * round);
         }
     }
 
-    /// A server in the group hears the query and answers to the group.
+    /// A server in the group receives the query and answers to the group.
     #[tokio::test]
     async fn an_answering_server_is_found() {
         let discovery = Discovery::of("/root").port(free_port());

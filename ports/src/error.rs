@@ -1,4 +1,4 @@
-//! What can go wrong with a port.
+//! Errors of ports.
 
 use std::io;
 use std::net::SocketAddr;
@@ -12,7 +12,7 @@ use crate::auth_step::AuthFailure;
 use crate::config::ConfigError;
 use crate::port::MonitorError;
 
-/// Why something that a port was asked for did not happen.
+/// The reason why an operation on a port failed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PortError {
@@ -22,31 +22,31 @@ pub enum PortError {
     /// The configuration cannot be used.
     #[error(transparent)]
     Configuration(#[from] ConfigError),
-    /// There is no name server to ask.
+    /// No name server is configured.
     #[error("no name server is configured; run `yarp conf HOST PORT`, or `yarp detect --write`")]
     NoNameServer,
     /// The name server does not answer.
     #[error("the name server at {server} does not answer ({step}); is `yarp server` running?")]
     NameServer {
-        /// Where it should be.
+        /// The configured address.
         server: String,
-        /// What was tried.
+        /// The step that failed.
         step: &'static str,
-        /// What went wrong.
+        /// The cause.
         #[source]
         source: io::Error,
     },
     /// The name server answered something else than expected.
     #[error("the name server at {server} answered {answer:?} to `{request}`")]
     Refused {
-        /// Where it is.
+        /// Its address.
         server: String,
-        /// What it was asked.
+        /// The request.
         request: String,
-        /// What it said.
+        /// The answer.
         answer: String,
     },
-    /// Nobody has this name.
+    /// No port has this name.
     #[error("the name server does not know {name}")]
     Unknown {
         /// The name.
@@ -59,7 +59,7 @@ pub enum PortError {
         name: String,
         /// The number it was given.
         number: u16,
-        /// What went wrong.
+        /// The cause.
         #[source]
         source: io::Error,
     },
@@ -68,82 +68,82 @@ pub enum PortError {
     Connect {
         /// Whom.
         peer: String,
-        /// Where.
+        /// The peer's address.
         address: String,
-        /// What was tried.
+        /// The step that failed.
         step: &'static str,
-        /// What went wrong.
+        /// The cause.
         #[source]
         source: io::Error,
     },
     /// The other side does not hold our key.
-    #[error("{peer} at {address} does not show that it has our key")]
+    #[error("{peer} at {address} did not prove that it holds the key")]
     Authentication {
         /// Whom.
         peer: String,
-        /// Where.
+        /// The peer's address.
         address: String,
-        /// What went wrong.
+        /// The cause.
         #[source]
         source: AuthFailure,
     },
     /// The roles in force do not allow it.
     #[error("{text}")]
     NotAllowed {
-        /// Who may not do what.
+        /// The refused peer and right.
         text: String,
     },
     /// There is no such carrier here.
     #[error("{carrier:?} cannot carry outgoing connections; expected one of {known}")]
     NoCarrier {
-        /// What was asked for.
+        /// The requested carrier.
         carrier: String,
-        /// What there is.
+        /// The known carriers.
         known: String,
     },
     /// A modifier of the carrier cannot be had here.
     #[error(transparent)]
     Modifier(#[from] MonitorError),
-    /// The reader ended the connection when it heard which modifiers it is to have.
-    #[error("{peer} ended the connection: it lacks what {carrier:?} asks of it")]
+    /// The reader closed the connection when it received its modifiers.
+    #[error("{peer} closed the connection: it lacks a modifier of {carrier:?}")]
     Declined {
         /// Whom.
         peer: String,
-        /// What was asked for.
+        /// The requested carrier.
         carrier: String,
     },
     /// `local` is for ports of one process.
     #[error("{peer} is not in this process, which `local` is for: try `tcp` or another carrier")]
     NotInProcess {
-        /// Who.
+        /// The peer.
         peer: String,
     },
     /// The other side broke the protocol.
     #[error("{peer} violated the protocol")]
     Protocol {
-        /// Who.
+        /// The peer.
         peer: String,
-        /// How.
+        /// The violation.
         #[source]
         source: ProtocolError,
     },
-    /// Pictures were asked for, and something else came.
+    /// JPEG images were requested, and something else was received.
     #[error("{peer} sends no images")]
     Mjpeg {
-        /// Who.
+        /// The peer.
         peer: String,
-        /// What is wrong.
+        /// The cause.
         #[source]
         source: MjpegError,
     },
     /// Something took longer than allowed.
     #[error("{peer} did not answer in {seconds} s ({step})")]
     Timeout {
-        /// Who.
+        /// The peer.
         peer: String,
-        /// What was waited for.
+        /// The step that timed out.
         step: &'static str,
-        /// How long.
+        /// Duration of the timeout.
         seconds: f64,
     },
     /// The connection ended while something was under way.
@@ -151,11 +151,11 @@ pub enum PortError {
     Lost {
         /// Whom it led to.
         peer: String,
-        /// Why.
+        /// The reason.
         reason: String,
     },
     /// A call needs one connection.
-    #[error("port {name} has no outgoing connection to call")]
+    #[error("port {name} has no outgoing connection for RPC")]
     NotConnected {
         /// The port.
         name: String,
@@ -166,14 +166,14 @@ pub enum PortError {
         /// The port.
         name: String,
     },
-    /// Connections carry copies of what a port receives, and of nothing else.
+    /// Connections carry copies of received messages only.
     #[error("cannot connect over log.{what}: a port forwards what comes in, which is log.in")]
     LogNotSupported {
-        /// What was asked for.
+        /// The requested modifier.
         what: String,
     },
     /// A port that calls has one connection.
-    #[error("port {name} calls, and is connected already")]
+    #[error("port {name} is an RPC client and already connected")]
     AlreadyConnected {
         /// The port.
         name: String,
@@ -187,16 +187,16 @@ pub enum PortError {
     /// A reply or message cannot be read.
     #[error("the message from {peer} cannot be decoded")]
     Unreadable {
-        /// Who.
+        /// The peer.
         peer: String,
-        /// Why.
+        /// The cause.
         #[source]
         source: DecodeError,
     },
 }
 
 impl PortError {
-    /// The step that fails where nobody is to be reached.
+    /// The name of the step that fails if the peer cannot be reached.
     pub const CONNECTING: &str = "TCP connection";
 
     pub(crate) fn connect(
@@ -213,18 +213,18 @@ impl PortError {
         }
     }
 
-    /// Whether somebody else listens where a port should.
+    /// Returns whether another program listens on the TCP port.
     pub(crate) fn is_taken(&self) -> bool {
         matches!(self, Self::Listen { source, .. } if source.kind() == io::ErrorKind::AddrInUse)
     }
 
-    /// The error chain on one line: this error and its sources.
+    /// Returns the error chain on one line: this error and its sources.
     pub fn error_chain(&self) -> String {
         error_chain(self)
     }
 }
 
-/// The error chain of an error on one line: the error itself and its sources.
+/// Returns the error chain of an error on one line: the error itself and its sources.
 pub fn error_chain(error: &dyn std::error::Error) -> String {
     let mut text = error.to_string();
     let mut source = error.source();
@@ -236,7 +236,7 @@ pub fn error_chain(error: &dyn std::error::Error) -> String {
     text
 }
 
-/// The first address that a host name stands for.
+/// Returns the first address that a host name stands for.
 pub(crate) async fn resolve(host: &str, port: u16) -> io::Result<SocketAddr> {
     let mut addresses = tokio::net::lookup_host((host, port)).await?;
     addresses

@@ -1,10 +1,11 @@
-//! Keeping names at the name server: it may be started again and know nobody.
+//! Renewal of the leases on port names: the name server may restart and lose them.
 //!
-//! One task for all ports of a [`Network`] looks in every few seconds, each time with one short
-//! conversation. It tells a name server of ours which ports are there (`lease`); the answer holds a
-//! number that another start of the server changes. A name server of stock answers `lease` like any
-//! word it does not know; it is asked, less often, for its process instead. Only after another start
-//! are names that are missing registered again: a name that somebody took back stays away.
+//! One task for all ports of a [`Network`] runs every few seconds, each time with one short
+//! connection. It sends the registered ports to the name server (`lease`); the answer of this
+//! implementation holds a number that changes when the server restarts. A stock name server answers
+//! `lease` like any unknown word; it is asked, less often, for its process instead. Missing names
+//! are registered again only after a restart: a name that was unregistered deliberately stays
+//! removed.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -16,13 +17,13 @@ use yarp_wire::name_service::{Command, LeaseHolder, RegisterRequest, Registratio
 use crate::error::PortError;
 use crate::network::Network;
 
-/// Time between two visits to a server of ours; a lease lasts four of them.
+/// Renewal interval of a server of this implementation; a lease lasts four of them.
 const RENEWAL_INTERVAL: Duration = Duration::from_secs(5);
-/// Time between two visits to a server of stock.
+/// Check interval of a stock server.
 const STOCK_CHECK_INTERVAL: Duration = Duration::from_secs(15);
-/// How long a visit may take.
+/// Timeout of a renewal or check.
 const REQUEST_TIMEOUT: Duration = Duration::from_secs(5);
-/// Names in one request.
+/// Maximum number of names in one request.
 const MAX_NAMES_PER_REQUEST: usize = 64;
 
 /// The names of a network's ports, and the task that keeps them.
@@ -104,11 +105,11 @@ async fn run_for_server(network: Network) {
 struct LeaseRenewer {
     network: Network,
     every: Duration,
-    /// What tells one start of the server from another.
+    /// Identifies the current start of the server.
     start: Option<String>,
-    /// When all names were there for the last time.
+    /// Time of the last success for all names.
     last_success: Instant,
-    /// How long a server of ours waits for us.
+    /// Duration of the server's leases.
     lease: Duration,
 }
 
@@ -134,7 +135,7 @@ impl LeaseRenewer {
                     break;
                 }
             }
-            // Not before: a start counts as seen once everybody is registered.
+            // Not earlier: a start counts as handled once all names are registered.
             self.start = start;
         }
         if self.every == STOCK_CHECK_INTERVAL {
@@ -144,7 +145,8 @@ impl LeaseRenewer {
         Ok(())
     }
 
-    /// Renews the leases of some ports; gives the start of the server, if it knows leases.
+    /// Renews the leases of some ports; returns the identity of the server's start, if it supports
+    /// leases.
     async fn renew(&mut self, ports: &[RegisterRequest]) -> Result<Option<String>, PortError> {
         let holders = ports.iter().filter_map(|port| {
             Some(LeaseHolder {

@@ -1,8 +1,8 @@
 //! YARP ports on tokio: open, connect, read, write, call.
 //!
-//! [`Network`] knows the name server; [`Port`] is a port on it; [`AdminClient`] is a short
-//! conversation with a port of somebody else; [`remote`] asks ports of others to connect.
-//! [`blocking`] is the same for programs that do not write async.
+//! [`Network`] holds the addresses of the name servers; [`Port`] is a port on it; [`AdminClient`]
+//! is a short admin connection to another port; [`remote_admin`] makes other ports connect.
+//! [`blocking`] is the same for synchronous programs.
 
 pub mod addresses;
 mod admin_client;

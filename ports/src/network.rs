@@ -22,32 +22,32 @@ use crate::socket::{self, ReadBuffer};
 
 /// A YARP network: name servers, usually one, each with its namespace.
 ///
-/// A namespace may be served from several places, by servers that share their names: then the first
-/// place that answers is asked, and it is asked until it does not ([`crate::config::NameServer`] says how
-/// they are configured; a server tells of others, too).
+/// A namespace may be served at several addresses, by servers that share their names: then the
+/// first address that answers is used until it stops answering ([`crate::config::NameServer`]
+/// describes their configuration; a server also announces others).
 ///
-/// With several namespaces, ports register with all of them, and are found through the first that knows them;
-/// everything else goes to the first, as in stock.
+/// With several namespaces, ports register with all of them, and are found through the first that
+/// knows them; everything else goes to the first, as in stock.
 ///
-/// Cheap to clone. Holds no connection: each question to a name server is a connection of its
-/// own, as in stock.
+/// Cheap to clone. Holds no connection: each request to a name server is a connection of its own,
+/// as in stock.
 #[derive(Clone, Debug)]
 pub struct Network(Arc<Inner>);
 
 #[derive(Clone, Debug)]
 struct Inner {
-    /// Those whose place is known, in the order in which they are asked.
+    /// The servers whose address is known, in order of preference.
     servers: Vec<Server>,
     /// The first namespace, for networks that know no server.
     namespace: String,
-    /// What the environment says, for a network that came from it.
+    /// The configuration, for a network created from one.
     configuration: Option<Arc<Configuration>>,
     deadline: Duration,
     /// Keeps the names of this network's ports; shared by all copies.
     leased_names: Arc<LeasedNames>,
-    /// What both ends of each connection must know.
+    /// The key that both ends of each connection must hold.
     key: Option<Key>,
-    /// Who may do what with the ports that are opened here.
+    /// The permissions on the ports opened here.
     roles: Roles,
 }
 
@@ -55,14 +55,14 @@ struct Inner {
 #[derive(Clone, Debug)]
 struct Server {
     namespace: String,
-    /// Where it is configured to be.
+    /// The configured host.
     host: String,
     port: u16,
-    /// All places where it may be; shared by all copies of the network.
+    /// All known addresses; shared by all clones of the network.
     places: Arc<Mutex<ServerAddresses>>,
 }
 
-/// Where a namespace is served.
+/// The addresses at which a namespace is served.
 #[derive(Debug)]
 struct ServerAddresses {
     /// Host and TCP port, never empty.
@@ -71,7 +71,7 @@ struct ServerAddresses {
     current: usize,
 }
 
-/// ServerAddresses of one namespace that are remembered; who is told of more asks those.
+/// Maximum number of addresses stored per namespace.
 const MAX_SERVER_ADDRESSES: usize = 16;
 
 impl Server {
@@ -92,10 +92,10 @@ impl Server {
     }
 }
 
-/// How long connecting and asking may take, unless told otherwise; stock waits as long.
+/// Default timeout of connections and requests, as in stock.
 const DEFAULT_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// Where the name server says a port is.
+/// The address of a port, as registered at the name server.
 pub type Endpoint = Registration;
 
 impl Network {
@@ -127,12 +127,12 @@ impl Network {
         })
     }
 
-    /// The network that the process's environment and configuration files name.
+    /// Returns the network that the process's environment and configuration files name.
     pub fn from_process() -> Result<Self, PortError> {
         Ok(Self::from_configuration(Configuration::from_process()?))
     }
 
-    /// The network that a configuration names: those of its name servers whose place is known.
+    /// Creates the network that a configuration names: its name servers whose address is known.
     pub fn from_configuration(configuration: Configuration) -> Self {
         let server = |held: &Namespace| {
             let server = held.server.as_ref()?;
@@ -157,7 +157,7 @@ impl Network {
         Self(Arc::new(inner))
     }
 
-    /// The same network with another limit on how long connecting and asking may take.
+    /// Returns the same network with another timeout for connections and requests.
     pub fn with_timeout(&self, deadline: Duration) -> Self {
         Self::from(Inner {
             deadline,
@@ -174,7 +174,7 @@ impl Network {
         })
     }
 
-    /// The key that both ends of a connection must hold; `auth.conf` gives it.
+    /// Returns the key that both ends of a connection must hold; `auth.conf` gives it.
     pub fn key(&self) -> Option<&Key> {
         self.0.key.as_ref()
     }
@@ -196,12 +196,12 @@ impl Network {
         })
     }
 
-    /// Who may do what with the ports that are opened on it; `roles.conf` says.
+    /// Returns the permissions on the ports opened on it, from `roles.conf`.
     pub fn roles(&self) -> &Roles {
         &self.0.roles
     }
 
-    /// How long connecting and asking may take.
+    /// Returns the timeout of connections and requests.
     pub fn timeout(&self) -> Duration {
         self.0.deadline
     }
@@ -212,8 +212,8 @@ impl Network {
         Some((&server.host, server.port))
     }
 
-    /// Host and port of every place where the name server may be, of several the first; the one that
-    /// answered last comes first.
+    /// Returns host and port of every known address of the name server (the first of several
+    /// namespaces); the one that answered last is first.
     pub fn servers(&self) -> Vec<(String, u16)> {
         let Some(server) = self.0.servers.first() else {
             return Vec::new();
@@ -259,7 +259,7 @@ impl Network {
         }
     }
 
-    /// The namespace: the name server's own port name.
+    /// Returns the namespace: the name server's own port name.
     pub fn namespace(&self) -> &str {
         match self.0.servers.first() {
             Some(server) => &server.namespace,
@@ -277,8 +277,8 @@ impl Network {
         })
     }
 
-    /// Does something with each name server, and gives what the first said with which it worked;
-    /// what went wrong with others is told to the log.
+    /// Runs `action` for each name server, and returns the first successful result; errors of the
+    /// others are logged.
     async fn with_each<T, F: Future<Output = Result<T, PortError>>>(
         &self,
         work: impl Fn(Self) -> F,
@@ -296,7 +296,7 @@ impl Network {
         result
     }
 
-    /// The name under which a port called `name` is opened.
+    /// Returns the name under which a port called `name` is opened.
     pub(crate) fn full_name(&self, name: &str) -> String {
         match &self.0.configuration {
             Some(configuration) => configuration.port_name(name),
@@ -312,21 +312,22 @@ impl Network {
         }
     }
 
-    /// The address that the environment wants ports to be registered with.
+    /// Returns the address that the environment wants ports to be registered with.
     fn own_address(&self) -> Option<String> {
         self.0.configuration.as_ref()?.address(&addresses::own())
     }
 
-    /// The address of a port that is not registered.
+    /// Returns the address of a port that is not registered.
     pub(crate) fn own_host(&self) -> String {
         self.own_address().unwrap_or_else(addresses::best)
     }
 
-    /// Sends one request line to the name server and gives its answer.
+    /// Sends one request line to the name server and returns its answer.
     ///
-    /// The line is sent as it stands, less its quotes, as stock does; each question is a
-    /// connection of its own. Where the name server may be at several places, the next one is asked if
-    /// one does not answer in its share of the time, or says that it cannot at the moment.
+    /// The line is sent unchanged, without its quotes, as in stock; each request is a connection of
+    /// its own. If the name server has several addresses, the next one is tried if one does not
+    /// answer in its share of the timeout, or reports that it cannot serve the request at the
+    /// moment.
     pub async fn ask(&self, request: &str) -> Result<Answer, PortError> {
         self.at_each_server(|network| async move {
             let answer = network.ask_there(request).await?;
@@ -339,8 +340,8 @@ impl Network {
         .await
     }
 
-    /// Tries something at each place where the name server may be, until it succeeds; gives what the
-    /// last one said. The time is shared out evenly.
+    /// Tries an action at each address of the name server until it succeeds; returns the result of
+    /// the last one. The timeout is divided evenly.
     pub async fn at_each_server<T, F: Future<Output = Result<T, PortError>>>(
         &self,
         work: impl Fn(Self) -> F,
@@ -363,7 +364,7 @@ impl Network {
         result
     }
 
-    /// The same at the first place alone.
+    /// Returns the same at the first place alone.
     async fn ask_there(&self, request: &str) -> Result<Answer, PortError> {
         let (host, port) = self.server().ok_or(PortError::NoNameServer)?;
         let server = format!("{host}:{port}");
@@ -424,7 +425,7 @@ impl Network {
         self.ask(&Request::plain(command).to_string()).await
     }
 
-    /// Where a port is, as the first name server says that knows it.
+    /// Returns the address of a port, from the first name server that knows it.
     pub async fn query(&self, name: &str) -> Result<Endpoint, PortError> {
         let mut result = Err(PortError::NoNameServer);
         for network in self.each() {
@@ -445,7 +446,8 @@ impl Network {
         answer.registration().ok_or(PortError::Unknown { name })
     }
 
-    /// Where the port that a contact means is: what it says itself, else what the name server says.
+    /// Returns the address of the port that a contact names: its own address, else that of the name
+    /// server.
     pub async fn resolve(&self, contact: &Contact) -> Result<Endpoint, PortError> {
         if let Some((host, port)) = &contact.address {
             let name = match contact.name.as_str() {
@@ -462,8 +464,8 @@ impl Network {
         self.query(&contact.name).await
     }
 
-    /// Registers a port with every name server; what it leaves open the first one chooses, for all
-    /// of them.
+    /// Registers a port with every name server; the first one chooses the unspecified properties
+    /// for all of them.
     pub async fn register(&self, port: RegisterRequest) -> Result<Endpoint, PortError> {
         let mut asking = port;
         let mut result = Err(PortError::NoNameServer);
@@ -507,7 +509,7 @@ impl Network {
         }
     }
 
-    /// Asks for something that a name server of ours may refuse.
+    /// Sends a request that a name server of this implementation may refuse.
     async fn tell(&self, request: &str) -> Result<(), PortError> {
         let answer = self.ask(request).await?;
         match answer.lines().next() {
@@ -516,7 +518,7 @@ impl Network {
         }
     }
 
-    /// Tells every name server what a port that listens by now can do.
+    /// Registers the properties of a listening port with every name server.
     pub(crate) async fn register_properties(&self, name: &str) -> Result<(), PortError> {
         self.with_each(|network| async move { network.register_properties_at_one(name).await })
             .await

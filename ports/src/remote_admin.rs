@@ -1,7 +1,7 @@
-//! Asking ports of others: connect, disconnect, describe.
+//! Administration of other ports: connect, disconnect, describe.
 //!
-//! Programs of any kind may ask; each request is a short conversation over `text_ack`, as stock
-//! has it. All of them end at the network's deadline.
+//! Any program may use it; each request is a short connection over `text_ack`, as in stock. All
+//! requests are limited by the network's timeout.
 
 use yarp_wire::admin::{self, Direction};
 use yarp_wire::carrier::{Carrier, CarrierSpec};
@@ -12,10 +12,10 @@ use crate::admin_client::AdminClient;
 use crate::error::PortError;
 use crate::network::{Endpoint, Network};
 
-/// What the administration calls itself.
+/// The sender name of the requests.
 const ADMIN: &str = "admin";
 
-/// Why ports of others were not connected.
+/// The reason why other ports were not connected.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ConnectError {
@@ -34,7 +34,7 @@ pub enum ConnectError {
     /// The writer refused, in its own words.
     #[error("{text}")]
     Refused {
-        /// What it said.
+        /// The answer.
         text: String,
     },
     /// There is no such connection.
@@ -54,7 +54,7 @@ pub struct Connection {
     pub to: String,
     /// Carrier with its modifiers.
     pub carrier: String,
-    /// Whether its end must be told to the other side separately.
+    /// `true` if the other side must be notified of its end separately.
     pub connectionless: bool,
 }
 
@@ -68,13 +68,14 @@ pub async fn administer(
     client.admin(request).await
 }
 
-/// The lines in which a port describes itself.
+/// Returns the lines in which a port describes itself.
 pub async fn describe(network: &Network, endpoint: &Endpoint) -> Result<Vec<String>, PortError> {
     let mut client = open_admin_client(network, endpoint, "<ping>").await?;
     client.command(&Command::Describe).await
 }
 
-/// Begins a conversation with a port, as `sender`; ports keep quiet about who is no port.
+/// Opens an admin connection to a port, as `sender`; ports do not report connections of programs
+/// that are not ports.
 pub async fn open_admin_client(
     network: &Network,
     endpoint: &Endpoint,
@@ -85,7 +86,7 @@ pub async fn open_admin_client(
     AdminClient::open(&endpoint.name, address, carrier, sender, network).await
 }
 
-/// The connection from one port to another, as the writer sees it.
+/// Returns the connection from one port to another, as the writer sees it.
 pub async fn connection(
     network: &Network,
     source: &Endpoint,
@@ -96,7 +97,7 @@ pub async fn connection(
     Ok(described(&answer))
 }
 
-/// A connection in the words of one of its ends.
+/// Returns a connection in the words of one of its ends.
 fn described(answer: &Bottle) -> Option<Connection> {
     let text = |key: &str| answer.find(key).map(Value::to_plain_string);
     match (text("from"), text("to")) {
@@ -156,14 +157,14 @@ async fn pull(
     judge(&answer)
 }
 
-/// Whether the writer connects over this carrier, as it does over those that we do not know.
+/// Returns whether the writer connects over this carrier, which is assumed for unknown ones.
 fn pushes(carrier: &str) -> bool {
     let spec = carrier.parse().ok();
     let known = spec.as_ref().and_then(Carrier::of);
     known.is_none_or(|carrier| carrier.push)
 }
 
-/// The connection from one port to another, as the reader sees it.
+/// Returns the connection from one port to another, as the reader sees it.
 async fn input(
     network: &Network,
     destination: &Endpoint,
@@ -174,7 +175,7 @@ async fn input(
     Ok(described(&answer))
 }
 
-/// Tells the log of a connection that was found, in stock's words.
+/// Logs a connection that was found, in stock's words.
 fn report(known: &Connection) {
     let Connection {
         from, to, carrier, ..
@@ -182,7 +183,7 @@ fn report(known: &Connection) {
     tracing::info!("Connection found between {from} and {to} using carrier {carrier}");
 }
 
-/// How the writer shall find the reader: by name, or where the contact says.
+/// Returns the address that the writer uses for the reader: its name, or that of the contact.
 fn at(contact: &Contact, endpoint: &Endpoint) -> String {
     match &contact.address {
         Some((host, port)) => format!("/{host}:{port}{}", contact.name),
@@ -201,8 +202,8 @@ async fn forget_connectionless(
         .ok()
         .and_then(|base| Carrier::by_name(&base))
         .is_some_and(|carrier| carrier.connectionless);
-    // Asked to forget a name, the reader also ends what it writes there: it is asked only if there is something to
-    // forget.
+    // A request to drop a name also closes the reader's outputs of that name: it is sent only if
+    // necessary.
     if connectionless && let Ok(Some(_)) = input(network, destination, &source.name).await {
         let request = admin::remove(&source.name);
         let _ = administer(network, destination, &request).await;
@@ -249,7 +250,7 @@ async fn both(
     Ok((source, destination))
 }
 
-/// A code of 0 in front is success.
+/// Returns a code of 0 in front is success.
 fn judge(answer: &Bottle) -> Result<String, ConnectError> {
     let text = answer
         .get(1)
@@ -262,7 +263,7 @@ fn judge(answer: &Bottle) -> Result<String, ConnectError> {
     }
 }
 
-/// Whether a port is known and answers.
+/// Returns whether a port is known and answers.
 pub async fn exists(network: &Network, name: &str) -> Result<bool, PortError> {
     let endpoint = match network.resolve(&Contact::parse(name)).await {
         Ok(endpoint) => endpoint,
@@ -273,7 +274,7 @@ pub async fn exists(network: &Network, name: &str) -> Result<bool, PortError> {
     Ok(answer.is_ok_and(|answer| admin::is_version(&answer)))
 }
 
-/// Whether the TCP port where a port should be takes connections.
+/// Returns whether the TCP port of a port accepts connections.
 pub async fn listens(network: &Network, endpoint: &Endpoint) -> bool {
     let deadline = network.timeout();
     crate::socket::connect_only(&endpoint.name, &endpoint.host, endpoint.port, deadline)

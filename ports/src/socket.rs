@@ -1,4 +1,4 @@
-//! Streams as YARP uses them.
+//! Sockets of connections.
 
 use std::future::Future;
 use std::io::{self, IoSlice, Read};
@@ -17,7 +17,7 @@ use crate::shmem::ShmemStream;
 use crate::tcp_stream::Tcp;
 use crate::unix_socket::Unix;
 
-/// What bytes of a connection travel on.
+/// The socket of a connection, by transport.
 #[derive(Debug)]
 pub(crate) enum Socket {
     Tcp(Tcp),
@@ -40,7 +40,8 @@ impl Socket {
         self.readable_by(1).await
     }
 
-    /// As [`Socket::readable`]; of a message of which so many bytes are missing little need not be told.
+    /// Waits like [`Socket::readable`], but for `missing` bytes where the socket supports a
+    /// low-water mark.
     async fn readable_by(&self, missing: usize) -> io::Result<()> {
         match self {
             Self::Tcp(stream) => stream.readable_by(missing).await,
@@ -57,7 +58,7 @@ impl Socket {
         either!(self, stream => stream.try_read_buf(buffer))
     }
 
-    /// From now on little that comes wakes nobody, where that can be had; until somebody waits in
+    /// Suppresses wake-ups for few bytes, where supported, until the next wait in
     /// [`Socket::readable`].
     pub(crate) fn suppress_wakeups(&self) {
         match self {
@@ -67,7 +68,7 @@ impl Socket {
         }
     }
 
-    /// Reads what is there now, whether or not the system has told that there is something.
+    /// Reads the available bytes without consulting the runtime's readiness.
     pub(crate) fn peek_now(&self, mut bytes: &mut [u8]) -> io::Result<usize> {
         match self {
             Self::Shmem(stream) => {
@@ -86,7 +87,7 @@ impl Socket {
         either!(self, stream => stream.try_write_vectored(chunks))
     }
 
-    /// The socket itself, for what tokio does not offer.
+    /// Returns the socket itself, for what tokio does not offer.
     fn raw(&self) -> SockRef<'_> {
         match self {
             Self::Tcp(stream) => SockRef::from(&**stream),
@@ -105,8 +106,8 @@ impl Socket {
 }
 
 impl Socket {
-    /// The same socket, waited for by the runtime that this is called in. Where that cannot be had it
-    /// is waited for as before; shared memory always is.
+    /// Returns the same socket, registered with the current runtime. If that fails, the previous
+    /// registration remains; shared memory always keeps it.
     pub(crate) fn renewed(self: &Arc<Self>) -> Arc<Self> {
         let copied = || self.as_fd().try_clone_to_owned();
         let renewed = match &**self {
@@ -134,9 +135,9 @@ impl AsFd for Socket {
     }
 }
 
-/// A silent connection asks after this long whether the other host is still there, and again after
-/// each [`KEEPALIVE_INTERVAL`]; after [`KEEPALIVE_PROBES`] questions without an answer it ends. A program that is
-/// merely busy or stopped is answered for by its system.
+/// Idle time before the first keepalive probe; probes repeat after each [`KEEPALIVE_INTERVAL`], and
+/// after [`KEEPALIVE_PROBES`] unanswered ones the connection is closed. The system answers probes
+/// for a busy or stopped program.
 const KEEPALIVE_IDLE: Duration = Duration::from_secs(60);
 const KEEPALIVE_INTERVAL: Duration = Duration::from_secs(15);
 const KEEPALIVE_PROBES: u32 = 4;
@@ -146,10 +147,10 @@ pub(crate) fn prepare(stream: &TcpStream) -> io::Result<()> {
     prepare_socket(&SockRef::from(stream))
 }
 
-/// As [`prepare`] for all connections that come to a listener, if the system hands its settings on;
-/// tells whether it does.
+/// Prepares like [`prepare`] all connections accepted by a listener, if the system inherits the
+/// settings; returns whether it does.
 ///
-/// Source: tcp(7) of Linux; five questions to the system fewer for each connection.
+/// Source: tcp(7) of Linux; saves five system calls per connection.
 pub(crate) fn prepare_all(listener: &TcpListener) -> bool {
     cfg!(target_os = "linux") && prepare_socket(&SockRef::from(listener)).is_ok()
 }
@@ -163,7 +164,7 @@ fn prepare_socket(socket: &SockRef<'_>) -> io::Result<()> {
     socket.set_tcp_keepalive(&asking)
 }
 
-/// Connects to a port, and shows it the key of the network if there is one.
+/// Connects to a port, and performs the key handshake if the network has a key.
 pub(crate) async fn connect(
     peer: &str,
     host: &str,
@@ -216,10 +217,10 @@ const INITIAL_BUFFER_LEN: usize = 4 * 1024;
 /// Largest read while nothing is known to be missing.
 const MAX_READ_LEN: usize = 64 * 1024;
 
-/// What has been read from a stream and not been used yet.
+/// Bytes read from a stream and not consumed yet.
 ///
-/// It grows with what arrives: a claim of a large message alone takes no memory, until the peer
-/// has once sent a message of that size.
+/// The buffer grows with the received bytes: the claim of a large message alone allocates nothing,
+/// until the peer has once sent a message of that size.
 #[derive(Debug, Default)]
 pub(crate) struct ReadBuffer {
     /// The bytes.
@@ -233,9 +234,9 @@ pub(crate) struct ReadBuffer {
 }
 
 impl ReadBuffer {
-    /// Reads what there is, once there is something. `Ok(0)` is the end of the stream.
+    /// Waits for bytes and reads the available ones. `Ok(0)` is the end of the stream.
     ///
-    /// `missing` is what the message in progress still needs.
+    /// `missing` is the number of bytes that the current message still needs.
     pub(crate) async fn read(&mut self, stream: &Socket, missing: usize) -> io::Result<usize> {
         loop {
             stream.readable_by(missing).await?;
@@ -246,8 +247,8 @@ impl ReadBuffer {
         }
     }
 
-    /// Makes room for so many bytes more. Two buffers take turns, so that a small message that is
-    /// still being used does not cost a new one.
+    /// Makes room for this many more bytes. Two buffers alternate, so that a small message that is
+    /// still in use does not require a new one.
     pub(crate) fn reserve(&mut self, room: usize) {
         if self.bytes.is_empty() && room <= MAX_READ_LEN && !self.bytes.try_reclaim(room) {
             std::mem::swap(&mut self.bytes, &mut self.spare);
@@ -255,7 +256,7 @@ impl ReadBuffer {
         self.bytes.reserve(room);
     }
 
-    /// As [`ReadBuffer::read`] without waiting.
+    /// Reads like [`ReadBuffer::read`] without waiting.
     pub(crate) fn try_read(&mut self, stream: &Socket, missing: usize) -> io::Result<usize> {
         let held = self.bytes.len();
         self.proven = self.proven.max(held);

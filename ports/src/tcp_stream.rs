@@ -1,10 +1,10 @@
-//! TCP streams that tell of what came once it is low_water_mark.
+//! TCP streams with a low-water mark for wake-ups.
 //!
-//! A stream that somebody waits for awake ([`BusyPoll`](crate::busy_poll::BusyPoll)) wakes the thread that waits for
-//! all sockets of the runtime as well, with each packet; and whoever writes pays for it. So does a large
-//! message, of which no part is of use without the rest. Therefore the system is asked to tell of what came
-//! only once it is so much (`SO_RCVLOWAT`, see socket(7)), or all that the peer may send for now, or the end.
-//! Whoever goes to sleep on the stream says first how much that is.
+//! A stream that a task polls ([`BusyPoll`](crate::busy_poll::BusyPoll)) also wakes the runtime's
+//! I/O thread for each packet, at the expense of the writer. So does a large message, of which no
+//! part is useful without the rest. Therefore the system is asked to report readiness only above a
+//! low-water mark (`SO_RCVLOWAT`, see socket(7)), or when the peer cannot send more for now, or at
+//! the end. A task that sleeps on the stream sets the mark first.
 
 #![allow(unsafe_code, reason = "this option of sockets has no safe interface")]
 
@@ -16,14 +16,12 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use tokio::net::TcpStream;
 
-/// Bytes that are told of while somebody is awake: far less than the system would hold back the peer
-/// for.
+/// Low-water mark while a task polls: far below the amount at which the system would stop the peer.
 const SUPPRESSED_LOW_WATER_MARK: usize = 16 * 1024;
-/// Bytes of a large message that are told of before the rest is there: low_water_mark that the copying of
-/// one end need not wait for that of the other.
+/// Maximum low-water mark: low_water_mark that the copies of the two ends can overlap.
 const MAX_LOW_WATER_MARK: usize = 200_000;
 
-/// A TCP stream, and how much has to come until it tells.
+/// A TCP stream, and its low-water mark.
 #[derive(Debug)]
 pub(crate) struct Tcp {
     stream: TcpStream,
@@ -38,18 +36,18 @@ impl Tcp {
         }
     }
 
-    /// Waits until this many bytes are there to read, or as many as are worth beginning with.
+    /// Waits until this many bytes are readable, at most [`MAX_LOW_WATER_MARK`].
     pub(crate) async fn readable_by(&self, bytes: usize) -> io::Result<()> {
         self.set_low_water_mark(bytes.clamp(1, MAX_LOW_WATER_MARK));
         self.stream.readable().await
     }
 
-    /// From now on little that comes wakes nobody, until somebody waits for it.
+    /// Suppresses wake-ups for few bytes, until a task waits.
     pub(crate) fn suppress_wakeups(&self) {
         self.set_low_water_mark(SUPPRESSED_LOW_WATER_MARK);
     }
 
-    /// From now on so much wakes who waits; if it has come already, now.
+    /// Sets the low-water mark; wakes waiting tasks if it is reached already.
     pub(crate) fn set_low_water_mark(&self, bytes: usize) {
         let bytes = i32::try_from(bytes).unwrap_or(i32::MAX);
         if cfg!(target_os = "linux") && self.low_water_mark.swap(bytes, Relaxed) != bytes {
@@ -105,7 +103,7 @@ mod tests {
         quiet.try_read(&mut [0; 16]).unwrap_err();
         quiet.suppress_wakeups();
         peer.write_all(b"hello").await.unwrap();
-        // It has come, and nobody is told.
+        // It has arrived, without a wake-up.
         while quiet.available() < 5 {
             tokio::task::yield_now().await;
         }

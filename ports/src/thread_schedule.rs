@@ -1,12 +1,12 @@
-//! How the threads of this process are scheduled.
+//! Scheduling policy and priority of threads.
 //!
-//! A policy is for all threads of the process, or for the thread of one connection
-//! ([`DedicatedThread`](crate::port::dedicated_thread::DedicatedThread)). Threads that begin later begin like the one that
-//! starts them; but a priority in real time of one connection is not handed on (`SCHED_RESET_ON_FORK`,
-//! see sched(7)).
+//! A policy applies to all threads of the process, or to the thread of one connection
+//! ([`DedicatedThread`](crate::port::dedicated_thread::DedicatedThread)). Later threads inherit the
+//! policy of the thread that starts them; but the real-time priority of one connection is not
+//! inherited (`SCHED_RESET_ON_FORK`, see sched(7)).
 //!
-//! Policies have the system's numbers: 0 is the usual one, 1 and 2 are for real time (`SCHED_FIFO`,
-//! `SCHED_RR`, with priorities 1 to 99), 3 is for batches, 5 for when nothing else runs.
+//! Policies have the system's numbers: 0 is the default one, 1 and 2 are real-time (`SCHED_FIFO`,
+//! `SCHED_RR`, with priorities 1 to 99), 3 is for batches, 5 for an otherwise idle system.
 
 #![allow(
     unsafe_code,
@@ -24,24 +24,24 @@ pub(crate) struct Schedule {
     pub(crate) priority: i32,
 }
 
-/// The number of the thread that asks.
+/// Returns the number of the thread that asks.
 pub(crate) fn thread() -> i32 {
     // SAFETY: takes nothing, and cannot fail.
     unsafe { libc::gettid() }
 }
 
 impl Schedule {
-    /// That of the thread that asks.
+    /// Returns the schedule of the calling thread.
     pub(crate) fn now() -> io::Result<Self> {
         Self::of(0)
     }
 
-    /// That of a thread of this process; 0 is the one that asks.
+    /// Returns the schedule of a thread of this process; 0 is the calling one.
     pub(crate) fn of(thread: i32) -> io::Result<Self> {
         let mut parameters = libc::sched_param { sched_priority: 0 };
         // SAFETY: takes a number.
         let policy = checked(unsafe { libc::sched_getscheduler(thread) })?;
-        // SAFETY: `parameters` is what is asked for, and lives longer than the call.
+        // SAFETY: `parameters` is the output, and lives longer than the call.
         checked(unsafe { libc::sched_getparam(thread, &raw mut parameters) })?;
         Ok(Self {
             policy: policy & !libc::SCHED_RESET_ON_FORK,
@@ -72,14 +72,14 @@ impl Schedule {
         }
     }
 
-    /// As [`Schedule::give`] for the thread that asks; tells its number.
+    /// Applies the schedule like [`Schedule::give`] to the calling thread; returns its id.
     pub(crate) fn apply_to_current_thread(self) -> io::Result<i32> {
         self.give(0)?;
         Ok(thread())
     }
 
-    /// Gives it to one thread, 0 being the one that asks; a priority in real time not to those that it
-    /// starts.
+    /// Applies the schedule to one thread, 0 being the calling one; threads that it starts do not
+    /// inherit a real-time priority.
     pub(crate) fn give(self, thread: i32) -> io::Result<()> {
         let alone = Self {
             policy: self.policy | libc::SCHED_RESET_ON_FORK,
@@ -98,17 +98,17 @@ impl Schedule {
     }
 }
 
-/// What a thread that keeps to deadlines asks to run for at a time: less than others do, which have it wait less.
-/// Source: the shortest that Linux takes.
+/// Time slice requested for a thread with deadlines: a shorter slice than others have reduces its
+/// wait. Source: the minimum of Linux.
 const TIMER_SLICE: Duration = Duration::from_micros(100);
 
-/// Has the thread that calls be woken in time, for work that is short and has deadlines. Takes no privilege, and
-/// none of the processor's time from others.
+/// Requests low timer slack and a short time slice for the calling thread, for short work with
+/// deadlines. Needs no privilege, and takes no processor time from other threads.
 ///
-/// Timers of other threads may be late by 50 µs, so that the system can put some together; and a busy program may
-/// finish a slice of some milliseconds first. Where the system has no such settings nothing changes: the thread has
-/// what it had. Source: `PR_SET_TIMERSLACK` in prctl(2); the slice of the usual policy in sched_setattr(2), which
-/// Linux knows since 6.12.
+/// Timers of other threads may be late by 50 µs, so that the system can coalesce them; and a busy
+/// program may finish a slice of some milliseconds first. If the system lacks these settings
+/// nothing changes. Source: `PR_SET_TIMERSLACK` in prctl(2); the slice of the default policy in
+/// sched_setattr(2), supported by Linux since 6.12.
 pub fn request_low_timer_slack() {
     // SAFETY: takes numbers.
     unsafe { libc::prctl(libc::PR_SET_TIMERSLACK, 1 as libc::c_ulong) };
@@ -133,7 +133,7 @@ pub fn request_low_timer_slack() {
     }
 }
 
-/// Why the system refuses a schedule, and what to try.
+/// Returns the reason why the system refuses a schedule, and what to try.
 pub(crate) fn reason(error: &io::Error) -> String {
     match error.raw_os_error() {
         Some(libc::EPERM) => format!(
@@ -147,7 +147,7 @@ pub(crate) fn reason(error: &io::Error) -> String {
     }
 }
 
-/// The threads of this process.
+/// Returns the threads of this process.
 fn threads() -> io::Result<Vec<i32>> {
     let mut threads = Vec::new();
     for entry in std::fs::read_dir("/proc/self/task")? {

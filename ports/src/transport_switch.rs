@@ -1,4 +1,4 @@
-//! Where an initiator goes on once the header is done with.
+//! The switch of an initiator to another transport after the header.
 
 use std::io;
 
@@ -8,9 +8,9 @@ use yarp_wire::connection::{Initiator, REFUSAL};
 use crate::socket::{ReadBuffer, Socket};
 use crate::{shmem, unix_socket};
 
-/// Goes on over what carries the messages of this carrier, where that is a stream.
+/// Switches to the transport of this carrier's messages, if that is a stream.
 ///
-/// `input` is what the acceptor said behind the header reply.
+/// `input` holds the bytes received after the header reply.
 pub(crate) async fn switch_transport(
     header: Socket,
     input: ReadBuffer,
@@ -20,7 +20,7 @@ pub(crate) async fn switch_transport(
         (Transport::UnixSocket, Some(stream)) => {
             let mut answer = [0; 8];
             let connected = unix_socket::connect(stream, &mut answer).await;
-            // There is no header reply that could have told.
+            // There is no header reply that could have refused it.
             if connected.is_err() && refuses(&answer) {
                 return Err(refusal(initiator));
             }
@@ -35,7 +35,7 @@ pub(crate) async fn switch_transport(
     Ok((moved, ReadBuffer::default()))
 }
 
-/// The port that the acceptor named to go on with.
+/// Returns the port that the acceptor named for the next transport.
 pub(crate) fn next_port(initiator: &Initiator) -> io::Result<u16> {
     let number = initiator.header_number();
     u16::try_from(number)
@@ -47,12 +47,12 @@ pub(crate) fn next_port(initiator: &Initiator) -> io::Result<u16> {
         })
 }
 
-/// Whether these first bytes of an answer say that the acceptor has no such carrier.
+/// Returns whether these first bytes of an answer mean that the acceptor lacks the carrier.
 pub(crate) fn refuses(answer: &[u8]) -> bool {
     answer.len() >= 8 && REFUSAL.as_bytes().starts_with(&answer[..8])
 }
 
-/// The error of an acceptor that has no such carrier.
+/// Returns the error of an acceptor that has no such carrier.
 pub(crate) fn refusal(initiator: &Initiator) -> io::Error {
     let carrier = initiator.carrier();
     let text = format!("it has no carrier {carrier}; tcp and fast_tcp are always there");

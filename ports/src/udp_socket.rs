@@ -1,4 +1,4 @@
-//! Sockets for datagrams.
+//! UDP sockets.
 
 use std::cell::RefCell;
 use std::io;
@@ -9,20 +9,20 @@ use std::sync::Arc;
 use socket2::{Domain, Protocol, Socket, Type};
 use tokio::net::UdpSocket;
 
-/// What UDP carries at the most.
+/// Maximum length of a datagram.
 const MAX_DATAGRAM_LEN: usize = 65_536;
 /// Room for datagrams that wait to be read, in bytes; the system may grant less.
 const RECEIVE_BUFFER: usize = 8 << 20;
 /// Room for datagrams that wait to be sent, in bytes; the system may grant less.
 const SEND_BUFFER: usize = 4 << 20;
 
-/// A socket to read from, on a port that the system chooses.
+/// Returns a socket to read from, on a port that the system chooses.
 pub(crate) fn reader() -> io::Result<UdpSocket> {
     bound(SocketAddrV4::new(Ipv4Addr::UNSPECIFIED, 0), |_| Ok(()))
 }
 
-/// The same socket, waited for by the runtime that this is called in; where that cannot be had, by
-/// the one before.
+/// Returns the same socket, registered with the current runtime; if that fails, the previous
+/// registration remains.
 pub(crate) fn renewed(socket: &Arc<UdpSocket>) -> Arc<UdpSocket> {
     let copied = socket.as_fd().try_clone_to_owned();
     let renewed = copied.and_then(|copy| UdpSocket::from_std(copy.into()));
@@ -30,11 +30,11 @@ pub(crate) fn renewed(socket: &Arc<UdpSocket>) -> Arc<UdpSocket> {
 }
 
 thread_local! {
-    /// Where datagrams arrive: a connection at rest needs none of its own.
+    /// The receive buffer of a thread: an idle connection needs none of its own.
     static ARRIVING: RefCell<Vec<u8>> = const { RefCell::new(Vec::new()) };
 }
 
-/// Hands the next datagram to `take`; `None` if there is none now.
+/// Passes the next datagram to `take`; `None` if there is none now.
 pub(crate) fn receive<T>(
     socket: &UdpSocket,
     take: impl FnOnce(&[u8]) -> T,
@@ -49,7 +49,7 @@ pub(crate) fn receive<T>(
     })
 }
 
-/// A socket that reads what is sent to a group, on the interface with address `local`.
+/// Creates a socket that receives the datagrams of a group, on the interface with address `local`.
 pub(crate) fn group_reader(group: SocketAddrV4, local: Ipv4Addr) -> io::Result<UdpSocket> {
     if !group.ip().is_multicast() {
         return Err(io::Error::other(format!(
@@ -62,14 +62,14 @@ pub(crate) fn group_reader(group: SocketAddrV4, local: Ipv4Addr) -> io::Result<U
     Ok(socket)
 }
 
-/// A socket that sends to one place.
+/// Returns a socket that sends to one place.
 pub(crate) async fn sender(host: &str, number: u16) -> io::Result<UdpSocket> {
     let socket = bound(SocketAddrV4::new(Ipv4Addr::UNSPECIFIED, 0), |_| Ok(()))?;
     socket.connect((host, number)).await?;
     Ok(socket)
 }
 
-/// The address of the interface that leads to a place.
+/// Returns the address of the interface that leads to a place.
 pub(crate) async fn local_address_towards(host: &str, number: u16) -> io::Result<Ipv4Addr> {
     let socket = sender(host, number).await?;
     match socket.local_addr()?.ip() {
@@ -78,7 +78,7 @@ pub(crate) async fn local_address_towards(host: &str, number: u16) -> io::Result
     }
 }
 
-/// A socket that sends to a group from the interface with address `local`.
+/// Returns a socket that sends to a group from the interface with address `local`.
 pub(crate) async fn group_sender(group: SocketAddrV4, local: Ipv4Addr) -> io::Result<UdpSocket> {
     let socket = bound(SocketAddrV4::new(Ipv4Addr::UNSPECIFIED, 0), |socket| {
         socket.set_multicast_if_v4(&local)?;

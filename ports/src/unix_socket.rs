@@ -1,11 +1,12 @@
-//! Sockets of the file system for connections within one machine.
+//! Unix sockets for connections within one machine.
 //!
-//! Such a stream tells whoever waits for it of every few bytes, and its writer pays for that; so the runtime waits for it
-//! only while a task sleeps on it, and not while one looks for bytes itself ([`BusyPoll`](crate::busy_poll::BusyPoll)). To begin
-//! and end that takes system calls and memory; so where the task went to sleep after all it stays begun for a while.
+//! Such a stream reports readiness for every few bytes, at the expense of its writer; so the
+//! runtime waits for it only while a task sleeps on it, and not while the task polls
+//! ([`BusyPoll`](crate::busy_poll::BusyPoll)). RegisterRequest and deregistering takes system calls and
+//! memory; so after a task did sleep, the stream stays registered for a while.
 //!
 //! Both ends know the TCP ports of the header's connection and derive the path from them:
-//! `DIR/<acceptor's TCP port>_<initiator's TCP port>.sock`. The acceptor makes the socket.
+//! `DIR/<acceptor's TCP port>_<initiator's TCP port>.sock`. The acceptor creates the socket.
 
 use std::io::{self, IoSlice, Write};
 use std::mem;
@@ -21,19 +22,20 @@ use bytes::BufMut;
 use socket2::SockRef;
 use tokio::net::{TcpStream, UnixListener, UnixStream};
 
-/// How long the acceptor waits for the initiator.
+/// Timeout of the initiator's connection.
 const ACCEPT_TIMEOUT: Duration = Duration::from_secs(5);
-/// Pause between the initiator's tries, and how many there are; stock has 5.
+/// Interval and maximum number of the initiator's attempts; stock has 5.
 const RETRY_INTERVAL: Duration = Duration::from_millis(20);
 const MAX_TRIES: usize = 50;
 /// Tries that are left once the header's connection has ended: most likely the acceptor has died.
 const MAX_TRIES_AFTER_CLOSE: usize = 5;
 
-/// Bytes that may be on their way. The system tells a writer of room once no more than a quarter of it
-/// is taken; with less room than this the reader has read that quarter before more comes.
+/// Size of the send buffer in bytes. The system reports room to a writer once no more than a
+/// quarter of it is used; with a smaller buffer the reader would have read that quarter before more
+/// arrives.
 const SEND_BUFFER_LEN: usize = 300_000;
 
-/// How often a stream shall be quiet in vain once it was woken from that by who went to sleep.
+/// Number of suppressions to skip after a task slept on the stream.
 const SUPPRESSIONS_SKIPPED: u32 = 2;
 
 /// A stream that the runtime waits for only while a task sleeps on it.
@@ -41,11 +43,12 @@ const SUPPRESSIONS_SKIPPED: u32 = 2;
 pub(crate) struct Unix {
     stream: net::UnixStream,
     copy: Mutex<RuntimeCopy>,
-    /// How often it shall still be quiet in vain.
+    /// Number of suppressions still to skip.
     suppressions_to_skip: AtomicU32,
 }
 
-/// A copy of the stream, made once: where descriptors are scarce a connection that is there goes on.
+/// A duplicate of the descriptor, created once: an existing connection continues where descriptors
+/// are scarce.
 #[derive(Debug)]
 enum RuntimeCopy {
     /// The runtime waits for it.
@@ -56,7 +59,7 @@ enum RuntimeCopy {
 }
 
 impl Unix {
-    /// The stream needs to be non-blocking.
+    /// Returns the stream needs to be non-blocking.
     fn new(stream: net::UnixStream) -> io::Result<Self> {
         let copy = Mutex::new(RuntimeCopy::Unregistered(stream.try_clone()?));
         let suppressions_to_skip = AtomicU32::new(0);
@@ -92,7 +95,7 @@ impl Unix {
         Ok(stream)
     }
 
-    /// From now on nothing that comes wakes anybody, until somebody waits for it; not if somebody had to not long ago.
+    /// Suppresses all wake-ups until a task waits; skipped if a task slept recently.
     pub(crate) fn suppress_wakeups(&self) {
         let still = |suppressions_to_skip: u32| suppressions_to_skip.checked_sub(1);
         if self
@@ -108,7 +111,7 @@ impl Unix {
                 Ok(stream) => stream
                     .into_std()
                     .map_or(RuntimeCopy::Lost, RuntimeCopy::Unregistered),
-                // Somebody waits.
+                // A task waits on it.
                 Err(stream) => RuntimeCopy::Registered(stream),
             },
             other => other,
@@ -123,7 +126,7 @@ impl Unix {
         self.registered()?.writable().await
     }
 
-    /// Reads what there is, as far as the runtime knows, into the room that `buffer` has.
+    /// Reads available bytes, according to the runtime, into the spare capacity of `buffer`.
     pub(crate) fn try_read_buf(&self, buffer: &mut impl BufMut) -> io::Result<usize> {
         self.registered()?.try_read_buf(buffer)
     }
@@ -166,14 +169,14 @@ pub(crate) async fn accept(header: &TcpStream) -> io::Result<Unix> {
     let _ = std::fs::remove_file(&path);
     let listener = UnixListener::bind(&path)?;
     let accepted = tokio::time::timeout(ACCEPT_TIMEOUT, listener.accept()).await;
-    // Nobody else shall connect; the connection itself stays.
+    // No other peer may connect; the connection itself stays.
     let _ = std::fs::remove_file(&path);
     let (stream, _) = accepted.map_err(|_| io::ErrorKind::TimedOut)??;
     Unix::with_room(stream)
 }
 
-/// Goes on as initiator of the connection that `header` began; `answer` takes what the acceptor says
-/// on that connection instead.
+/// Continues as initiator of the connection that `header` began; `answer` receives the bytes that
+/// the acceptor sends on that connection instead.
 pub(crate) async fn connect(header: &TcpStream, answer: &mut [u8; 8]) -> io::Result<Unix> {
     let path = path(header.peer_addr()?.port(), header.local_addr()?.port())?;
     let mut tries = MAX_TRIES;
@@ -198,7 +201,7 @@ pub(crate) async fn connect(header: &TcpStream, answer: &mut [u8; 8]) -> io::Res
     }
 }
 
-/// Where the socket between two TCP ports is; makes the folder.
+/// Returns the path of the socket between two TCP ports; creates the folder.
 fn path(acceptor: u16, initiator: u16) -> io::Result<PathBuf> {
     let variable = |name| std::env::var_os(name).filter(|value| !value.is_empty());
     let folder = if let Some(folder) = variable("YARP_RUNTIME_DIR") {

@@ -1,4 +1,4 @@
-//! Finding out the generation of a peer before anything is sent to it.
+//! Probing the wire version of a peer before sending to it.
 
 use std::time::Duration;
 
@@ -8,19 +8,19 @@ use yarp_wire::{Bottle, Value, Vocab32, WireVersion};
 use crate::admin_client::AdminClient;
 use crate::network::Network;
 
-/// A word that generation 3.x cuts to four characters.
+/// A word that YARP 3.x cuts to four characters.
 const GENERATION_WORD: &str = "generation";
-/// What a port of ours says of itself behind the number of its process.
+/// The answer of this implementation after its process id.
 pub(crate) const EITHER_VERSION: &str = "either";
 /// A reader that has not answered by then does not say.
 const PROBE_TIMEOUT: Duration = Duration::from_secs(5);
 /// The same for a caller, which waits meanwhile.
 const CALLER_PROBE_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// The generation of the port at an address, or `None` if it does not say.
+/// Returns the wire version of the port at an address, or `None` if unknown.
 ///
-/// Asks it, in text, to drop a connection whose name is a vocab of more than four characters.
-/// There is no such connection, and the answer repeats the name: cut to four characters by 3.x.
+/// Asks it, in text, to drop a connection whose name is a vocab of more than four characters. There
+/// is no such connection, and the answer repeats the name: truncated to four characters by 3.x.
 /// Checked against 3.5.0 and 4.0.0, which has vocabs of eight characters.
 pub(crate) async fn peer_version(
     name: &str,
@@ -38,11 +38,11 @@ pub(crate) async fn peer_version(
     })
 }
 
-/// The generation that a port which calls one of ours reads its replies in, or `None` if it does not say.
+/// Returns the wire version in which a calling port reads its replies, or `None` if unknown.
 ///
-/// Asks it for the number of its process, which 4.0 does not tell any more. Checked against 3.5.0 and 4.0.0.
-/// Ports of ours do not say: they have asked before they call, and read what they were told, which is what the port that
-/// they call answers in by default.
+/// Asks it for its process id, which 4.0 no longer reports. Checked against 3.5.0 and 4.0.0. Ports
+/// of this implementation report neither: they have probed before they call, and read the wire
+/// version that they were told, which the called port uses by default.
 pub(crate) async fn caller_version(name: &str, network: &Network) -> Option<WireVersion> {
     let asking = async {
         let endpoint = network.query(name).await.ok()?;
@@ -59,7 +59,7 @@ pub(crate) async fn caller_version(name: &str, network: &Network) -> Option<Wire
     }
 }
 
-/// What the port answers to an admin request in time.
+/// Returns the answer of the port to an admin request before the timeout.
 async fn asked(
     name: &str,
     address: (&str, u16),

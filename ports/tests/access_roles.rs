@@ -1,4 +1,4 @@
-//! Who may do what with a port: what no role allows does not happen, and is told.
+//! Permissions on ports: actions that no role allows are refused with a reason.
 
 mod common;
 
@@ -46,7 +46,7 @@ fn reading() -> PortOptions {
     PortOptions::new().queue(Queue::Wait(16))
 }
 
-/// What `port` answers to an admin request of somebody who calls himself `name`.
+/// Returns the answer of `port` to an admin request of a peer with the claimed name `name`.
 async fn ask(port: &Port, name: &str, request: &str) -> String {
     let carrier = Carrier::by_name("text_ack").unwrap();
     let address = ("127.0.0.1", port.tcp_port());
@@ -94,7 +94,7 @@ async fn programs_that_are_not_ports_get_a_write_refusal() {
     let reply = within(client.request(&command, &question)).await.unwrap();
     let reply = reply.to_bottle().unwrap().to_string();
     assert!(reply.starts_with("[fail] \"not allowed: "), "{reply}");
-    // Who wants no answer gets none, and is not listened to any more.
+    // A sender that wants no answer gets none, and is disconnected.
     let mut raw = Raw::tcp(&port, "somebody").await;
     raw.send(common::tcp_message(b'D', &bottle("hello"))).await;
     assert!(raw.ended().await.is_empty());
@@ -136,7 +136,7 @@ rights connect
     assert_eq!(writer.outputs(), ["/good"]);
     ask(&writer, "boss", "[del] /good").await;
     assert!(writer.outputs().is_empty());
-    // What the owner connects is its own decision.
+    // Connections made by the owner are not restricted.
     within(writer.connect(&common::at(&bad, "tcp")))
         .await
         .unwrap();
@@ -195,7 +195,7 @@ async fn a_changed_file_is_in_force_from_the_next_connection_on() {
     let other = common::open("/other", PortOptions::new()).await;
     let end = tokio::time::Instant::now() + DEADLINE;
     loop {
-        // Who comes less than a millisecond after another one has the roles of that one.
+        // A peer less than a millisecond after another one gets the same roles.
         common::connect(&other, &reader, "tcp").await;
         // The connection that was there heeds it, too.
         within(writer.write(&bottle("2"))).await;
@@ -208,7 +208,7 @@ async fn a_changed_file_is_in_force_from_the_next_connection_on() {
     let refused = within(writer.connect(&common::at(&reader, "tcp"))).await;
     assert!(refused.is_err());
     within(other.write(&bottle("3"))).await;
-    // What came before the roles changed.
+    // The message was sent before the roles changed.
     while next(&reader).await != "3" {}
     world.change("[a]\nports /r\nrights write read\n");
     while within(writer.connect(&common::at(&reader, "tcp")))
@@ -234,7 +234,7 @@ async fn ports_that_no_role_names_stay_open() {
     assert_eq!(ask(&port, "other", "[prop] [set] key 1").await, "[ok]");
 }
 
-/// What a browser sends a line at a time is allowed a line at a time.
+/// A browser's lines are subject to the same rights as typed lines.
 #[tokio::test]
 async fn a_browser_may_do_only_what_its_name_may() {
     let world = World::with("[a]\nports /r\nfrom /good\nrights read write connect\n");

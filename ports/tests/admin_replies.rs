@@ -1,4 +1,4 @@
-//! Administrative requests are answered in stock's words.
+//! Admin requests are answered in stock's words.
 //!
 //! Source of the answers: recorded traffic of 3.12.3 and 4.0.0 (`yarp admin rpc` and a person at
 //! a terminal), except where a test says otherwise.
@@ -55,7 +55,7 @@ async fn port() -> Port {
     open("/adm", PortOptions::new().queue(Queue::Latest)).await
 }
 
-/// Compared with 3.5.0, which does not say the last word; 4.0 does not know the question any more.
+/// Compared with 3.5.0, which lacks the last word; 4.0 no longer knows the request.
 #[tokio::test]
 async fn the_number_of_the_process_is_told() {
     for wire_version in [WireVersion::V3, WireVersion::V4] {
@@ -221,8 +221,8 @@ async fn read_line(raw: &mut Raw) -> String {
     String::from_utf8(line).unwrap()
 }
 
-/// Compared with 3.5.0 field by field. The host was that of the machine's name and the program where
-/// it is; stock tells the host that the port is registered with, and the program as it was called.
+/// Compared with 3.5.0 field by field. The host was that of the machine's name and the program its
+/// path; stock reports the registered host, and the program as it was invoked.
 #[tokio::test]
 async fn a_port_tells_what_it_and_its_process_are() {
     let quoted = |text: &str| Bottle::of(text).to_string();
@@ -337,7 +337,7 @@ async fn a_carrier_may_stand_behind_the_reader() {
     );
 }
 
-/// As in 3.5.0, the same server again is no second one.
+/// As in 3.5.0, connecting to the same server again adds no second connection.
 #[tokio::test]
 async fn an_rpc_client_connects_to_one_server_only() {
     let client = open("/client", PortOptions::new().rpc_client()).await;
@@ -383,7 +383,7 @@ async fn others_cannot_fill_a_port_with_properties() {
     raw.expect("\r\n2\r\n").await;
 }
 
-/// The answers of a port of 3.5.0 that is in no graph of ROS; 4.0 does not know the words.
+/// The answers of a port of 3.5.0 outside any ROS graph; 4.0 does not know the requests.
 #[tokio::test]
 async fn a_port_in_no_graph_of_ros_says_so_and_closes() {
     let port = open("/adm", PortOptions::new().host("127.0.0.1")).await;
@@ -413,7 +413,7 @@ async fn a_port_in_no_graph_of_ros_says_so_and_closes() {
     }
 }
 
-/// As in 3.5.0, up to what comes of it.
+/// As in 3.5.0, except for the random answer.
 #[tokio::test]
 async fn pray_is_answered() {
     let robot = std::env::var("YARP_ROBOT_NAME");

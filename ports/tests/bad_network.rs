@@ -1,5 +1,5 @@
-//! Datagrams that are lost, doubled, out of order or damaged: what is read is whole, what is not
-//! is counted, and afterwards all is as before.
+//! Datagrams that are lost, duplicated, reordered or damaged: received messages are whole, lost
+//! ones are counted, and afterwards transmission recovers.
 
 mod common;
 
@@ -18,7 +18,7 @@ use yarp_wire::{Bottle, WireVersion, datagram, framed_number};
 /// Messages sent while the network is bad.
 const MESSAGES: i32 = 400;
 
-/// What a number is sent as: every seventh is larger than a datagram.
+/// Returns the message of a number: every seventh is larger than a datagram.
 fn content(number: i32) -> Bottle {
     let length = match number % 7 {
         0 => 150_000,
@@ -46,7 +46,7 @@ impl Mischief {
         self.seed as usize
     }
 
-    /// What comes out when `datagram` goes in.
+    /// Returns the datagrams that leave the proxy when `datagram` enters it.
     fn pass(&mut self, mut datagram: Vec<u8>) -> Vec<Vec<u8>> {
         let kind = self.random() % 20;
         let place = self.random() % datagram.len();
@@ -73,14 +73,14 @@ impl Mischief {
         out
     }
 
-    /// Whether it has done everything that it can do.
+    /// Returns whether it has done everything that it can do.
     #[track_caller]
     fn has_done_all(&self) {
         assert!(self.done.iter().all(|times| *times > 0), "{:?}", self.done);
     }
 }
 
-/// Stands between a writer over `udp` and `reader`; bad while told so.
+/// Runs a proxy between a writer over `udp` and `reader`; it disturbs datagrams while `bad` is set.
 async fn proxy(reader: &Port, bad: watch::Receiver<bool>) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let contact = format!("udp://{}{}", listener.local_addr().unwrap(), reader.name());
@@ -125,7 +125,7 @@ async fn proxy(reader: &Port, bad: watch::Receiver<bool>) -> String {
                         }
                     };
                     for datagram in out {
-                        // What the system does not take is lost as well.
+                        // A datagram that the system does not accept is lost as well.
                         let _ = outside.send(&datagram).await;
                     }
                 }
@@ -135,7 +135,7 @@ async fn proxy(reader: &Port, bad: watch::Receiver<bool>) -> String {
     contact
 }
 
-/// Reads until the message `last` has come; tells how many came before. All are whole.
+/// Reads until the message `last` arrives; returns the number of earlier ones. All are whole.
 async fn read_until(reader: &Port, last: i32) -> i32 {
     let mut count = 0;
     loop {
@@ -183,7 +183,7 @@ async fn a_writer_and_a_reader_survive_a_bad_network() {
     while reader.try_read().is_some() {}
     for number in 0..20 {
         assert_eq!(within(writer.write(&content(number))).await, 1);
-        // Before it may come what was repeated and was on its way.
+        // Repeated or delayed datagrams may arrive before it.
         read_until(&reader, number).await;
     }
     within(writer.close()).await;

@@ -1,5 +1,5 @@
-//! `recv.bayer+method.edgesense` follows edges: pixel for pixel what an independent calculation of
-//! the same definition gives, plane by plane and in fractions.
+//! `recv.bayer+method.edgesense` follows edges: pixel for pixel the result of an independent
+//! calculation of the same definition, plane by plane and in fractions.
 
 mod common;
 
@@ -10,14 +10,14 @@ use yarp_wire::typed::{Image, PixelCode};
 const WIDTH: usize = 24;
 const HEIGHT: usize = 15;
 
-/// A plane of numbers, with nothing where nothing is known.
+/// A plane of numbers; `None` where the value is unknown.
 type Plane = Vec<Vec<Option<f64>>>;
 
 fn rounded(value: f64) -> f64 {
     (value + 0.5).floor()
 }
 
-/// The mean of a plane at these places, if all are known.
+/// Returns the mean of a plane at these positions, if all are known.
 fn mean(plane: &Plane, places: &[(i32, i32)]) -> Option<f64> {
     let at = |&(x, y): &(i32, i32)| {
         let row = plane.get(usize::try_from(y).ok()?)?;
@@ -33,7 +33,7 @@ fn each(fill: impl Fn(i32, i32) -> Option<f64>) -> Plane {
     (0..HEIGHT as i32).map(row).collect()
 }
 
-/// The image in colour; `letters` are the first four pixels, row by row.
+/// Returns the image in colour; `letters` are the first four pixels, row by row.
 fn expected(raw: &[u8], letters: &str) -> Vec<u8> {
     let letter = |x: i32, y: i32| letters.as_bytes()[(y % 2 * 2 + x % 2) as usize];
     let pixel = |x: i32, y: i32| f64::from(raw[y as usize * WIDTH + x as usize]);

@@ -1,7 +1,7 @@
-//! A connection that is told a policy goes on on a thread of its own that has it, and loses nothing.
+//! A connection that is given a policy moves to a dedicated thread without losing messages.
 //!
-//! The policy for batches is one that anybody may ask for. In stock (3.5.0) the thread of a connection
-//! that reads is there from the beginning; what is told of it is the same.
+//! The policy for batches needs no privilege. In stock (3.5.0) the thread of a reading connection
+//! exists from the beginning; its reported properties are the same.
 
 mod common;
 
@@ -12,7 +12,8 @@ use yarp_ports::{Answer, Port, PortOptions, Queue};
 use yarp_wire::typed::{Image, PixelCode};
 use yarp_wire::{Bottle, Value};
 
-/// What a port tells of the connection to or from another: policy, priority and thread.
+/// Returns the reported properties of the connection to or from another port: policy, priority and
+/// thread.
 async fn told(port: &Port, peer: &str) -> (i32, i32, i32) {
     let answer = bottle(&ask(port, &bottle(&format!("[prop] [get] {peer}"))).await);
     let schedule = answer.find("sched").and_then(Value::as_list);
@@ -35,7 +36,7 @@ async fn gone(thread: i32) {
     until(|| !std::fs::exists(&path).unwrap()).await;
 }
 
-/// Policy of a thread as the system tells. Source: proc(5), field 41 of `stat`.
+/// Returns the policy of a thread according to the system. Source: proc(5), field 41 of `stat`.
 fn policy_of(thread: i32) -> i32 {
     let stat = std::fs::read_to_string(format!("/proc/self/task/{thread}/stat")).unwrap();
     // The name before may hold anything.
@@ -43,7 +44,7 @@ fn policy_of(thread: i32) -> i32 {
     fields.split(' ').nth(41 - 3).unwrap().parse().unwrap()
 }
 
-/// The number of the thread that asks.
+/// Returns the number of the thread that asks.
 fn this_thread() -> i32 {
     let path = std::fs::read_link("/proc/thread-self").unwrap();
     path.file_name().unwrap().to_str().unwrap().parse().unwrap()
@@ -95,7 +96,7 @@ async fn both_ends_of_a_connection_move_and_go_on() {
     }
 }
 
-/// What is under way when they move stays whole and in order.
+/// Messages in transit during the move stay whole and in order.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn nothing_is_lost_while_they_move() {
     for carrier in ["tcp", "fast_tcp", "unix_stream"] {
@@ -127,7 +128,7 @@ async fn nothing_is_lost_while_they_move() {
     }
 }
 
-/// A handler runs where its connection is; a priority in real time stays there.
+/// A handler runs on the thread of its connection; its real-time priority does not spread.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn handlers_run_on_the_thread_of_their_connection() {
     let seen = Arc::new(Mutex::new((0, 0)));
@@ -218,7 +219,8 @@ async fn a_moved_connection_closes_normally() {
     }
 }
 
-/// Who asks for pictures expands them on a thread that it has from the beginning; policies are for that.
+/// A reader of JPEG images decodes them on a dedicated thread from the beginning; policies apply to
+/// it.
 #[tokio::test]
 async fn a_reader_of_images_has_a_dedicated_thread() {
     let camera = open("/camera", PortOptions::new()).await;

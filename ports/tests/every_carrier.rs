@@ -117,7 +117,7 @@ async fn requests_are_answered_from_a_queue() {
     }
 }
 
-/// Lines for the name server have no name of whoever sends them, no envelope, and may all be answered.
+/// Lines for the name server have no sender name and no envelope, and may all be answered.
 #[tokio::test]
 async fn lines_of_the_name_server_are_messages_too() {
     let reader = open("/reader", PortOptions::new().queue(Queue::Wait(10))).await;
@@ -142,7 +142,7 @@ async fn lines_of_the_name_server_are_messages_too() {
     }
 }
 
-/// A request that nobody answers must not hold the caller up for ever.
+/// A request that the owner does not answer must not block the caller forever.
 #[tokio::test]
 async fn an_owner_that_does_not_answer_gives_an_empty_reply() {
     for carrier in ["tcp", "fast_tcp", "text_ack"] {

@@ -1,6 +1,6 @@
-//! Connections that stop in the middle of anything and stay so for a minute cost others nothing.
+//! Connections that stop at any byte and stay open for a minute do not affect others.
 //!
-//! The one test that takes its time: the minute is what it is about.
+//! The only test with a real delay: the minute is its subject.
 
 mod common;
 
@@ -14,7 +14,7 @@ const HELD: Duration = Duration::from_secs(60);
 /// Connections per place where they stop.
 const EACH: usize = 20;
 
-/// Everything a peer may have said when it falls silent.
+/// Returns the bytes that a peer may have sent before it stops.
 fn beginnings() -> Vec<Vec<u8>> {
     // No name of a port, so that one does not displace the other.
     let header = tcp_header("silent");

@@ -1,4 +1,4 @@
-//! A browser at a port: pages, forms, JSON, and reading what the port writes.
+//! Browsers at a port: pages, forms, JSON, and reading the messages of the port.
 
 mod common;
 
@@ -106,7 +106,8 @@ async fn invalid_requests_are_refused() {
     within(port.close()).await;
 }
 
-/// A page and a person at a terminal got the same bytes: whoever came second read the other's form.
+/// Regression: a page and a terminal received the same bytes, so the second one got the form of the
+/// first.
 #[tokio::test]
 async fn a_page_and_a_terminal_each_read_their_own_form() {
     let port = open("/port", PortOptions::new()).await;
@@ -123,7 +124,8 @@ async fn a_page_and_a_terminal_each_read_their_own_form() {
     assert!(page.contains("<pre>1 2</pre>"), "{page}");
 }
 
-/// A port whose owner answers `say TEXT` with TEXT, and anything else with itself.
+/// Returns a port whose owner answers `say TEXT` with TEXT, and any other message with the message
+/// itself.
 async fn talker() -> Port {
     let options = PortOptions::new().handler(|message| {
         let Ok(message) = message.bottle() else {
@@ -138,7 +140,7 @@ async fn talker() -> Port {
     open("/port", options).await
 }
 
-/// What a browser gets that asks for this address.
+/// Returns the response to a browser's request for this address.
 async fn get(port: &Port, target: &str) -> String {
     ask(
         Raw::to(port).await,
@@ -147,14 +149,14 @@ async fn get(port: &Port, target: &str) -> String {
     .await
 }
 
-/// What stands on the page between the marks of text as it is.
+/// Returns the text between the `pre` tags of the page.
 fn shown(page: &str) -> &str {
     let (_, text) = page.split_once("<pre>\n").unwrap();
     text.split_once("</pre>").unwrap().0
 }
 
-/// Only the line ends of stock's answers are not compared: it says two more when it closes.
-/// The other side of each is what 3.5.0 answered.
+/// The line ends of stock's answers are not compared: it sends two more when it closes. The
+/// expected answers are those of 3.5.0.
 #[tokio::test]
 async fn programs_choose_the_form_of_the_answer() {
     const JSON: &str =
@@ -213,7 +215,7 @@ async fn programs_choose_the_form_of_the_answer() {
     within(port.close()).await;
 }
 
-/// Compared with 3.5.0, which answers what is no command as at a terminal.
+/// Compared with 3.5.0, which answers an unknown command as at a terminal.
 #[tokio::test]
 async fn lines_of_a_request_are_answered_as_at_a_terminal() {
     const NOT_UNDERSTOOD: &str = "Port command not understood.\n\

@@ -1,4 +1,4 @@
-//! What is no YARP at all, and connections that say nothing, disturb nobody.
+//! Connections that do not speak YARP, and idle ones, do not affect others.
 
 mod common;
 
@@ -10,7 +10,7 @@ use yarp_ports::{Port, PortOptions, Queue};
 use yarp_wire::Bottle;
 use yarp_wire::connection::REFUSAL;
 
-/// What ends a connection, whatever came before.
+/// Returns byte sequences that end a connection in any state.
 fn garbage() -> Vec<Vec<u8>> {
     let header = tcp_header("/bad");
     let index = |len: u8, lengths: &[i32]| {
@@ -144,12 +144,12 @@ async fn content_that_cannot_be_read_is_an_error_of_that_message_alone() {
     assert_eq!(next(&reader).await, "good");
 }
 
-/// Where the log goes.
+/// Collects the log.
 #[derive(Clone, Default)]
 struct Log(Arc<Mutex<Vec<u8>>>);
 
 impl Log {
-    /// What this thread logs from now on goes here, until the second is let go.
+    /// Collects the log of this thread until the guard is dropped.
     fn begin() -> (Self, tracing::subscriber::DefaultGuard) {
         let log = Self::default();
         let written = log.clone();

@@ -1,4 +1,4 @@
-//! A port with a key takes connections from those who hold it, and from nobody else.
+//! A port with a key accepts connections of peers with the key only.
 
 mod common;
 
@@ -9,7 +9,7 @@ use yarp_wire::auth::{Key, KeyHandshake, STEP_LEN};
 use yarp_wire::carrier::Carrier;
 use yarp_wire::message::Command;
 
-/// A network without name server whose programs hold this key.
+/// Returns a network without name server whose programs hold this key.
 fn network(secret: &str) -> Network {
     let network = Network::none().with_timeout(DEADLINE);
     network.with_key(Key::new(secret.as_bytes()))
@@ -52,7 +52,7 @@ async fn admin_clients_perform_the_key_handshake() {
     assert_eq!(reply.to_bottle().unwrap(), question);
 }
 
-/// Without it a port that is asked for pictures would be reached past the key.
+/// Otherwise a port that is asked for images could be reached without the key.
 #[tokio::test]
 async fn a_pulling_port_performs_the_key_handshake() {
     let network = network("my_secret_key");
@@ -143,7 +143,7 @@ async fn every_challenge_is_another() {
     }
 }
 
-/// A port that closes does not wait for those who are about to show the key.
+/// A closing port does not wait for peers in the middle of the key handshake.
 #[tokio::test]
 async fn closing_does_not_wait_for_unauthenticated_peers() {
     let port = open(&network("one"), "/reader", PortOptions::new()).await;

@@ -65,7 +65,7 @@ async fn a_caller_that_dies_while_waiting_affects_no_other() {
         dying.send(tcp_message(b'd', &bottle("last words"))).await;
         let mut request = within(server.read()).await.unwrap();
         drop(dying);
-        // Nobody is there to take it.
+        // Nothing reads it.
         request.reply(Bottle::of("x".repeat(1_000_000)));
     }
     let client = open("/client", PortOptions::new().rpc_client()).await;
@@ -78,7 +78,7 @@ async fn a_caller_that_dies_while_waiting_affects_no_other() {
     until(|| server.inputs() == ["/client"]).await;
 }
 
-/// A server that answers the header on any connection, then sends `reply` and dies.
+/// Returns a server that answers the header on any connection, then sends `reply` and dies.
 async fn dying_server(reply: Vec<u8>) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let number = listener.local_addr().unwrap().port();
@@ -86,7 +86,7 @@ async fn dying_server(reply: Vec<u8>) -> String {
         while let Ok((mut stream, _)) = listener.accept().await {
             let mut magic = [0; 8];
             if stream.read_exact(&mut magic).await.is_err() || magic[..2] != *b"YA" {
-                // Whoever asks for the generation gets no answer.
+                // The probe of the wire version gets no answer.
                 continue;
             }
             let header = yarp_wire::framed_number::encode(number.into());

@@ -1,4 +1,4 @@
-//! `local` hands what was written to a reader of the same process, without copying it.
+//! `local` passes messages to a reader of the same process, without copying them.
 
 mod common;
 
@@ -18,7 +18,7 @@ async fn the_pixels_of_an_image_are_not_copied() {
     let seen: Image = received.read().unwrap();
     assert_eq!(seen, image);
     assert_eq!(seen.pixels().as_ptr(), image.pixels().as_ptr());
-    // Who reads it as something else gets it all the same.
+    // A reader that expects another type gets it as well.
     assert_eq!(received.bottle().unwrap().len(), 4);
     assert_eq!(*received.from, *"/writer");
 }

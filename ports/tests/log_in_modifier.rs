@@ -1,4 +1,4 @@
-//! A port that is asked to connect over `+log.in` forwards copies of what it receives.
+//! A port that is asked to connect over `+log.in` forwards copies of received messages.
 //!
 //! Source: 3.5.0, whose `yarp rpcserver` and `yarp read` forward the same.
 
@@ -57,7 +57,7 @@ async fn requests_are_forwarded_with_their_reply() {
     look_on(&server, &logger, "tcp+log.in").await;
     let _: Bottle = within(client.call(&bottle("hello (a b)"))).await.unwrap();
     assert_eq!(next(&logger).await, "[rpc] (hello (a b)) (ok 2)");
-    // Nobody answered, or nobody asked for an answer: only the message is there to tell.
+    // There was no reply, or none was requested: only the message is copied.
     let _: Bottle = within(client.call(&bottle("quiet 1"))).await.unwrap();
     assert_eq!(next(&logger).await, "quiet 1");
     within(client.write(&bottle("one way"))).await;
@@ -95,7 +95,7 @@ async fn a_port_that_calls_may_be_looked_at_as_well() {
     assert_eq!(reply.to_string(), "1");
 }
 
-/// Two ports that look at each other would otherwise never stop.
+/// Otherwise two ports that log each other would loop.
 #[tokio::test]
 async fn copies_are_not_copied_again() {
     let first = open("/first", PortOptions::new().queue(Queue::Wait(10))).await;

@@ -1,4 +1,4 @@
-//! Pictures: a port that writes images shows them to browsers, and one that reads pulls them.
+//! MJPEG: a port that writes images serves them to browsers, and one that reads pulls them.
 
 mod common;
 
@@ -10,13 +10,13 @@ use yarp_wire::{Limits, Stamp, admin};
 
 const REQUEST: &str = "GET /?action=stream HTTP/1.1\r\nHost: h\r\n\r\n";
 
-/// An image of one colour.
+/// Returns an image of one colour.
 fn plain(red: u8, green: u8, blue: u8) -> Image {
     let pixels = [red, green, blue].repeat(64 * 48);
     Image::from_packed(PixelCode::RGB, 64, 48, pixels).unwrap()
 }
 
-/// Whether the middle of an image is about this colour.
+/// Returns whether the middle of an image is about this colour.
 fn is_about(image: &Image, colour: [u8; 3]) -> bool {
     let pixel = image.pixel(32, 24).unwrap();
     pixel.iter().zip(colour).all(|(a, b)| a.abs_diff(b) < 8)
@@ -91,7 +91,8 @@ async fn a_reader_pulls() {
     within(camera.close()).await;
 }
 
-/// Those that come faster than they are expanded wait, and are not lost when the writer ends.
+/// Images that arrive faster than they are decoded are queued, and are not lost when the writer
+/// closes.
 #[tokio::test]
 async fn images_arrive_in_order_including_the_last() {
     const COUNT: usize = 24;
@@ -136,7 +137,7 @@ async fn either_port_closing_ends_the_connection() {
     within(reader.close()).await;
 }
 
-/// Each answers the request in its own way; none may do harm, and the good picture still comes.
+/// Each answers the request in its own way; none may do harm, and the valid image still arrives.
 #[tokio::test]
 async fn invalid_images_are_skipped_or_refused() {
     use tokio::io::{AsyncReadExt, AsyncWriteExt};
@@ -194,7 +195,7 @@ async fn invalid_images_are_skipped_or_refused() {
     within(reader.close()).await;
 }
 
-/// A port that serves may read pictures, though it writes to nobody.
+/// A port that serves requests may read images, though it has no outputs.
 #[tokio::test]
 async fn pulling_is_no_output() {
     let camera = open("/camera", PortOptions::new()).await;
@@ -211,7 +212,7 @@ async fn pulling_is_no_output() {
     within(camera.close()).await;
 }
 
-/// Who connects others asks the reader, and asks it again to end the connection.
+/// A third program connects them by asking the reader, and asks it again to close the connection.
 #[tokio::test]
 async fn others_connect_two_ports() {
     use yarp_ports::{Network, remote_admin};

@@ -1,4 +1,4 @@
-//! A connection that asks for what one of its ends lacks is refused by name, at both ends.
+//! A connection that requests a modifier that one end lacks is refused with its name, at both ends.
 
 mod common;
 
@@ -13,7 +13,7 @@ async fn ends() -> (Port, Port) {
     (open("/w", PortOptions::new()).await, reader)
 }
 
-/// Modifiers that nobody has, and what an error is to name.
+/// Unknown modifiers, and the text that the error must contain.
 const MISSING: [(&str, &str); 8] = [
     ("SIDE.nonesuch", "\"nonesuch\""),
     ("SIDE.tcp", "\"tcp\""),
@@ -79,7 +79,7 @@ async fn a_reader_refuses_a_header_with_unknown_modifiers() {
     ];
     for modifiers in receives.into_iter().chain(others.map(str::to_owned)) {
         let answering = ["tcp", "fast_tcp", "text_ack", "udp", "shmem"];
-        // Over these a writer hears nothing before it writes, unless it asks.
+        // Over these a writer receives nothing before it writes, unless it asks.
         let silent = ["text", "unix_stream", "unix_stream+ack"];
         for carrier in answering.into_iter().chain(silent) {
             let carrier = format!("{carrier}+{modifiers}");
@@ -143,7 +143,7 @@ async fn a_reader_that_gives_up_behind_the_header_is_noticed() {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let number = listener.local_addr().unwrap().port();
     let stock = async {
-        // The question about its generation, which it does not answer, comes first.
+        // The question about its wire version, which it does not answer, comes first.
         loop {
             let (mut stream, _) = listener.accept().await.unwrap();
             let mut magic = [0; 8];

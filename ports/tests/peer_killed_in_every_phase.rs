@@ -159,7 +159,7 @@ fn deaths(conversation: &Conversation, phase: &str) -> impl Iterator<Item = (usi
     cuts.flat_map(|cut| [(cut, Death::Closes), (cut, Death::Resets)])
 }
 
-/// Where everybody shows a key if that is what is about to be broken off, and nobody otherwise.
+/// Returns a network with a key if `phase` is part of the key handshake, otherwise without.
 fn network(phase: &str) -> Network {
     let network = Network::none().with_timeout(DEADLINE);
     match phase {
@@ -173,7 +173,7 @@ async fn open(network: &Network, name: &str, options: PortOptions) -> Port {
     within(opening).await.unwrap()
 }
 
-/// The conversations as they are in `phase`; before keys are shown one is as good as another.
+/// Returns the conversations as they are in `phase`; before keys are shown one is as good as another.
 fn in_phase(phase: &str, side: Side, mut all: Vec<Conversation>) -> Vec<Conversation> {
     if phase == "key" {
         all.retain(|conversation| ["text", "mjpeg"].contains(&conversation.spelled));
@@ -187,7 +187,7 @@ fn in_phase(phase: &str, side: Side, mut all: Vec<Conversation>) -> Vec<Conversa
         .collect()
 }
 
-/// Connects to `port`, goes on with the conversation until `cut`, and dies.
+/// Connects to `port`, follows the script until `cut`, and ends.
 async fn die(port: &Port, conversation: &Conversation, cut: usize, death: Death) {
     let stream = within(TcpStream::connect(("127.0.0.1", port.tcp_port()))).await;
     conversation.hold(stream.unwrap(), cut).await.die(death);
@@ -220,7 +220,7 @@ async fn a_port_that_reads(phase: &str) -> usize {
             }
         }
         if conversation.carrier.connectionless {
-            // Whoever sends datagrams is gone when it says so, or when it comes back.
+            // A datagram writer is gone when it closes, or when it reconnects.
             forget(&reader).await;
         }
         until(|| reader.inputs() == ["/good"]).await;
@@ -285,7 +285,7 @@ async fn a_port_that_answers(phase: &str) -> usize {
     count
 }
 
-/// The peer connects and asks to read.
+/// Returns the peer connects and asks to read.
 async fn a_port_that_is_read_from(phase: &str) -> usize {
     let (writer, keeps) = writer_and_reader(&network(phase)).await;
     let rest = Rest::now();
@@ -333,8 +333,8 @@ async fn still_reaches(writer: &Port, reader: &Port, number: usize) {
     while within(reader.read()).await.unwrap().bottle().ok().as_ref() != Some(&message) {}
 }
 
-/// A listener that goes on with the conversation until `cut` with the first who is no probe, and
-/// dies; also where it is.
+/// Returns a listener and its address; the listener follows the script until `cut` with the first
+/// peer that is not a probe, and ends.
 async fn dying_listener(
     conversation: &Conversation,
     cut: usize,
@@ -350,7 +350,7 @@ async fn dying_listener(
             let probed = conversation.carrier.protocol.payload_kind().are_binary()
                 && within(stream.peek(&mut first)).await.is_ok()
                 && first == *b"C";
-            // Whoever asks for the generation gets no answer.
+            // The probe of the wire version gets no answer.
             if !probed {
                 let holding = conversation.hold_at(Some(&listener), stream, cut);
                 holding.await.die(death);
@@ -388,7 +388,7 @@ async fn write_to_dying(
     until(|| writer.outputs() == ["/keeps"]).await;
 }
 
-/// A name server that gives everybody the same group, and counts who has it.
+/// Runs a name server that assigns all ports the same group, and counts its holders.
 async fn name_server(listener: TcpListener, given_away: Arc<AtomicUsize>) {
     // A number that nobody has now, so that nothing arrives anywhere.
     let free = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
@@ -413,7 +413,7 @@ async fn name_server(listener: TcpListener, given_away: Arc<AtomicUsize>) {
     }
 }
 
-/// The port connects to the peer.
+/// Returns the port connects to the peer.
 async fn a_port_that_writes(phase: &str) -> usize {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let number = listener.local_addr().unwrap().port();
@@ -483,7 +483,7 @@ async fn a_port_that_calls(phase: &str) -> usize {
     count
 }
 
-/// The port connects to a camera.
+/// Returns the port connects to a camera.
 async fn a_port_that_pulls(phase: &str) -> usize {
     let network = network(phase);
     let reading = PortOptions::new().queue(Queue::Wait(10));

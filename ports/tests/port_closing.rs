@@ -8,7 +8,8 @@ use common::{ACK, Raw, bottle, connect, open, tcp_command, tcp_message, until, w
 use yarp_ports::{Answer, Port, PortError, PortOptions, Queue};
 use yarp_wire::Bottle;
 
-/// A port with every kind of trouble: silent, stuck and half-open peers, and messages underway.
+/// Returns a port with problematic peers: idle, blocked and half-open ones, and messages in
+/// transit.
 async fn troubled() -> (Port, Vec<Raw>) {
     let port = open("/troubled", PortOptions::new().queue(Queue::Wait(1))).await;
     let mut peers = Vec::new();
@@ -23,7 +24,7 @@ async fn troubled() -> (Port, Vec<Raw>) {
         full.send(tcp_message(b'D', &bottle("x"))).await;
     }
     peers.push(full);
-    // Never takes what it asked for.
+    // It never reads the reply.
     for (name, number) in [("/stuck/1", 1), ("/stuck/2", 2)] {
         let mut stuck = Raw::tcp(&port, name).await;
         stuck.send(tcp_command(b'r')).await;
@@ -128,8 +129,8 @@ async fn ports_connected_in_a_circle_close_together() {
     within(async { tokio::join!(a.close(), b.close(), itself.close()) }).await;
 }
 
-/// The list of connections was locked while the owner was told of one that ended: looking at the
-/// list then waited for ever.
+/// Regression: the list of connections was locked during the owner's callback for a closed one,
+/// which deadlocked when it queried the list.
 #[tokio::test]
 async fn an_owner_may_query_the_connections_in_its_callback() {
     let port: Arc<OnceLock<Port>> = Arc::default();
@@ -148,7 +149,8 @@ async fn an_owner_may_query_the_connections_in_its_callback() {
     connect(writer, &reader, "tcp").await;
     let began = within(changes.recv()).await.unwrap();
     assert_eq!((began.0.as_str(), began.1), ("/reader", true));
-    // It was told before the reader was among those written to: who wrote at once missed it.
+    // Regression: the callback ran before the reader was among the outputs: an immediate write
+    // missed it.
     assert_eq!(began.2, Some((1, 0)));
     within(reader.close()).await;
     until(|| writer.outputs().is_empty()).await;

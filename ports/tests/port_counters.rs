@@ -1,4 +1,4 @@
-//! A port knows what passed over each of its connections, and tells programs that ask.
+//! A port counts the messages of each of its connections, and reports the counts on request.
 
 mod common;
 
@@ -75,7 +75,7 @@ async fn a_dropped_message_counts_for_the_connection_that_brought_it() {
     for writer in [&first, &first, &second, &second, &second] {
         assert_eq!(within(writer.write(&Bottle::of(1))).await, 1);
     }
-    // The last word of each has been heard: what was dropped has been counted.
+    // The last message of each has arrived: dropped ones have been counted.
     let counters = reader.counters();
     let dropped = |peer: &str| {
         let mut all = counters.connections.iter();

@@ -1,4 +1,4 @@
-//! Messages pass the monitors that their connection asks for, at the end that it says.
+//! Messages pass the monitors that their connection requests, at the requested end.
 //!
 //! Source of the grammar and of the answers: 3.5.0 with the plugins of 4.0.0.
 
@@ -151,7 +151,7 @@ async fn calls_pass_monitors_and_replies_are_counted() {
     assert_eq!(reply.to_string(), MESSAGE);
     let counted = ask(&client, &bottle("[get] [out] /srv")).await;
     assert!(counted.contains("(messages 1) (replies 1)"), "{counted}");
-    // What no monitor lets through gets no reply, at whichever end it is.
+    // A message that a monitor stops gets no reply, at either end.
     let never = "+period_ms.100000000";
     let stopped = format!("tcp{}{never}", dll("send", "throttleDown"));
     connect(&client, &server, &stopped).await;
@@ -180,7 +180,7 @@ async fn images_are_compressed_and_made_grey() {
     );
     assert!(read.packed().iter().all(|byte| byte.abs_diff(200) < 5));
     assert!(reader.counters().connections[0].traffic.bytes < 2000);
-    // What is no image passes.
+    // Messages that are not images pass.
     within(writer.write(&bottle(MESSAGE))).await;
     assert_eq!(next(&reader).await, MESSAGE);
     connect(
@@ -221,7 +221,7 @@ async fn depths_are_compressed_and_shown() {
         (&colour, PixelCode::RGB),
     ] {
         connect(&writer, &reader, &format!("tcp{carrier}")).await;
-        // As in stock, what is no image of depths is stopped.
+        // As in stock, messages that are not depth images are stopped.
         within(writer.write(&bottle(MESSAGE))).await;
         within(writer.write(&depths)).await;
         let read: Image = within(reader.read()).await.unwrap().read().unwrap();
@@ -265,7 +265,7 @@ async fn the_writer_with_priority_is_accepted() {
     within(low.write(&Bottle::of(3))).await;
     within(high.write(&Bottle::of(4))).await;
     assert_eq!(next(&reader).await, "4");
-    // Who is gone has no priority.
+    // A closed connection has no priority.
     within(high.close()).await;
     until(|| reader.inputs() == ["/low"]).await;
     within(low.write(&Bottle::of(5))).await;
@@ -302,7 +302,7 @@ async fn parameters_are_told_and_set_in_stocks_words() {
     assert_eq!(ask(&writer, &bottle("[get] [out] /r")).await, "()");
 }
 
-/// Answers of 3.5.0, word for word; why a monitor cannot be had comes behind them.
+/// Answers of 3.5.0, word for word; the reason for a refusal follows them.
 #[tokio::test]
 async fn monitors_are_attached_to_a_port_and_detached() {
     let (writer, reader) = (writer().await, reader().await);

@@ -1,4 +1,4 @@
-//! Packets of a connection are as urgent as programs ask for, in stock's words.
+//! Packets of a connection have the priority that programs request, in stock's format.
 //!
 //! Source of the answers: 3.5.0, except where a reason follows `[fail]`.
 
@@ -105,7 +105,7 @@ async fn a_refused_schedule_changes_nothing_else() {
         ),
         ("[get] /rd", &of_output(0)),
         ("[set] /wr (process)", "[fail]"),
-        // As in stock, it is for the port itself, and passed over elsewhere.
+        // As in stock, it applies to the port itself, and is ignored elsewhere.
         ("[set] /rd (process ((priority 5) (policy 1)))", "[ok]"),
     ] {
         admin.check(request, answer).await;

@@ -1,4 +1,4 @@
-//! What is kept, what is dropped and who waits when messages come faster than they are read.
+//! Queue policies: messages kept, dropped or delayed when they arrive faster than they are read.
 
 mod common;
 

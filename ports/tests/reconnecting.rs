@@ -1,4 +1,4 @@
-//! A supervised connection comes back with its reader, and tells its owner how it fares.
+//! A reconnecting connection follows restarts of its reader, and reports its state to its owner.
 
 mod common;
 
@@ -156,7 +156,7 @@ async fn a_reader_that_closes_at_once_is_reported_each_time() {
     assert!(writer.outputs().is_empty());
 }
 
-/// A reader that takes the connection and says nothing is given up.
+/// An attempt with a reader that accepts the connection without answering times out.
 #[tokio::test]
 async fn an_unresponsive_reader_times_out() {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();

@@ -1,4 +1,4 @@
-//! A connection that sends `r` reads from then on what the port writes.
+//! A connection that sends `r` reads the port's messages from then on.
 
 mod common;
 
@@ -64,7 +64,7 @@ async fn over_tcp() {
     assert!(rest.is_empty());
 }
 
-/// What a reader announces by itself counts as well as what it is asked for.
+/// Messages that the peer sends before it reverses the connection still arrive.
 #[tokio::test]
 async fn messages_before_the_reversal_still_arrive() {
     let port = open("/both", PortOptions::new().queue(Queue::Wait(10))).await;

@@ -1,6 +1,6 @@
-//! All threads of a process are scheduled as an administrator of one of its ports asks, where the
-//! system allows it; where not, the reason is told. In a process of its own, as it has that for all
-//! of it.
+//! All threads of a process are scheduled as an administrator of one of its ports requests, if the
+//! system allows it; otherwise the reason is reported. In a process of its own, as the request
+//! applies to the whole process.
 
 mod common;
 
@@ -8,7 +8,8 @@ use common::{ask, bottle, open, until};
 use yarp_ports::{Port, PortOptions};
 use yarp_wire::Value;
 
-/// Policy and priority of a thread as the system tells. Source: proc(5), fields 40 and 41 of `stat`.
+/// Returns policy and priority of a thread according to the system. Source: proc(5), fields 40 and
+/// 41 of `stat`.
 fn of_thread(stat: &str) -> Option<(i32, i32)> {
     // The name before them may hold anything.
     let (_, fields) = stat.rsplit_once(") ")?;
@@ -43,7 +44,7 @@ async fn set(port: &Port, policy: i32, priority: i32) -> String {
 async fn threads_are_scheduled_where_the_system_allows_it() {
     let port = open("/p", PortOptions::new()).await;
     let before = told(&port).await;
-    // For batches: anybody may ask for it, and go back.
+    // For batches: needs no privilege, and can be undone.
     assert_eq!(set(&port, 3, 0).await, "[ok]");
     assert_eq!(told(&port).await, (3, 0));
     until(|| of_all_threads().iter().all(|thread| *thread == (3, 0))).await;

@@ -1,5 +1,5 @@
-//! Messages through shared memory; peers that are killed, and what is left of them. The layouts
-//! themselves are tested beside the code; live stock peers in `conformance/live/carriers.py`.
+//! Messages through shared memory; killed peers, and the objects they leave. The layouts themselves
+//! are tested beside the code; live stock peers in `conformance/live/carriers.py`.
 
 mod common;
 
@@ -61,7 +61,7 @@ async fn messages_of_every_size_arrive_and_are_answered() {
     until(|| reader.inputs().is_empty()).await;
 }
 
-/// Where the process of a killed peer finds what it is to do.
+/// The environment variable with the task of a child process.
 const CHILD: &str = "YARP_TEST_SHMEM_CHILD";
 
 /// No test: the process that is killed. Writes to the contact in its environment as fast as it can.
@@ -78,7 +78,7 @@ async fn child_that_writes() {
     }
 }
 
-/// No test: the process that is killed. Reads, and says where it is.
+/// Not a test: the process to be killed. Reads, and prints its TCP port.
 #[tokio::test]
 async fn child_that_reads() {
     if std::env::var(CHILD).is_err() {
@@ -142,7 +142,7 @@ async fn a_reader_that_is_killed_is_noticed_and_may_come_again() {
     }
 }
 
-/// Whoever does not know the carrier says so before anything else, or just goes away.
+/// A peer that lacks the carrier refuses at once, or closes the connection.
 #[tokio::test]
 async fn a_peer_without_the_carrier_is_a_clear_error() {
     let refusing = yarp_wire::connection::REFUSAL;
@@ -158,7 +158,7 @@ async fn a_peer_without_the_carrier_is_a_clear_error() {
                 let mut header = [0; 20];
                 let begun = stream.read_exact(&mut header[..8]).await;
                 if begun.is_err() || header.starts_with(b"CONNACK ") {
-                    // Whoever asks for the generation gets no answer.
+                    // The probe of the wire version gets no answer.
                     continue;
                 }
                 // All of it: what is unread when a connection ends takes the answer along.

@@ -1,12 +1,12 @@
-//! What ports share has no name any more as soon as both have it, so that nothing is left of them
-//! however they end. A program of its own: it looks at all that its process has mapped.
+//! Shared objects have no names once both ends have opened them, so that nothing remains however
+//! the processes end. A program of its own: it checks all mappings of its process.
 
 mod common;
 
 use common::{bottle, connect, next, open, until, within};
 use yarp_ports::{PortOptions, Queue};
 
-/// The shared memory that this process has mapped, by name.
+/// Returns the shared memory that this process has mapped, by name.
 fn mapped() -> Vec<String> {
     let maps = std::fs::read_to_string("/proc/self/maps").unwrap();
     let shared = |line: &&str| line.contains("/SYSV") || line.contains("SHMEM_");

@@ -1,4 +1,4 @@
-//! Writers that send a byte now and then get all their messages through, and delay nobody.
+//! Writers that send a byte at a time get all their messages through, and delay no others.
 
 mod common;
 mod conversation;
@@ -18,7 +18,7 @@ const EACH: usize = 20;
 /// Instead of a second between two bytes of a writer: nothing in a port depends on it.
 const PAUSE: Duration = Duration::from_millis(5);
 
-/// What a writer of one kind sends, and all that it is answered.
+/// Returns the bytes of each kind of writer, and the complete answers.
 fn kinds(port: u16) -> Vec<(Vec<u8>, Vec<u8>)> {
     let request = bottle("slow 1 (2 3)");
     let reply = request.encode(WireVersion::V3);
@@ -82,11 +82,11 @@ async fn a_byte_at_a_time_from_many() {
     within(port.close()).await;
 }
 
-/// Over a socket of the file system, in frames, as a browser, and as one who wants to see pictures.
-/// Each has a port of its own: of several of the same name a port keeps the last.
+/// Over a Unix socket, in frames, as a browser, and as a viewer of images. Each has a port of its
+/// own: of several connections of the same name a port keeps the last.
 ///
-/// A page whose question came in pieces was not answered: the system was told to wake the port only
-/// once as many bytes had come as the whole of it has.
+/// Regression: a browser's request in pieces was not answered, because the low-water mark was the
+/// length of the whole request.
 #[tokio::test]
 async fn a_byte_at_a_time_over_every_carrier() {
     let (question, answer) = (bottle("slow 1 (2 3)"), bottle("fast 4"));
@@ -112,7 +112,7 @@ async fn a_byte_at_a_time_over_every_carrier() {
         );
         let payload = conversation.cuts("payload");
         questions += usize::from(!is_viewer && !is_browser && !payload.is_empty());
-        // A picture would have to be written for the one who wants it.
+        // A viewer would need an image to be written.
         let cut = match is_viewer {
             true => payload[0],
             false => conversation.cuts("rest")[0],

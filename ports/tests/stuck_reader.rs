@@ -39,8 +39,8 @@ async fn expect_heavy(reader: &Port, number: i32) {
     assert!(text.starts_with(&format!("{number} x")), "{text:.20}");
 }
 
-/// The writer waited for room in the queue of each reader in turn, so that one that was full
-/// kept a message from all that came after it.
+/// Regression: the writer waited for room in the queue of each reader in turn, so that a full one
+/// delayed the message for all later ones.
 #[tokio::test]
 async fn messages_reach_others_at_once() {
     let writer = open("/writer", PortOptions::new()).await;
@@ -72,7 +72,7 @@ async fn writers_that_do_not_wait_reach_others_at_once() {
     for number in 0..100 {
         let message = heavy(number);
         let writing = writer.write_strict(&message, None);
-        // It may go on waiting for room elsewhere while this reader has its message.
+        // It may still wait for room elsewhere after this reader has its message.
         let both = async {
             tokio::select! {
                 () = expect_heavy(&reader, number) => {}
@@ -83,13 +83,13 @@ async fn writers_that_do_not_wait_reach_others_at_once() {
     }
 }
 
-/// Somebody who does not read from a port.
+/// A peer that does not read from a port.
 enum Stuck {
     Raw(Raw),
     Port(Port),
 }
 
-/// Lets somebody read from `writer` after `said`, and never does.
+/// Connects a reader to `writer` that sends `said`, and never reads.
 async fn stuck_after(writer: &Port, said: &[&[u8]]) -> Stuck {
     let mut raw = Raw::to(writer).await;
     for bytes in said {
@@ -176,7 +176,7 @@ async fn a_blocked_viewer_delays_no_other() {
     let writer = open("/writer", PortOptions::new()).await;
     let request = b"GET /?action=stream HTTP/1.1\r\nHost: h\r\n\r\n";
     let stuck = stuck_after(&writer, &[request]).await;
-    // Nothing that compresses well.
+    // Incompressible data.
     let picture = |number: u32| {
         let noise = (0..640 * 480 * 3_u32).map(|at| (at.wrapping_mul(2_654_435_761) >> 13) as u8);
         let pixels: Vec<u8> = noise
@@ -215,7 +215,7 @@ async fn a_blocked_reader_is_skipped_above_the_backlog() {
     for number in 0..4 {
         assert_eq!(writer.try_write(&heavy(number), None, 3), 1);
     }
-    // What the sockets hold is not behind.
+    // Messages in the socket buffers do not count as pending.
     let filling = async {
         while writer.try_write(&heavy(4), None, 3) == 1 {
             tokio::task::yield_now().await;

@@ -1,4 +1,4 @@
-//! Of two connections from one port only the newer stays.
+//! A newer connection from the same port supersedes the older one.
 
 mod common;
 
@@ -61,7 +61,7 @@ async fn the_newer_connection_stays_also_if_its_header_is_read_first() {
         let (first, last) = header.split_at(header.len() - 1);
         let mut old = Raw::to(&reader).await;
         old.send(first).await;
-        // Who comes later is answered later.
+        // The later connection is answered later.
         let between = Raw::tcp(&reader, "/between").await;
         let mut new = Raw::tcp(&reader, "/writer").await;
         old.send(last).await;

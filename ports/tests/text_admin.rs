@@ -79,7 +79,7 @@ async fn a_description_says_who_is_connected() {
     .await;
 }
 
-/// `/tcp://reader` was looked up as a name. Checked against 3.5.0.
+/// Regression: `/tcp://reader` was looked up as a name. Checked against 3.5.0.
 #[tokio::test]
 async fn connections_are_made_and_ended_by_hand() {
     let reader = open("/rd", PortOptions::new().queue(Queue::Latest)).await;
@@ -144,7 +144,8 @@ async fn names_are_repeated_as_they_stand() {
     raw.expect("Welcome /a\r\n").await;
 }
 
-/// A port that answers `slow` once it is told to, and everything else at once, in a future.
+/// Returns a port that answers `slow` only on a signal, and every other request at once, in a
+/// future.
 async fn slow_port() -> (Port, watch::Sender<bool>) {
     let (release, released) = watch::channel(false);
     let options = PortOptions::new().handler(move |request| {
@@ -171,7 +172,7 @@ async fn answers_do_not_wait_for_later_messages() {
     raw.expect("ok\r\n").await;
 }
 
-/// A greeting waits for the answer to a message that came along with it, but not for long.
+/// A header reply waits for the reply to a message that was received with it, but not for long.
 #[tokio::test]
 async fn a_header_reply_does_not_wait_for_a_slow_reply() {
     let (port, release) = slow_port().await;

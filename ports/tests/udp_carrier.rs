@@ -1,4 +1,4 @@
-//! Messages travel in datagrams; what is no message of the writer disturbs nothing.
+//! Messages travel in datagrams; other datagrams have no effect.
 
 mod common;
 
@@ -26,12 +26,13 @@ async fn messages_small_and_large_arrive_with_their_envelope() {
         assert_eq!(&*received.from, "/writer");
     }
     within(writer.close()).await;
-    // The reader was told, though the connection itself could not say.
+    // The reader was notified over a separate connection.
     until(|| reader.inputs().is_empty()).await;
     within(reader.close()).await;
 }
 
-/// Who connects them the second time makes the reader forget what it has from the writer, not what it writes there.
+/// Connecting them a second time makes the reader drop its input from the writer, not its output to
+/// it.
 #[tokio::test]
 async fn others_connect_two_ports_both_ways() {
     use yarp_ports::{Network, remote_admin};

@@ -1,4 +1,4 @@
-//! A page at a port: it asks, sends, reads, and says goodbye in frames.
+//! A web page at a port: it sends requests and messages, reads, and closes, in WebSocket frames.
 
 mod common;
 
@@ -19,13 +19,13 @@ async fn page(port: &Port) -> Raw {
     raw
 }
 
-/// A short frame as a browser sends it, under a mask that changes nothing.
+/// Returns a short frame as a browser sends it, under a mask that changes nothing.
 fn frame(first: u8, body: &[u8]) -> Vec<u8> {
     assert!(body.len() < 126);
     [&[first, 0x80 | body.len() as u8, 0, 0, 0, 0], body].concat()
 }
 
-/// A short frame of a port.
+/// Returns a short frame of a port.
 fn answer(body: &[u8]) -> Vec<u8> {
     [&[0x82, body.len() as u8], body].concat()
 }
@@ -76,7 +76,7 @@ async fn a_message_may_be_cut_into_frames() {
     within(port.close()).await;
 }
 
-/// The port waited for as much as the whole message once more, and so for ever.
+/// Regression: the port waited for the length of the whole message once more, and so forever.
 #[tokio::test]
 async fn a_large_message_may_come_in_parts() {
     let port = open("/port", PortOptions::new().queue(Queue::Wait(4))).await;
@@ -121,10 +121,11 @@ async fn a_page_reads_what_the_port_writes() {
     assert!(goodbye.ends_with(b"\x88\x02\x03\xe8"), "{goodbye:02x?}");
 }
 
-/// It was gone before the answer came, which reset the connection: browsers told the page so.
+/// Regression: the connection was closed before the answer arrived, which reset it: browsers
+/// reported that to the page.
 #[tokio::test]
 async fn a_port_that_closes_waits_for_the_answer_of_its_reader() {
-    // On a machine that stands still for long enough nobody waits any more.
+    // On a machine that stalls for long enough the wait has timed out.
     for left in (0..5).rev() {
         let port = open("/port", PortOptions::new()).await;
         let mut pages = Vec::new();
@@ -160,7 +161,8 @@ async fn a_port_that_closes_leaves_a_reader_that_does_not_answer() {
     assert!(goodbye.ends_with(b"\x88\x02\x03\xe8"), "{goodbye:02x?}");
 }
 
-/// Its goodbye was not answered: browsers told the page of a connection that broke off.
+/// Regression: its close frame was not answered: browsers reported an aborted connection to the
+/// page.
 #[tokio::test]
 async fn a_reader_that_closes_is_answered_and_forgotten() {
     let port = open("/port", PortOptions::new()).await;

@@ -1,4 +1,5 @@
-//! Ports of ours understand each other's floats, whatever was asked and by whom it is first said.
+//! Ports of this implementation decode each other's floats, whatever was requested and whichever
+//! side sends them first.
 
 mod common;
 
@@ -6,7 +7,8 @@ use common::{bottle, connect, open, within};
 use yarp_ports::{Answer, Port, PortOptions, Received};
 use yarp_wire::WireVersion;
 
-/// The request says nothing of generations, and the reply ends with what they read differently.
+/// The request does not reveal the wire version, and the reply ends with values that the two encode
+/// differently.
 #[tokio::test]
 async fn a_reply_with_floats_is_understood_though_the_request_had_none() {
     for wire_version in [WireVersion::V3, WireVersion::V4] {

@@ -34,7 +34,7 @@ use yarp_wire::typed::{
 use yarp_wire::{Bottle, Stamp, Value, WireVersion, wire_struct};
 
 wire_struct! {
-    /// How to take hold of something.
+    /// A grasp of an object.
     struct Grasp {
         name: String,
         force: f64,
@@ -166,7 +166,7 @@ fn read(kind: &str, bytes: &Bytes, wire_version: WireVersion) -> Result<Bottle, 
     })
 }
 
-/// A vector of `T` as a bottle of `W`.
+/// Returns a vector of `T` as a bottle of `W`.
 fn vector<T: Element, W: From<T> + Into<Value>>(
     bytes: &Bytes,
     wire_version: WireVersion,
@@ -179,12 +179,12 @@ fn values<T: Into<Value>>(items: impl IntoIterator<Item = T>) -> Bottle {
     items.into_iter().map(Into::into).collect()
 }
 
-/// Also of one kind of pixel: here the code tells, in stock a type.
+/// Matches a particular pixel type too: here the code distinguishes it, in stock a type.
 fn is_image(kind: &str) -> bool {
     kind.starts_with("image")
 }
 
-/// Where the samples of a sound end, lists begin.
+/// Lists follow the samples of a sound.
 fn markers(content: &Bottle) -> Result<BTreeMap<Text, SoundMarker>, Failure> {
     let lists = content.iter().filter_map(Value::as_list);
     let marker = |list: &Bottle| {

@@ -1,4 +1,4 @@
-//! What programs ask of a port itself.
+//! Admin requests: commands that a port itself answers.
 
 use crate::bottle::{Bottle, Value};
 use crate::vocab::Vocab32;
@@ -29,18 +29,18 @@ pub enum AdminRequest {
     SetProperty(String, Bottle),
     /// `[prop]` with another action.
     UnknownProperty,
-    /// `[atch] [in|out] "(KEY VALUE)..."`: a direction, if it is complete, and what to attach. As
-    /// in stock, only a string says what.
+    /// `[atch] [in|out] "(KEY VALUE)..."`: a direction, if it is complete, and the monitor to
+    /// attach. As in stock, only a string describes the monitor.
     Attach(Option<Direction>, String),
     /// `[dtch] [in|out]`
     Detach(Option<Direction>),
-    /// `[pid]`, or `getPid`: the number of the process. 3.x only, as ROS asks for it.
+    /// `[pid]`, or `getPid`: the process id. 3.x only, for ROS.
     Process,
-    /// `[rpup]`, or `publisherUpdate`: who writes to a topic of ROS. 3.x only, as the two that follow.
+    /// `[rpup]`, or `publisherUpdate`: the publishers of a ROS topic. 3.x only, like the next two.
     PublisherUpdate,
-    /// `[rtop]`, or `requestTopic`: where a topic of ROS is to be read.
+    /// `[rtop]`, or `requestTopic`: the address from which a ROS topic can be read.
     RequestTopic,
-    /// `[bus]`, or `getBusInfo`: the connections as ROS counts them.
+    /// `[bus]`, or `getBusInfo`: the connections in the form of ROS.
     BusInfo,
     /// `[pray]`
     Pray,
@@ -49,8 +49,8 @@ pub enum AdminRequest {
 }
 
 impl AdminRequest {
-    /// Whether 3.x closes the connection behind its answer, as ROS expects it; 4.0 does not know
-    /// such a request any more.
+    /// Returns whether 3.x closes the connection after its answer, as ROS expects; 4.0 no longer
+    /// knows such requests.
     pub fn is_of_ros(&self) -> bool {
         matches!(
             self,
@@ -59,12 +59,12 @@ impl AdminRequest {
     }
 }
 
-/// Which connections of a port.
+/// The direction of a port's connections.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum Direction {
-    /// Those it reads from.
+    /// Connections that the port reads from.
     In,
-    /// Those it writes to.
+    /// Connections that the port writes to.
     Out,
 }
 
@@ -72,7 +72,7 @@ impl AdminRequest {
     /// Reads a request.
     pub fn parse(request: &Bottle) -> Self {
         let word = |index: usize| request.get(index).and_then(Value::as_vocab);
-        // A list is no name: what browsers add to a request comes as lists.
+        // A list is not a name: browsers add the fields of a request as lists.
         let text = |index: usize| {
             let item = request.get(index).filter(|item| item.as_list().is_none());
             item.map(Value::to_plain_string)
@@ -150,7 +150,7 @@ pub fn remove(name: &str) -> Bottle {
     Bottle::from_iter([word("del"), name.into()])
 }
 
-/// `[prop] [get] "KEY"`: asks for a property; the port's own name stands for what it is part of.
+/// `[prop] [get] "KEY"`: asks for a property; the port's own name selects the process.
 pub fn property(key: &str) -> Bottle {
     Bottle::from_iter([word("prop"), word("get"), key.into()])
 }
@@ -160,7 +160,7 @@ pub fn version() -> Bottle {
     Bottle::of(Vocab32::new("ver"))
 }
 
-/// Whether this is how a port answers [`version`].
+/// Returns whether this is how a port answers [`version`].
 pub fn is_version(answer: &Bottle) -> bool {
     let first = answer.get(0).map(Value::to_plain_string);
     matches!(first.as_deref(), Some("ver" | "dict"))

@@ -14,7 +14,7 @@
 /// Bytes in front of the data.
 pub const HEADER_LEN: usize = 8;
 
-/// Largest datagram that stock sends, header included: what fits into UDP over IPv4, less 8.
+/// Largest datagram that stock sends, header included: the maximum of UDP over IPv4, less 8.
 pub const MAX_DATAGRAM_LEN: usize = 65_499;
 
 /// The number of a datagram that only wakes a reader up; it is no part of any message.
@@ -25,11 +25,11 @@ pub const WAKE_UP: i32 = -1;
 pub struct Datagram<'a> {
     /// Place in its message, from 0; [`WAKE_UP`] belongs to none.
     pub number: i32,
-    /// What it carries.
+    /// The payload.
     pub data: &'a [u8],
 }
 
-/// Why bytes are no datagram of ours.
+/// The reason why bytes are not a YARP datagram.
 #[derive(Clone, Copy, Debug, Eq, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum DatagramError {
@@ -42,14 +42,14 @@ pub enum DatagramError {
     /// Damaged, or not of this protocol.
     #[error("datagram says check sum {said:#010x}, its data has {actual:#010x}")]
     CheckSum {
-        /// What the header says.
+        /// The check sum in the header.
         said: u32,
-        /// What the data gives.
+        /// The check sum of the data.
         actual: u32,
     },
 }
 
-/// The datagram that carries `data` at place `number` of its message.
+/// Returns the datagram that carries `data` at place `number` of its message.
 ///
 /// ```
 /// use yarp_wire::datagram;
@@ -61,7 +61,7 @@ pub fn encode(number: i32, data: &[u8]) -> Vec<u8> {
     [&header(number, data), data].concat()
 }
 
-/// What stands in front of `data` at place `number` of its message.
+/// Creates the header of `data`, datagram `number` of its message.
 fn header(number: i32, data: &[u8]) -> [u8; HEADER_LEN] {
     let mut header = [0; HEADER_LEN];
     header[..4].copy_from_slice(&crc32(data).to_le_bytes());
@@ -91,7 +91,7 @@ pub fn split(message: &[u8], largest: usize) -> impl Iterator<Item = Vec<u8>> {
     cut(message, largest).map(|(header, data)| [&header, data].concat())
 }
 
-/// As [`split`] without a copy: header and data of each.
+/// Splits a message as [`split`] does, without a copy: yields header and data of each datagram.
 pub fn cut(message: &[u8], largest: usize) -> impl Iterator<Item = ([u8; HEADER_LEN], &[u8])> {
     let room = largest.saturating_sub(HEADER_LEN).max(1);
     (0..)

@@ -17,7 +17,7 @@ use crate::wire_version::WireVersion;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Vector(pub Vec<f64>);
 
-/// The list code of a vector of float64 for readers of `wire_version`.
+/// Returns the list code of a vector of float64 for readers of `wire_version`.
 pub const fn float64_list(wire_version: WireVersion) -> i32 {
     match wire_version {
         WireVersion::V3 => 256 + 10,

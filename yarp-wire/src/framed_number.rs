@@ -9,7 +9,7 @@ use bytes::BufMut;
 /// Bytes of a number.
 pub const LEN: usize = 8;
 
-/// The eight bytes that stand for `number`.
+/// Returns the eight bytes that stand for `number`.
 pub const fn encode(number: i32) -> [u8; LEN] {
     let n = number.to_le_bytes();
     [b'Y', b'A', n[0], n[1], n[2], n[3], b'R', b'P']
@@ -20,7 +20,7 @@ pub fn put(out: &mut impl BufMut, number: i32) {
     out.put_slice(&encode(number));
 }
 
-/// The number that eight bytes stand for, if they have the right letters around it.
+/// Returns the number in eight bytes, if the surrounding letters are right.
 pub const fn decode(bytes: &[u8; LEN]) -> Option<i32> {
     match *bytes {
         [b'Y', b'A', a, b, c, d, b'R', b'P'] => Some(i32::from_le_bytes([a, b, c, d])),

@@ -1,21 +1,21 @@
 //! The YARP wire protocol without any input or output.
 //!
-//! Nothing in this crate opens a socket, starts a task, sleeps or asks for the time: bytes go in,
-//! events and bytes come out. Every length that arrives is checked against [`Limits`] and memory
-//! grows only as bytes arrive.
+//! Nothing in this crate opens a socket, starts a task, sleeps or reads the clock: bytes go in,
+//! events and bytes come out. Every received length is checked against [`Limits`], and memory grows
+//! only as bytes arrive.
 //!
 //! * [`bottle`]: the values that ports exchange, in binary and in text.
-//! * [`vocab`], [`name`], [`stamp`], [`number`]: the small words of the protocol.
+//! * [`vocab`], [`port_name`], [`stamp`], [`framed_number`]: the small elements of the protocol.
 //! * [`carrier`]: one file per carrier, and the one table that lists them.
-//! * [`auth`]: the handshake before a connection, where there is a key.
-//! * [`protocol`]: what the two ends of a carrier say to each other.
+//! * [`auth`]: the handshake before a connection, if there is a key.
+//! * [`protocol`]: the byte protocols of the carriers.
 //! * [`connection`]: the state machines of both sides of a connection.
-//! * [`mjpeg`]: pictures for browsers, and from them that send some.
-//! * [`websocket`]: the frames in which pages talk to ports.
+//! * [`mjpeg`]: JPEG images for browsers, and from cameras.
+//! * [`websocket`]: the frames that connect web pages to ports.
 //! * [`admin`], [`name_service`]: the messages that programs send to ports and to the name server.
-//! * [`shmem`]: memory that two ends share.
+//! * [`shmem`]: the layout of memory that two ends share.
 //! * [`settings`]: configuration files and command lines, which remember where each value was written.
-//! * [`qos`]: how urgent packets are, in the words of those messages.
+//! * [`qos`]: the priority of packets and threads, in the terms of those messages.
 
 pub mod admin;
 pub mod auth;

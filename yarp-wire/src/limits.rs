@@ -1,8 +1,8 @@
-//! What a peer may make us hold.
+//! Bounds on the resources that a peer can claim.
 
-/// Bounds on what the bytes of a peer can claim.
+/// Bounds on the sizes that the bytes of a peer can claim.
 ///
-/// A claim above a bound is an error that ends that connection; a claim below it costs nothing
+/// A claim above a bound is an error that closes that connection; a claim below it costs nothing
 /// until the bytes themselves arrive.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 #[non_exhaustive]
@@ -13,10 +13,10 @@ pub struct Limits {
     pub line: usize,
     /// Deepest nesting of lists.
     pub depth: usize,
-    /// Most values of one binary bottle: each takes some 40 bytes once it is read. Typed messages
-    /// such as vectors and images are not bottles in this sense.
+    /// Maximum number of values in one binary bottle: each takes some 40 bytes in memory. Typed
+    /// messages such as vectors and images do not count as bottles.
     pub values: usize,
-    /// Largest payload that a compressed one may become, in bytes.
+    /// Maximum size of a decompressed payload, in bytes.
     pub inflated: usize,
 }
 
@@ -31,19 +31,19 @@ impl Limits {
         inflated: 256 << 20,
     };
 
-    /// The same bounds with another largest message, in bytes.
+    /// Returns the same bounds with another maximum message size, in bytes.
     pub const fn with_message(mut self, bytes: usize) -> Self {
         self.message = bytes;
         self
     }
 
-    /// The same bounds with another largest payload out of a compressed one, in bytes.
+    /// Returns the same bounds with another maximum size of a decompressed payload, in bytes.
     pub const fn with_inflated(mut self, bytes: usize) -> Self {
         self.inflated = bytes;
         self
     }
 
-    /// The same bounds with another longest line, in bytes.
+    /// Returns the same bounds with another maximum line length, in bytes.
     pub const fn with_line(mut self, bytes: usize) -> Self {
         self.line = bytes;
         self

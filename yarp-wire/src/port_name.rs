@@ -16,13 +16,13 @@ use nom::{IResult, Parser};
 #[derive(Clone, Debug, Eq, Hash, Ord, PartialEq, PartialOrd)]
 pub struct PortName(String);
 
-/// Why text is no port name.
+/// The reason why text is not a port name.
 #[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
 #[error("{name:?} is not a port name: {reason}")]
 pub struct NameError {
-    /// What was asked for.
+    /// The rejected text.
     pub name: String,
-    /// The rule that it breaks.
+    /// The violated rule.
     pub reason: &'static str,
 }
 
@@ -30,7 +30,7 @@ pub struct NameError {
 const MAX_NAME_LEN: usize = 999;
 
 impl PortName {
-    /// The name as text.
+    /// Returns the name as text.
     pub fn as_str(&self) -> &str {
         &self.0
     }
@@ -72,7 +72,7 @@ impl AsRef<str> for PortName {
     }
 }
 
-/// Where a port is, as people and programs write it.
+/// The address of a port, as people and programs write it.
 ///
 /// | text | carrier | host and port | name |
 /// | --- | --- | --- | --- |
@@ -93,7 +93,7 @@ pub struct Contact {
 }
 
 impl Contact {
-    /// Reads any text; what is no carrier and no address is the name.
+    /// Parses any text; text that is neither a carrier nor an address is the name.
     pub fn parse(text: &str) -> Self {
         match contact(text) {
             Ok((_, contact)) => contact,

@@ -1,9 +1,9 @@
-//! How urgent packets and threads of a connection are, as programs ask ports for it.
+//! Requests for the priority of packets and threads of a connection.
 //!
-//! A port is asked by `[prop] [set] /PEER (qos ((KEY VALUE)))`. What routers look at is the *type
-//! of service*, one byte in the head of each packet; its upper six bits are the *code point*.
+//! The request is `[prop] [set] /PEER (qos ((KEY VALUE)))`. Routers use the *type of service*, one
+//! byte in the header of each packet; its upper six bits are the *code point*.
 //!
-//! Checked against 3.5.0, also what is refused.
+//! Checked against 3.5.0, including refused requests.
 
 use std::fmt;
 use std::str::FromStr;
@@ -50,7 +50,7 @@ const NAMES: [(&str, u8); 22] = [
     ("VA", 44),
 ];
 
-/// How urgent packets are, in stock's four levels.
+/// Stock's four levels of packet priority.
 #[derive(Clone, Copy, Debug, Eq, Hash, Ord, PartialEq, PartialOrd)]
 pub enum Level {
     /// `LOW`
@@ -74,14 +74,14 @@ const LEVELS: [(&str, Level, CodePoint); 4] = [
 #[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
 #[error("expected {expected}, got {text:?}")]
 pub struct NameError {
-    /// What stands there.
+    /// The received text.
     pub text: String,
-    /// What could stand there.
+    /// The expected values.
     pub expected: &'static str,
 }
 
 impl CodePoint {
-    /// The code point of this number, if it has six bits.
+    /// Creates the code point of this number, if it fits six bits.
     pub const fn new(number: u8) -> Option<Self> {
         if number < 64 {
             Some(Self(number))
@@ -90,17 +90,17 @@ impl CodePoint {
         }
     }
 
-    /// Its number, 0 to 63.
+    /// Returns its number, 0 to 63.
     pub const fn number(self) -> u8 {
         self.0
     }
 
-    /// The byte that stands in packets: the number, shifted past the two bits below.
+    /// Returns the byte in packet headers: the number, shifted past the two lower bits.
     pub const fn type_of_service(self) -> u8 {
         self.0 << 2
     }
 
-    /// Its name, if it has one.
+    /// Returns its name, if it has one.
     pub fn name(self) -> Option<&'static str> {
         let mut names = NAMES.iter();
         names
@@ -133,7 +133,7 @@ impl fmt::Display for CodePoint {
 }
 
 impl Level {
-    /// The code point that packets of this level have.
+    /// Returns the code point that packets of this level have.
     pub fn code_point(self) -> CodePoint {
         let mut levels = LEVELS.iter();
         let found = levels.find(|(_, level, _)| *level == self);
@@ -161,12 +161,12 @@ impl fmt::Display for Level {
     }
 }
 
-/// The type of service that `((KEY VALUE))` asks for; `None` if it asks for none that there is.
+/// Returns the type of service that `((KEY VALUE))` requests; `None` if there is no valid request.
 ///
-/// The first key that is there decides: `priority LOW|NORM|HIGH|CRIT`, `dscp NAME` or `dscp 0..63`,
-/// `tos N`. A `tos` above 255 is what the system makes of it: its lowest byte.
+/// The first present key decides: `priority LOW|NORM|HIGH|CRIT`, `dscp NAME` or `dscp 0..63`, `tos
+/// N`. A `tos` above 255 is truncated to its lowest byte, as the operating system does.
 pub fn type_of_service(wanted: &Bottle) -> Option<u32> {
-    // As in stock, names are compared as vocabs: `NORMAL` will do for `NORM`.
+    // As in stock, names are compared as vocabs: `NORMAL` matches `NORM`.
     let word = |value: &Value| value.as_vocab().map(|word| word.to_string());
     if let Some(level) = wanted.find("priority") {
         let level: Level = word(level)?.parse().ok()?;
@@ -183,9 +183,9 @@ pub fn type_of_service(wanted: &Bottle) -> Option<u32> {
     u32::try_from(integer(wanted.find("tos")?)?).ok()
 }
 
-/// What is asked of the threads behind a connection, or of all those of a process.
+/// The requested scheduling of the threads behind a connection, or of all threads of a process.
 ///
-/// `((priority N) (policy P))`; what is left out, or -1, is to stay as it is.
+/// `((priority N) (policy P))`; a missing value, or -1, means unchanged.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub struct Scheduling {
     /// The system's number of a scheduling policy.
@@ -195,7 +195,7 @@ pub struct Scheduling {
 }
 
 impl Scheduling {
-    /// Reads what is asked for; `None` if it names neither.
+    /// Parses the request; `None` if it contains neither.
     pub fn parse(wanted: &Bottle) -> Option<Self> {
         let (policy, priority) = (wanted.find("policy"), wanted.find("priority"));
         if policy.is_none() && priority.is_none() {

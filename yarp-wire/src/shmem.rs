@@ -1,6 +1,6 @@
 //! The memory that two ends of a `shmem` connection share: its layout, names and handshake.
 //!
-//! As stock 3.5.0 does it (sources of 3.5.0 and 4.0.0 agree; system calls of a running pair):
+//! The protocol of stock 3.5.0 (sources of 3.5.0 and 4.0.0 agree; system calls of a running pair):
 //!
 //! 1. The header reply names a second TCP port of the acceptor. The initiator connects there and
 //!    says [`connect_packet`]; the acceptor answers [`accept_packet`]. That connection then stays
@@ -13,7 +13,8 @@
 //! 4. A writer that lacks room makes a larger segment under the next key, moves what is unread
 //!    there and marks the old one; the reader follows.
 //!
-//! Nothing here touches memory: callers copy the numbers out, and [`Ring::checked`] judges them.
+//! Nothing here accesses memory: callers copy the numbers out, and [`Ring::checked`] validates
+//! them.
 
 use std::ops::Range;
 
@@ -24,7 +25,7 @@ pub const HEAD: usize = 28;
 /// Bytes of the ring that stock begins with.
 pub const STOCK_SIZE: usize = 4096;
 
-/// Where things are in the head: two flags of a byte each, then numbers of four bytes.
+/// Offsets in the head: two flags of a byte each, then numbers of four bytes.
 pub mod at {
     /// The writer went on to a larger segment.
     pub const RESIZE: usize = 0;
@@ -32,41 +33,42 @@ pub mod at {
     pub const CLOSE: usize = 1;
     /// Bytes of the ring.
     pub const SIZE: usize = 4;
-    /// Bytes of the ring that follows.
+    /// Bytes of the next ring.
     pub const NEW_SIZE: usize = 8;
-    /// Where the writer goes on.
+    /// Position of the next write.
     pub const HEAD: usize = 12;
-    /// Where the reader goes on.
+    /// Position of the next read.
     pub const TAIL: usize = 16;
-    /// Bytes that wait to be read.
+    /// Number of unread bytes.
     pub const AVAILABLE: usize = 20;
-    /// How often the reader went to sleep and wants to be woken.
+    /// Number of times the reader went to sleep and wants to be woken.
     pub const WAITING: usize = 24;
 }
 
-/// Bytes of each packet of the handshake.
+/// Length of each packet of the handshake.
 pub const PACKET: usize = 8;
 const CONNECT: i32 = 0;
 const ACKNOWLEDGE: i32 = 1;
 
-/// What the initiator says. Stock looks at neither number, and puts [`STOCK_SIZE`] second; ours puts
-/// a number there by which another of ours knows it ([`initiator_mark`]).
+/// Creates the packet of the initiator. Stock ignores both numbers, and puts [`STOCK_SIZE`] second;
+/// this implementation puts a mark there by which an acceptor of the same implementation recognises
+/// it ([`initiator_mark`]).
 pub fn connect_packet(mark: u32) -> [u8; PACKET] {
     packet(CONNECT, mark)
 }
 
-/// What the acceptor answers. Stock leaves the second number to chance; ours answers the mark of one
-/// of ours.
+/// Creates the packet of the acceptor. The second number is random in stock; this implementation
+/// answers the mark of the initiator.
 pub fn accept_packet(mark: Option<u32>) -> [u8; PACKET] {
     packet(ACKNOWLEDGE, mark.map_or(0, acceptor_mark))
 }
 
-/// The mark in what an initiator said.
+/// Returns the mark in the packet of an initiator.
 pub fn initiator_mark(packet: &[u8; PACKET]) -> Result<u32, ShmemError> {
     opened(packet, CONNECT)
 }
 
-/// Whether an acceptor answered the mark `mark`, which only one of ours does.
+/// Returns whether an acceptor answered the mark `mark`, which stock never does.
 pub fn answers_mark(packet: &[u8; PACKET], mark: u32) -> Result<bool, ShmemError> {
     Ok(opened(packet, ACKNOWLEDGE)? == acceptor_mark(mark))
 }
@@ -91,12 +93,13 @@ fn opened(packet: &[u8; PACKET], expected: i32) -> Result<u32, ShmemError> {
     Ok(u32::from_le_bytes([e, f, g, h]))
 }
 
-/// The key of the segment that the end with this TCP port writes, after so many resizes.
+/// Returns the key of the segment that the end with this TCP port writes, after this many resizes.
 pub fn key(port: u16, resizes: u16) -> i32 {
     (i32::from(resizes) << 16) + i32::from(port)
 }
 
-/// The files of the two mutexes: the one that guards the segment, the one that the reader sleeps on.
+/// Returns the files of the two mutexes: the one that guards the segment, and the one that the
+/// reader sleeps on.
 pub fn lock_names(port: u16) -> (String, String) {
     (
         format!("SHMEM_ACCESS_MUTEX_{port}"),
@@ -104,18 +107,18 @@ pub fn lock_names(port: u16) -> (String, String) {
     )
 }
 
-/// What is wrong with what the other end says.
+/// The reason why the data of the other end is invalid.
 #[derive(Clone, Copy, Debug, Eq, Error, PartialEq)]
 pub enum ShmemError {
-    /// A packet of the handshake is another one.
+    /// Unexpected packet of the handshake.
     #[error("the handshake of shmem has command {command} where {expected} is due")]
     Packet {
-        /// The one that came.
+        /// The received command.
         command: i32,
-        /// The one that should have.
+        /// The expected command.
         expected: i32,
     },
-    /// The numbers in the segment's head cannot be.
+    /// The numbers in the segment's head are impossible.
     #[error(
         "the shared memory claims {available} bytes from {tail} to {head} in a ring of {size}, in a \
          segment with room for {room}"
@@ -123,18 +126,18 @@ pub enum ShmemError {
     Claims {
         /// Bytes of the ring.
         size: i32,
-        /// Where the writer goes on.
+        /// Position of the next write.
         head: i32,
-        /// Where the reader goes on.
+        /// Position of the next read.
         tail: i32,
-        /// Bytes that wait.
+        /// Number of unread bytes.
         available: i32,
-        /// Bytes of the segment behind its head.
+        /// Bytes of the segment after its head.
         room: usize,
     },
 }
 
-/// A ring whose numbers are possible.
+/// A ring whose numbers have been validated.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub struct Ring {
     size: usize,
@@ -144,7 +147,7 @@ pub struct Ring {
 }
 
 impl Ring {
-    /// An empty ring.
+    /// Creates an empty ring.
     pub fn empty(size: usize) -> Self {
         Self {
             size,
@@ -154,7 +157,7 @@ impl Ring {
         }
     }
 
-    /// Judges the numbers in a segment's head that has `room` bytes behind it.
+    /// Validates the numbers in the head of a segment with `room` bytes after it.
     ///
     /// Every range that the ring gives afterwards is within `0..room`.
     pub fn checked(
@@ -184,29 +187,29 @@ impl Ring {
         if possible { Ok(ring) } else { Err(wrong) }
     }
 
-    /// The numbers, as they stand in the head of a segment.
+    /// Returns the numbers for the head of a segment.
     pub fn numbers(&self) -> [i32; 4] {
-        // A ring comes from numbers of this kind, or is made no larger than they reach.
+        // The numbers come from this type originally, or are bounded by its range.
         [self.size, self.head, self.tail, self.available]
             .map(|number| i32::try_from(number).unwrap_or(i32::MAX))
     }
 
-    /// Bytes that wait to be read.
+    /// Returns the number of unread bytes.
     pub fn available(&self) -> usize {
         self.available
     }
 
-    /// Bytes that fit besides.
+    /// Returns the number of free bytes.
     pub fn free(&self) -> usize {
         self.size - self.available
     }
 
-    /// Bytes of the ring.
+    /// Returns the size of the ring in bytes.
     pub fn size(&self) -> usize {
         self.size
     }
 
-    /// Takes up to `most` bytes out: where they are, in order.
+    /// Removes up to `most` bytes; returns their ranges in order.
     pub fn take(&mut self, most: usize) -> [Range<usize>; 2] {
         let count = most.min(self.available);
         let ranges = self.ranges(self.tail, count);
@@ -215,10 +218,10 @@ impl Ring {
         ranges
     }
 
-    /// Puts up to `most` bytes in: where they go, in order.
+    /// Reserves up to `most` bytes; returns their ranges in order.
     pub fn put(&mut self, most: usize) -> [Range<usize>; 2] {
         if self.available == 0 {
-            // The same few bytes again and again stay close to the processor.
+            // Reusing the same few bytes keeps them in the processor's cache.
             self.head = 0;
             self.tail = 0;
         }

@@ -1,11 +1,11 @@
-//! Counts and times of messages.
+//! Sequence numbers and times of messages.
 
 use std::fmt;
 use std::str::FromStr;
 
 use crate::{Bottle, Value};
 
-/// A message count and the time of what it tells, carried as envelope or as a message of its own.
+/// A sequence number and time, carried as an envelope or as a message of its own.
 ///
 /// Text (as envelope): `COUNT TIME`, time in seconds with 15 significant digits.
 /// Bottle: `count time`, int32 and float64.
@@ -17,27 +17,27 @@ pub struct Stamp {
     pub time: f64,
 }
 
-/// Text that is no stamp.
+/// Text that is not a stamp.
 #[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
 #[error("expected a stamp `COUNT TIME`, got {text:?}")]
 pub struct StampError {
-    /// What stands there.
+    /// The received text.
     pub text: String,
 }
 
 impl Stamp {
-    /// A stamp.
+    /// Creates a stamp.
     pub const fn new(count: i32, time: f64) -> Self {
         Self { count, time }
     }
 
-    /// The next count at `time`.
+    /// Returns the stamp of the next message, at `time`.
     pub fn next(self, time: f64) -> Self {
         let count = self.count.checked_add(1).unwrap_or(0);
         Self { count, time }
     }
 
-    /// The stamp as a message.
+    /// Returns the stamp as a message.
     pub fn to_bottle(self) -> Bottle {
         Bottle::from_iter([Value::Int32(self.count), Value::Float64(self.time)])
     }
@@ -66,7 +66,7 @@ impl FromStr for Stamp {
     }
 }
 
-/// C's `%.<digits>g`.
+/// Formats a number like C's `%.<digits>g`.
 fn general(value: f64, digits: usize) -> String {
     if !value.is_finite() {
         return format!("{value}").to_lowercase();

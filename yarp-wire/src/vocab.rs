@@ -15,18 +15,18 @@ pub struct Vocab32(u32);
 
 /// A word of up to eight ASCII characters in 64 bits, first character in the lowest byte.
 ///
-/// Only generation 4.0 knows it; the older generation keeps the first four characters.
+/// Only YARP 4.0 knows it; YARP 3.x keeps the first four characters.
 #[derive(Clone, Copy, Debug, Default, Eq, Hash, Ord, PartialEq, PartialOrd)]
 pub struct Vocab64(u64);
 
 impl Vocab32 {
-    /// What `true` is on the wire: the character `1`.
+    /// `true` on the wire: the character `1`.
     pub const TRUE: Self = Self(b'1' as u32);
-    /// What `false` is on the wire.
+    /// `false` on the wire.
     pub const FALSE: Self = Self(0);
-    /// The answer to a command that worked.
+    /// The answer to a successful command.
     pub const OK: Self = Self::new("ok");
-    /// The answer to a command that did not.
+    /// The answer to a failed command.
     pub const FAIL: Self = Self::new("fail");
     /// First item of an answer that is several lines.
     pub const MANY: Self = Self::new("many");
@@ -47,17 +47,17 @@ impl Vocab32 {
         Self(code)
     }
 
-    /// The word with this code, which may be none that we know.
+    /// Returns the word with this code, which may be unknown.
     pub const fn from_code(code: u32) -> Self {
         Self(code)
     }
 
-    /// The code as it stands on the wire.
+    /// Returns the code on the wire.
     pub const fn code(self) -> u32 {
         self.0
     }
 
-    /// The characters, zero bytes left out.
+    /// Returns the characters, zero bytes left out.
     pub fn bytes(self) -> impl Iterator<Item = u8> {
         self.0.to_le_bytes().into_iter().filter(|b| *b != 0)
     }
@@ -80,22 +80,22 @@ impl Vocab64 {
         Self(code)
     }
 
-    /// The word with this code.
+    /// Returns the word with this code.
     pub const fn from_code(code: u64) -> Self {
         Self(code)
     }
 
-    /// The code as it stands on the wire.
+    /// Returns the code on the wire.
     pub const fn code(self) -> u64 {
         self.0
     }
 
-    /// What a reader of generation 3.x makes of it: the first four characters.
+    /// Returns the word that a reader of YARP 3.x sees: the first four characters.
     pub const fn truncated(self) -> Vocab32 {
         Vocab32(self.0 as u32)
     }
 
-    /// The characters, zero bytes left out.
+    /// Returns the characters, zero bytes left out.
     pub fn bytes(self) -> impl Iterator<Item = u8> {
         self.0.to_le_bytes().into_iter().filter(|b| *b != 0)
     }

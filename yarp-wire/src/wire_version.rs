@@ -1,8 +1,8 @@
-//! The two generations of the binary bottle.
+//! The two wire versions of the binary bottle.
 
-/// Which generation of YARP wrote, or will read, a binary message.
+/// The version of the binary form in which a message is written or read.
 ///
-/// Generation 4.0 gave the codes of floating point values new meanings, so that the same number
+/// YARP 4.0 gave the codes of floating point values new meanings, so that the same number
 /// stands for values of different sizes:
 ///
 /// | code | 3.x | 4.0 |
@@ -12,9 +12,9 @@
 /// | 20 | - | float64, 8 bytes |
 /// | 128 | float32, 4 bytes | - |
 ///
-/// Nothing on a connection announces the generation. A message that holds one of these codes
-/// is_version_specific it, because its bytes add up under one reading only (see [`crate::bottle::detect`]).
-/// Text connections do not differ.
+/// A connection does not announce the wire version. A message that holds one of these codes reveals
+/// it, because its bytes add up in one wire version only (see [`crate::bottle::detect`]). Text
+/// connections are the same in both.
 ///
 /// Source: bytes written by 3.5.0, and recorded traffic of 3.12.3 and 4.0.0.
 #[derive(Clone, Copy, Debug, Default, Eq, Hash, PartialEq)]
@@ -27,7 +27,7 @@ pub enum WireVersion {
 }
 
 impl WireVersion {
-    /// The other generation.
+    /// Returns the other wire version.
     pub const fn other(self) -> Self {
         match self {
             Self::V3 => Self::V4,

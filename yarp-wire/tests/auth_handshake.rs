@@ -1,4 +1,4 @@
-//! The handshake of keys, whatever comes: who holds the key is let in, nobody else.
+//! The key handshake with any input: only peers that hold the key pass.
 
 use bytes::BytesMut;
 use proptest::prelude::*;
@@ -8,7 +8,7 @@ fn key(secret: &[u8]) -> Key {
     Key::new(secret).unwrap()
 }
 
-/// Feeds what one side said to the other, `size` bytes at a time.
+/// Feeds the output of one side to the other, `size` bytes at a time.
 fn hear(
     side: &mut KeyHandshake,
     said: &[u8],
@@ -27,7 +27,7 @@ fn hear(
     Ok(through)
 }
 
-/// What each of the three steps sends, and how far it goes.
+/// Runs the three steps; returns the bytes of each and the number of completed steps.
 fn run(
     keys: [&Key; 2],
     nonces: [Nonce; 3],
@@ -111,7 +111,7 @@ proptest! {
     }
 }
 
-/// What an acceptor said cannot be sent back to it, nor to another of the same network.
+/// The acceptor's bytes cannot be replayed to it, nor to another acceptor of the same network.
 #[test]
 fn the_steps_of_others_are_no_answer() {
     let key = key(b"secret");

@@ -15,7 +15,7 @@ use yarp_wire::{
 
 const DIALECTS: [WireVersion; 2] = [WireVersion::V3, WireVersion::V4];
 
-/// A value of any kind, with words as given.
+/// Returns a value of any kind, with words as given.
 fn value(word: BoxedStrategy<Value>) -> impl Strategy<Value = Value> {
     let string = prop_oneof![
         vec(any::<u8>(), 0..12).prop_map(|bytes| Value::String(Text::from(bytes))),
@@ -70,7 +70,7 @@ fn plain_word() -> BoxedStrategy<Value> {
     .boxed()
 }
 
-/// What a reader of generation 3.x makes of a value: long words are cut.
+/// Returns the value that a reader of YARP 3.x sees: long words are truncated.
 fn cut(value: Value) -> Value {
     match value {
         Value::Vocab64(word) => word.truncated().into(),
@@ -80,10 +80,10 @@ fn cut(value: Value) -> Value {
     }
 }
 
-/// What the text form keeps of a value.
+/// Returns the value after a round trip through text.
 ///
-/// Not kept: the width of integers and floats, whether a list is a dictionary, whether a word of
-/// at most four characters was a long one, the sign of a nan, and the kind of the strings `null`,
+/// Not kept: the width of integers and floats, whether a list is a dictionary, whether a word of at
+/// most four characters was a long one, the sign of a nan, and the type of the strings `null`,
 /// `inf` and `nan`, which stock prints without quotes.
 fn through_text(value: Value) -> Value {
     let integer = |value: i64| match i32::try_from(value) {
@@ -144,7 +144,7 @@ proptest! {
         let text = bottle.to_text();
         let read = Bottle::parse_bytes(&text).unwrap();
         assert_same(&read, &expected);
-        // What came from text, text can carry.
+        // A value read from text survives another round trip.
         let again = Bottle::parse_bytes(&read.to_text()).unwrap();
         let strings = |part: &str| format!("{read:?}").contains(part);
         if !["null", "inf", "nan", "NaN"].into_iter().any(strings) {

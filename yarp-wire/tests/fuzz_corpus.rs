@@ -45,8 +45,8 @@ fn every_corpus_file_passes_with_a_byte_changed() {
     }
 }
 
-/// What carrier a seed is about was its place among all carriers: since another stood before the
-/// last two, their seeds were about others, and one had none.
+/// Regression: a seed's carrier was its index among all carriers: after another was inserted before
+/// the last two, their seeds belonged to others, and one had none.
 #[test]
 fn every_carrier_has_a_seed_of_its_own() {
     for carrier in ALL {
@@ -68,7 +68,7 @@ fn every_carrier_has_a_seed_of_its_own() {
     }
 }
 
-/// Whoever changes what makes the seeds, or a table that they count in, writes them anew.
+/// After a change of the seed generators, or of a table that they index, regenerate the seeds.
 #[test]
 fn seeds_are_what_is_written() {
     for (name, seeds) in seeds::all() {

@@ -1,7 +1,6 @@
-//! A recorded conversation gives the same events however it is cut into pieces.
+//! A recorded conversation gives the same events for any split into pieces.
 //!
-//! The vectors are halves of conversations between stock programs; `vectors/README.txt` says
-//! which.
+//! The vectors are halves of conversations between stock programs; `vectors/README.txt` lists them.
 
 use bytes::BytesMut;
 use yarp_wire::carrier::{Carrier, Sender};
@@ -22,13 +21,13 @@ struct Conversation {
     wire_version: WireVersion,
     sent: &'static [u8],
     answered: &'static [u8],
-    /// What the messages say, in text.
+    /// The messages as text.
     says: &'static [&'static str],
-    /// What the answers say.
+    /// The answers as text.
     answers: &'static [&'static str],
 }
 
-/// What `yarp write` sent in every recording.
+/// The messages of `yarp write` in every recording.
 const FIVE: [&str; 6] = [
     r#"D 1 2.5 hello "a b" [vocb] (nested (list 7)) {1 2 255}"#,
     "D 42",
@@ -186,7 +185,7 @@ fn accept(pieces: &[&[u8]], wire_version: WireVersion) -> (Vec<Event>, BytesMut)
     (events, output)
 }
 
-/// A message in words: its command and its content.
+/// Returns a message in words: its command and its content.
 fn words(event: &Event) -> Option<String> {
     let Event::Message(message) = event else {
         return None;
@@ -239,7 +238,7 @@ fn acceptors_answer_as_the_recorded_ones() {
     }
 }
 
-/// An initiator that has sent the recorded messages, and the bytes it wrote.
+/// Returns an initiator that has sent the recorded messages, and the bytes it wrote.
 fn initiate(talk: &Conversation) -> (Initiator, BytesMut) {
     let mut output = BytesMut::new();
     let carrier = Carrier::by_name(talk.carrier).unwrap();
@@ -281,7 +280,7 @@ fn initiators_write_the_recorded_bytes() {
     }
 }
 
-/// What an initiator learns from `pieces`.
+/// Returns the events of an initiator fed with `pieces`.
 fn progress(talk: &Conversation, pieces: &[&[u8]]) -> Vec<Progress> {
     let (mut initiator, _) = initiate(talk);
     let mut input = BytesMut::new();

@@ -12,10 +12,10 @@ use yarp_wire::message::{Command, CommandError, Index, IndexError};
 use yarp_wire::{Bottle, Contact, Limits, PortName, Stamp, WireVersion};
 
 const DIALECTS: [WireVersion; 2] = [WireVersion::V3, WireVersion::V4];
-/// What a parser may hold beyond twice what was sent.
+/// Bytes that a parser may allocate beyond twice its input.
 const SLACK: usize = 64 * 1024;
 
-/// Runs a parser over `sent` bytes and checks what it held meanwhile.
+/// Runs a parser over `sent` bytes and checks its peak allocation.
 #[track_caller]
 fn frugal<T>(sent: usize, work: impl FnOnce() -> T) -> T {
     let (result, held) = most_held(work);
@@ -119,7 +119,7 @@ fn unknown_codes_are_refused() {
             "{list}: {error}"
         );
     }
-    // Each generation refuses what only the other has.
+    // Each wire version refuses what only the other has.
     let read = |bytes: &Bytes, wire_version| Bottle::decode(bytes, wire_version, Limits::DEFAULT);
     assert!(read(&words(&[256, 1, 128, 0]), WireVersion::V4).is_err());
     assert!(read(&words(&[256, 1, 20, 0, 0]), WireVersion::V3).is_err());
@@ -165,7 +165,7 @@ fn a_million_nested_lists_are_refused() {
         let read = frugal(text.len(), || Bottle::parse(&text));
         assert_eq!(read, Err(TextError::TooDeep { limit: 200 }));
     }
-    // What is left open is dropped, as in stock.
+    // Open brackets and quotes are dropped, as in stock.
     for text in [
         "(".repeat(1_000_000),
         ")".repeat(1_000_000),
@@ -176,7 +176,7 @@ fn a_million_nested_lists_are_refused() {
     }
 }
 
-/// An acceptor that has read `bytes`: its first error, and how many events came before.
+/// Feeds `bytes` to an acceptor; returns the number of events and the first error.
 fn accept(bytes: &[u8], limits: Limits) -> (usize, Option<ProtocolError>) {
     let mut input = BytesMut::from(bytes);
     let mut output = BytesMut::new();
@@ -320,7 +320,7 @@ fn zero_bytes_in_text_are_dropped() {
     assert!(error.is_none_or(|error| matches!(error, ProtocolError::LineTooLong { .. })));
 }
 
-/// The header of a tcp connection, then `index`.
+/// Returns the header of a tcp connection, then `index`.
 fn indexed(len: u8, out: u8, lengths: &[i32], rest: &[u8]) -> Vec<u8> {
     let mut bytes = b"YA\xe4\x1e\0\0RP\x04\0\0\0/wr\0YA\x0a\0\0\0RP".to_vec();
     bytes.extend_from_slice(&[len, out, 255, 255, 255, 255, 255, 255, 255, 255]);
@@ -406,12 +406,12 @@ fn a_command_block_that_lies_about_its_string_is_taken_to_its_zero() {
     assert!(Command::read(&Bytes::from_static(b"\x02\0\0\0~\0\0\x01qqqq")).is_err());
 }
 
-/// An initiator that waits for a reply and has read `bytes`.
+/// Returns an initiator that waits for a reply and has read `bytes`.
 fn await_reply(carrier: &str, bytes: &[u8], limits: Limits) -> Result<usize, ProtocolError> {
     await_answer(carrier, &Command::data(true), bytes, limits)
 }
 
-/// What comes of an answer to this.
+/// Returns the initiator's result for this answer.
 fn await_answer(
     carrier: &str,
     command: &Command,
@@ -453,7 +453,7 @@ fn a_lying_reply_is_refused_or_waited_for() {
             Err(ProtocolError::Acknowledgement { .. })
         ));
     }
-    // Nobody asked.
+    // There was no request.
     let extra = [&words(&[257, 1, 42])[..], &[7; 8]].concat();
     let error = await_reply("fast_tcp", &extra, Limits::DEFAULT);
     assert_eq!(error, Err(ProtocolError::Unexpected { count: 8 }));

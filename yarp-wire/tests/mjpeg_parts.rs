@@ -1,4 +1,4 @@
-//! Pictures in a stream: what is written is read, however it is cut, and lies are refused.
+//! MJPEG streams: written parts are read for any split, and false claims are refused.
 
 use bytes::{Bytes, BytesMut};
 use proptest::prelude::*;
@@ -136,7 +136,7 @@ fn false_claims_are_refused() {
     );
 }
 
-/// The request of stock 3.5.0 has its empty line in the middle; what follows is passed over.
+/// The request of stock 3.5.0 has its empty line in the middle; the rest is ignored.
 #[test]
 fn requests_open_the_connection() {
     let stock = "GET /?action=stream\n\n HTTP/1.1\nHost: h\r\n\n";

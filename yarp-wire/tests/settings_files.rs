@@ -1,4 +1,4 @@
-//! Configuration files: includes, groups, lists, and where each value was written.
+//! Configuration files: includes, groups, lists, and the origin of each value.
 
 use std::collections::BTreeMap;
 
@@ -142,7 +142,7 @@ proptest! {
         let files = Files::of([("f.ini", "x 1\n[include f.ini]")]);
         let mut settings = Settings::new();
         settings.read_text("main", &text, &files);
-        // What was read can be read again as it is printed.
+        // Parsed settings can be parsed again from their printed form.
         Settings::new().add_lists(&settings.to_string(), &Origin::Program).unwrap();
     }
 

@@ -1,5 +1,5 @@
-//! A ring in shared memory gives only ranges that are there, whatever the other end claims, and
-//! carries bytes whole.
+//! A ring in shared memory returns only valid ranges, whatever the other end claims, and transmits
+//! bytes unchanged.
 
 use proptest::prelude::*;
 use yarp_wire::shmem::Ring;

@@ -254,7 +254,7 @@ fn pairs() {
 }
 
 wire_struct! {
-    /// How to take hold of something.
+    /// A grasp of an object.
     #[derive(Clone, Debug, PartialEq)]
     struct Grasp {
         name: String,

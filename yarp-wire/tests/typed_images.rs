@@ -140,8 +140,8 @@ fn pixels_are_shared_with_the_message() {
     assert_eq!(even.packed().as_ptr(), even.pixels().as_ptr());
 }
 
-/// What `fakeFrameGrabber` sent, 32 x 24, in recordings of 3.12.3 and of 4.0.0: runs of black
-/// (k), green and cyan (c) pixels, row by row.
+/// The image that `fakeFrameGrabber` sent, 32 x 24, in recordings of 3.12.3 and of 4.0.0: runs of
+/// black (k), green and cyan (c) pixels, row by row.
 const RECORDED_ROWS: &str =
     "k4g19k9 k3g21k8 k2g23k7 k1g25k6 k1g12c1g12k6 g10c7g10k5 g8c11g8k5 g7c13g8k4
     g7c13g8k4 g6c15g7k4 g6c15g7k4 g6c15g7k4 g5c17g7k3 g6c15g7k4 g6c15g7k4 g6c15g7k4 g7c13g8k4
@@ -193,7 +193,7 @@ fn recorded_images_of_both_wire_versions() {
         assert_eq!(image.pixels(), &pixels);
         assert_eq!(image.pixel(4, 0), Some(&[0, 255, 0][..]));
         assert_eq!(written(&image, wire_version), message);
-        // Nothing in an image betrays the generation, so either reading has to do.
+        // An image does not reveal the wire version, so either must decode it.
         assert_eq!(
             Image::read_binary(&message, wire_version.other()),
             Ok(image)

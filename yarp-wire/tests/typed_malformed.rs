@@ -8,7 +8,7 @@ use yarp_wire::WireVersion;
 use yarp_wire::message::ReadObject;
 use yarp_wire::typed::{Image, ImageError, Matrix, Pair, PixelCode, Sound, VectorOf};
 
-/// What a reader may hold beyond what was sent.
+/// Bytes that a reader may allocate beyond its input.
 const SLACK: usize = 4 * 1024;
 
 fn bytes(words: &[i32], rest: usize) -> Bytes {
@@ -32,7 +32,7 @@ fn refused<T: ReadObject>(message: &Bytes) {
 
 const LIES: [i32; 6] = [-1, i32::MIN, 1000, 1 << 20, 1 << 30, i32::MAX];
 
-/// A header of mono pixels: depth, size, quantum, width, height, size of the blob.
+/// Returns a header of mono pixels: depth, size, quantum, width, height, size of the blob.
 fn image(code: &str, numbers: [i32; 6], rest: usize) -> Bytes {
     let code = PixelCode::new(code).code();
     let [depth, size, quantum, width, height, blob] = numbers;
@@ -160,7 +160,7 @@ fn counts_of_sounds() {
         let key = [&head(6, 0, 1)[..], &[320, 0, 256, 1, 256, 4, lie]].concat();
         refused::<Sound>(&bytes(&key, 16));
     }
-    // Samples of one byte: no version of stock sends what it says it does.
+    // Samples of one byte: no stock version sends the announced length.
     refused::<Sound>(&bytes(&[256, 5, 1, 4, 1, 1, 1, 1, 1, 8000, 320, 4], 8));
     refused::<Sound>(&bytes(&[256, 3], 0));
 }

@@ -1,5 +1,5 @@
-//! Any typed message survives both wire versions and stands in front of others; no bytes at all make
-//! a reader panic.
+//! Any typed message survives a round trip in both wire versions and can precede other bytes; no
+//! input makes a reader panic.
 
 use std::fmt::Debug;
 
@@ -27,7 +27,7 @@ fn written(object: &dyn WireObject, wire_version: WireVersion) -> Bytes {
     out.freeze()
 }
 
-/// Checks that the object is read from what it wrote, also in front of other bytes, and from no
+/// Checks that the object is decoded from its encoding, also if other bytes follow, and from no
 /// part of it.
 fn survives<T>(object: &T, wire_version: WireVersion) -> Result<(), TestCaseError>
 where

@@ -1,4 +1,4 @@
-//! Frames of pages: the same stream however they are cut, answers to pings, and what is refused.
+//! WebSocket frames: the same stream for any split, answers to pings, and refused frames.
 
 use bytes::{BufMut, BytesMut};
 use proptest::prelude::*;
@@ -15,7 +15,7 @@ const RESPONSE: &str = "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r
     Connection: Upgrade\r\nSec-WebSocket-Accept: s3pPLMBiTxaQ9kYGzzhZRbK+xOo=\r\n\r\n";
 const LIMIT: usize = 1 << 20;
 
-/// A frame as a browser sends it: masked.
+/// Returns a frame as a browser sends it: masked.
 fn frame(first: u8, body: &[u8]) -> Vec<u8> {
     let mut out = BytesMut::new();
     put_frame_head(&mut out, body.len());
@@ -128,7 +128,7 @@ fn block(letter: u8) -> [u8; 8] {
     [0, 0, 0, 0, b'~', letter, 0, 1]
 }
 
-/// Whatever the frames, command blocks and payloads one behind the other are messages.
+/// Command blocks and payloads in sequence are messages, independent of the frames.
 #[test]
 fn messages_are_read_and_answered() {
     let question = Bottle::parse("how \"much\" 1").unwrap();
@@ -242,7 +242,8 @@ fn a_request_without_a_key_is_refused() {
     assert!(Carrier::by_name("websocket").is_some());
 }
 
-/// A message was lost if a malformed frame came in the same packet, and not if it came later.
+/// Regression: a message was lost if a malformed frame was in the same packet, and not if it came
+/// later.
 #[test]
 fn a_message_before_a_malformed_frame_is_read() {
     let mut acceptor = Acceptor::new(1, WireVersion::V3, Limits::DEFAULT);
@@ -262,7 +263,7 @@ fn a_message_before_a_malformed_frame_is_read() {
 
 #[test]
 fn a_close_frame_is_reported_once() {
-    // It was told for ever, to whoever went on asking.
+    // Regression: it was reported again at each poll.
     let mut acceptor = Acceptor::new(1, WireVersion::V3, Limits::DEFAULT);
     let (mut input, mut output) = (BytesMut::from(REQUEST), BytesMut::new());
     input.extend(frame(0x88, b""));

@@ -1,6 +1,5 @@
-//! Configuration files and the counters of other ports, whatever stands in them: what is understood
-//! prints, and is understood again.
-//! Messages that pass monitors, whatever they are.
+//! Fuzzing of configuration files, the counters of other ports, and messages that pass monitors:
+//! parsed input prints, and parses again.
 //!
 //! The same functions are replayed over the committed corpus by `tests/fuzz_corpus.rs`.
 
@@ -26,7 +25,7 @@ pub fn counters(data: &[u8]) {
     }
 }
 
-/// One file, read as each kind of configuration file that there is.
+/// Parses one file as each kind of configuration file.
 pub fn configuration(data: &[u8]) {
     let text = String::from_utf8_lossy(data);
     let file = Path::new("yarp.conf");
@@ -52,8 +51,8 @@ pub fn configuration(data: &[u8]) {
     }
 }
 
-/// Bytes as what arrives at each of the monitors that expand or convert: no message becomes larger
-/// than it may, and what monitors make can be read.
+/// Passes bytes to each of the monitors that decompress or convert: no message exceeds its maximum
+/// size, and the output of monitors can be read.
 pub fn monitors(data: &[u8]) {
     for form in [Form::Binary(WireVersion::V3), Form::Text] {
         let payload = Payload::new(data.to_vec().into(), form);
@@ -111,7 +110,7 @@ fn image(bytes: Option<Payload>) {
     }
 }
 
-/// What a reader's monitor makes of a message.
+/// Returns the output of a reader's monitor for a message.
 fn passed(name: &str, options: &str, payload: Payload) -> Option<Payload> {
     let options = Bottle::parse(options).expect("a bottle");
     let setup = MonitorSetup::new(MonitorSide::Receive, "/w", "/r", options);

@@ -17,9 +17,9 @@ pub(super) const FILE: &str = "auth.conf";
 
 const EXPECTED: &str = "`key \"TEXT\"` below `[AUTH]`, in quotes if it is a number";
 
-/// The key that the text of `file` gives.
+/// Parses the key in the text of `file`.
 ///
-/// Stricter than stock, which does without authentication if the file is there and gives no key.
+/// Stricter than stock, which disables authentication if the file exists without a key.
 pub fn parse_key(file: &Path, text: &str) -> Result<Key, ConfigError> {
     let wrong = |line, found: &str| ConfigError::Line {
         file: file.to_owned(),
@@ -39,7 +39,7 @@ pub fn parse_key(file: &Path, text: &str) -> Result<Key, ConfigError> {
     key.ok_or_else(|| wrong(entry.line, "something else behind `key`"))
 }
 
-/// The same error without the line, which may hold the key.
+/// Returns the same error without the line, which may hold the key.
 fn hide(error: ConfigError, file: &Path) -> ConfigError {
     match error {
         ConfigError::Line { line, expected, .. } => ConfigError::Line {
@@ -59,7 +59,7 @@ mod tests {
 
     use super::*;
 
-    /// The first step that this key makes: two keys are the same if these are.
+    /// Returns the first step that this key makes: two keys are the same if these are.
     fn sign(key: Key) -> BytesMut {
         let mut said = BytesMut::new();
         KeyHandshake::accept(key, [[1; 8], [2; 8]], &mut said);

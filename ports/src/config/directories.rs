@@ -1,4 +1,4 @@
-//! Where configuration and data are.
+//! Directories of configuration and data.
 
 use std::path::{Path, PathBuf};
 
@@ -13,12 +13,12 @@ pub struct Directories {
     /// `~/.config/yarp`. The only place that is searched for `yarp.conf`.
     pub config_home: PathBuf,
     /// The user's data: `YARP_DATA_HOME`, else `XDG_DATA_HOME` + `/yarp`, else
-    /// `~/.local/share/yarp`; none if none of these is set.
+    /// `~/.local/share/yarp`; `None` if none of these is set.
     pub data_home: Option<PathBuf>,
-    /// Configuration for everybody: `YARP_CONFIG_DIRS`, else each of `XDG_CONFIG_DIRS`
-    /// (`/etc/xdg`) + `/yarp`.
+    /// System-wide configuration: `YARP_CONFIG_DIRS`, else each of `XDG_CONFIG_DIRS` (`/etc/xdg`) +
+    /// `/yarp`.
     pub config_dirs: Vec<PathBuf>,
-    /// Data for everybody: `YARP_DATA_DIRS`, else each of `XDG_DATA_DIRS`
+    /// System-wide data: `YARP_DATA_DIRS`, else each of `XDG_DATA_DIRS`
     /// (`/usr/local/share:/usr/share`) + `/yarp`.
     pub data_dirs: Vec<PathBuf>,
     /// Data of packages, which they name themselves, see [`with_packages`](Self::with_packages).
@@ -26,7 +26,7 @@ pub struct Directories {
 }
 
 impl Directories {
-    /// The directories that `environment` names.
+    /// Returns the directories that `environment` names.
     ///
     /// A variable that is set to nothing counts as not set; stock takes the current directory.
     pub fn of(environment: &Environment) -> Result<Self, ConfigError> {
@@ -78,8 +78,9 @@ impl Directories {
         })
     }
 
-    /// The directories that `environment` names, and those of packages: what the files `config/path.d/*.ini` name in
-    /// the first of [`data_dirs`](Self::data_dirs) that has such a folder.
+    /// Returns the directories that `environment` names, and those of packages, which the files
+    /// `config/path.d/*.ini` name in the first of [`data_dirs`](Self::data_dirs) that has such a
+    /// folder.
     ///
     /// ```text
     /// [search my_package]
@@ -115,8 +116,8 @@ impl Directories {
         }
     }
 
-    /// The places where files are looked for, in this order: the user's configuration and data, those of everybody,
-    /// those of packages.
+    /// Iterates over the directories searched for files, in order: the user's configuration and
+    /// data, the system-wide ones, those of packages.
     pub fn places(&self) -> impl Iterator<Item = &PathBuf> {
         std::iter::once(&self.config_home)
             .chain(&self.data_home)
@@ -125,18 +126,18 @@ impl Directories {
             .chain(&self.packages)
     }
 
-    /// The places for the robot: `robots/$YARP_ROBOT_NAME` in each of [`places`](Self::places); `robots/default`
-    /// unless told otherwise.
+    /// Iterates over the directories of the robot: `robots/$YARP_ROBOT_NAME` in each of
+    /// [`places`](Self::places); `robots/default` by default.
     pub fn robot_places(&self, environment: &Environment) -> impl Iterator<Item = PathBuf> {
         let robot = environment.get("YARP_ROBOT_NAME").unwrap_or("default");
         let robot = Path::new("robots").join(robot);
         self.places().map(move |place| place.join(&robot))
     }
 
-    /// Where a file such as `auth.conf` may be, in the order of the search: the current directory,
-    /// [`robot_places`](Self::robot_places), [`places`](Self::places).
+    /// Returns the candidate paths of a file such as `auth.conf`, in search order: the current
+    /// directory, [`robot_places`](Self::robot_places), [`places`](Self::places).
     ///
-    /// Source: stock 3.5.0, watched.
+    /// Source: observation of stock 3.5.0.
     pub fn resources(&self, environment: &Environment, file: &str) -> Vec<PathBuf> {
         std::iter::once(PathBuf::new())
             .chain(self.robot_places(environment))
@@ -145,7 +146,7 @@ impl Directories {
             .collect()
     }
 
-    /// The file that names the name servers.
+    /// Returns the file that names the name servers.
     pub fn namespace_file(&self) -> PathBuf {
         self.config_home.join("yarp_namespace.conf")
     }

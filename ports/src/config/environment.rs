@@ -72,13 +72,13 @@ impl Environment {
         self.platform
     }
 
-    /// A variable; one that is set to nothing counts as not set.
+    /// Returns a variable; one that is set to nothing counts as not set.
     pub fn get(&self, variable: &str) -> Option<&str> {
         let value = self.variables.get(variable)?;
         (!value.is_empty()).then_some(value)
     }
 
-    /// A variable that holds a port number.
+    /// Returns a variable that holds a port number.
     pub fn port(&self, variable: &str) -> Result<Option<u16>, ConfigError> {
         let Some(found) = self.get(variable) else {
             return Ok(None);

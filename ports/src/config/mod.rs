@@ -1,26 +1,26 @@
-//! Where the configuration of a YARP network lives, and what it says.
+//! The configuration of a YARP network: its location and content.
 //!
 //! The files and variables are those of stock YARP, so that both use one configuration:
 //!
-//! | in the configuration directory | says |
+//! | in the configuration directory | content |
 //! | --- | --- |
-//! | `yarp.conf` | where the name server is: `HOST PORT [MODE]` |
-//! | `yarp_namespace.conf` | the names of the name servers to use, `/root` unless told otherwise |
-//! | `_NAME.conf` | where the name server called `/NAME` is |
-//! | `auth.conf` | the key that all programs of the network share; also looked for elsewhere, see [`Directories::resources`] |
-//! | `roles.conf` | who may do what with which ports, see [`crate::roles`]; looked for like `auth.conf` |
+//! | `yarp.conf` | address of the name server: `HOST PORT [MODE]` |
+//! | `yarp_namespace.conf` | names of the name servers to use, `/root` by default |
+//! | `_NAME.conf` | address of the name server called `/NAME` |
+//! | `auth.conf` | the key that all programs of the network share; also searched for in other directories, see [`Directories::resources`] |
+//! | `roles.conf` | permissions of peers on ports, see [`crate::roles`]; searched for like `auth.conf` |
 //!
-//! [`ResourceFinder`] looks for the files of robots and applications.
+//! [`ResourceFinder`] finds the files of robots and applications.
 //!
-//! | variable | says |
+//! | variable | meaning |
 //! | --- | --- |
-//! | `YARP_CONFIG_HOME`, `XDG_CONFIG_HOME`, `HOME` | which directory that is |
-//! | `YARP_DATA_HOME`, `YARP_DATA_DIRS`, `YARP_CONFIG_DIRS`, `XDG_…` | where else files are looked for |
-//! | `YARP_ROBOT_NAME` | whose files go first, `robots/NAME` |
+//! | `YARP_CONFIG_HOME`, `XDG_CONFIG_HOME`, `HOME` | the configuration directory |
+//! | `YARP_DATA_HOME`, `YARP_DATA_DIRS`, `YARP_CONFIG_DIRS`, `XDG_…` | further directories to search |
+//! | `YARP_ROBOT_NAME` | the robot whose files are preferred, `robots/NAME` |
 //! | `YARP_NAMESPACE` | the names, instead of `yarp_namespace.conf` |
-//! | `YARP_IP` | the address to register ports with, or how it begins |
-//! | `YARP_PORT_RANGE` | TCP port of a server to start, and of multicast detection (10000) |
-//! | `YARP_PORT_PREFIX` | what every port name of this process begins with |
+//! | `YARP_IP` | the address to register ports with, or its beginning |
+//! | `YARP_PORT_RANGE` | default TCP port of a new name server, and UDP port of multicast detection (10000) |
+//! | `YARP_PORT_PREFIX` | prefix of every port name of this process |
 //! | `YARP_RENAME_x`, `YARP_PORTNUMBER_x` | another name, or a fixed TCP port, for port `/x` |
 //!
 //! [`Configuration::load`] is a function of an [`Environment`] and a way to read files;
@@ -48,10 +48,10 @@ use yarp_wire::auth::Key;
 
 use crate::roles::{self, Roles};
 
-/// TCP port of the name server, and UDP port of multicast detection, unless told otherwise.
+/// Default TCP port of the name server, and UDP port of multicast detection.
 pub const DEFAULT_PORT: u16 = 10000;
 
-/// What the files and the environment say.
+/// The content of the files and the environment.
 #[derive(Clone, Debug)]
 pub struct Configuration {
     environment: Environment,
@@ -67,17 +67,17 @@ pub struct Configuration {
 pub struct Namespace {
     /// Its name, that of its port.
     pub name: String,
-    /// The file that says where it is.
+    /// The file that holds its address.
     pub file: PathBuf,
-    /// What the file says; none if it is missing or empty.
+    /// The address in the file; `None` if the file is missing or empty.
     pub server: Option<NameServer>,
 }
 
-/// What is wrong with the configuration.
+/// An error in the configuration.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ConfigError {
-    /// No variable says where the configuration is.
+    /// No variable names the configuration directory.
     #[error("expected one of {variables} to name the directory of the configuration, none is set")]
     NoDirectory {
         /// The variables that were tried.
@@ -88,7 +88,7 @@ pub enum ConfigError {
     Read {
         /// The file.
         file: PathBuf,
-        /// What the system says.
+        /// The error of the operating system.
         #[source]
         source: io::Error,
     },
@@ -97,7 +97,7 @@ pub enum ConfigError {
     NoFile {
         /// The file.
         file: String,
-        /// Where it was looked for.
+        /// The searched paths.
         searched: Vec<PathBuf>,
     },
     /// A file cannot be written.
@@ -105,7 +105,7 @@ pub enum ConfigError {
     Write {
         /// The file.
         file: PathBuf,
-        /// What the system says.
+        /// The error of the operating system.
         #[source]
         source: io::Error,
     },
@@ -116,9 +116,9 @@ pub enum ConfigError {
         file: PathBuf,
         /// The line, from 1.
         line: usize,
-        /// What should stand there.
+        /// The expected content.
         expected: &'static str,
-        /// What stands there.
+        /// The content found.
         found: String,
     },
     /// A variable says something else than it should.
@@ -126,9 +126,9 @@ pub enum ConfigError {
     Variable {
         /// The variable.
         variable: String,
-        /// What it should hold.
+        /// The expected value.
         expected: &'static str,
-        /// What it holds.
+        /// The value found.
         found: String,
     },
 }
@@ -142,7 +142,7 @@ fn shown(places: &[PathBuf]) -> String {
 }
 
 impl Configuration {
-    /// The configuration of this process.
+    /// Returns the configuration of this process.
     pub fn from_process() -> Result<Self, ConfigError> {
         let environment = Environment::from_process();
         let directories = Directories::with_packages(&environment, &Disk::default())?;
@@ -151,7 +151,7 @@ impl Configuration {
         })
     }
 
-    /// The configuration that `environment` and the files show; `read` gives the text of a file,
+    /// Returns the configuration that `environment` and the files show; `read` gives the text of a file,
     /// or the error [`io::ErrorKind::NotFound`].
     pub fn load(
         environment: Environment,
@@ -204,22 +204,22 @@ impl Configuration {
         })
     }
 
-    /// The variables.
+    /// Returns the variables.
     pub fn environment(&self) -> &Environment {
         &self.environment
     }
 
-    /// Where files are.
+    /// Returns the directories.
     pub fn directories(&self) -> &Directories {
         &self.directories
     }
 
-    /// The name servers to use, one at least; queries go to the first that answers.
+    /// Returns the name servers to use, one at least; queries go to the first that answers.
     pub fn namespaces(&self) -> &[Namespace] {
         &self.namespaces
     }
 
-    /// The first name server whose place is known.
+    /// Returns the first name server whose place is known.
     pub fn name_server(&self) -> Option<(&str, &NameServer)> {
         let known = |held: &'_ Namespace| held.server.is_some();
         let held = self.namespaces.iter().find(|held| known(held))?;
@@ -232,17 +232,17 @@ impl Configuration {
         self.default_port
     }
 
-    /// The key of `auth.conf`, if there is such a file.
+    /// Returns the key of `auth.conf`, if there is such a file.
     pub fn key(&self) -> Option<&Key> {
         self.key.as_ref()
     }
 
-    /// The roles of `roles.conf`.
+    /// Returns the roles of `roles.conf`.
     pub fn roles(&self) -> &Roles {
         &self.roles
     }
 
-    /// The address to register ports with, given those of this machine as text.
+    /// Returns the address to register ports with, given those of this machine as text.
     ///
     /// With `YARP_IP`: the first own address that begins with it, else the text itself. Without:
     /// none, which leaves it to the name server.
@@ -275,7 +275,7 @@ pub fn write(file: &Path, text: &str) -> Result<(), ConfigError> {
 mod tests {
     use super::*;
 
-    /// The configuration of a process with these variables and files.
+    /// Returns the configuration of a process with these variables and files.
     fn load(
         variables: &[(&str, &str)],
         files: &[(&str, &str)],

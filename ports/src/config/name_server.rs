@@ -1,11 +1,11 @@
-//! The file that says where a name server is.
+//! The file with the address of a name server.
 
 use std::fmt;
 use std::path::Path;
 
 use super::ConfigError;
 
-/// Where a name server is: the content of `yarp.conf`.
+/// The address of a name server: the content of `yarp.conf`.
 ///
 /// Two forms are read, one is written:
 ///
@@ -19,21 +19,21 @@ use super::ConfigError;
 /// mode yarp
 /// ```
 ///
-/// Further lines of the usual form say where else the same names are served (`yarp server --store`); stock
-/// does not read beyond the first line (3.5.0, asked).
+/// Further lines of the usual form are further addresses of the same names (`yarp server --store`);
+/// stock ignores all but the first line (3.5.0, checked).
 #[derive(Clone, Debug, Eq, PartialEq)]
 pub struct NameServer {
     /// Address or host name.
     pub host: String,
     /// TCP port.
     pub port: u16,
-    /// What kind of server it is.
+    /// The kind of server.
     pub mode: Mode,
     /// Host and TCP port of other servers of the same names.
     pub others: Vec<(String, u16)>,
 }
 
-/// What kind of server a configuration names.
+/// The kind of server that a configuration names.
 #[derive(Clone, Debug, Default, Eq, PartialEq)]
 pub enum Mode {
     /// A YARP name server.
@@ -58,7 +58,7 @@ impl NameServer {
         }
     }
 
-    /// Reads the text of `file`; none if it is empty.
+    /// Reads the text of `file`; `None` if it is empty.
     ///
     /// Stricter than stock, which takes `localhost` alone for no configuration and a port that is
     /// no number for 0; kinder to blank lines in front.
@@ -133,7 +133,8 @@ impl NameServer {
     }
 }
 
-/// `HOST PORT yarp`; other words are not ours, and stock does not read them either.
+/// Parses `HOST PORT yarp`; other words belong to other kinds of server, and stock does not read
+/// them either.
 fn parse_other(line: &str) -> Option<(String, u16)> {
     let mut words = line.split_whitespace();
     let (host, port) = (words.next()?, parse_port(words.next()?)?);

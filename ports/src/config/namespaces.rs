@@ -18,7 +18,7 @@ pub fn parse_namespaces(text: &str) -> Vec<String> {
     names
 }
 
-/// The content of `yarp_namespace.conf`: `"/foo" "/bar"`, as stock writes it.
+/// Returns the content of `yarp_namespace.conf`: `"/foo" "/bar"`, as stock writes it.
 pub fn print_namespaces(names: &[String]) -> String {
     let names: Bottle = names
         .iter()
@@ -27,7 +27,7 @@ pub fn print_namespaces(names: &[String]) -> String {
     names.to_string()
 }
 
-/// The file that says where the name server called `namespace` is.
+/// Returns the name of the file with the address of the name server called `namespace`.
 ///
 /// `yarp.conf` for `/root`; else the name with every byte but ASCII letters and digits replaced:
 /// `_foo.conf` for `/foo`.
@@ -38,7 +38,7 @@ pub fn file_name(namespace: &str) -> String {
     format!("{}.conf", plain(namespace))
 }
 
-/// The name with `_` for every byte that is no ASCII letter or digit.
+/// Returns the name with `_` for every byte that is no ASCII letter or digit.
 pub(super) fn plain(name: &str) -> String {
     let plain = |byte: u8| match byte {
         byte if byte.is_ascii_alphanumeric() => char::from(byte),

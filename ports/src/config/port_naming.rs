@@ -1,10 +1,10 @@
-//! What the environment makes of the name of a port.
+//! Renaming and numbering of ports by environment variables.
 
 use super::namespaces::plain;
 use super::{ConfigError, Configuration};
 
 impl Configuration {
-    /// The name under which a port that the program calls `name` is opened.
+    /// Returns the name under which a port that the program calls `name` is opened.
     ///
     /// First `YARP_RENAME_x` replaces `/x` (other characters than letters and digits are `_`
     /// there), then `YARP_PORT_PREFIX` goes in front. Names that the server chooses (`...`) stay.
@@ -19,8 +19,8 @@ impl Configuration {
         format!("{prefix}{renamed}")
     }
 
-    /// The TCP port on which a port that the program calls `name` shall listen:
-    /// `YARP_PORTNUMBER_x`, which stock has since 3.6.
+    /// Returns the TCP port for a port that the program calls `name`: `YARP_PORTNUMBER_x`,
+    /// supported by stock since 3.6.
     pub fn port_number(&self, name: &str) -> Result<Option<u16>, ConfigError> {
         self.environment
             .port(&format!("YARP_PORTNUMBER{}", plain(name)))

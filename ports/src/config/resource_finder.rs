@@ -6,31 +6,31 @@ use yarp_wire::settings::{Origin, Problem, Settings, Source};
 
 use super::{ConfigError, Directories, Environment};
 
-/// Finds files where stock's `ResourceFinder` finds them, and reads the configuration of a program.
+/// Finds files like stock's `ResourceFinder`, and reads the configuration of a program.
 ///
-/// A name that is no absolute path is looked for in this order:
+/// A name that is not an absolute path is searched for in this order:
 ///
 /// 1. the current directory;
 /// 2. beside the main configuration file, if that was found in the current directory;
-/// 3. `robots/$YARP_ROBOT_NAME` in each of the places below (`default` unless told otherwise);
+/// 3. `robots/$YARP_ROBOT_NAME` in each of the directories below (`default` by default);
 /// 4. `contexts/CONTEXT` in each of them, unless 2 holds;
-/// 5. the places: `YARP_CONFIG_HOME`, `YARP_DATA_HOME`, `YARP_CONFIG_DIRS`, `YARP_DATA_DIRS`, and what
-///    `config/path.d` names ([`Directories::with_packages`]).
+/// 5. the directories: `YARP_CONFIG_HOME`, `YARP_DATA_HOME`, `YARP_CONFIG_DIRS`, `YARP_DATA_DIRS`,
+///    and those that `config/path.d` names ([`Directories::with_packages`]).
 ///
-/// Source: stock 3.5.0, asked the same questions about the same folders.
+/// Source: comparison with stock 3.5.0 on the same folders.
 #[derive(Clone, Debug)]
 pub struct ResourceFinder {
     environment: Environment,
     directories: Directories,
     here: PathBuf,
     context: Option<String>,
-    /// Where the main configuration file is, if it was in the current directory.
+    /// The path of the main configuration file, if it was in the current directory.
     near: Option<PathBuf>,
     settings: Settings,
 }
 
 impl ResourceFinder {
-    /// A finder with the variables and the current directory of this process.
+    /// Returns a finder with the variables and the current directory of this process.
     pub fn from_process() -> Result<Self, ConfigError> {
         let environment = Environment::from_process();
         Ok(Self {
@@ -44,10 +44,11 @@ impl ResourceFinder {
         })
     }
 
-    /// Reads the command line, and the main configuration file that it (`--from`) or else `main` names.
+    /// Reads the command line, and the main configuration file that it (`--from`) or else `main`
+    /// names.
     ///
-    /// What the command line says wins. Gives what was passed over in the file; an error if there is no file that the
-    /// command line names.
+    /// The command line takes precedence. Returns the ignored problems of the file; an error if a
+    /// file named on the command line does not exist.
     pub fn configure<S: AsRef<str>>(
         &mut self,
         words: &[S],
@@ -69,7 +70,7 @@ impl ResourceFinder {
         };
         let found = self.find_file(&from);
         let file = found.unwrap_or_else(|| PathBuf::from(&from));
-        // As it was asked for, if it is in the current directory.
+        // The path as given, if the file is in the current directory.
         if file.starts_with(&self.here) && self.here.join(&from) == file {
             self.near = file.parent().map(Path::to_owned);
         }
@@ -91,29 +92,29 @@ impl ResourceFinder {
         Ok(problems)
     }
 
-    /// What the command line and the main configuration file say.
+    /// Returns the settings of the command line and the main configuration file.
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
 
-    /// The file that the settings name `name`, or the file `name` if they do not.
+    /// Returns the file that the settings name `name`, or the file `name` if they do not.
     pub fn find_file(&self, name: &str) -> Option<PathBuf> {
         let named = self.settings.get(name).map(|named| named.to_plain_string());
         self.find_file_by_name(named.as_deref().unwrap_or(name))
     }
 
-    /// The first file or folder of this name.
+    /// Returns the first file or folder of this name.
     pub fn find_file_by_name(&self, name: &str) -> Option<PathBuf> {
         self.candidates(name).find(|file| file.exists())
     }
 
-    /// Where a file may be, in the order of the search.
+    /// Iterates over the candidate paths of a file, in search order.
     fn candidates(&self, name: &str) -> impl Iterator<Item = PathBuf> {
         let context = self.context.as_deref().filter(|_| self.near.is_none());
         self.candidates_in(self.near.clone(), context, name)
     }
 
-    /// The same, beside a file that is in the current directory, and in a context.
+    /// Returns the same, beside a file that is in the current directory, and in a context.
     fn candidates_in(
         &self,
         near: Option<PathBuf>,
@@ -139,7 +140,7 @@ impl ResourceFinder {
 /// Files and variables of this machine, for reading settings.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Disk<'a> {
-    /// Whom to ask for files of contexts; nobody knows them otherwise.
+    /// Finds files of contexts; `None` disables them.
     pub finder: Option<&'a ResourceFinder>,
 }
 

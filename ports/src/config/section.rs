@@ -1,4 +1,4 @@
-//! Files of sections, the form that YARP's own configuration files have.
+//! Files with sections, the format of YARP's own configuration files.
 //!
 //! ```text
 //! # a remark; `//` begins one, too
@@ -6,8 +6,8 @@
 //! key value "another value"
 //! ```
 //!
-//! Read as stock 3.5.0 reads them, except that what it replaces or fetches from elsewhere (`$VARIABLE`,
-//! `[include …]`) is refused: what such a file says must not depend on anything else.
+//! Read as stock 3.5.0 reads them, except that substitution and inclusion (`$VARIABLE`, `[include
+//! …]`) are refused: the meaning of such a file must not depend on anything else.
 
 use std::path::Path;
 
@@ -20,7 +20,7 @@ use super::ConfigError;
 #[derive(Debug)]
 pub(crate) struct Section {
     pub(crate) name: String,
-    /// Where it begins, from 1.
+    /// Number of its first line, from 1.
     pub(crate) line: usize,
     pub(crate) entries: Vec<Entry>,
 }
@@ -28,16 +28,16 @@ pub(crate) struct Section {
 /// One line of a section.
 #[derive(Debug)]
 pub(crate) struct Entry {
-    /// Which line it is, from 1.
+    /// Line number, from 1.
     pub(crate) line: usize,
     pub(crate) key: String,
-    /// What follows the key, less `=`.
+    /// The values after the key, without `=`.
     pub(crate) values: Vec<Value>,
     /// The line as it stands, for errors.
     pub(crate) text: String,
 }
 
-/// The sections of a file in their order; lines in front of the first belong to none and count not.
+/// Returns the sections of a file in their order; lines in front of the first belong to none and count not.
 pub(crate) fn parse(file: &Path, text: &str) -> Result<Vec<Section>, ConfigError> {
     let mut sections: Vec<Section> = Vec::new();
     for (line, whole) in (1..).zip(text.lines()) {

@@ -1,27 +1,28 @@
-//! How fast a port lets newcomers in.
+//! Throttling of accepts after too many invalid connections.
 //!
-//! What a newcomer costs until it has said something sensible is paid by those who are connected. So a port to which garbage
-//! comes in a flood lets newcomers in one by one for a while, with a pause after each; the system keeps some of those who
-//! wait, and tells the others to try again. A port that has a list of its callers does not: it lives from newcomers, who
-//! come for one answer each.
+//! Established connections pay for the work spent on a new connection until it is identified as
+//! valid. So a port that receives a flood of invalid connections accepts them one by one for a
+//! while, with an interval after each; the system keeps some of the waiting ones in its backlog and
+//! makes the others retry. A port with connection limits does not throttle: its purpose is many
+//! connections with one request each.
 
 use std::time::{Duration, Instant};
 
-/// Broken connections per second that are no flood.
+/// Tolerated rate of failed connections.
 const TOLERATED_FAILURES_PER_SECOND: f64 = 200.0;
-/// How many may break at once.
+/// Maximum number of simultaneous failures.
 const MAX_FAILURE_BURST: f64 = 20.0;
-/// For how long a flood is remembered.
+/// Duration of throttling after a flood.
 const THROTTLE_DURATION: Duration = Duration::from_secs(10);
-/// After each newcomer, in a flood.
+/// Interval after each accept while throttling.
 pub(super) const ACCEPT_INTERVAL: Duration = Duration::from_millis(2);
 
-/// The door of a port.
+/// Counts failed connections and decides whether to throttle.
 #[derive(Debug)]
 pub(super) struct AcceptThrottle {
-    /// Connections that broke, less those that were usual in the meantime.
+    /// Failed connections, less the tolerated ones in the meantime.
     excess_failures: f64,
-    /// When that was.
+    /// Time of the last failure.
     at: Instant,
     throttled_until: Instant,
 }
@@ -35,7 +36,8 @@ impl AcceptThrottle {
         }
     }
 
-    /// A connection broke, was broken off for the garbage that came, or went again at once without a word.
+    /// Records a connection that failed, was closed for invalid data, or closed at once without
+    /// sending any.
     pub(super) fn record_failure(&mut self, now: Instant) {
         let usual = TOLERATED_FAILURES_PER_SECOND * (now - self.at).as_secs_f64();
         self.excess_failures = (self.excess_failures - usual).max(0.0) + 1.0;
@@ -46,7 +48,7 @@ impl AcceptThrottle {
         }
     }
 
-    /// Whether newcomers come one by one.
+    /// Returns whether accepts are throttled.
     pub(super) fn is_throttling(&self, now: Instant) -> bool {
         now < self.throttled_until
     }
@@ -56,7 +58,7 @@ impl AcceptThrottle {
 mod tests {
     use super::*;
 
-    /// A door after so many broken connections a second for a second.
+    /// Returns a throttle after this many failed connections per second, for one second.
     fn after(rate: u32) -> (AcceptThrottle, Instant) {
         let begin = Instant::now();
         let mut throttle = AcceptThrottle::new(begin);

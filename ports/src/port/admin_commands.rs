@@ -42,7 +42,7 @@ const HELP: [&str; 20] = [
 /// Most properties a port keeps for others, so that they cannot fill its memory.
 const MAX_PROPERTIES: usize = 1024;
 
-/// What a peer must be allowed to do before it is answered; none for what anybody may ask.
+/// Returns the right that a request needs; `None` if every peer may send it.
 pub(super) fn required_right(request: &Bottle) -> Option<Right> {
     match AdminRequest::parse(request) {
         AdminRequest::Add(_) | AdminRequest::Remove(_) => Some(Right::Connect),
@@ -58,9 +58,11 @@ pub(super) fn required_right(request: &Bottle) -> Option<Right> {
     }
 }
 
-/// A request as a port of this generation understands it: 3.x cuts its words to four characters.
+/// Returns a request as a port of this wire version parses it: 3.x truncates its words to four
+/// characters.
 ///
-/// So whoever asks us what we are (`probe.rs`) is told how we answer those who do not betray what they are.
+/// A peer that probes the wire version (`version_probe.rs`) thus learns the one assumed for peers
+/// that do not reveal theirs.
 fn as_parsed_by(request: &Bottle, wire_version: WireVersion) -> Bottle {
     let cut = |value: &Value| match (value, wire_version) {
         (Value::Vocab64(word), WireVersion::V3) => Value::Vocab32(word.truncated()),
@@ -70,7 +72,7 @@ fn as_parsed_by(request: &Bottle, wire_version: WireVersion) -> Bottle {
 }
 
 impl Core {
-    /// The answer to an admin request.
+    /// Returns the answer to an admin request.
     pub(super) async fn administer(self: &Arc<Self>, request: &Bottle) -> Bottle {
         let request = as_parsed_by(request, self.options.wire_version);
         match AdminRequest::parse(&request) {
@@ -105,8 +107,8 @@ impl Core {
                 self.attached(direction).1.put(None);
                 ok()
             }
-            // With a word more than stock's: a caller of ours has asked what it will be answered in, and
-            // is to be taken neither for one of 3.x nor for one of 4.0 (`probe.rs`).
+            // With one word more than stock's: a probing caller of this implementation must take
+            // this port neither for 3.x nor for 4.0 (`version_probe.rs`).
             AdminRequest::Process => Bottle::from_iter([
                 1.into(),
                 "".into(),
@@ -117,7 +119,7 @@ impl Core {
                 let lines = pray_command::pray(&self.name);
                 lines.into_iter().map(Value::from).collect()
             }
-            // What a port says that is in no graph of ROS.
+            // The answer of a port outside any ROS graph.
             AdminRequest::PublisherUpdate if self.is_of_3() => {
                 Bottle::from_iter([Value::Int32(1), "ok".into()])
             }
@@ -139,7 +141,7 @@ impl Core {
         }
     }
 
-    /// Whether the connection ends with the answer.
+    /// Returns whether the connection ends with the answer.
     pub(super) fn ends_with(&self, request: &Bottle) -> bool {
         self.is_of_3() && AdminRequest::parse(request).is_of_ros()
     }
@@ -208,9 +210,9 @@ impl Core {
         answer
     }
 
-    /// `[atch]`: one monitor for all that the port writes or reads, in place of an earlier one.
-    /// As in stock, the earlier one goes also if the new one cannot be had; why stands behind
-    /// stock's words.
+    /// `[atch]`: attaches one monitor for all that the port writes or reads, replacing an earlier
+    /// one. As in stock, the earlier one is removed even if the new one cannot be created; the
+    /// reason follows stock's text.
     fn attach(&self, direction: Direction, what: &str) -> Bottle {
         let (side, attached) = self.attached(direction);
         attached.put(None);
@@ -233,7 +235,7 @@ impl Core {
         }
     }
 
-    /// What has no parameters takes any; so it is in stock.
+    /// A connection without parameters accepts any, as in stock.
     fn set_parameters(
         &self,
         direction: Direction,
@@ -268,8 +270,8 @@ impl Core {
         }
     }
 
-    /// The monitors of the connection meant, or of the port itself by its own name, or stock's
-    /// answer that there is none.
+    /// Returns the monitors of the named connection, or of the port itself under its own name, or
+    /// stock's answer that there are none.
     fn find(
         &self,
         direction: Direction,
@@ -352,7 +354,7 @@ impl Core {
     }
 
     fn own_properties(&self) -> Bottle {
-        // As it was called: `yarp`, not where that is.
+        // The name it was invoked with: `yarp`, not its path.
         let mut words = std::env::args_os().map(|word| word.to_string_lossy().into_owned());
         let program = words.next().unwrap_or_default();
         let arguments: Vec<String> = words.collect();

@@ -1,4 +1,4 @@
-//! What the tasks of one port share.
+//! The state shared by the tasks of one port.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -28,7 +28,7 @@ use crate::roles::{self, Peer, Right};
 use crate::udp_socket;
 use crate::version_probe;
 
-/// How long a goodbye to a reader may take.
+/// Timeout of the close message to a reader.
 pub(crate) const CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
 
 pub(crate) struct Core {
@@ -39,25 +39,26 @@ pub(crate) struct Core {
     pub(crate) options: PortOptions,
     pub(crate) receive_queue: Option<ReceiveQueue>,
     pub(crate) cancelled: Cancelled,
-    /// Given when the port begins to close; `cancelled` follows when its peers have been told.
+    /// Triggered when the port begins to close; `cancelled` follows after its peers have been
+    /// notified.
     pub(crate) closing: Cancelled,
     close: Cancel,
-    /// Shared with whoever is sending, so that nobody sends under the lock.
+    /// Cloned by each sender, so that nothing is sent under the lock.
     outputs: Mutex<Arc<Vec<Arc<Output>>>>,
     groups: Mutex<Vec<Group>>,
     inputs: Mutex<Vec<InputEntry>>,
     properties: Mutex<Vec<(String, Bottle)>>,
     next_input: AtomicU64,
-    /// Where connections wait for the answers of the owner.
+    /// Pool of the channels on which connections wait for the owner's replies.
     pub(super) slots: ReplyPool<Answer>,
     ended: Mutex<Ended>,
-    /// Whether there may be connections that carry copies of what arrives.
+    /// `true` if there may be connections that carry copies of received messages.
     pub(super) logged: AtomicBool,
     /// Connections that this port made to read from.
     pulls: Mutex<JoinSet<()>>,
-    /// Who is heard of the writers that ask for `recv.priority`.
+    /// Selects the writer to accept among those with `recv.priority`.
     pub(super) arbiter: Arc<Arbiter>,
-    /// What all that is written, or read, passes.
+    /// The monitors of everything written and everything read.
     pub(super) attached_out: Attached,
     pub(super) attached_in: Attached,
 }
@@ -71,13 +72,13 @@ pub(crate) struct InputEntry {
     pub(crate) carrier: &'static Carrier,
     pub(crate) socket: SocketHandle,
     pub(crate) meter: Arc<Meter>,
-    /// What its messages pass, if anything.
+    /// The monitors of its messages, if any.
     pub(super) monitors: Option<Arc<Chain>>,
     /// Ends it, or has it move to a thread of its own.
     pub(super) control: ConnectionControl,
 }
 
-/// A place in the port's list of connections, given back on drop, also by a handler's panic.
+/// An entry in the port's list of connections, removed on drop, also after a panic of the handler.
 pub(super) struct Entry {
     pub(super) id: u64,
     pub(super) core: Arc<Core>,
@@ -136,7 +137,7 @@ impl Core {
     pub(super) fn outputs_mut(&self) -> MutexGuard<'_, Arc<Vec<Arc<Output>>>> {
         let lock = || self.outputs.lock().unwrap_or_else(PoisonError::into_inner);
         let mut outputs = lock();
-        // The end is told after the beginning.
+        // The end is reported after the beginning.
         let has_ended = |output: &Output| {
             output.send_queue.is_closed() && output.reported.load(Ordering::Acquire)
         };
@@ -147,7 +148,7 @@ impl Core {
             .extract_if(.., |output| has_ended(output))
             .collect();
         self.count_ended(&ended);
-        // The owner may look at the connections when told.
+        // The owner may query the connections in its callback.
         drop(outputs);
         for output in &ended {
             self.report_output(output, false);
@@ -159,7 +160,7 @@ impl Core {
         self.inputs.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What was counted of connections that ended.
+    /// Returns the counters of closed connections.
     pub(crate) fn ended(&self) -> MutexGuard<'_, Ended> {
         self.ended.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -177,12 +178,12 @@ impl Core {
             .unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The outgoing connections that are up.
+    /// Returns the outgoing connections that are up.
     pub(crate) fn outputs(&self) -> Arc<Vec<Arc<Output>>> {
         self.outputs_mut().clone()
     }
 
-    /// The outgoing connections that transmit: of those that share a group, one.
+    /// Returns the outgoing connections that transmit: of those that share a group, one.
     pub(crate) fn senders(&self) -> Vec<Arc<Output>> {
         let mut senders = Vec::new();
         self.for_each_sender(|output| senders.push(output.clone()));
@@ -200,13 +201,14 @@ impl Core {
         self.connect_for(to, false).await
     }
 
-    /// As [`Core::connect`]; what a peer asks for needs the right of whom it is connected to.
+    /// Connects like [`Core::connect`]; on behalf of a peer, which needs that right on the
+    /// destination.
     pub(super) async fn connect_for(
         self: &Arc<Self>,
         to: &Contact,
         peer_asks: bool,
     ) -> Result<String, PortError> {
-        // As in stock, who cannot be found is told first.
+        // As in stock, an unknown port is reported first.
         let found = self.network.resolve(to).await?;
         let text = to.carrier.as_deref().unwrap_or(&found.carrier);
         let spec = text.parse().ok();
@@ -292,7 +294,7 @@ impl Core {
         }
     }
 
-    /// Whether the roles give the port at `place` this right on ours.
+    /// Returns whether the roles give the port at `endpoint` this right on this port.
     async fn check_right(&self, endpoint: &Endpoint, right: Right) -> Result<(), PortError> {
         let roles = self.network.roles();
         roles.refresh();
@@ -329,12 +331,12 @@ impl Core {
             }
             Arc::make_mut(&mut outputs).push(output.clone());
         }
-        // Not before: who is told may write at once, and that must not miss the new reader.
+        // Not earlier: the owner may write in its callback, and that must reach the new reader.
         self.report_output(&output, true);
         output.reported.store(true, Ordering::Release);
     }
 
-    /// Ends the outgoing connections to `name`; tells whether there was one.
+    /// Ends the outgoing connections to `name`; returns whether there was one.
     pub(crate) async fn disconnect(&self, name: &str) -> bool {
         let gone: Vec<_> = Arc::make_mut(&mut self.outputs_mut())
             .extract_if(.., |output| output.to == name)
@@ -350,8 +352,8 @@ impl Core {
         !gone.is_empty()
     }
 
-    /// The multicast group of this port in the network of a reader, for what the owner writes or for copies of what
-    /// arrives, asked for when it is first needed.
+    /// Returns the multicast group of this port in the network of a reader, for the owner's
+    /// messages or for copies of received ones; allocated at the first use.
     async fn group(&self, reader: &Endpoint, logs: bool) -> Result<Group, PortError> {
         let way = udp_socket::local_address_towards(&reader.host, reader.port).await;
         let local = way.map_err(|error| {
@@ -383,7 +385,7 @@ impl Core {
         self.groups.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Ends the incoming connections from `name`; tells whether there was one.
+    /// Ends the incoming connections from `name`; returns whether there was one.
     pub(crate) fn drop_inputs(&self, name: &str) -> bool {
         let inputs = self.inputs();
         let mut found = false;
@@ -394,13 +396,13 @@ impl Core {
         found
     }
 
-    /// Asks the ports that write to this one to end their connections, as stock does at the end:
-    /// by itself a writer learns of the end only when it writes next.
+    /// Asks the ports that write to this one to close their connections, as stock does when
+    /// closing: otherwise a writer notices only at its next write.
     pub(crate) async fn disconnect_sources(&self) {
         let sources: Vec<_> = self
             .inputs()
             .iter()
-            // A writer that was asked does not know who reads, and need not be told.
+            // A writer does not know the readers of a group, and need not be notified.
             .filter(|entry| entry.carrier.push)
             .map(|entry| entry.from.clone())
             .collect();
@@ -421,16 +423,15 @@ impl Core {
         join(asking).await;
     }
 
-    /// The number of a connection that begins now: a later one has a larger number.
+    /// Returns the number of a connection that begins now: a later one has a larger number.
     pub(super) fn next_number(&self) -> u64 {
         self.next_input.fetch_add(1, Ordering::Relaxed)
     }
 
-    /// Takes note of an incoming connection. Older ones from the same port end; where there is a
-    /// younger one already, this one is not wanted any more, and the answer is `false`.
+    /// Records an incoming connection. Older ones from the same port are closed; if there is a
+    /// newer one already, the result is `false` and this one is superseded.
     ///
-    /// What counts is when connections began: headers of two that began one after the other may
-    /// be read in the other order.
+    /// The time of accepting decides: headers of two connections may be read in the other order.
     pub(super) fn add_input(&self, entry: InputEntry) -> bool {
         let (from, carrier) = (entry.from.clone(), entry.carrier_text.clone());
         let mut inputs = self.inputs();
@@ -447,7 +448,7 @@ impl Core {
         true
     }
 
-    /// Takes note that an incoming connection goes on over another socket.
+    /// Records that an incoming connection continues over another socket.
     pub(crate) fn move_input(&self, id: u64, socket: SocketHandle) {
         if let Some(entry) = self.inputs().iter_mut().find(|entry| entry.id == id) {
             entry.socket = socket;
@@ -486,8 +487,8 @@ impl Core {
         self.report(&self.name, &output.to, &output.carrier_text, false, began);
     }
 
-    /// Tells log and owner that a connection began or ended; stock keeps quiet about programs
-    /// that are no ports, and so do we.
+    /// Reports the beginning or end of a connection to log and owner; peers that are not ports are
+    /// not reported, as in stock.
     fn report(&self, from: &str, to: &str, carrier: &str, incoming: bool, began: bool) {
         if is_port(from) && is_port(to) {
             let what = match (incoming, began) {
@@ -496,7 +497,7 @@ impl Core {
                 (false, true) => "Sending output",
                 (false, false) => "Removing output",
             };
-            // As in stock, the end does not name the carrier.
+            // As in stock, the closing message does not name the carrier.
             let using = match began {
                 true => format!(" using {carrier}"),
                 false => String::new(),
@@ -525,7 +526,7 @@ pub(super) async fn close_outputs(outputs: &[Arc<Output>]) {
     join(goodbyes).await;
 }
 
-/// Whether a sender's name is that of a port.
+/// Returns whether a sender's name is that of a port.
 pub(crate) fn is_port(name: &str) -> bool {
     name.starts_with('/')
 }
@@ -538,7 +539,8 @@ fn known_carriers() -> String {
     names.join(", ")
 }
 
-/// Those that transmit, of copies of what arrives or of what the owner writes: of a group the first.
+/// Iterates over the outputs that transmit, either copies of received messages or the owner's: the
+/// first of each group.
 pub(super) fn transmitting(
     outputs: &[Arc<Output>],
     logs: bool,

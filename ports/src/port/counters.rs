@@ -1,10 +1,10 @@
-//! What a port counts while messages pass.
+//! Message counters of a port.
 //!
-//! Only data counts: no administration, no commands, no replies. Counting costs no clock and no
-//! allocation per message. A connection that ended still counts in the sums of its port.
+//! Only data counts: no administration, no commands, no replies. Counting needs no clock and no
+//! allocation per message. A closed connection still counts in the totals of its port.
 //!
-//! Programs ask a port for it by `[prop] [get] counters`, unless somebody has set a property of
-//! that name. The answer is a bottle of groups:
+//! Programs query them by `[prop] [get] counters`, unless a property of that name has been set. The
+//! answer is a bottle of groups:
 //!
 //! ```text
 //! (port (received (messages N) (bytes N) (dropped N)) (sent (messages N) (bytes N) (dropped N))
@@ -25,13 +25,13 @@ use yarp_wire::{Bottle, Stamp, Value};
 use super::admin_commands::pair;
 use super::core::Core;
 
-/// What a port has counted since it was opened.
+/// The counters of a port since it was opened.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct PortCounters {
-    /// What arrived, over connections that are up and over those that ended.
+    /// Received messages, over open and closed connections.
     pub received: Traffic,
-    /// What was sent, over connections that are up and over those that ended.
+    /// Sent messages, over open and closed connections.
     pub sent: Traffic,
     /// Messages that arrived and wait to be read.
     pub waiting: usize,
@@ -43,17 +43,16 @@ pub struct PortCounters {
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 #[non_exhaustive]
 pub struct Traffic {
-    /// How many messages, dropped ones of a reader included.
+    /// Number of messages, including those a reader dropped.
     pub messages: u64,
     /// The bytes of their payloads.
     pub bytes: u64,
-    /// Read from: messages dropped because they were not read in time, or came incomplete.
-    /// Written to: messages that were not sent because the reader was busy, or that the system
-    /// did not take.
+    /// Reader: messages dropped because they were not read soon enough, or arrived incomplete.
+    /// Writer: messages not sent because the reader was busy, or that the system did not accept.
     pub dropped: u64,
 }
 
-/// What has been counted of one connection.
+/// The counters of one connection.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct ConnectionCounters {
@@ -61,24 +60,25 @@ pub struct ConnectionCounters {
     pub peer: String,
     /// Carrier with its modifiers.
     pub carrier: String,
-    /// Whether the port is the reader.
+    /// `true` if the port is the reader.
     pub incoming: bool,
-    /// What passed.
+    /// The messages of the connection.
     pub traffic: Traffic,
     /// Bytes that wait to be sent, heads included.
     pub queued: usize,
-    /// Messages that the reader has not answered or acknowledged yet, where it does so.
+    /// Number of messages that the reader has not answered or acknowledged yet, if the carrier
+    /// requires it.
     pub unanswered: usize,
     /// The newest envelope, where that is a stamp.
     pub stamp: Option<Stamp>,
-    /// How long ago the newest stamp was taken, in seconds, by the clock of this machine.
+    /// Age of the newest stamp in seconds, by the clock of this machine.
     ///
     /// It grows while nothing arrives. Stamps of other clocks make it meaningless.
     pub age: Option<f64>,
 }
 
 impl PortCounters {
-    /// The counters as a message.
+    /// Returns the counters as a message.
     pub fn to_bottle(&self) -> Bottle {
         let mut port = Bottle::of("port");
         for (key, traffic) in [("received", self.received), ("sent", self.sent)] {
@@ -98,9 +98,9 @@ impl PortCounters {
 }
 
 impl PortCounters {
-    /// Reads what [`PortCounters::to_bottle`] wrote; `None` if it is something else.
+    /// Parses the output of [`PortCounters::to_bottle`]; `None` if it is something else.
     ///
-    /// Stamps do not travel. What is missing or makes no sense is zero.
+    /// Stamps are not transmitted. Missing or invalid values are zero.
     pub fn from_bottle(bottle: &Bottle) -> Option<Self> {
         let port = bottle.find_group("port")?;
         let traffic = |key| {
@@ -141,7 +141,7 @@ impl Traffic {
     }
 }
 
-/// The number at `key`.
+/// Returns the number at `key`.
 fn number<N: TryFrom<i64> + Default>(group: &Bottle, key: &str) -> N {
     let found = group.find(key).and_then(Value::as_i64);
     found.and_then(|n| n.try_into().ok()).unwrap_or_default()
@@ -187,8 +187,8 @@ impl ConnectionCounters {
 
 /// The newest envelope, if it is short enough to be a stamp.
 ///
-/// A copy, so that the buffer that it arrived in is free for the next message; not read before
-/// somebody asks.
+/// It is copied, so that the receive buffer is free for the next message, and parsed only on
+/// demand.
 #[derive(Debug)]
 pub(crate) struct LatestEnvelope {
     length: usize,
@@ -266,7 +266,7 @@ impl Meter {
     }
 }
 
-/// What was counted of connections that ended.
+/// The counters of closed connections.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Ended {
     pub(crate) received: Traffic,

@@ -1,12 +1,12 @@
-//! Writers whose messages come in datagrams, and that fell silent.
+//! Liveness of writers over datagrams.
 //!
-//! Datagrams have no end: of a writer over `udp` or `mcast` that is killed nothing more comes, as of
-//! one that has nothing to say. Stock (3.5.0) keeps both in its list until they come back. Here the
-//! name server is asked at the beginning where the writer's port is; whenever nothing has come for
-//! a while, that port is asked to whom it writes.
+//! Datagrams have no end: a killed writer over `udp` or `mcast` looks like one that has nothing to
+//! send. Stock (3.5.0) keeps both in its list until they reconnect. Here the name server is asked
+//! at the beginning for the address of the writer's port; whenever no datagram has arrived for a
+//! while, that port is asked for its readers.
 //!
-//! A writer that nobody has registered cannot be asked, and stays. So does one whose port takes
-//! connections and says nothing, as a program that is stopped, or does not let us ask.
+//! An unregistered writer cannot be probed, and stays. So does one whose port accepts connections
+//! without answering, such as a stopped program, or refuses admin requests.
 
 use std::io;
 use std::sync::Arc;
@@ -23,10 +23,11 @@ use crate::remote_admin;
 
 /// The longest pause after a question that was not answered as it should be.
 const PROBE_INTERVAL: Duration = Duration::from_secs(15);
-/// So many such questions in a row are enough: the answer may just be on its way.
+/// Number of consecutive failed probes after which the writer is gone: the answer to one may be in
+/// transit.
 const MAX_FAILED_PROBES: u32 = 3;
 
-/// What a question has shown.
+/// The result of a probe.
 #[derive(Debug)]
 enum ProbeResult {
     /// It writes to us, or there is no telling.
@@ -37,7 +38,7 @@ enum ProbeResult {
     Gone(String),
 }
 
-/// Waits until the writer of a connection is gone; tells how that was noticed.
+/// Waits until the writer of a connection is gone; returns the reason.
 pub(super) async fn wait_until_gone(core: &Core, from: &str, meter: &Arc<Meter>) -> String {
     let silence = core.options.datagram_timeout;
     let mut endpoint = endpoint(core, from).await;
@@ -70,7 +71,7 @@ pub(super) async fn wait_until_gone(core: &Core, from: &str, meter: &Arc<Meter>)
     }
 }
 
-/// Where the writer's port is, as far as the name server says.
+/// Returns the address of the writer's port, if the name server knows it.
 async fn endpoint(core: &Core, name: &str) -> Option<Endpoint> {
     core.network.query(name).await.ok()
 }

@@ -1,15 +1,15 @@
-//! A thread of its own for a connection that was told how to be scheduled, or has much to do.
+//! Dedicated threads for connections with a scheduling policy or heavy work.
 //!
-//! Connections are tasks that share the threads of the runtime. One that is told a policy moves, for
-//! the rest of its life, to a thread that has that policy and serves nothing else; one that expands
-//! pictures begins on such a thread. The same thread waits for its bytes, so that none of the others
-//! need run before it. What the connection begins there (other connections, timers) belongs to the runtime that it came from; threads that are started
-//! there do not have its priority in real time. A handler that calls tokio's `block_in_place` there has
-//! the connection go on on another thread: it should not.
+//! Connections are tasks that share the threads of the runtime. A connection that is given a policy
+//! moves permanently to a thread with that policy that serves nothing else; one that decodes JPEG
+//! images begins on such a thread. The same thread waits for its bytes, so that no other thread has
+//! to run first. Other connections and timers that the connection starts belong to its original
+//! runtime; threads started there do not inherit its real-time priority. A handler that calls
+//! tokio's `block_in_place` there moves the connection to another thread and should not.
 //!
-//! Between messages a connection looks whether it is to move. Until then it is where it was; the
-//! thread is there, with its policy, before anybody is told so. What wakes a connection over `shmem`
-//! comes from the old runtime still.
+//! A connection checks between messages whether it has to move. Until then it stays on its old
+//! thread; the new thread exists, with its policy, before the request is answered. Wake-ups of a
+//! connection over `shmem` still come from the old runtime.
 
 use std::future::{Future, poll_fn};
 use std::io;
@@ -24,14 +24,14 @@ use tokio::task::{JoinError, JoinHandle};
 use super::socket_qos::SocketHandle;
 use crate::thread_schedule::{self, Schedule};
 
-/// The thread; it ends when nobody has this any more.
+/// A dedicated thread; it ends when the last reference is dropped.
 #[derive(Debug)]
 pub(crate) struct DedicatedThread {
-    /// Of one thread, for what moves there.
+    /// A runtime of one thread, for the connection that moves there.
     runtime: Option<Runtime>,
     /// The system's number of the thread.
     id: i32,
-    /// What the connection has sent on since it is here.
+    /// The socket that the connection sends on since it moved.
     socket: OnceLock<SocketHandle>,
 }
 
@@ -58,7 +58,7 @@ impl DedicatedThread {
         Ok(Arc::new(thread))
     }
 
-    /// The system's number of the thread.
+    /// Returns the system's number of the thread.
     pub(crate) fn id(&self) -> i32 {
         self.id
     }
@@ -71,15 +71,16 @@ impl DedicatedThread {
         schedule.give(self.id)
     }
 
-    /// What the connection sends on, once it has moved.
+    /// Returns the socket that the connection sends on, once it has moved.
     pub(crate) fn socket(&self) -> Option<&SocketHandle> {
         self.socket.get()
     }
 
-    /// Runs a connection here to its end, which comes with that of this call, too.
+    /// Runs a connection on this thread until it ends; cancelling this call cancels it.
     ///
-    /// Sockets that `begin` makes anew are waited for by this thread; it also gives a handle of what the
-    /// connection sends on. `None` if the connection panicked, or the thread is gone with its runtime.
+    /// `begin` recreates the sockets so that this thread waits for them, and returns a handle of
+    /// the sending one. `None` if the connection panicked, or the thread has ended with its
+    /// runtime.
     pub(crate) async fn run<F>(
         &self,
         begin: impl FnOnce() -> (SocketHandle, F) + Send,
@@ -129,7 +130,7 @@ impl<T> Drop for AbortOnDrop<T> {
     }
 }
 
-/// What others tell an incoming connection: to end, or to move. Dropped, it says to end.
+/// Requests an incoming connection to close or to move. Dropping it closes the connection.
 #[derive(Debug)]
 pub(crate) struct ConnectionControl(watch::Sender<ControlState>);
 
@@ -161,16 +162,16 @@ impl ConnectionControl {
         has
     }
 
-    /// The connection's own thread, if it was given one.
+    /// Returns the connection's own thread, if it was given one.
     pub(crate) fn thread(&self) -> Option<Arc<DedicatedThread>> {
         self.0.borrow().thread.clone()
     }
 }
 
 impl ControlReceiver {
-    /// Returns once the connection shall end.
+    /// Waits until the connection must close.
     pub(crate) async fn ended(&mut self) {
-        // An error says that nobody steers any more, which is as good.
+        // An error means that the sender was dropped, which also ends the connection.
         let _ = self.0.wait_for(|state| state.ends).await;
     }
 

@@ -1,4 +1,4 @@
-//! How a message gets to the owner of the port, and the reply back.
+//! Dispatch of messages to the owner of the port, and of replies back.
 
 use std::sync::Arc;
 
@@ -10,17 +10,18 @@ use super::receive_queue::ReceiveQueue;
 use super::received_message::{Answer, Received, Reply};
 use super::reply_channel::ReplyReceiver;
 
-/// How far a message got without waiting.
+/// The state of a message after the part of its dispatch that does not wait.
 pub(super) enum Dispatched {
     Answered(Answer),
     /// The owner has it, and will answer.
     Pending(ReplyReceiver<Answer>),
-    /// There is no room for it yet, and perhaps somebody waits for the answer.
+    /// The queue is full; a reply may be expected.
     QueueFull(Received, Option<ReplyReceiver<Answer>>),
 }
 
 impl Core {
-    /// What the monitors of a connection and of the port make of a message; `None` if one stops it.
+    /// Passes a message through the monitors of a connection and of the port; `None` if one stops
+    /// it.
     async fn monitored(
         &self,
         monitors: Option<&Arc<Chain>>,
@@ -37,14 +38,14 @@ impl Core {
         Some(received)
     }
 
-    /// Whether messages that arrive have more to pass than the owner's queue.
+    /// Returns whether messages that arrive have more to pass than the owner's queue.
     pub(super) fn is_watched(&self) -> bool {
         self.is_logged() || self.attached_in.is_attached()
     }
 
-    /// Hands a message to the owner through the monitors, and what came of it to those who look
-    /// on, unless the message is a copy already. Waits for the reply, if there is to be one; tells whether the connection
-    /// shall end with it.
+    /// Passes a message through the monitors to the owner, and its copy to the loggers, unless the
+    /// message is a copy already. Waits for the reply, if one is expected; returns it and whether
+    /// the connection must close after it.
     pub(super) async fn take(
         &self,
         monitors: Option<&Arc<Chain>>,
@@ -62,9 +63,9 @@ impl Core {
         (reply, last)
     }
 
-    /// Hands a message to the owner.
+    /// Dispatches a message to the owner.
     ///
-    /// Messages that the queue drops are counted where they came from.
+    /// Messages that the queue drops are counted at their connections.
     pub(super) fn dispatch(&self, mut received: Received) -> Dispatched {
         match &self.options.input {
             Input::Discard => Dispatched::Answered(Answer::Nothing),
@@ -92,7 +93,7 @@ impl Core {
         receive_queue.expect("a port that queues has a receive queue")
     }
 
-    /// Waits for what is left to wait for.
+    /// Waits for the rest of the dispatch.
     pub(super) async fn finish(&self, dispatched: Dispatched) -> (Option<Reply>, bool) {
         let asked = match dispatched {
             Dispatched::Answered(answer) => Err(answer),

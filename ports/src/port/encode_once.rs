@@ -1,4 +1,4 @@
-//! A message in the forms that readers want.
+//! Encoding of a message, once per form that its readers need.
 
 use std::cell::RefCell;
 
@@ -14,15 +14,15 @@ use super::output::Output;
 #[derive(Clone, Debug)]
 pub(crate) struct Form {
     pub(crate) pieces: Pieces,
-    /// The generation that it is written for.
+    /// The wire version that it is written for.
     pub(crate) wire_version: WireVersion,
 }
 
-/// Which form.
+/// The kind of a form.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 enum Kind {
     Binary(WireVersion),
-    /// As text, or text of a page.
+    /// Text, or text of a page.
     Text(PayloadKind),
     Jpeg,
 }
@@ -30,7 +30,7 @@ enum Kind {
 /// A message in the forms that readers want, each written once.
 pub(crate) struct Encoded<'a> {
     command: &'a Command,
-    /// The forms that were tried; what is no image has no form as a picture.
+    /// The forms tried so far; a message that is not an image has no JPEG form.
     forms: SmallVec<[(Kind, Option<Form>); 1]>,
 }
 
@@ -40,7 +40,7 @@ impl<'a> Encoded<'a> {
         Self { command, forms }
     }
 
-    /// The form for this reader; `None` if there is none: only images go to who watches pictures.
+    /// Returns the form for this reader; `None` if there is none: viewers receive only images.
     pub(crate) fn form(&mut self, message: &impl WireObject, output: &Output) -> Option<&Form> {
         let kind = match output.carrier.protocol.payload_kind() {
             // Monitors want messages as they are; the connection's form comes behind them.
@@ -53,14 +53,14 @@ impl<'a> Encoded<'a> {
         self.forms[index].1.as_ref()
     }
 
-    /// Where the form of this kind is, which is written if it was not tried yet.
+    /// Returns the index of the form of this kind, encoding it at the first use.
     fn index(&mut self, kind: Kind, message: &impl WireObject, output: &Output) -> usize {
         if let Some(index) = self.forms.iter().position(|(tried, _)| *tried == kind) {
             return index;
         }
         let form = match kind {
             Kind::Jpeg => {
-                // An image is the same in both generations: what was written for others will do.
+                // An image is the same in both wire versions: any binary form will do.
                 let written = |(kind, _): &(Kind, _)| matches!(kind, Kind::Binary(_));
                 let binary = self.forms.iter().position(written);
                 let v3 = Kind::Binary(WireVersion::V3);
@@ -80,7 +80,7 @@ impl<'a> Encoded<'a> {
         self.forms.len() - 1
     }
 
-    /// What is an image in binary, as a picture.
+    /// Encodes the binary form of an image as JPEG.
     fn jpeg(&self, binary: &Form) -> Option<Form> {
         let payload = Payload::of_pieces(&binary.pieces, binary.wire_version);
         let envelope = match self.command {
@@ -102,7 +102,8 @@ impl Drop for Encoded<'_> {
     }
 }
 
-/// A form for readers of this generation, in a buffer from an earlier message if there is one.
+/// Encodes a form for readers of this wire version, in the buffer of an earlier message if
+/// available.
 pub(super) fn write(wire_version: WireVersion, fill: impl FnOnce(&mut Pieces)) -> Form {
     let mut pieces = spare();
     fill(&mut pieces);
@@ -122,7 +123,7 @@ thread_local! {
     static SPARE_BUFFERS: RefCell<Vec<Pieces>> = const { RefCell::new(Vec::new()) };
 }
 
-/// An empty buffer, with room from an earlier message if there is one.
+/// Returns an empty buffer, with the capacity of an earlier message if available.
 fn spare() -> Pieces {
     SPARE_BUFFERS.with_borrow_mut(Vec::pop).unwrap_or_default()
 }

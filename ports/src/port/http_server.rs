@@ -1,4 +1,4 @@
-//! Browsers at a port.
+//! Serving of HTTP requests.
 
 use bytes::{Bytes, BytesMut};
 use yarp_wire::connection::Message;
@@ -14,8 +14,8 @@ use super::received_message::Received;
 use crate::roles::Right;
 
 impl Connection {
-    /// Answers what a browser asks for; the connection ends with the answer, or goes on as one
-    /// that the port writes to.
+    /// Answers an HTTP request; the connection closes after the answer, or becomes an output of the
+    /// port.
     pub(super) async fn browse(&mut self, request: Request) -> Next {
         if let Some(page) = self.own_page(&request) {
             if !self.may(Right::Read) {
@@ -33,7 +33,7 @@ impl Connection {
                 Who::Port => None,
             },
             Action::Read => Some(Right::Read),
-            // What lines need, they check one by one.
+            // Each line checks the rights that it needs.
             _ => None,
         };
         if let Some(right) = needed.filter(|right| !self.may(*right)) {
@@ -76,7 +76,7 @@ impl Connection {
         Next::Stop(End::Closed)
     }
 
-    /// What a person at a terminal is told who types these lines.
+    /// Returns the answers to lines as typed at a terminal.
     async fn type_lines(&mut self, lines: &str) -> String {
         let mut messages = TEXT_LINES.message_decoder(WireVersion::V3, Limits::DEFAULT);
         let mut nothing = BytesMut::new();
@@ -96,7 +96,7 @@ impl Connection {
                 }
                 command => match self.execute(command).await {
                     Ok(told) => answers += &told,
-                    // What is read goes on a page of its own.
+                    // Reading takes place on a page of its own.
                     Err(_) => break,
                 },
             }
@@ -107,7 +107,7 @@ impl Connection {
         answers
     }
 
-    /// What the owner has at that address, if it has pages of its own.
+    /// Returns the owner's response for that address, if it serves pages.
     fn own_page(&self, request: &Request) -> Option<Page> {
         self.core.options.pages.as_ref()?(request)
     }
@@ -130,7 +130,7 @@ impl Connection {
         .response()
     }
 
-    /// What the owner says to a message, as text.
+    /// Returns the owner's reply to a message, as text.
     async fn ask_owner(&mut self, message: impl Into<Bytes>) -> String {
         let message = message.into();
         self.meter.count(message.len(), None);
@@ -155,13 +155,14 @@ impl Connection {
 /// A reply on its way to a browser.
 enum Reply {
     Whole(String),
-    /// The head of a page that goes on with what the port writes.
+    /// The head of a page that streams the port's messages.
     Stream(String),
 }
 
 impl Reply {
-    /// JSON if that is asked for; else a page in the words of stock: key `web` is its body, `mime`
-    /// its type, and with a key `stream` it goes on. What has none of them comes as it is.
+    /// Interprets a reply as JSON if requested; else as a page with stock's keys: `web` is its
+    /// body, `mime` its type, and with `stream` it continues. A reply without these keys is
+    /// returned unchanged.
     fn of(reply: &str, json: Option<Outer>) -> Self {
         let bottle = Bottle::parse(reply).unwrap_or_default();
         let text = |key: &str| bottle.find(key).map(Value::to_plain_string);

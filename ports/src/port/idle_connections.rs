@@ -1,9 +1,9 @@
-//! Who is connected to a port, and for how long they have been silent.
+//! Timeouts of idle incoming connections, and their maximum number.
 //!
-//! Only ports that ask for it ([`PortOptions::connection_limits`](super::PortOptions::connection_limits)) keep such a list.
-//! A caller that says nothing for too long is ended; when there are too many, the one that has been
-//! silent for longest makes room, those first that have not even said who they are. Nobody is ended
-//! while an answer is being made for him.
+//! Only ports with [`PortOptions::connection_limits`](super::PortOptions::connection_limits) keep
+//! such a table. A connection that is idle for too long is closed; when there are too many, the one
+//! idle for longest is closed, those without a complete header first. No connection is closed while
+//! its request is being answered.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -11,18 +11,18 @@ use std::time::{Duration, Instant};
 
 use tokio::sync::oneshot;
 
-/// How much silence, and how many connections, a port puts up with. The default is any.
+/// Limits on idle time and number of incoming connections. The default is none.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub struct ConnectionLimits {
-    /// How long a connection may take until it has said who it is (its header).
+    /// Timeout of the header, from the beginning of the connection.
     pub handshake_timeout: Option<Duration>,
-    /// How long one that has said so may be silent: from then, or from its last message or answer.
+    /// Timeout after the header, the last message or the last answer.
     pub idle_timeout: Option<Duration>,
-    /// Connections at once, each way: a newcomer ends the one that has been silent for longest.
+    /// Maximum number of connections in each direction: a new one closes the one idle for longest.
     pub max_connections: Option<usize>,
 }
 
-/// How long nothing can be due, if nothing is.
+/// Time of the next check if nothing is due.
 const MAX_CHECK_INTERVAL: Duration = Duration::from_secs(3600);
 
 /// The callers of one port.
@@ -34,7 +34,7 @@ pub(super) struct ConnectionTable {
 
 #[derive(Debug, Default)]
 struct Entries {
-    /// Of the same phase, who has been silent for longest comes first.
+    /// Within a phase, the connection idle for longest comes first.
     entries: BTreeMap<Key, Entry>,
     next: u64,
 }
@@ -43,28 +43,28 @@ type Key = (Phase, u64);
 
 #[derive(Clone, Copy, Debug, Eq, Ord, PartialEq, PartialOrd)]
 enum Phase {
-    /// Has not said who he is.
+    /// The header is not complete.
     Handshaking,
     Idle,
-    /// It is not he who is silent.
+    /// A request is being answered.
     Busy,
 }
 
 #[derive(Debug)]
 struct Entry {
     since: Instant,
-    /// Dropping it ends the connection.
+    /// Dropping it closes the connection.
     _end: oneshot::Sender<()>,
 }
 
-/// A place among the callers, given back on drop.
+/// An entry in the table, removed on drop.
 #[derive(Debug)]
 pub(super) struct ConnectionGuard {
     table: Arc<ConnectionTable>,
     key: Key,
 }
 
-/// Tells a connection that it is to end.
+/// Signals a connection to close.
 pub(super) type CloseSignal = oneshot::Receiver<()>;
 
 impl ConnectionTable {
@@ -77,7 +77,7 @@ impl ConnectionTable {
         self.list.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Lets somebody in. None if there is no room, and nobody who could make room.
+    /// Adds a connection. `None` if there is no room and no idle connection to close.
     pub(super) fn admit(self: &Arc<Self>, now: Instant) -> Option<(ConnectionGuard, CloseSignal)> {
         let mut list = self.list();
         let most = self.limits.max_connections.unwrap_or(usize::MAX);
@@ -92,12 +92,12 @@ impl ConnectionTable {
         Some((ConnectionGuard { table, key }, close_signal))
     }
 
-    /// Ends whoever has been silent for longest; tells whether there is somebody.
+    /// Closes the connection idle for longest; returns whether there was one.
     pub(super) fn evict_one(&self) -> bool {
         self.list().evict_longest_idle()
     }
 
-    /// Ends those that have been silent for too long; tells when to look again.
+    /// Closes the connections that exceeded their timeouts; returns the time of the next check.
     pub(super) fn close_idle(&self, now: Instant) -> Instant {
         let mut list = self.list();
         let mut next = now + MAX_CHECK_INTERVAL;
@@ -108,7 +108,7 @@ impl ConnectionTable {
             let Some(longest) = longest else {
                 continue;
             };
-            // Who comes later is not due before.
+            // Later connections are not due before.
             next = next.min(now + longest);
             let of_phase = (phase, 0)..=(phase, u64::MAX);
             while let Some((key, entry)) = list.entries.range(of_phase.clone()).next() {
@@ -146,7 +146,7 @@ impl Entries {
 }
 
 impl ConnectionGuard {
-    /// He has said who he is, or something else, or got an answer.
+    /// Restarts the idle timeout after a header, message or answer.
     pub(super) fn set_active(&mut self, now: Instant) {
         self.transition_to(Phase::Idle, now);
     }
@@ -158,7 +158,7 @@ impl ConnectionGuard {
 
     fn transition_to(&mut self, phase: Phase, now: Instant) {
         let mut list = self.table.list();
-        // Else he has been ended, and will know soon.
+        // Otherwise it has been closed, and will notice soon.
         if let Some(entry) = list.entries.remove(&self.key) {
             self.key = list.insert(phase, now, entry._end);
         }
@@ -207,7 +207,7 @@ mod tests {
         waiting.set_active(start + 1000 * SECOND);
         table.close_idle(start + 1010 * SECOND);
         assert!(is_ended(&mut waiting_ends));
-        // Nothing comes of speaking too late.
+        // Activity after the timeout has no effect.
         known.set_active(start + 1010 * SECOND);
         assert!(table.list().entries.is_empty());
     }

@@ -1,8 +1,8 @@
-//! The carrier `local`: what the writer wrote is handed to a reader of the same process.
+//! The carrier `local`: messages are passed to a reader of the same process.
 //!
-//! No socket, no copy of what is large: an image that is read has the very pixels of the image
-//! that was written. Each connection has a task of its own, as all have, so that a slow reader
-//! holds nobody up; a writer that waits for its message waits until the reader is done with it.
+//! No socket, and no copy of large data: a received image shares the pixels of the written one.
+//! Each connection has a task of its own, so that a slow reader delays no other; a writer that
+//! waits for its message waits until the reader has finished it.
 
 use std::collections::HashMap;
 use std::net::{IpAddr, Ipv4Addr};
@@ -46,7 +46,7 @@ pub(super) fn withdraw(core: &Core) {
     }
 }
 
-/// The port at a place, if it is in this process.
+/// Returns the port at a place, if it is in this process.
 fn find(endpoint: &Endpoint) -> Option<Arc<Core>> {
     let core = ports().as_ref()?.get(&endpoint.port)?.upgrade()?;
     (core.name == endpoint.name).then_some(core)
@@ -113,7 +113,7 @@ struct Local {
     send_queue: Arc<SendQueue>,
     entry: Entry,
     copies: bool,
-    /// What messages pass at the reader, if anything.
+    /// The monitors of the messages at the reader, if any.
     monitors: Option<Arc<Chain>>,
     from: Arc<str>,
     meter: Arc<Meter>,
@@ -140,7 +140,7 @@ impl Local {
         self.send_queue.close(reason);
     }
 
-    /// As [`Self::run`]; tells why it ended.
+    /// Runs like [`Self::run`]; returns the reason for the end.
     async fn deliver(&self) -> &'static str {
         loop {
             while let Some(parcel) = self.send_queue.take_parcel() {
@@ -157,7 +157,7 @@ impl Local {
         }
     }
 
-    /// Hands one message to the reader; tells whether the connection shall end with it.
+    /// Passes one message to the reader; returns whether the connection must close after it.
     async fn hand_over(&self, parcel: Parcel) -> bool {
         let bytes = parcel.payload.len();
         self.meter.count(bytes, parcel.envelope.as_deref());
@@ -190,7 +190,7 @@ impl Local {
 
 impl Drop for Local {
     fn drop(&mut self) {
-        // Also when what the reader does with a message panics.
+        // Also after a panic of the reader's handler.
         self.send_queue.close("the reader failed");
     }
 }

@@ -1,4 +1,4 @@
-//! One incoming connection: its life, from the first byte to the end.
+//! The lifetime of one incoming connection.
 
 mod accept_handshake;
 mod datagram_input;
@@ -33,9 +33,9 @@ use crate::socket::{self, ReadBuffer, Socket};
 use crate::tcp_stream::Tcp;
 use crate::udp_socket;
 
-/// Serves a connection until it ends, is displaced, has been silent for too long, or the port closes.
+/// Serves a connection until it closes, is superseded, times out, or the port closes.
 ///
-/// Connections are numbered in the order in which they were accepted. Tells how it ended.
+/// Connections are numbered in the order in which they were accepted. Returns how it ended.
 pub(super) async fn serve(
     core: Arc<Core>,
     stream: TcpStream,
@@ -87,7 +87,7 @@ pub(super) async fn serve(
     let end = connection.run_until_closed(&mut close_signal).await;
     let understood = WasValid(match end {
         End::Broken(_) | End::Failed(_) => false,
-        // The next one of the same name may have taken its place before it was found to be garbage.
+        // The next one of the same name may have superseded it before it was found to be invalid.
         End::Closed => connection.was_valid || begun.elapsed() >= MIN_CONNECTION_LIFETIME,
         _ => true,
     });
@@ -98,30 +98,31 @@ pub(super) async fn serve(
     understood
 }
 
-/// Whether a connection was of use: it was not garbage that came, it did not break, and it did not go again at once
-/// without a word.
+/// `true` if a connection was valid: no protocol error, no failure, and not closed at once without
+/// data.
 pub(super) struct WasValid(pub(super) bool);
 
-/// Whoever stays for so long means something by it.
+/// A connection that stays open for this long counts as valid.
 const MIN_CONNECTION_LIFETIME: Duration = Duration::from_secs(1);
 
-/// How long the answer to a header waits for that to the first message, if both have come.
+/// Time that the header reply waits for the reply to the first message, if both were received
+/// together.
 const FIRST_REPLY_DELAY: Duration = Duration::from_millis(1);
 
-/// How a connection ended.
+/// The reason for the end of a connection.
 pub(super) enum End {
     Closed,
     Broken(ProtocolError),
     Failed(io::Error),
-    /// What it asks for cannot be had.
+    /// Its modifiers cannot be applied.
     Refused(MonitorError),
-    /// It goes on in the other direction.
+    /// It continues in the other direction.
     Reversed,
-    /// The peer may not do what it wants.
+    /// The peer lacks a right.
     NotAllowed(Right),
-    /// Nothing came any more, and the peer is not there.
+    /// No datagrams arrive any more, and the peer is gone.
     Gone(String),
-    /// It goes on on this thread.
+    /// It continues on this thread.
     Moved(Arc<DedicatedThread>),
 }
 
@@ -137,7 +138,7 @@ pub(super) struct Connection {
     acceptor: Acceptor,
     input: ReadBuffer,
     pub(super) output: BytesMut,
-    /// How much of the output answers the header, as long as it has not been sent.
+    /// Length of the header reply in the output, until it has been sent.
     header_reply_len: usize,
     /// Its number in the port's list.
     pub(super) number: u64,
@@ -148,7 +149,7 @@ pub(super) struct Connection {
     control_receiver: ControlReceiver,
     /// It is on a thread of its own already.
     moved: bool,
-    /// What its messages come on, if they come as datagrams.
+    /// The receiver of its datagrams, on a datagram carrier.
     datagrams: Option<Box<Datagrams>>,
     pub(super) sender: Sender,
     /// The sender's name, as its messages carry it.
@@ -156,11 +157,11 @@ pub(super) struct Connection {
     pub(super) address: IpAddr,
     busy: BusyPoll,
     pub(super) meter: Arc<Meter>,
-    /// What its messages pass, if anything.
+    /// The monitors of its messages, if any.
     monitors: Option<Arc<Chain>>,
     /// The port closes: nothing more is read.
     closing: Cancelled,
-    /// What the peer may do, by the roles of this generation.
+    /// The rights of the peer, with the revision of the roles that they come from.
     rights: (u64, Rights),
     /// Its place among the callers, if the port keeps a list of them.
     guard: Option<ConnectionGuard>,
@@ -168,20 +169,20 @@ pub(super) struct Connection {
     was_valid: bool,
 }
 
-/// What is to happen after a message.
+/// The next step after a message.
 pub(super) enum Next {
     Go,
     /// Messages come over a socket of the file system.
     UnixSocket,
     /// Messages come through shared memory.
     SharedMemory,
-    /// Messages come as datagrams, to this group if there is one.
+    /// Messages arrive as datagrams, to this group if there is one.
     Datagrams(Option<SocketAddrV4>),
     Stop(End),
 }
 
 impl Connection {
-    /// Serves until the end, or until the connection shall move.
+    /// Serves until the end, or until the connection must move.
     async fn run_until_closed(&mut self, close_signal: &mut Option<CloseSignal>) -> End {
         let (mut control_receiver, mut closing) =
             (self.control_receiver.clone(), self.closing.clone());
@@ -193,7 +194,7 @@ impl Connection {
         tokio::select! {
             end = self.run() => end,
             () = control_receiver.ended() => End::Closed,
-            // Whatever comes of it: the place is given to somebody else.
+            // In any case the entry becomes free.
             _ = async { close_signal.as_mut().expect("it is there").await }, if close_signal.is_some() => {
                 End::Closed
             }
@@ -233,7 +234,7 @@ impl Connection {
         self.entry = None;
         let (port, from) = (&self.core.name, &self.sender.name);
         match end {
-            // Nobody moves twice.
+            // A connection moves only once.
             End::Closed | End::Moved(_) => {}
             End::Broken(error) => {
                 tracing::warn!(%port, from, "dropping a connection: {error}");
@@ -255,8 +256,7 @@ impl Connection {
         }
     }
 
-    /// What comes seldom and takes much room while it runs stands in boxes here, so that a
-    /// connection at rest is small.
+    /// Rare futures of large size are boxed, so that an idle connection is small.
     async fn run(&mut self) -> End {
         if self.datagrams.is_some() {
             return Box::pin(self.run_watched(None)).await;
@@ -344,14 +344,14 @@ impl Connection {
         }
     }
 
-    /// The connection goes on over another socket.
+    /// Records the new socket of the connection.
     fn set_socket(&self, socket: SocketHandle) {
         if let Some(entry) = &self.entry {
             self.core.move_input(entry.id, socket);
         }
     }
 
-    /// Whether the roles in force now give the peer this right.
+    /// Returns whether the roles in force now give the peer this right.
     pub(super) fn may(&mut self, right: Right) -> bool {
         let roles = self.core.network.roles();
         let generation = roles.generation();
@@ -372,13 +372,13 @@ impl Connection {
         }
     }
 
-    /// What a peer is told that may not.
+    /// Returns the refusal for a peer without this right.
     pub(super) fn refusal(&self, right: Right) -> String {
         roles::refusal(&self.core.name, self.peer(), right)
     }
 
-    /// Waits for what may take long. What was said so far goes out first: a peer that sends ahead
-    /// must not wait for one answer because the next is not there yet.
+    /// Waits for a future that may take long. The output so far is sent first: a peer that
+    /// pipelines requests must not wait for one answer because the next is not ready.
     pub(super) async fn wait_for<T>(&mut self, waiting: impl Future<Output = T>) -> T {
         tokio::pin!(waiting);
         tokio::select! {
@@ -398,8 +398,8 @@ impl Connection {
         done
     }
 
-    /// Sends what was said so far; only the answer to a header waits a moment for that to the message
-    /// which came along with it: who has sent both looks for nothing but the latter.
+    /// Sends the output so far; only a header reply waits briefly for the reply to a message that
+    /// was received with it: the peer polls for the latter only.
     async fn send_output(&mut self) {
         if self.header_reply_len > 0 && self.output.len() == self.header_reply_len {
             tokio::time::sleep(FIRST_REPLY_DELAY).await;
@@ -408,7 +408,7 @@ impl Connection {
         let _ = socket::write_all(&self.stream, &mut self.output).await;
     }
 
-    /// The peer is not silent.
+    /// Records that the peer is active.
     fn record_activity(&mut self) {
         if let Some(guard) = &mut self.guard {
             guard.set_active(Instant::now());
@@ -423,7 +423,7 @@ impl Connection {
             .connection_limits
             .and_then(|limits| limits.max_connections);
         if most.is_some_and(|most| self.core.outputs().len() >= most) {
-            tracing::warn!(port = %self.core.name, from = self.sender.name, "too many read from here");
+            tracing::warn!(port = %self.core.name, from = self.sender.name, "too many readers: refusing a connection");
             return;
         }
         let Some(initiator) = self.acceptor.into_initiator() else {

@@ -1,4 +1,4 @@
-//! Messages that are images, as the pictures that browsers see.
+//! Encoding of images as JPEG, and decoding.
 
 use bytes::{Bytes, BytesMut};
 use libjpeg_turbo_rs::{PixelFormat, Subsampling};
@@ -11,14 +11,14 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-/// How well pictures keep what they show, of 100; the default of most writers of JPEG.
+/// Quality of encoded images, of 100; the default of most JPEG encoders.
 const QUALITY: u8 = 75;
-/// The most pixels of a picture that we expand.
+/// Maximum number of pixels of a decoded image.
 const MAX_PIXELS: usize = 1 << 26;
-/// The most pixels that a byte of a picture can stand for: a block of 8 x 8 takes a bit at least.
+/// Maximum number of pixels that a byte can represent: a block of 8 x 8 takes at least one bit.
 const MAX_PIXELS_PER_BYTE: usize = 512;
 
-/// Why a picture is not expanded.
+/// The reason why a JPEG image is not decoded.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum JpegError {
     /// It claims more pixels than it can hold, or than we take.
@@ -37,8 +37,8 @@ pub(crate) enum JpegError {
     Panicked,
 }
 
-/// The part of a stream that shows the image in this payload; `None` if it is no image, or one of
-/// a kind that pictures cannot show.
+/// Returns the part of an MJPEG stream for the image in this payload; `None` if it is not an image,
+/// or has pixels that JPEG cannot represent.
 pub(super) fn part(payload: &Payload, envelope: Option<&Bytes>) -> Option<Bytes> {
     let image = Image::read(payload).ok()?;
     let mut jpeg = compress(&image)?;
@@ -50,7 +50,7 @@ pub(super) fn part(payload: &Payload, envelope: Option<&Bytes>) -> Option<Bytes>
     Some(part.freeze())
 }
 
-/// The image as JPEG; `None` if pictures cannot show it.
+/// Encodes the image as JPEG; `None` if JPEG cannot represent its pixels.
 pub(super) fn compress(image: &Image) -> Option<Bytes> {
     let format = match image.code() {
         PixelCode::MONO => PixelFormat::Grayscale,
@@ -68,8 +68,8 @@ pub(super) fn compress(image: &Image) -> Option<Bytes> {
     Some(jpeg.ok()?.into())
 }
 
-/// The picture as an image of `rgb` pixels, in a buffer of an earlier one if there is one. What it claims is
-/// checked before it takes memory.
+/// Decodes a JPEG image to `rgb` pixels, in the buffer of an earlier one if available. Its claimed
+/// size is checked before memory is allocated.
 pub(super) fn decode(jpeg: &[u8], buffer: BytesMut) -> Result<Image, JpegError> {
     let options = DecoderOptions::default().jpeg_set_out_colorspace(ColorSpace::RGB);
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(jpeg), options);
@@ -131,7 +131,7 @@ mod tests {
         assert!(compress(&Image::new(PixelCode::RGB, 0, 0).unwrap()).is_none());
     }
 
-    /// The size stands at a fixed distance behind the marker of the frame.
+    /// The size is at a fixed distance after the marker of the frame.
     #[test]
     fn a_bomb_is_refused_before_it_takes_memory() {
         let mut jpeg = compress(&image(PixelCode::RGB, 3)).unwrap().to_vec();

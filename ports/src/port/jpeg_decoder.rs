@@ -1,4 +1,4 @@
-//! Pictures of one connection made into images, one behind the other.
+//! Decoding of the JPEG images of one connection, with reused buffers.
 
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -10,13 +10,13 @@ use yarp_wire::typed::Image;
 
 use super::jpeg::{self, JpegError};
 
-/// Images whose memory is kept: new memory costs a tenth of expanding.
+/// Maximum number of buffers kept: new memory costs a tenth of decoding.
 const MAX_POOLED_IMAGES: usize = 3;
 
-/// Expands pictures in the memory of earlier ones.
+/// Decodes JPEG images into the buffers of earlier ones.
 #[derive(Default)]
 pub(super) struct PooledJpegDecoder {
-    /// The pixels of the last images, whose memory is used again once nobody else has them.
+    /// The pixels of the last images; their memory is reused once they are unshared.
     last: VecDeque<Bytes>,
 }
 
@@ -32,7 +32,7 @@ impl PooledJpegDecoder {
         Ok(Payload::of_pieces(&pieces, WireVersion::V3))
     }
 
-    /// The memory of an image that nobody has any more.
+    /// Returns the buffer of an image that is no longer in use.
     fn buffer(&mut self) -> BytesMut {
         let free = self.last.iter().position(Bytes::is_unique);
         let free = free.and_then(|place| self.last.remove(place));
@@ -56,7 +56,7 @@ mod tests {
 
     use super::*;
 
-    /// A picture of one grey, large enough to be shared.
+    /// Returns a grey JPEG image, large enough to be shared.
     fn grey(level: u8) -> Bytes {
         let pixels = vec![level; 3 * 256 * 96];
         let image = Image::from_packed(PixelCode::RGB, 256, 96, pixels).unwrap();
@@ -90,7 +90,7 @@ mod tests {
     #[test]
     fn memory_is_used_again() {
         let mut jpeg_decoder = PooledJpegDecoder::default();
-        // What was given back would be given to these.
+        // Freed memory would be reused for these.
         let mut others = Vec::new();
         let places = [100; 3].map(|level| {
             let image = expanded(&mut jpeg_decoder, level);

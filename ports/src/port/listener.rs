@@ -1,4 +1,4 @@
-//! Where a port listens, and who comes.
+//! Listening and accepting.
 
 use std::io;
 use std::net::Ipv4Addr;
@@ -20,17 +20,17 @@ use crate::error::PortError;
 use crate::network::{Endpoint, Network};
 use crate::socket;
 
-/// Other numbers that are asked for when the one that was given is taken by somebody whom the name
-/// server does not know.
+/// Maximum number of TCP ports tried if the assigned one is used by a program that the name server
+/// does not know.
 const MAX_BIND_ATTEMPTS: usize = 32;
 
-/// Newcomers that the system keeps while they wait: of a port that lives from them, of others (stock keeps one), and of those
-/// in a flood of garbage. Who finds no place tries again, after a second at first.
+/// Backlogs of the listening socket: of a port with connection limits, of other ports (stock has
+/// one), and while throttling. A peer that finds the backlog full retries, after a second at first.
 const LIMITED_PORT_BACKLOG: i32 = 1024;
 const DEFAULT_BACKLOG: i32 = 128;
 const THROTTLED_BACKLOG: i32 = 16;
 
-/// Listens at all addresses of this machine, or at the one that was asked for.
+/// Listens at all addresses of this machine, or at the configured one.
 pub(super) fn bind(
     name: &str,
     number: u16,
@@ -54,10 +54,10 @@ pub(super) fn bind(
     })
 }
 
-/// Listens on another number of the name server's, and registers it.
+/// Listens on another TCP port chosen by the name server, and registers it.
 ///
-/// A server gives a name the number that it had before, so the numbers are asked for under invented
-/// names. Numbers that the server would not give are left alone: they may not be reachable.
+/// A server assigns a name its previous number, so numbers are requested under temporary names.
+/// Numbers outside the server's choice are not used: they may be unreachable.
 pub(super) async fn bind_other_port(
     network: &Network,
     name: &str,
@@ -77,8 +77,8 @@ pub(super) async fn bind_other_port(
                 type_name: options.type_name.clone(),
                 ..RegisterRequest::named(name)
             };
-            // Else the server would look for us at the old place first. The name was ours until
-            // now, so that it is none of those invented.
+            // Otherwise the server would probe the old address first. The name was registered until
+            // now, so it is none of the temporary ones.
             network.unregister(name).await?;
             result = network
                 .register(asking)
@@ -87,7 +87,7 @@ pub(super) async fn bind_other_port(
         }
     }
     for name in &invented {
-        // What is left behind is one name too many, no more.
+        // A leftover would be a superfluous name, no more.
         let _ = network.unregister(name).await;
     }
     result
@@ -97,7 +97,7 @@ fn is_out_of_descriptors(error: &io::Error) -> bool {
     matches!(error.raw_os_error(), Some(libc::EMFILE | libc::ENFILE))
 }
 
-/// Says, once, that anybody can come: ports listen at all addresses of the machine.
+/// Logs, once, that every host can connect: ports listen at all addresses of the machine.
 pub(super) fn log_missing_key() {
     static LOGGED: Once = Once::new();
     LOGGED.call_once(|| {
@@ -149,7 +149,7 @@ pub(super) async fn listen(core: Arc<Core>, listener: TcpListener) {
                             );
                         }
                         let waiting = if throttling { THROTTLED_BACKLOG } else { DEFAULT_BACKLOG };
-                        // As many as before may wait, if the system does not want so.
+                        // If the system refuses, the backlog remains unchanged.
                         let _ = SockRef::from(&listener).listen(waiting);
                     }
                     if throttling {

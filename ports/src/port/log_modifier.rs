@@ -1,11 +1,11 @@
-//! Copies of what a port receives, for those who look on: the carrier modifier `log.in`.
+//! Copies of received messages for loggers: the carrier modifier `log.in`.
 //!
-//! A port that is asked to connect over `tcp+log.in` sends its owner's messages elsewhere, and
-//! over this connection copies of what arrives: each message as it came, with its envelope, and
-//! each request that was answered as `[rpc] (REQUEST) (REPLY)`. Source: checked against 3.5.0.
+//! A port that is asked to connect over `tcp+log.in` sends copies of received messages over this
+//! connection: each message unchanged, with its envelope, and each answered request as `[rpc]
+//! (REQUEST) (REPLY)`. Source: checked against 3.5.0.
 //!
-//! Who looks on never holds the port up: copies that there is no room for are dropped, and counted
-//! as such. Copies are not copied again, so that ports that look at each other come to rest.
+//! A logger never delays the port: copies that find no room are dropped and counted. Copies are not
+//! copied again, so that ports that log each other do not loop.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -21,10 +21,10 @@ use super::encode_once::Encoded;
 use super::output::Output;
 use super::received_message::{Received, Reply};
 
-/// What a copy begins with that holds a request and its reply.
+/// The first item of a copy that holds a request and its reply.
 const REQUEST: Vocab32 = Vocab32::new("rpc");
 
-/// Whether a carrier asks for copies instead of messages.
+/// Returns whether a carrier requests copies instead of messages.
 pub(super) fn is_wanted(spec: &CarrierSpec) -> Result<bool, PortError> {
     match spec.modifier("log") {
         None | Some("") => Ok(false),
@@ -35,19 +35,19 @@ pub(super) fn is_wanted(spec: &CarrierSpec) -> Result<bool, PortError> {
     }
 }
 
-/// Whether what a sender brings are copies of what another port receives.
+/// Returns whether the messages of a sender are copies of messages that another port received.
 pub(super) fn is_requested_by(sender: &Sender) -> bool {
     sender.modifiers.iter().any(|(key, _)| key == "log")
 }
 
-/// Whether a carrier string asks for copies instead of messages.
+/// Returns whether a carrier string requests copies instead of messages.
 pub(super) fn is_named(carrier: &str) -> bool {
     carrier
         .parse()
         .is_ok_and(|spec| matches!(is_wanted(&spec), Ok(true)))
 }
 
-/// A message on its way to those who look on.
+/// A copy for the loggers.
 pub(super) struct LoggedMessage {
     payload: Payload,
     envelope: Option<Bytes>,
@@ -68,7 +68,7 @@ impl LoggedMessage {
         let mut bytes = BytesMut::new();
         reply.write_binary(&mut bytes, WireVersion::V4);
         let reply = Bottle::decode(&bytes.freeze(), WireVersion::V4, Limits::DEFAULT);
-        // What is no bottle cannot stand in one.
+        // Text that is not a bottle cannot be part of one.
         let reply = reply.unwrap_or_default();
         Bottle::from_iter([REQUEST.into(), request.into(), reply.into()])
     }
@@ -84,7 +84,7 @@ impl WireObject for LoggedMessage {
     }
 }
 
-/// What has arrived, or was written already, as something to send on.
+/// A received or encoded message, to be forwarded.
 pub(super) struct Content<'a>(pub(super) &'a Payload);
 
 impl WireObject for Content<'_> {
@@ -92,7 +92,7 @@ impl WireObject for Content<'_> {
         let as_it_came = || self.0.to_binary(wire_version);
         let bytes = match self.0.wire_version() == wire_version {
             true => as_it_came(),
-            // What is no bottle has no generation.
+            // Content that is not a bottle has no wire version.
             false => match self.0.to_bottle() {
                 Ok(bottle) => Ok(bottle.encode(wire_version)),
                 Err(_) => as_it_came(),
@@ -107,12 +107,12 @@ impl WireObject for Content<'_> {
 }
 
 impl Core {
-    /// Whether anybody may be looking on; costs next to nothing.
+    /// Returns whether there may be loggers; nearly free.
     pub(super) fn is_logged(&self) -> bool {
         self.logged.load(Ordering::Relaxed)
     }
 
-    /// Sends a message, and the reply if there was one, to those who look on.
+    /// Sends a message, and its reply if there was one, to the loggers.
     pub(super) fn forward(&self, message: &LoggedMessage, reply: Option<&Reply>) {
         let command = Command::Data {
             reply: false,

@@ -1,7 +1,7 @@
-//! Connections that this port makes to read from: the writer is asked for its pictures.
+//! Connections that this port makes in order to read: it requests JPEG images from the writer.
 //!
-//! Each has a thread of its own from the beginning: pictures take milliseconds to become images, and others shall not
-//! wait for it. Meanwhile the system takes the next picture in.
+//! Each has a dedicated thread from the beginning: decoding takes milliseconds and must not delay
+//! other connections. Meanwhile the system receives the next image.
 
 use std::io;
 use std::net::{IpAddr, Ipv4Addr};
@@ -39,7 +39,7 @@ struct Pull {
 }
 
 impl Core {
-    /// Connects to a writer and reads from it until it ends, or either side is told to end it.
+    /// Connects to a writer and reads from it until it closes, or either side is asked to close it.
     pub(super) async fn pull(
         self: &Arc<Self>,
         endpoint: &Endpoint,
@@ -154,13 +154,13 @@ impl Pull {
     async fn run(mut self) -> Result<(), MjpegError> {
         while let Some(part) = self.next().await? {
             self.deliver(&part).await;
-            // Pictures that never stop coming shall not keep it from hearing that it shall end.
+            // A continuous stream of images must not delay the request to close.
             yield_now().await;
         }
         Ok(())
     }
 
-    /// The next picture; `None` at the end of the connection.
+    /// Waits for the next image; `None` at the end of the connection.
     async fn next(&mut self) -> Result<Option<Part>, MjpegError> {
         loop {
             match self.parts.read(&mut self.input.bytes) {
@@ -181,7 +181,7 @@ impl Pull {
         }
     }
 
-    /// Hands the image of a picture to the owner; a picture that is none is passed over.
+    /// Passes the decoded image to the owner; an invalid one is skipped.
     async fn deliver(&mut self, part: &Part) {
         let payload = match self.jpeg_decoder.decode(&part.body) {
             Ok(payload) => payload,
@@ -202,7 +202,7 @@ impl Pull {
             wants_reply: false,
             responder: None,
         };
-        // Nothing can be said back.
+        // Replies are impossible.
         let monitors = self.monitors.as_ref();
         self.core.take(monitors, received, false).await;
     }

@@ -1,21 +1,21 @@
-//! A port: a named place that other programs connect to.
+//! A port: a named endpoint that other programs connect to.
 //!
-//! | file | what it is about |
+//! | file | content |
 //! | --- | --- |
-//! | `options` | how a port is to be opened |
-//! | `core` | what the tasks of a port share |
-//! | `listener`, `callers` | the number that it listens on, who comes and is silent |
-//! | `input`, `inbox`, `received` | incoming connections, what arrived, one message of it |
-//! | `output`, `outbox`, `group` | outgoing connections, what is to be sent, multicast |
-//! | `encoded`, `batch`, `call` | a message in the forms that readers want, bytes on their way, who waits for a reply |
-//! | `pull`, `picture` | connections made to read from, images as browsers see them |
-//! | `admin`, `describe`, `browser` | what programs and people ask of the port itself |
-//! | `supervised` | connections that come back |
-//! | `silent` | writers in datagrams that may be gone |
-//! | `log` | copies of what arrives for those who look on |
-//! | `counters` | what passed |
-//! | `monitor` | what messages pass on their way |
-//! | `qos`, `own_thread` | how urgent the packets and the thread of a connection are |
+//! | `port_options` | options of a port |
+//! | `core` | the state shared by the tasks of a port |
+//! | `listener`, `accept_throttle`, `idle_connections` | listening, throttling of accepts, timeouts of idle connections |
+//! | `input`, `dispatch`, `receive_queue`, `received_message` | incoming connections, dispatch to the owner, the queue of received messages |
+//! | `output`, `send_queue`, `multicast_group`, `in_process` | outgoing connections, queues of messages to send, multicast, the carrier `local` |
+//! | `encode_once`, `write_batch`, `reply_channel` | encodings of a message, bytes to be written, waiting for a reply |
+//! | `mjpeg_client`, `jpeg`, `jpeg_decoder` | connections made to read from, JPEG encoding and decoding |
+//! | `admin_commands`, `text_commands`, `http_server` | requests of programs, terminals and browsers to the port itself |
+//! | `reconnecting` | connections that reconnect |
+//! | `datagram_liveness` | liveness of writers over datagrams |
+//! | `log_modifier` | copies of received messages for loggers |
+//! | `counters` | message counters |
+//! | `monitor` | monitors of messages |
+//! | `socket_qos`, `dedicated_thread` | priority of packets and threads of a connection |
 
 mod accept_throttle;
 mod admin_commands;
@@ -81,7 +81,7 @@ pub use receive_queue::Queue;
 pub use received_message::{Answer, Received, Reply};
 pub use reconnecting::{ConnectionState, ReconnectOptions, ReconnectingConnection};
 
-/// A port that is open.
+/// An open port.
 ///
 /// ```no_run
 /// # async fn example() -> Result<(), yarp_ports::PortError> {
@@ -97,8 +97,8 @@ pub use reconnecting::{ConnectionState, ReconnectOptions, ReconnectingConnection
 /// # Ok(()) }
 /// ```
 ///
-/// [`Port::close`] unregisters the name and says goodbye to peers. Dropping the port does the
-/// same in the background, as far as the runtime still runs.
+/// [`Port::close`] unregisters the name and closes the connections. Dropping the port does the same
+/// in the background, as long as the runtime runs.
 pub struct Port {
     core: Arc<Core>,
     cancel: Cancel,
@@ -115,7 +115,7 @@ impl std::fmt::Debug for Port {
 }
 
 impl Port {
-    /// Opens a port: listens, tells the name server, serves what connects.
+    /// Opens a port: listens, registers with the name server, serves connections.
     ///
     /// The name may be `...` for one that the name server chooses.
     pub async fn open(
@@ -196,7 +196,7 @@ impl Port {
         Ok(port)
     }
 
-    /// The name.
+    /// Returns the name.
     pub fn name(&self) -> &str {
         &self.core.name
     }
@@ -206,20 +206,20 @@ impl Port {
         self.core.number
     }
 
-    /// Where it is, as stock prints it: `tcp://HOST:PORT/`.
+    /// Returns its address in stock's format: `tcp://HOST:PORT/`.
     pub fn address(&self) -> String {
         format!("tcp://{}:{}/", self.core.host, self.core.number)
     }
 
-    /// The network it is on.
+    /// Returns the network it is on.
     pub fn network(&self) -> &Network {
         &self.core.network
     }
 
     /// Connects to a reader, given as a name or a contact such as `fast_tcp://reader`.
     ///
-    /// Over `tcp+log.in` the reader gets copies of what this port receives, and of its replies,
-    /// instead of what it writes.
+    /// Over `tcp+log.in` the reader gets copies of the messages that this port receives, and of its
+    /// replies, instead of the messages it writes.
     pub async fn connect(&self, to: &str) -> Result<(), PortError> {
         self.core.connect(&Contact::parse(to)).await.map(drop)
     }
@@ -231,13 +231,13 @@ impl Port {
         self.core.connect(&contact).await.map(drop)
     }
 
-    /// Connects to a reader, given as for [`Port::connect`], and connects again whenever the
-    /// connection is lost, until the answer is dropped.
+    /// Connects to a reader, given as for [`Port::connect`], and reconnects whenever the connection
+    /// is lost, until the result is dropped.
     ///
-    /// Returns at once; [`ReconnectingConnection::up`] waits for the connection. A reader that comes back at
-    /// another address is found if it was given by its name. A connection that is taken down by
-    /// somebody else is made again. Over `udp` and `mcast` the end of a reader that says no
-    /// goodbye goes unnoticed.
+    /// Returns at once; [`ReconnectingConnection::connected`] waits for the connection. A reader
+    /// that restarts at another address is found if it was given by its name. A connection that
+    /// another program closes is made again. Over `udp` and `mcast` the end of a reader that does
+    /// not close the connection is not detected.
     ///
     /// ```no_run
     /// # async fn example(port: &yarp_ports::Port) {
@@ -252,7 +252,7 @@ impl Port {
     ///
     /// # Panics
     ///
-    /// Outside a tokio runtime.
+    /// Panics outside a tokio runtime.
     pub fn connect_persistent(
         &self,
         to: &str,
@@ -261,24 +261,24 @@ impl Port {
         ReconnectingConnection::start(self.core.clone(), Contact::parse(to), options)
     }
 
-    /// Ends the connection to a reader; tells whether there was one.
+    /// Ends the connection to a reader; returns whether there was one.
     pub async fn disconnect(&self, to: &str) -> bool {
         self.core.disconnect(to).await
     }
 
-    /// The readers that it is connected to.
+    /// Returns the readers that it is connected to.
     pub fn outputs(&self) -> Vec<String> {
         let outputs = self.core.outputs();
         outputs.iter().map(|output| output.to.clone()).collect()
     }
 
-    /// The writers that are connected to it.
+    /// Returns the writers that are connected to it.
     pub fn inputs(&self) -> Vec<String> {
         let inputs = self.core.inputs();
         inputs.iter().map(|input| input.from.clone()).collect()
     }
 
-    /// The oldest message that was kept and not read yet; waits for one.
+    /// Returns the oldest message that was kept and not read yet; waits for one.
     ///
     /// Needs [`PortOptions::queue`] or [`PortOptions::rpc_server`]. Cancelling loses nothing.
     pub async fn read(&self) -> Result<Received, PortError> {
@@ -290,12 +290,12 @@ impl Port {
         message.ok_or_else(|| self.closed())
     }
 
-    /// The oldest message that was kept and not read yet, if there is one now.
+    /// Returns the oldest queued message, if there is one now.
     pub fn try_read(&self) -> Option<Received> {
         self.core.receive_queue.as_ref()?.try_pop()
     }
 
-    /// Messages that were dropped because they were not read in time.
+    /// Returns the number of messages dropped because they were not read soon enough.
     pub fn dropped(&self) -> u64 {
         self.core
             .receive_queue
@@ -303,29 +303,29 @@ impl Port {
             .map_or(0, |receive_queue| receive_queue.dropped())
     }
 
-    /// What passed over this port and over each of its connections.
+    /// Returns the message counters of this port and of each of its connections.
     pub fn counters(&self) -> PortCounters {
         self.core.counters()
     }
 
-    /// Ends all waits of [`Port::read`], now and later; what was kept can still be read.
+    /// Ends all waits of [`Port::read`], now and later; queued messages can still be read.
     pub fn interrupt(&self) {
         if let Some(receive_queue) = &self.core.receive_queue {
             receive_queue.close();
         }
     }
 
-    /// Sends to every reader, and waits until each has taken it: acknowledged it where the carrier
-    /// has acknowledgements, else until it is on its way to the socket.
+    /// Sends to every reader, and waits until each has taken it: acknowledged it if the carrier has
+    /// acknowledgements, else until it has been passed to the socket.
     ///
-    /// One reader never waits for another. Tells how many took it. A reader that stops reading
-    /// holds this up; cancelling is safe, the message is then sent without anybody waiting, except
-    /// to readers that have no room for it.
+    /// Readers do not wait for each other. Returns the number of readers that took it. A reader
+    /// that stops reading blocks this call; cancelling is safe, the message is then sent in the
+    /// background, except to readers without room for it.
     pub async fn write(&self, message: &impl WireObject) -> usize {
         self.write_with(message, None).await
     }
 
-    /// As [`Port::write`], with an envelope such as a [`Stamp`](yarp_wire::Stamp).
+    /// Sends like [`Port::write`], with an envelope such as a [`Stamp`].
     pub async fn write_with(&self, message: &impl WireObject, envelope: Option<Envelope>) -> usize {
         let Some(message) = self.monitored(message).await else {
             return 0;
@@ -357,18 +357,18 @@ impl Port {
         taken
     }
 
-    /// Sends to every reader that is done with earlier messages, and waits for none.
+    /// Sends to every reader that has completed earlier messages, without waiting.
     ///
-    /// A reader that is still busy misses this message. Tells how many will get it.
+    /// A busy reader misses this message. Returns the number of readers that will get it.
     pub fn write_if_idle(&self, message: &impl WireObject, envelope: Option<Envelope>) -> usize {
         self.try_write(message, envelope, 0)
     }
 
-    /// Sends to every reader that has not more than `backlog` earlier messages still to take, and waits for none.
+    /// Sends to every reader with at most `backlog` earlier messages pending, without waiting.
     ///
-    /// For messages that come at a rate: a moment in which the machine does something else costs nobody a message, and a
-    /// reader that does not keep up still gets what is new. The thread that calls hands the message to the sockets
-    /// itself where they take it at once. Tells how many will get it.
+    /// For periodic messages: a short delay of the machine drops no message, and a reader that is
+    /// too slow still gets recent ones. The calling thread writes to the sockets directly if they
+    /// accept the message at once. Returns the number of readers that will get it.
     pub fn try_write(
         &self,
         message: &impl WireObject,
@@ -423,7 +423,8 @@ impl Port {
         taken
     }
 
-    /// Waits until every message has been handed over, and acknowledged where that is the custom.
+    /// Waits until every message has been sent, and acknowledged if the carrier has
+    /// acknowledgements.
     pub async fn flush(&self) {
         for output in self.core.senders() {
             // A reader that is gone has nothing left to take.
@@ -442,7 +443,7 @@ impl Port {
         })
     }
 
-    /// As [`Port::call`], at most until `deadline`.
+    /// Calls like [`Port::call`], with a timeout.
     pub async fn call_within<R: ReadObject>(
         &self,
         request: &impl WireObject,
@@ -496,7 +497,7 @@ impl Port {
         Ok((output, reply))
     }
 
-    /// A message as the monitor of the port makes it, if there is one; `None` if it stops it.
+    /// Passes a message through the monitor of the port, if there is one; `None` if it stops it.
     async fn monitored<'a, T: WireObject>(&self, message: &'a T) -> Option<Outgoing<'a, T>> {
         let (message, delay) = self.outgoing(message)?;
         if !delay.is_zero() {
@@ -505,28 +506,28 @@ impl Port {
         Some(message)
     }
 
-    /// As [`Port::monitored`], with how long the monitor wants it to be held back.
+    /// Passes a message like [`Port::monitored`]; also returns the delay that the monitor requests.
     fn outgoing<'a, T: WireObject>(&self, message: &'a T) -> Option<(Outgoing<'a, T>, Duration)> {
         let chain = self.core.attached_out.chain();
         Outgoing::of(message, chain.as_deref(), self.core.options.wire_version)
     }
 
-    /// Says goodbye to peers, stops listening and unregisters the name.
+    /// Closes the connections, stops listening and unregisters the name.
     ///
-    /// Takes a few seconds at the most, whatever peers do.
+    /// Takes a few seconds at most, whatever peers do.
     pub async fn close(mut self) {
         if let Some(closing) = self.shut() {
             closing.await;
         }
     }
 
-    /// Takes everything apart; what is left to wait for is the future.
+    /// Shuts everything down; the returned future waits for the rest.
     fn shut(&mut self) -> Option<impl Future<Output = ()> + Send + 'static> {
         let listener = self.listener.take()?;
         let core = self.core.clone();
         let registered = std::mem::take(&mut self.registered);
         self.interrupt();
-        // What is taken down now shall not come back.
+        // Closed connections must not reconnect now.
         self.core.close();
         if registered {
             self.core.network.leased_names().forget(&self.core.name);
@@ -567,7 +568,8 @@ impl Drop for Port {
     }
 }
 
-/// Sends to readers that had no room, to each as soon as it has; tells how many took it.
+/// Sends to readers that had no room, to each as soon as it has; returns the number of readers that
+/// took it.
 async fn push_late(late: Vec<(Arc<Output>, Form)>, command: &Command, watched: bool) -> usize {
     if late.is_empty() {
         return 0;
@@ -609,7 +611,7 @@ fn data(reply: bool, envelope: Option<Envelope>) -> Command {
     }
 }
 
-/// What accompanies a message: usually a [`Stamp`], at any rate one line of text.
+/// The envelope of a message: usually a [`Stamp`], in any case one line of text.
 #[derive(Clone, Debug, Eq, PartialEq)]
 pub struct Envelope(Bytes);
 

@@ -12,16 +12,16 @@ use crate::network::Network;
 pub(crate) struct Group {
     /// The name under which the group is registered.
     pub(crate) name: String,
-    /// Where its datagrams go.
+    /// Destination of its datagrams.
     pub(crate) address: SocketAddrV4,
     /// The address of the interface that they go out of.
     pub(crate) local: Ipv4Addr,
-    /// Whether copies of what arrives go there, instead of what the owner writes.
+    /// `true` if the group carries copies of received messages instead of the owner's messages.
     pub(crate) logs: bool,
 }
 
 impl Group {
-    /// Asks the name server for a group for the port `owner`, out of the interface with address
+    /// Requests a group for the port `owner` from the name server, on the interface with address
     /// `local`, for copies or for messages.
     pub(crate) async fn allocate(
         network: &Network,
@@ -39,7 +39,7 @@ impl Group {
             request: "register ... mcast".to_owned(),
             answer: given.to_string(),
         })?;
-        // So that the group goes with its owner even if the owner cannot say goodbye.
+        // The group is freed with its owner even if the owner cannot unregister it.
         network
             .ask(&format!("bot set {owner} owns {}", given.name))
             .await?;

@@ -32,7 +32,7 @@ use crate::socket::{ReadBuffer, Socket, connect, within, write_all};
 use crate::transport_switch::{next_port, refusal, refuses, switch_transport};
 use crate::udp_socket;
 
-/// How long a reader has to end a connection that it does not take, before it is asked.
+/// Time for a reader to close a refused connection, before it is asked.
 const REFUSAL_TIMEOUT: Duration = Duration::from_millis(50);
 
 /// A connection that the port writes to.
@@ -43,20 +43,20 @@ pub(crate) struct Output {
     /// Carrier string as the connection was asked for.
     pub(crate) carrier_text: String,
     pub(crate) carrier: &'static Carrier,
-    /// The generation of the reader.
+    /// The wire version of the reader.
     pub(crate) wire_version: WireVersion,
     pub(crate) send_queue: Arc<SendQueue>,
-    /// Whether it carries copies of what the port receives instead of what its owner writes.
+    /// `true` if it carries copies of received messages instead of the owner's messages.
     pub(crate) logs: bool,
     /// The group that it shares with others: one of them transmits for all.
     pub(crate) group: Option<Group>,
-    /// Whom to tell of the end, where the connection itself cannot.
+    /// Notifies the reader of the end, if the connection itself cannot.
     remove_input_request: Option<RemoveInputRequest>,
-    /// What it sends on, as long as it has no thread of its own.
+    /// The socket that it sends on, until it moves to a dedicated thread.
     socket: SocketHandle,
-    /// Whether the owner has been told that it began.
+    /// `true` if the owner has been notified of its beginning.
     pub(crate) reported: AtomicBool,
-    /// What messages pass on their way, if anything.
+    /// The monitors of its messages, if any.
     pub(super) monitors: Option<Arc<Chain>>,
     task: JoinHandle<()>,
     /// Passes messages through the monitors.
@@ -73,7 +73,7 @@ pub(crate) struct Target<'a> {
     /// The carrier string, and the carrier that it names.
     pub(crate) spec: &'a CarrierSpec,
     pub(crate) carrier: &'static Carrier,
-    /// The generation of the reader.
+    /// The wire version of the reader.
     pub(crate) wire_version: WireVersion,
     /// The group, on a carrier of groups.
     pub(crate) group: Option<&'a Group>,
@@ -81,7 +81,7 @@ pub(crate) struct Target<'a> {
     pub(crate) network: &'a Network,
 }
 
-/// What messages go out on.
+/// The transport of outgoing messages.
 pub(crate) enum OutputTransport {
     Stream(Arc<Socket>, ReadBuffer),
     Datagrams(Arc<UdpSocket>),
@@ -189,7 +189,7 @@ impl Output {
         )
     }
 
-    /// A connection that `task` sends the messages of.
+    /// Creates a connection that `task` sends the messages of.
     pub(crate) fn over(
         to: &str,
         carrier_text: String,
@@ -228,7 +228,8 @@ impl Output {
         self
     }
 
-    /// Says goodbye and ends the connection; waits for the reader at most until `deadline`.
+    /// Sends the close message and closes the connection; waits for the reader at most until
+    /// `deadline`.
     pub(crate) async fn close(&self, deadline: Duration) {
         let goodbye = async {
             match &self.remove_input_request {
@@ -251,8 +252,8 @@ impl Output {
         self.end();
     }
 
-    /// Waits for the goodbye of a reader that answers ours: one that comes when the connection is gone
-    /// would reset it, and with it what the reader has not read yet.
+    /// Waits for the close message of a reader that answers with one: if it arrived after the
+    /// connection is closed, it would cause a reset and discard unread bytes.
     async fn await_answer(&self) {
         if self.carrier.protocol.replies_to_close() {
             self.socket().finish();
@@ -260,12 +261,12 @@ impl Output {
         }
     }
 
-    /// Whether it is one of those that share this group.
+    /// Returns whether it is one of those that share this group.
     pub(super) fn is_of(&self, group: &Group) -> bool {
         self.group.as_ref() == Some(group)
     }
 
-    /// What it sends on.
+    /// Returns the socket that it sends on.
     pub(crate) fn socket(&self) -> SocketHandle {
         let thread = self.send_queue.thread();
         let moved = thread.as_ref().and_then(|thread| thread.socket());
@@ -301,14 +302,14 @@ impl Target<'_> {
     }
 }
 
-/// Why nothing is sent any more.
+/// The reason why sending stops.
 pub(crate) enum StopReason {
     End(String),
-    /// The connection goes on on a thread of its own.
+    /// The connection continues on a dedicated thread.
     Move,
 }
 
-/// Sends what is in the outbox until the connection ends; tells why it did.
+/// Sends the queued messages until the connection closes; returns the reason.
 async fn send(
     transport: OutputTransport,
     send_queue: &Arc<SendQueue>,
@@ -410,14 +411,14 @@ async fn open(target: &Target<'_>) -> Result<(Socket, Initiator, ReadBuffer), Po
     Ok((stream, initiator, input))
 }
 
-/// Whether the reader is to have a modifier.
+/// Returns whether the reader is to have a modifier.
 fn asks_reader(target: &Target<'_>) -> bool {
     let options = target.spec.options();
     options.find_group(MonitorSide::Receive.key()).is_some()
 }
 
-/// Asks the reader for its version over the new connection. Stock answers the header first and
-/// then ends the connection if it lacks the modifier: an answer shows that it has it.
+/// Asks the reader for its version over the new connection. Stock replies to the header first and
+/// then closes the connection if it lacks the modifier: an answer shows that the reader has it.
 async fn confirm(
     target: &Target<'_>,
     stream: &Socket,
@@ -435,7 +436,7 @@ async fn confirm(
             source,
         })?;
         match progress {
-            // Who reads lines may have written them to a person who is refused.
+            // A reader of text lines may have sent them to a refused terminal.
             Some(Progress::Reply(reply)) => match reply.to_bottle() {
                 Ok(answer) if admin::is_version(&answer) => {}
                 _ => return Err(target.declined()),
@@ -448,8 +449,8 @@ async fn confirm(
     Ok(())
 }
 
-/// Asks the reader over a connection of its own whether it has this one, over which nothing can
-/// be answered. Stock lists one for a moment before it sees that it cannot have it: so twice.
+/// Asks the reader over a separate connection whether it has this one, which cannot carry replies.
+/// Stock lists a connection briefly before it refuses it: so the request is repeated.
 async fn confirm_elsewhere(
     target: &Target<'_>,
     stream: &Socket,
@@ -476,7 +477,7 @@ async fn confirm_elsewhere(
 }
 
 impl RemoveInputRequest {
-    /// Tells the reader to forget the connection: `~/WRITER`, as stock does.
+    /// Asks the reader to drop the connection: `~/WRITER`, as stock does.
     async fn say(&self, deadline: Duration) {
         let carrier = Carrier::by_name("text_ack").expect("text_ack is in the table");
         let address = (self.to.host.as_str(), self.to.port);

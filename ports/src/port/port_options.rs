@@ -1,4 +1,4 @@
-//! How a port is to be opened.
+//! Options of a port.
 
 use std::net::Ipv4Addr;
 use std::pin::Pin;
@@ -15,10 +15,10 @@ use super::{Answer, Queue, Received};
 /// Called for each message, on the task of its connection; must not block for long.
 pub type Handler = Arc<dyn Fn(&mut Received) -> Answer + Send + Sync>;
 
-/// Called for admin requests that the port itself does not know.
+/// Called for admin requests that the port itself does not handle.
 pub type AdminHandler = Arc<dyn Fn(&Bottle) -> Option<Bottle> + Send + Sync>;
 
-/// Called for what browsers ask of a port; `None` leaves the answer to the port.
+/// Called for HTTP requests to a port; `None` leaves the response to the port.
 pub type Pages = Arc<dyn Fn(&Request) -> Option<Page> + Send + Sync>;
 
 /// A page that is being made.
@@ -36,13 +36,13 @@ pub struct ConnectionChange {
     pub to: String,
     /// Carrier with its modifiers.
     pub carrier: String,
-    /// Whether the port is the reader.
+    /// `true` if the port is the reader.
     pub incoming: bool,
-    /// Whether it began.
+    /// `true` if the connection began, `false` if it ended.
     pub began: bool,
 }
 
-/// What a port does with messages that arrive.
+/// The handling of received messages.
 #[derive(Clone)]
 pub(crate) enum Input {
     Discard,
@@ -50,14 +50,14 @@ pub(crate) enum Input {
     Handler(Handler),
 }
 
-/// Whether queued messages may be replied to.
+/// Selects whether queued messages can be replied to.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub(crate) enum Serving {
     Reads,
     Replies,
 }
 
-/// How a port is to be opened. The default writes, and discards what arrives.
+/// Options of a port. By default it writes, and discards received messages.
 #[derive(Clone)]
 #[non_exhaustive]
 pub struct PortOptions {
@@ -79,11 +79,11 @@ pub struct PortOptions {
     pub(super) datagram_timeout: Duration,
 }
 
-/// How long writers in datagrams may be silent before they are asked; as long as the system waits
-/// before it asks the other end of a silent TCP connection.
+/// Idle time after which a datagram writer is probed; the same as the keepalive time of an idle TCP
+/// connection.
 const DEFAULT_DATAGRAM_TIMEOUT: Duration = Duration::from_secs(60);
 
-/// Which outgoing connections a port takes.
+/// The outgoing connections that a port allows.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub(crate) enum Outputs {
     Any,
@@ -115,7 +115,7 @@ impl Default for PortOptions {
 }
 
 impl PortOptions {
-    /// A port that writes, and discards what arrives.
+    /// Creates a port that writes, and discards what arrives.
     pub fn new() -> Self {
         Self::default()
     }
@@ -136,7 +136,7 @@ impl PortOptions {
 
     /// Calls `handler` for each message, on the task of its connection.
     ///
-    /// Messages of one connection come one after the other, those of several at once.
+    /// Messages of one connection are handled in order, those of several connections concurrently.
     pub fn handler(
         mut self,
         handler: impl Fn(&mut Received) -> Answer + Send + Sync + 'static,
@@ -169,8 +169,8 @@ impl PortOptions {
         self
     }
 
-    /// The host that others are told, of a port that is [`unregistered`](Self::unregistered); usually the best address of
-    /// the machine. For those that are registered the name server decides.
+    /// Sets the host that is announced for an [`unregistered`](Self::unregistered) port; by default
+    /// the best address of the machine. For registered ports the name server decides.
     pub fn host(mut self, host: &str) -> Self {
         self.host = Some(host.to_owned());
         self
@@ -182,14 +182,14 @@ impl PortOptions {
         self
     }
 
-    /// The generation to assume of readers and callers that do not betray theirs.
+    /// Sets the wire version assumed for readers and callers that do not reveal theirs.
     pub fn wire_version(mut self, wire_version: WireVersion) -> Self {
         self.wire_version = wire_version;
         self
     }
 
-    /// The generation that readers are spoken to as, instead of asking each which it is: for callers of whoever
-    /// understands both.
+    /// Sets the wire version for messages to readers, instead of probing each: for callers of peers
+    /// that understand both.
     pub fn peer_version(mut self, wire_version: WireVersion) -> Self {
         self.peer_version = Some(wire_version);
         self
@@ -201,14 +201,15 @@ impl PortOptions {
         self
     }
 
-    /// Lets everybody send messages, whatever `roles.conf` says: the owner looks at each by itself.
+    /// Allows every peer to send messages, regardless of `roles.conf`: the owner checks each
+    /// message itself.
     pub fn allow_any_writer(mut self) -> Self {
         self.allows_any_writer = true;
         self
     }
 
-    /// Ends connections that are silent for too long, and the most silent ones when there are too
-    /// many. Without it a port waits for whoever has connected, as in stock.
+    /// Limits idle time and number of incoming connections. Without it a port waits for its peers
+    /// indefinitely, as in stock.
     pub fn connection_limits(mut self, limits: ConnectionLimits) -> Self {
         self.connection_limits = Some(limits);
         self
@@ -223,9 +224,9 @@ impl PortOptions {
         self
     }
 
-    /// Offers a monitor of the owner's own to connections that ask for it by
-    /// `send.portmonitor+type.dll+file.NAME` or `recv.`, before one of the same name that is built
-    /// in. `make` is called for each connection, and may refuse its options with a reason.
+    /// Adds a monitor for connections that request it by `send.portmonitor+type.dll+file.NAME` or
+    /// `recv.`; it precedes a built-in one of the same name. `make` is called for each connection,
+    /// and may refuse its options with a reason.
     pub fn monitor(
         mut self,
         name: impl Into<String>,
@@ -238,8 +239,8 @@ impl PortOptions {
         self
     }
 
-    /// Answers browsers with pages of the owner's own; what `pages` does not know, the port answers
-    /// as any port does.
+    /// Serves HTTP requests with the owner's pages; the port itself responds if `pages` returns
+    /// `None`.
     pub fn pages(
         mut self,
         pages: impl Fn(&Request) -> Option<Page> + Send + Sync + 'static,
@@ -248,10 +249,10 @@ impl PortOptions {
         self
     }
 
-    /// Asks a writer over `udp` or `mcast` from which nothing has come for so long, a minute unless
-    /// told otherwise, whether it still writes here: its connection ends if its port is gone, or
-    /// has not written here any more each of three times. Asking needs a name server that knows
-    /// the writer; each question ends at the deadline of the network.
+    /// Sets the idle time, a minute by default, after which a `udp` or `mcast` writer is asked
+    /// whether it still writes here. Its connection is closed if its port is gone, or reports three
+    /// times in a row that it does not write here. Probing needs a name server that knows the
+    /// writer; each probe is limited by the timeout of the network.
     pub fn datagram_timeout(mut self, timeout: Duration) -> Self {
         self.datagram_timeout = timeout;
         self

@@ -2,7 +2,7 @@
 
 use std::hash::{BuildHasher, RandomState};
 
-/// What a prayer may come to, a line each; words in angle brackets stand for others.
+/// The possible answers, a line each; words in angle brackets are placeholders.
 const OUTCOMES: [&[&str]; 10] = [
     &["You feel that <god> is <displeased>."],
     &["<voice> \"Thou <hast>, <creature>. Thou must relearn thy lessons!\""],
@@ -32,7 +32,7 @@ const OUTCOMES: [&[&str]; 10] = [
     ],
 ];
 
-/// What the words in angle brackets stand for; those in front may hold those behind.
+/// The replacements of the placeholders; earlier ones may contain later ones.
 const WORDS: [(&str, &[&str]); 8] = [
     (
         "<voice>",
@@ -61,7 +61,7 @@ const WORDS: [(&str, &[&str]); 8] = [
     ("<god>", &[]),
 ];
 
-/// The lines of an answer; the god is the robot, else the first word of the name of the port.
+/// Returns the lines of an answer; the god is the robot, else the first word of the name of the port.
 pub(super) fn pray(port: &str) -> Vec<String> {
     let god = std::env::var("YARP_ROBOT_NAME").unwrap_or_else(|_| {
         let name = port.trim_start_matches('/');

@@ -1,4 +1,4 @@
-//! What has arrived and was not read yet.
+//! The queue of received messages.
 
 use std::collections::VecDeque;
 use std::sync::{Mutex, PoisonError};
@@ -7,28 +7,28 @@ use tokio::sync::Notify;
 
 use super::Received;
 
-/// What happens when messages arrive faster than they are read.
+/// The behaviour when messages arrive faster than they are read.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 #[non_exhaustive]
 pub enum Queue {
     /// Only the newest is kept, as stock's `BufferedPort` does by default.
     Latest,
-    /// So many are kept; then the connection waits, and with `tcp` its sender.
+    /// This many are kept; then the connection waits, and with `tcp` its sender.
     Wait(usize),
     /// So many are kept; then the oldest is dropped.
     DropOldest(usize),
     /// So many are kept; then new ones are dropped.
     DropNewest(usize),
-    /// All are kept and none is lost, as stock's `BufferedPort` does after `setStrict`: a writer is
-    /// not held back by a reader that is behind. Only when 64 MiB wait does the connection wait, as
-    /// under [`Queue::Wait`]; stock goes on until its memory is used up.
+    /// All are kept and none is lost, like stock's `BufferedPort` after `setStrict`: a slow reader
+    /// does not block a writer. Only when 64 MiB are queued does the connection wait, as under
+    /// [`Queue::Wait`]; stock continues until its memory is exhausted.
     Strict,
 }
 
 /// Bytes that may wait under [`Queue::Strict`].
 const MAX_STRICT_BYTES: usize = 64 << 20;
 
-/// Messages of all input connections of a port, in the order in which they came.
+/// Messages of all input connections of a port, in order of arrival.
 #[derive(Debug)]
 pub(crate) struct ReceiveQueue {
     queue: Queue,
@@ -40,7 +40,7 @@ pub(crate) struct ReceiveQueue {
 #[derive(Debug, Default)]
 struct State {
     messages: VecDeque<Received>,
-    /// What they take together, about; known only under [`Queue::Strict`].
+    /// Their approximate total size in bytes; maintained only under [`Queue::Strict`].
     bytes: usize,
     dropped: u64,
     closed: bool,
@@ -69,8 +69,8 @@ impl ReceiveQueue {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes a message in; waits only under [`Queue::Wait`] and
-    /// [`Queue::Strict`]. Tells whose message was dropped.
+    /// Queues a message; waits only under [`Queue::Wait`] and [`Queue::Strict`]. Returns the
+    /// connection of a dropped message.
     pub(crate) async fn push(&self, mut message: Received) -> Option<u64> {
         loop {
             let room = self.room.notified();
@@ -84,13 +84,13 @@ impl ReceiveQueue {
         }
     }
 
-    /// As [`ReceiveQueue::push`], but gives the message back where that would wait.
+    /// Queues like [`ReceiveQueue::push`], but returns the message if that would wait.
     #[expect(
         clippy::result_large_err,
         reason = "what is no error need not be small"
     )]
     pub(crate) fn try_push(&self, message: Received) -> Result<Option<u64>, Received> {
-        // Only there is it asked for.
+        // The size is only needed there.
         let weight = match self.queue {
             Queue::Strict => weight(&message),
             _ => 0,
@@ -122,7 +122,7 @@ impl ReceiveQueue {
         Ok(dropped.map(|message| message.connection))
     }
 
-    /// The oldest message kept, as soon as there is one; `None` once closed and empty.
+    /// Waits for the oldest queued message; `None` once closed and empty.
     pub(crate) async fn pop(&self) -> Option<Received> {
         loop {
             let arrived = self.arrived.notified();
@@ -157,7 +157,7 @@ impl ReceiveQueue {
         Some(message)
     }
 
-    /// The oldest message kept, if there is one now.
+    /// Returns the oldest message kept, if there is one now.
     pub(crate) fn try_pop(&self) -> Option<Received> {
         let message = self.take(&mut self.state());
         self.room.notify_one();

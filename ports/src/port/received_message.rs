@@ -14,11 +14,11 @@ use yarp_wire::{Bottle, Stamp};
 
 use super::reply_channel::ReplySender;
 
-/// What a message is answered with: anything that can be written. Up to 64 bytes of it take no memory of their own.
+/// The reply to a message: any object that can be written. Up to 64 bytes need no allocation.
 pub struct Reply(SmallBox<dyn WireObject + Send + Sync, S8>);
 
 impl Reply {
-    /// A reply of this.
+    /// Creates a reply of this.
     pub fn new(object: impl WireObject + Send + Sync + 'static) -> Self {
         Self(smallbox!(object))
     }
@@ -37,13 +37,13 @@ impl Deref for Reply {
 pub struct Received {
     /// The content, unread.
     pub payload: Payload,
-    /// What accompanied it, usually a [`Stamp`].
+    /// Its envelope, usually a [`Stamp`].
     pub envelope: Option<Bytes>,
     /// The name of the sender.
     pub from: Arc<str>,
     /// The address of the sender.
     pub address: IpAddr,
-    /// Whether the sender waits for a reply.
+    /// `true` if the sender waits for a reply.
     pub wants_reply: bool,
     /// Carries the answer back to the connection.
     pub(crate) responder: Option<ReplySender<Answer>>,
@@ -51,7 +51,7 @@ pub struct Received {
     pub(crate) connection: u64,
 }
 
-/// How a message was answered.
+/// The handler's answer to a message.
 #[non_exhaustive]
 pub enum Answer {
     /// With nothing; a sender that waits gets an empty bottle.
@@ -65,24 +65,24 @@ pub enum Answer {
 }
 
 impl Answer {
-    /// A reply of any kind.
+    /// Creates a reply of any kind.
     pub fn reply(object: impl WireObject + Send + Sync + 'static) -> Self {
         Self::Reply(Reply::new(object))
     }
 }
 
 impl Received {
-    /// The content as a bottle.
+    /// Returns the content as a bottle.
     pub fn bottle(&self) -> Result<Bottle, DecodeError> {
         self.payload.to_bottle()
     }
 
-    /// The content as any type that can travel.
+    /// Returns the content as any type that can travel.
     pub fn read<T: ReadObject>(&self) -> Result<T, DecodeError> {
         T::read(&self.payload)
     }
 
-    /// The envelope as a stamp, if it is one.
+    /// Returns the envelope as a stamp, if it is one.
     pub fn stamp(&self) -> Option<Stamp> {
         let text = std::str::from_utf8(self.envelope.as_deref()?).ok()?;
         text.parse().ok()
@@ -93,7 +93,7 @@ impl Received {
         self.answer(Answer::reply(object));
     }
 
-    /// Answers the message and ends the connection that it came over.
+    /// Replies to the message and closes its connection.
     pub fn reply_and_close(&mut self, object: impl WireObject + Send + Sync + 'static) {
         self.answer(Answer::ReplyAndClose(Reply::new(object)));
     }

@@ -1,4 +1,4 @@
-//! Connections that come back.
+//! Connections that reconnect.
 
 use std::hash::{BuildHasher, RandomState};
 use std::sync::Arc;
@@ -15,7 +15,7 @@ use super::log_modifier;
 use super::send_queue::SendQueue;
 use crate::cancel::{Cancel, Cancelled};
 
-/// How a connection is kept up.
+/// Options of a reconnecting connection.
 #[derive(Clone, Debug, Eq, PartialEq)]
 #[non_exhaustive]
 pub struct ReconnectOptions {
@@ -23,17 +23,16 @@ pub struct ReconnectOptions {
     pub initial_backoff: Duration,
     /// The pause does not grow beyond this.
     pub max_backoff: Duration,
-    /// How long one try may take.
+    /// Timeout of one attempt.
     pub connect_timeout: Duration,
-    /// A reader from whose host nothing has been heard for so long, though it was asked or sent
-    /// something, is lost: whole seconds count. So is one that has taken nothing of what was
-    /// sent for so long. Only TCP connections can tell.
+    /// A connection is lost if its host has answered nothing for this long, or has accepted no data
+    /// for this long; in whole seconds. Only TCP connections support it.
     pub peer_timeout: Duration,
 }
 
 impl Default for ReconnectOptions {
-    /// A quarter of a second to ten seconds between tries, each of ten seconds at the most; lost
-    /// after twenty seconds of silence.
+    /// Backoff of a quarter of a second to ten seconds, timeout of ten seconds per attempt, and of
+    /// twenty seconds for an unresponsive host.
     fn default() -> Self {
         Self {
             initial_backoff: Duration::from_millis(250),
@@ -45,22 +44,22 @@ impl Default for ReconnectOptions {
 }
 
 impl ReconnectOptions {
-    /// As many tries as the default.
+    /// Creates the default options.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Waits between tries from `first` on, doubling up to `longest`; at least 1 ms.
+    /// Sets the backoff between attempts: from `first`, doubling up to `longest`; at least 1 ms.
     ///
-    /// Each pause is shortened by up to a quarter of it at random, so that not all who lost a
-    /// reader come back at the same moment.
+    /// Each delay is shortened at random by up to a quarter, so that the writers of a lost reader
+    /// do not reconnect simultaneously.
     pub fn backoff(mut self, first: Duration, longest: Duration) -> Self {
         self.initial_backoff = first;
         self.max_backoff = longest;
         self
     }
 
-    /// Takes a reader for lost after this long a silence; see [`ReconnectOptions::silence`].
+    /// Sets the timeout of an unresponsive host; see [`ReconnectOptions::peer_timeout`].
     pub fn peer_timeout(mut self, timeout: Duration) -> Self {
         self.peer_timeout = timeout;
         self
@@ -76,11 +75,11 @@ impl ReconnectOptions {
 /// No two tries follow each other more closely.
 const MIN_BACKOFF: Duration = Duration::from_millis(1);
 
-/// What is the matter with a supervised connection.
+/// The state of a reconnecting connection.
 #[derive(Clone, Debug, Eq, PartialEq)]
 #[non_exhaustive]
 pub enum ConnectionState {
-    /// A try is under way, the how manieth since the connection was last up.
+    /// An attempt is under way: its number since the last connected state.
     Connecting {
         /// 1 for the first.
         attempt: u32,
@@ -89,7 +88,7 @@ pub enum ConnectionState {
     Connected,
     /// It ended, or could not be made; the next try follows after a pause.
     Disconnected {
-        /// Why.
+        /// The reason.
         reason: Arc<str>,
     },
     /// It is not looked after any more: the port closed.
@@ -104,9 +103,9 @@ pub enum ConnectionState {
 pub struct ReconnectingConnection {
     state: watch::Receiver<ConnectionState>,
     cancel: Cancel,
-    /// Whether the connection shall outlive this.
+    /// `true` if the connection outlives this value.
     kept: Arc<AtomicBool>,
-    /// Ends by itself, within the goodbye to the reader, once `cancel` is dropped.
+    /// Ends by itself, after closing the connection, once `cancel` is dropped.
     task: JoinHandle<()>,
 }
 
@@ -133,13 +132,13 @@ impl ReconnectingConnection {
         }
     }
 
-    /// What is the matter with it now.
+    /// Returns the current state.
     pub fn state(&self) -> ConnectionState {
         self.state.borrow().clone()
     }
 
-    /// Waits until something changes, and tells what is the matter then. Changes that follow each
-    /// other quickly may be seen as one. Cancelling loses nothing.
+    /// Waits for a change of the state and returns the new state. Changes in quick succession may
+    /// be seen as one. Safe to cancel.
     pub async fn changed(&mut self) -> ConnectionState {
         if self.state.changed().await.is_err() {
             return ConnectionState::Closed;
@@ -157,12 +156,12 @@ impl ReconnectingConnection {
             .is_ok_and(|state| *state == ConnectionState::Connected)
     }
 
-    /// A receiver of its own for whoever else wants to know of changes.
+    /// Returns an independent receiver of state changes.
     pub fn watch(&self) -> watch::Receiver<ConnectionState> {
         self.state.clone()
     }
 
-    /// Looks after the connection no more, but leaves it up if it is.
+    /// Stops reconnecting, but leaves an established connection open.
     pub fn release(self) {
         self.kept.store(true, Ordering::Release);
     }
@@ -179,7 +178,7 @@ impl ReconnectingConnection {
 struct Reconnector {
     core: Arc<Core>,
     to: Contact,
-    /// Whether the connection is one of copies.
+    /// `true` if the connection carries copies.
     logs: bool,
     options: ReconnectOptions,
     state: watch::Sender<ConnectionState>,
@@ -232,7 +231,7 @@ impl Reconnector {
         }
     }
 
-    /// The connection that there is, or else a new one.
+    /// Returns the connection that there is, or else a new one.
     async fn connect(&self, name: &mut Option<String>) -> Result<Arc<SendQueue>, Arc<str>> {
         let connected = |name: &str| {
             let outputs = self.core.outputs();
@@ -242,7 +241,7 @@ impl Reconnector {
             let _ = found.socket().set_user_timeout(self.options.peer_timeout);
             Some(found.send_queue.clone())
         };
-        // Somebody else may have connected the two in the meantime.
+        // Another program may have connected the two in the meantime.
         if let Some(send_queue) = name.as_deref().and_then(connected) {
             return Ok(send_queue);
         }
@@ -278,8 +277,8 @@ impl Backoff {
         delay
     }
 
-    /// The connection was up for so long. A reader that hangs up at once is not asked any more
-    /// often than one that is not there.
+    /// Records the duration of a connection. A reader that closes connections at once is retried no
+    /// more often than an unreachable one.
     fn record_uptime(&mut self, time: Duration) {
         if time >= self.next {
             self.next = self.first;

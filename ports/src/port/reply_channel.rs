@@ -1,4 +1,4 @@
-//! Waiting for what becomes of a request: for the reply of a peer, or for the answer of the owner.
+//! Channels for one reply: that of a peer, or that of the owner.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -7,15 +7,15 @@ use yarp_wire::message::Payload;
 
 use super::received_message::Answer;
 
-/// What becomes of a request to a peer.
+/// The result of a request to a peer.
 pub(crate) type Outcome = Result<Option<Payload>, Arc<str>>;
 
-/// Places that are kept for the next callers.
+/// Maximum number of unused channels kept.
 const MAX_POOLED: usize = 4;
 
-/// What may become of a request.
+/// A value that can be sent over a reply channel.
 pub(crate) trait SenderDropped {
-    /// What becomes of it if nobody says anything.
+    /// Returns the value that is received if the sender is dropped without sending.
     fn sender_dropped() -> Self;
 }
 
@@ -31,7 +31,7 @@ impl SenderDropped for Answer {
     }
 }
 
-/// Where callers wait. Each leaves his place to the next, so that a call allocates none.
+/// A pool of channels; a finished one is reused, so that a call needs no allocation.
 #[derive(Debug)]
 pub(super) struct ReplyPool<T>(Arc<Mutex<Vec<Arc<Slot<T>>>>>);
 
@@ -41,11 +41,11 @@ struct Slot<T> {
     told: Notify,
 }
 
-/// Tells a caller what became of his request; dropped without a word, that nobody said anything.
+/// Sends the result of a request; dropped unused, it sends [`SenderDropped::sender_dropped`].
 #[derive(Debug)]
 pub(crate) struct ReplySender<T: SenderDropped>(Arc<Slot<T>>);
 
-/// A caller. Dropped before he was told, he has what he is told thrown away.
+/// Receives the result of a request. A result sent after it was dropped is discarded.
 #[derive(Debug)]
 pub(crate) struct ReplyReceiver<T> {
     slots: ReplyPool<T>,
@@ -72,7 +72,7 @@ impl<T: SenderDropped> ReplyPool<T> {
         let mut slot = self.kept().pop().unwrap_or_default();
         match Arc::get_mut(&mut slot) {
             Some(slot) => *slot = Slot::default(),
-            // Who told the last caller is not quite gone.
+            // The previous sender still holds a reference.
             None => slot = Arc::default(),
         }
         let slots = Self(self.0.clone());
@@ -106,7 +106,7 @@ impl<T: SenderDropped> Drop for ReplySender<T> {
 }
 
 impl<T> ReplyReceiver<T> {
-    /// Waits until he is told.
+    /// Waits for the result.
     pub(super) async fn outcome(self) -> T {
         let Self { slots, slot } = self;
         loop {
@@ -130,7 +130,7 @@ mod tests {
     #[tokio::test]
     async fn a_reply_goes_to_its_caller() {
         let slots = ReplyPool::<Outcome>::default();
-        // One who does not wait for it does not leave it to the next.
+        // A receiver that does not wait does not leave its result to the next.
         let (late, call) = slots.begin();
         drop(call);
         let (sender, next) = slots.begin();

@@ -1,4 +1,4 @@
-//! What is to be sent over one connection, and who waits for it.
+//! The queue of messages to send over one connection, and the waiting writers.
 
 mod transport_queue;
 mod unacknowledged;
@@ -28,11 +28,11 @@ use unacknowledged::Unacknowledged;
 /// Bytes that may be waiting before writers must.
 const HIGH_WATER_BYTES: usize = 256 * 1024;
 
-/// The queue between those who write to a connection and the task that sends.
+/// The queue between the writers of a connection and the task that sends.
 ///
-/// Small messages are laid one behind the other, so that a writer that runs ahead costs few
-/// system calls; a message is never held back for others to follow. Sending small messages
-/// allocates nothing once the buffers have grown.
+/// Small messages are stored contiguously, so that several need few system calls; a message is
+/// never delayed for others to follow. Sending small messages needs no allocation once the buffers
+/// have grown.
 #[derive(Debug)]
 pub(crate) struct SendQueue {
     state: Mutex<State>,
@@ -42,9 +42,9 @@ pub(crate) struct SendQueue {
     changed: Notify,
     /// Something was put in for the monitors.
     staged: Notify,
-    /// Whether the connection has ended, for those who need no lock to ask.
+    /// `true` if the connection has closed; readable without the lock.
     over: AtomicBool,
-    /// Where callers wait.
+    /// The pool of reply channels.
     slots: ReplyPool<Outcome>,
 }
 
@@ -54,33 +54,33 @@ struct State {
     queued: usize,
     /// Messages put in since `queued` was last 0.
     waiting: usize,
-    /// Whether monitors see messages first.
+    /// `true` if monitors process messages first.
     monitored: bool,
     /// Messages that the monitors have not seen; their weight is in `queued`.
     staged: VecDeque<Staged>,
-    /// Those that are not done with, where the reader says when it is.
+    /// Messages not yet acknowledged or replied to, if the reader does so.
     unacknowledged: Unacknowledged,
     closed: Option<Arc<str>>,
     traffic: Traffic,
     newest: LatestEnvelope,
-    /// What a writer may send on himself while nothing else is to be sent.
+    /// The socket for direct writes while the queue is empty.
     socket: Option<Arc<Socket>>,
     /// The thread that the connection was given.
     thread: Option<Arc<DedicatedThread>>,
-    /// Whether who sends has yet to look at `thread`.
+    /// `true` if the sending task has not seen a new `thread` yet.
     moves: bool,
 }
 
-/// Who hands a message to the socket.
+/// The side that writes a message to the socket.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 enum Sender {
     /// The connection's task.
     Task,
-    /// Who writes the message, if the task has nothing to send.
+    /// The caller, if the task has nothing to send.
     Writer,
 }
 
-/// What has been and is to be sent.
+/// The counters of a queue.
 #[derive(Debug)]
 pub(crate) struct Depth {
     pub(crate) traffic: Traffic,
@@ -99,7 +99,7 @@ pub(crate) struct Staged {
 }
 
 impl Staged {
-    /// What it counts for while it waits; never 0, so that it is noticed.
+    /// Returns its weight in the queue; never 0, so that it is counted.
     fn weight(&self) -> usize {
         self.form.pieces.len() + 1
     }
@@ -140,13 +140,13 @@ impl SendQueue {
         self.put(self.state(), command, form, None, Sender::Task)
     }
 
-    /// As [`SendQueue::push`] for messages that do not come one upon the other: if nothing else is to be sent, this one is
-    /// by who calls, as far as the socket takes it, and nobody needs to be woken for it.
+    /// Queues like [`SendQueue::push`], for messages with intervals: if nothing else is queued, the
+    /// caller writes it as far as the socket accepts it, and no task is woken.
     pub(crate) fn push_now(&self, command: &Command, form: &Form) -> Result<Ticket, Arc<str>> {
         self.put(self.state(), command, form, None, Sender::Writer)
     }
 
-    /// As [`SendQueue::push`] if earlier messages leave room, else `None`.
+    /// Queues like [`SendQueue::push`] if earlier messages leave room, else `None`.
     pub(crate) fn try_push(
         &self,
         command: &Command,
@@ -196,7 +196,7 @@ impl SendQueue {
             drop(state);
             self.staged.notify_one();
         } else {
-            // Who sends has been told, and will take this along; or has nothing to do for now.
+            // The sending task has been notified and will include this message, or is idle.
             let (is_expected, is_idle) = (state.transport.is_expected(), state.queued == 0);
             state.put(command, form, answered, outcome);
             let is_sent = sender == Sender::Writer && is_idle && state.send();
@@ -221,8 +221,8 @@ impl SendQueue {
         self.state().monitored = true;
     }
 
-    /// The oldest message that the monitors have not seen, as soon as there is one; `None` once
-    /// the connection has ended.
+    /// Waits for the oldest message that the monitors have not processed; `None` once the
+    /// connection has closed.
     pub(super) async fn next_staged(&self) -> Option<Staged> {
         loop {
             let more = self.staged.notified();
@@ -239,7 +239,7 @@ impl SendQueue {
         }
     }
 
-    /// Sends what the monitors have made of a message; `None` if they stopped it.
+    /// Sends the output of the monitors for a message; `None` if they stopped it.
     pub(super) fn finish_staged(&self, staged: Staged, form: Option<Form>) {
         let mut state = self.state();
         let weight = staged.weight();
@@ -288,7 +288,7 @@ impl SendQueue {
         }
     }
 
-    /// Whether more than so many earlier messages are still on their way.
+    /// Returns whether more than this many earlier messages are pending.
     pub(crate) fn is_behind(&self, messages: usize) -> bool {
         let state = self.state();
         let waiting = state.waiting + state.staged.len();
@@ -302,20 +302,21 @@ impl SendQueue {
             .await
     }
 
-    /// Waits until every message has been handed over, and acknowledged where that is the custom.
+    /// Waits until every message has been sent, and acknowledged if the carrier has
+    /// acknowledgements.
     pub(crate) async fn drained(&self) -> Result<(), Arc<str>> {
         self.wait_until(|state| state.queued == 0 && state.unacknowledged.is_empty())
             .await
     }
 
-    /// Waits until the reader is done with a message, where it says so.
+    /// Waits until the reader has completed a message, if it reports that.
     pub(crate) async fn done(&self, ticket: Ticket) -> Result<(), Arc<str>> {
         if !ticket.is_awaited() {
             return Ok(());
         }
         let is_done = |state: &State| state.unacknowledged.is_done(ticket);
         let outcome = self.wait_until(is_done).await;
-        // What was done before the connection ended was done.
+        // Messages completed before the connection closed count as completed.
         match is_done(&self.state()) {
             true => Ok(()),
             false => outcome,
@@ -349,7 +350,8 @@ impl SendQueue {
         }
     }
 
-    /// Exchanges an empty batch for all that is to be sent; tells, once, when the connection shall move.
+    /// Exchanges an empty batch for all queued bytes; returns `true`, once, when the connection
+    /// must move.
     pub(crate) fn take(&self, empty: &mut Batch) -> bool {
         let mut state = self.state();
         if let TransportQueue::Stream(_, batch) = &mut state.transport {
@@ -358,7 +360,7 @@ impl SendQueue {
         std::mem::take(&mut state.moves)
     }
 
-    /// As [`SendQueue::take`] for messages that are sent each by itself.
+    /// Exchanges like [`SendQueue::take`], for datagrams.
     pub(crate) fn take_datagrams(&self, empty: &mut DatagramBatch) -> bool {
         let mut state = self.state();
         if let TransportQueue::Datagrams(_, waiting) = &mut state.transport {
@@ -380,12 +382,12 @@ impl SendQueue {
         thread
     }
 
-    /// The connection's own thread, if it was given one.
+    /// Returns the connection's own thread, if it was given one.
     pub(crate) fn thread(&self) -> Option<Arc<DedicatedThread>> {
         self.state().thread.clone()
     }
 
-    /// The next message for a reader in this process.
+    /// Returns the next message for a reader in this process.
     pub(crate) fn take_parcel(&self) -> Option<Parcel> {
         match &mut self.state().transport {
             TransportQueue::Local(waiting, _) => waiting.pop_front(),
@@ -416,7 +418,7 @@ impl SendQueue {
         }
     }
 
-    /// Takes what the peer said. What answers it by itself is queued even if it ends the connection.
+    /// Consumes bytes from the peer. Automatic answers are queued even if they end the connection.
     pub(crate) fn receive(&self, input: &mut BytesMut) -> Result<(), ProtocolError> {
         let mut state = self.state();
         let state = &mut *state;
@@ -477,7 +479,7 @@ impl SendQueue {
         self.staged.notify_one();
     }
 
-    /// Whether the peer owes an answer, and there is nothing to send meanwhile.
+    /// Returns whether the peer owes an answer, and nothing is queued meanwhile.
     pub(crate) fn awaits_answer(&self) -> bool {
         let state = self.state();
         state.queued == 0 && !state.unacknowledged.is_empty()
@@ -511,8 +513,8 @@ impl State {
         }
     }
 
-    /// Sends what the socket takes now; tells whether that was all. Nobody else may be sending. What fails here
-    /// fails again for the task, which knows what to do then.
+    /// Writes as much as the socket accepts now; returns whether that was all. No other writer may
+    /// be active. An error here recurs in the task, which handles it.
     fn send(&mut self) -> bool {
         let (Some(socket), TransportQueue::Stream(_, batch)) = (&self.socket, &mut self.transport)
         else {

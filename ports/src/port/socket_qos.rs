@@ -1,9 +1,10 @@
-//! How urgent the packets of a connection are: what programs ask for, in stock's words.
+//! Packet priority and thread scheduling of connections, requested in stock's format.
 //!
 //! The type of service is set on the socket of the connection and read back from it. Connections
-//! here are tasks that share the threads of the runtime; one that is told a policy gets a thread of its
-//! own ([`own_thread`](super::own_thread)) that has it. By `process` and the name of the port itself
-//! all threads of the process get a policy, as in stock. The system must allow either.
+//! are tasks that share the threads of the runtime; a connection that is given a policy gets a
+//! dedicated thread ([`dedicated_thread`](super::dedicated_thread)). `process` and the name of the
+//! port itself set the policy of all threads of the process, as in stock. The system must allow
+//! either.
 
 use std::fmt;
 use std::io;
@@ -24,23 +25,23 @@ use super::dedicated_thread::DedicatedThread;
 use super::send_queue::SendQueue;
 use crate::thread_schedule::{self, Schedule};
 
-/// Why a connection gets no thread of its own.
+/// The reason why a connection gets no dedicated thread.
 const NO_THREAD_REASON: &str = "connections within a process have no thread of their own; `process` of the port itself is for \
     all threads of its process";
-/// What stock answers for a connection whose thread was not asked for, and for sockets that have
-/// no type of service.
+/// Stock's answer for a connection whose thread is unknown, and for sockets without a type of
+/// service.
 const UNKNOWN: i32 = -1;
 const NO_SCHEDULE: Schedule = Schedule {
     policy: UNKNOWN,
     priority: UNKNOWN,
 };
 
-/// The socket of a connection, as long as the connection has it.
+/// A weak reference to the socket of a connection.
 #[derive(Clone)]
 pub(crate) struct SocketHandle(Weak<dyn AsFd + Send + Sync>);
 
 impl SocketHandle {
-    /// A handle that does not keep the socket open.
+    /// Creates a handle that does not keep the socket open.
     pub(crate) fn of<S: AsFd + Send + Sync + 'static>(socket: &Arc<S>) -> Self {
         let weak: Weak<S> = Arc::downgrade(socket);
         Self(weak)
@@ -52,13 +53,13 @@ impl SocketHandle {
         Self(weak)
     }
 
-    /// Nothing more is sent.
+    /// Shuts the socket down for writing.
     pub(crate) fn finish(&self) {
         // One that is gone sends nothing, either.
         let _ = self.with(|socket, _| socket.shutdown(Shutdown::Write));
     }
 
-    /// What stands in the head of each packet.
+    /// Returns the byte in the header of each packet.
     fn type_of_service(&self) -> io::Result<u32> {
         self.with(|socket, six| match six {
             true => socket.tclass_v6(),
@@ -73,7 +74,7 @@ impl SocketHandle {
         })
     }
 
-    /// Lets the system end a TCP connection whose other host has not been heard of for this long.
+    /// Makes the system close a TCP connection whose peer has not responded for this long.
     pub(crate) fn set_user_timeout(&self, silence: Duration) -> io::Result<()> {
         let second = Duration::from_secs(1);
         let asking = TcpKeepalive::new()
@@ -85,7 +86,7 @@ impl SocketHandle {
         })
     }
 
-    /// Calls `ask` with the socket, and with whether it speaks version 6.
+    /// Calls `ask` with the socket, and with whether it uses IPv6.
     fn with<T>(&self, ask: impl FnOnce(SockRef<'_>, bool) -> io::Result<T>) -> io::Result<T> {
         let socket = self.0.upgrade().ok_or(io::ErrorKind::NotConnected)?;
         let descriptor = socket.as_fd();
@@ -102,7 +103,7 @@ impl fmt::Debug for SocketHandle {
 }
 
 impl Core {
-    /// `[prop] [get] /PEER`: how the connection to or from a port is treated.
+    /// `[prop] [get] /PEER`: returns the properties of the connection to or from a port.
     pub(super) fn connection_properties(&self, name: &str) -> Bottle {
         let Some(found) = self.connections(name).into_iter().next() else {
             return fail(&format!("cannot find any connection to/from {name}"));
@@ -123,7 +124,7 @@ impl Core {
 
     /// `[prop] [set] /NAME GROUP...`: nothing is changed unless all of it can be.
     pub(super) async fn set_connection_properties(&self, name: &str, groups: &Bottle) -> Bottle {
-        // A group without content asks for nothing that there is.
+        // A group without content requests nothing known.
         let wanted = |key: &str| {
             let group = groups.find_group(key)?;
             Some(group.get(1).and_then(Value::as_list))
@@ -175,7 +176,8 @@ impl Core {
         ok()
     }
 
-    /// Gives each connection what is asked for, on a thread of its own; tells why not.
+    /// Sets the requested scheduling of each connection, on a dedicated thread; returns the reason
+    /// on failure.
     async fn schedule(&self, connections: &[Found], wanted: Scheduling) -> Result<(), String> {
         let reason = |error: io::Error| thread_schedule::reason(&error);
         let mut threads = Vec::new();
@@ -213,17 +215,17 @@ impl Core {
                     }
                 }
             };
-            // Somebody else may have asked for one in the meantime.
+            // Another request may have started a thread in the meantime.
             if !Arc::ptr_eq(&has, &thread) {
                 has.set_schedule(schedule).map_err(reason)?;
             }
             let Schedule { policy, priority } = schedule;
-            tracing::debug!(port = %self.name, thread = has.id(), policy, priority, "a connection has a thread of its own");
+            tracing::debug!(port = %self.name, thread = has.id(), policy, priority, "a connection moved to a dedicated thread");
         }
         Ok(())
     }
 
-    /// The connections to and from a port, those to it first.
+    /// Returns the connections to and from a port, those to it first.
     fn connections(&self, name: &str) -> Vec<Found> {
         let moves = |carrier: &Carrier| carrier.transport != Transport::Local;
         let mut connections: Vec<_> = self
@@ -254,7 +256,7 @@ struct Found {
     place: FoundAt,
     socket: SocketHandle,
     thread: Option<Arc<DedicatedThread>>,
-    /// Whether it can go to a thread of its own.
+    /// `true` if it can move to a dedicated thread.
     moves: bool,
 }
 
@@ -270,7 +272,7 @@ impl FoundAt {
     }
 }
 
-/// What is asked for, where the rest stays as it is now.
+/// Combines the requested values with the current ones for the rest.
 fn schedule_of(wanted: Scheduling, now: Schedule) -> Result<Schedule, String> {
     let number = |wanted: Option<i64>, now: i32| match wanted.map(i32::try_from) {
         None => Ok(now),
@@ -282,7 +284,7 @@ fn schedule_of(wanted: Scheduling, now: Schedule) -> Result<Schedule, String> {
     })
 }
 
-/// Gives all threads of the process what is asked for; tells why not.
+/// Sets the requested scheduling of all threads of the process; returns the reason on failure.
 fn schedule_process(wanted: Scheduling) -> Result<(), String> {
     let now = Schedule::now().map_err(|error| thread_schedule::reason(&error))?;
     let wanted = schedule_of(wanted, now)?;

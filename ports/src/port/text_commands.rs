@@ -1,4 +1,4 @@
-//! What a port tells people who type at it.
+//! Text commands, as typed at a terminal.
 
 use std::fmt::Write;
 use std::sync::Arc;
@@ -21,7 +21,7 @@ r       Reverse connection type to be a reader\r\n\
 a       Signals the beginning of an administrative message\r\n\
 ?       Gives this help\r\n";
 
-/// Stock's answer to what is no command.
+/// Stock's answer to an unknown command.
 pub(super) const NOT_UNDERSTOOD: &str = "\
 Port command not understood.\r\n\
 Type d to send data to the port's owner.\r\n\
@@ -60,7 +60,7 @@ impl Core {
         out
     }
 
-    /// Adds an output that a peer asks for, answering in stock's words.
+    /// Adds an output that a peer requests, answering in stock's words.
     pub(super) async fn add_output_in_words(
         self: &Arc<Self>,
         destination: &str,

@@ -1,4 +1,4 @@
-//! Bytes on their way to a socket.
+//! Batches of bytes to be written to a socket.
 
 use std::collections::VecDeque;
 use std::io::{self, IoSlice};
@@ -13,21 +13,21 @@ const MAX_RETAINED_CAPACITY: usize = 64 * 1024;
 /// Buffers handed to one system call.
 const MAX_IO_SLICES: usize = 16;
 
-/// Bytes to be sent: what is small one behind the other in one buffer, what is large from where
-/// it is. Emptied batches keep their buffer.
+/// Bytes to be sent: small parts are copied into one buffer, large ones are shared. Empty batches
+/// keep their buffer.
 #[derive(Debug, Default)]
 pub(crate) struct Batch {
     buffer: BytesMut,
     /// Bytes of the buffer that have been sent.
     sent: usize,
-    /// Large parts, each with the bytes of the buffer that come before it.
+    /// Large parts, each with the number of buffered bytes before it.
     shared: VecDeque<(usize, Bytes)>,
     /// Bytes in the large parts.
     sharing: usize,
 }
 
 impl Batch {
-    /// Where to append what is small.
+    /// Returns the buffer for small parts.
     pub(crate) fn buffer(&mut self) -> &mut BytesMut {
         &mut self.buffer
     }
@@ -58,7 +58,7 @@ impl Batch {
         self.len() == 0
     }
 
-    /// Writes as much as the socket takes now; `sent` is told of each part.
+    /// Writes as much as the socket accepts now; `sent` is called with the length of each write.
     pub(crate) fn write_to(
         &mut self,
         socket: &Socket,
@@ -79,7 +79,7 @@ impl Batch {
         Ok(())
     }
 
-    /// Fills `slices` with what comes first; tells how many it took.
+    /// Fills `slices` with the first bytes; returns the number of slices used.
     fn fill<'a>(&'a self, slices: &mut [IoSlice<'a>]) -> usize {
         let mut used = 0;
         let mut put = |bytes: &'a [u8]| {
@@ -142,12 +142,12 @@ impl Batch {
 #[derive(Debug, Default)]
 pub(crate) struct DatagramBatch {
     buffer: BytesMut,
-    /// Where each ends.
+    /// The end of each message.
     ends: Vec<usize>,
 }
 
 impl DatagramBatch {
-    /// Appends what `put` writes, and the payload; tells how many bytes that makes.
+    /// Appends the output of `put` and the payload; returns their length.
     pub(crate) fn push(&mut self, put: impl FnOnce(&mut BytesMut), pieces: &Pieces) -> usize {
         let before = self.buffer.len();
         put(&mut self.buffer);
@@ -158,7 +158,7 @@ impl DatagramBatch {
         self.buffer.len() - before
     }
 
-    /// The messages in their order.
+    /// Returns the messages in their order.
     pub(crate) fn iter(&self) -> impl Iterator<Item = &[u8]> {
         let begins = std::iter::once(0).chain(self.ends.iter().copied());
         begins

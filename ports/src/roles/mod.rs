@@ -1,4 +1,4 @@
-//! Who may do what with which ports: `roles.conf`.
+//! Permissions of peers on ports: `roles.conf`.
 //!
 //! ```text
 //! [operators]                        # any word; it shows up in nothing but this file
@@ -14,27 +14,29 @@
 //!
 //! | right | allows a peer to |
 //! | --- | --- |
-//! | `read` | be sent what the port writes |
+//! | `read` | receive the messages of the port |
 //! | `write` | send messages and requests to the port |
-//! | `connect` | have the port make and end connections |
+//! | `connect` | make the port open and close connections |
 //! | `administer` | change properties of the port, and its registration at the name server |
 //!
-//! `all` and `none` stand for themselves. A `*` in a pattern is any text, also none; `local` is any
-//! address of this machine. What all matching roles give adds up. **A port that no role names is open
-//! to everybody, and so are all without the file**, as in stock; one that is named is closed to
-//! whom no role lets in. Asking a port what it is, and who is connected, is always allowed.
+//! `all` and `none` have their literal meaning. A `*` in a pattern matches any text, including
+//! none; `local` matches any address of this machine. The rights of all matching roles add up. **A
+//! port that no role names is open to every peer, and so are all ports without the file**, as in
+//! stock; a named port is closed to peers without a matching role. Queries for the version and
+//! connections of a port are always allowed.
 //!
-//! At a name server, looking up needs `read` on its own port (`/root`); to register, announce or
-//! forget a name or to set its properties needs `administer` on that name; `subscribe` and topics
-//! need `connect` on the writer or the topic.
+//! At a name server, queries need `read` on its own port (`/root`); registering, announcing or
+//! unregistering a name or setting its properties needs `administer` on that name; `subscribe` and
+//! topics need `connect` on the writer or the topic.
 //!
-//! The file is looked for where `auth.conf` is ([`Directories::resources`]), and is read again when a
-//! connection comes in and the file has changed. Connections that are there heed it from their next
-//! message on; who reads already goes on reading. What the owner of a port connects itself is its own
-//! decision. A file that is wrong, or gone, leaves what was last in force and says so in the log.
+//! The file is searched for like `auth.conf` ([`Directories::resources`]), and is reloaded when a
+//! connection is accepted and the file has changed. Existing connections apply it from their next
+//! message on; existing readers continue to receive. Connections that the owner of a port makes are
+//! not restricted. If the file becomes invalid, or is removed, the previous roles remain in force,
+//! and this is logged.
 //!
-//! A name is only what the peer says: with a key ([`crate::config`]) it is at least somebody who holds
-//! the key, without one it is anybody. Addresses are those of the connection.
+//! The name is the peer's claim: with a key ([`crate::config`]) the peer holds at least the key,
+//! without one it may be any host. Addresses are those of the connection.
 //!
 //! [`Directories::resources`]: crate::config::Directories::resources
 
@@ -54,7 +56,7 @@ pub(crate) const FILE: &str = "roles.conf";
 /// Something that a peer may be allowed to do.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum Right {
-    /// To be sent what the port writes.
+    /// To receive the messages of the port.
     Read,
     /// To send messages and requests.
     Write,
@@ -83,17 +85,17 @@ impl fmt::Display for Right {
     }
 }
 
-/// What a peer may do.
+/// The rights of a peer.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub struct Rights(u8);
 
 impl Rights {
     /// Everything.
     pub const ALL: Self = Self(0b1111);
-    /// Nothing.
+    /// No rights.
     pub const NONE: Self = Self(0);
 
-    /// Whether `right` is among them.
+    /// Returns whether `right` is among them.
     pub fn has(self, right: Right) -> bool {
         self.0 & 1 << right as u8 != 0
     }
@@ -110,12 +112,12 @@ impl From<Right> for Rights {
     }
 }
 
-/// Who asks.
+/// A peer that sends requests.
 #[derive(Clone, Copy, Debug)]
 pub struct Peer<'a> {
-    /// What it calls itself.
+    /// The name it claims.
     pub name: &'a str,
-    /// Where it comes from.
+    /// Its address.
     pub address: IpAddr,
 }
 
@@ -125,7 +127,7 @@ impl fmt::Display for Peer<'_> {
     }
 }
 
-/// What somebody is told who may not.
+/// Returns the refusal for a peer without this right.
 pub(crate) fn refusal(port: &str, peer: Peer<'_>, right: Right) -> String {
     format!("not allowed: {FILE} gives {peer} no right to {right} on {port}")
 }

@@ -13,7 +13,7 @@ impl Pattern {
         &self.0
     }
 
-    /// Whether it stands for `text`. Takes time in proportion to the text and the pattern.
+    /// Returns whether it matches `text`. Takes time proportional to the text and the pattern.
     pub(super) fn matches(&self, text: &str) -> bool {
         let mut parts = self.0.split('*');
         let first = parts.next().unwrap_or_default();
@@ -24,7 +24,7 @@ impl Pattern {
             return rest.is_empty();
         };
         for part in parts {
-            // The earliest place leaves the most for what follows.
+            // The earliest match leaves the most text for the rest.
             let Some(at) = rest.find(part) else {
                 return false;
             };

@@ -1,4 +1,4 @@
-//! What a `roles.conf` says.
+//! The content of a `roles.conf`.
 
 use std::net::IpAddr;
 use std::path::Path;
@@ -39,12 +39,12 @@ impl RoleTable {
         Ok(Self { roles })
     }
 
-    /// Whether there is no role in it.
+    /// Returns whether there is no role in it.
     pub fn is_empty(&self) -> bool {
         self.roles.is_empty()
     }
 
-    /// What `peer` may do with `port`.
+    /// Returns the rights of `peer` on `port`.
     pub fn rights(&self, port: &str, peer: Peer<'_>) -> Rights {
         let mut named = false;
         let mut rights = Rights::NONE;
@@ -122,7 +122,7 @@ fn role(file: &Path, section: &Section) -> Result<Role, ConfigError> {
     })
 }
 
-/// The values of a line as words; addresses read as numbers, too.
+/// Returns the values of a line as words; addresses read as numbers, too.
 fn words(entry: &Entry) -> Option<Vec<String>> {
     let word = |value: &Value| match value {
         Value::List(_) | Value::Dictionary(_) => None,

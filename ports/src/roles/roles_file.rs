@@ -11,13 +11,14 @@ use super::{Peer, Rights};
 use crate::config::ConfigError;
 use crate::error::error_chain;
 
-/// Roles in force; cheap to clone, and the same for all clones. The default is none: all is open.
+/// Roles in force; cheap to clone and shared by all clones. The default is none: everything is
+/// allowed.
 #[derive(Clone, Debug, Default)]
 pub struct Roles(Option<Arc<Watched>>);
 
 #[derive(Debug)]
 struct Watched {
-    /// Where the file may be; the first that exists counts.
+    /// The candidate paths; the first existing file counts.
     files: Vec<PathBuf>,
     /// Grows when other roles come into force; 1 at first.
     generation: AtomicU64,
@@ -29,11 +30,11 @@ struct State {
     table: RoleTable,
     /// The file that was last read, well or not.
     seen: Option<Seen>,
-    /// When the files were last looked at because somebody came.
+    /// Time of the last check of the files for a connection.
     looked: Option<Instant>,
 }
 
-/// Time between two looks at the files, however many come.
+/// Minimum interval between checks of the files.
 const RELOAD_CHECK_INTERVAL: Duration = Duration::from_millis(1);
 
 /// A file as it was.
@@ -45,8 +46,8 @@ struct Seen {
 }
 
 impl Roles {
-    /// The roles of the first of these files that exists; `find` gives the text of a file, if it is
-    /// there. None in force while there is no file.
+    /// Loads the first of these files that exists; `find` returns the text of a file, if it exists.
+    /// Without a file no roles are in force.
     pub(crate) fn load(
         files: Vec<PathBuf>,
         find: impl Fn(&Path) -> Result<Option<String>, ConfigError>,
@@ -70,7 +71,7 @@ impl Roles {
         }))))
     }
 
-    /// The roles of one file, which is read again when it changes. It must be there.
+    /// Returns the roles of one file, which is read again when it changes. It must be there.
     pub fn from_file(file: &Path) -> Result<Self, ConfigError> {
         Self::load(vec![file.to_owned()], |file| {
             let text = fs::read_to_string(file);
@@ -81,8 +82,9 @@ impl Roles {
         })
     }
 
-    /// As [`Roles::refresh`], for each connection that comes: at most once in a millisecond, since they
-    /// may come by the ten thousand in a second, and each look is a question to the system per file.
+    /// Reloads like [`Roles::refresh`], for each accepted connection: at most once in a
+    /// millisecond, since there may be ten thousand connections per second, and each check is a
+    /// system call per file.
     pub(crate) fn refresh_if_due(&self, now: Instant) {
         let Some(watched) = &self.0 else {
             return;
@@ -98,8 +100,7 @@ impl Roles {
         self.refresh();
     }
 
-    /// Reads the file again if it is another than last time; what cannot be used is reported to the
-    /// log, once, and changes nothing.
+    /// Reloads the file if it has changed; an invalid file is logged, once, and changes nothing.
     pub fn refresh(&self) {
         let Some(watched) = &self.0 else {
             return;
@@ -136,7 +137,7 @@ impl Roles {
         }
     }
 
-    /// What `peer` may do with `port`.
+    /// Returns the rights of `peer` on `port`.
     pub fn rights(&self, port: &str, peer: Peer<'_>) -> Rights {
         match &self.0 {
             None => Rights::ALL,
@@ -147,7 +148,7 @@ impl Roles {
         }
     }
 
-    /// Whether there are any: whether the answer can be another than "everything".
+    /// Returns whether there are any: whether the answer can be another than "everything".
     pub fn are_any(&self) -> bool {
         let Some(watched) = &self.0 else {
             return false;
@@ -156,7 +157,7 @@ impl Roles {
         !state.table.is_empty()
     }
 
-    /// Another number whenever other roles came into force; 0 if there never are any.
+    /// Returns the revision of the roles, which changes with them; 0 if there can never be any.
     pub(crate) fn generation(&self) -> u64 {
         match &self.0 {
             None => 0,
@@ -166,7 +167,7 @@ impl Roles {
 }
 
 impl Seen {
-    /// The file as it is; none if there is none.
+    /// Returns the file as it is; `None` if there is none.
     fn of(file: &Path) -> Option<Self> {
         let data = fs::metadata(file).ok()?;
         Some(Self {
@@ -226,7 +227,7 @@ mod tests {
         assert!(reads(&roles));
     }
 
-    /// A file that an editor replaces is gone for a moment; nobody must get in then.
+    /// A file that an editor replaces is missing for a moment; access must not open then.
     #[test]
     fn a_removed_or_invalid_file_changes_nothing() {
         let folder = tempfile::tempdir().unwrap();

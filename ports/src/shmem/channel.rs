@@ -10,13 +10,13 @@ use yarp_wire::shmem::{HEAD, STOCK_SIZE, key, lock_names};
 use super::process_lock::ProcessLock;
 use super::shared_memory::Memory;
 
-/// What one end writes and the other reads.
+/// A segment that one end writes and the other reads.
 #[derive(Debug)]
 pub(super) struct Channel {
     pub(super) segment: Segment,
     /// Guards the segment.
     pub(super) guard: Arc<ProcessLock>,
-    /// What the reader sleeps on.
+    /// The lock that the reader sleeps on.
     pub(super) sleep: Arc<ProcessLock>,
 }
 
@@ -26,7 +26,7 @@ pub(super) struct Segment {
     /// The TCP port of the end that writes it.
     pub(super) port: u16,
     pub(super) memory: Memory,
-    /// Whether the names are still to be taken away.
+    /// `true` if the names have not been removed yet.
     named: bool,
 }
 
@@ -42,9 +42,9 @@ impl Channel {
         Ok(Self::new(port, memory, guard, sleep))
     }
 
-    /// Opens the one that the other end made. Nobody else is to find it: the names go at once, so
-    /// that nothing is left behind whoever dies. Stock takes its locks away at the end and its
-    /// segments never, and does not mind that they are gone.
+    /// Opens the channel that the other end created. The names are removed at once, so that no
+    /// other process finds them and nothing remains if a process dies. Stock removes its locks at
+    /// the end and its segments never, and tolerates that they are gone.
     pub(super) fn open(port: u16) -> io::Result<Self> {
         let (guard, sleep) = paths(port);
         let lock = |path: PathBuf| {
@@ -78,7 +78,7 @@ impl Channel {
 }
 
 impl Segment {
-    /// Takes the names away, once both ends have opened what they name.
+    /// Removes the names, once both ends have opened the objects.
     pub(super) fn unname(&mut self) {
         if std::mem::take(&mut self.named) {
             self.memory.remove();
@@ -89,7 +89,7 @@ impl Segment {
         }
     }
 
-    /// Takes the names away if both ends have opened what they name; tells whether it did.
+    /// Removes the names if both ends have opened the objects; returns whether it did.
     pub(super) fn unname_if_shared(&mut self) -> bool {
         let now = self.named && self.memory.attached().is_ok_and(|count| count >= 2);
         if now {
@@ -126,7 +126,7 @@ pub(super) fn create_segment(key: i32, length: usize) -> io::Result<Memory> {
     }
 }
 
-/// Where ACE, and so stock, has its locks.
+/// Returns the paths of the locks in ACE, and so in stock.
 fn paths(port: u16) -> (PathBuf, PathBuf) {
     let folder = std::env::var_os("TMPDIR").filter(|folder| !folder.is_empty());
     let folder = folder.map_or_else(|| PathBuf::from("/tmp"), PathBuf::from);

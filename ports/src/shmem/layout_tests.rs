@@ -31,7 +31,7 @@ async fn header() -> (TcpStream, TcpStream) {
     (connected.unwrap(), accepted.unwrap().0)
 }
 
-/// Two of ours: initiator and acceptor.
+/// Two ends of this implementation: initiator and acceptor.
 async fn ours() -> (ShmemStream, ShmemStream) {
     let (initiator, acceptor) = header().await;
     let offer = Offer::new(&acceptor).await.unwrap();
@@ -48,7 +48,7 @@ struct Stock {
 }
 
 impl Stock {
-    /// Connects to an acceptor of ours.
+    /// Connects to an acceptor of this implementation.
     async fn connect() -> (Self, ShmemStream) {
         let (_initiator, acceptor) = header().await;
         let offer = Offer::new(&acceptor).await.unwrap();
@@ -71,7 +71,7 @@ impl Stock {
         (stock, accepted.unwrap())
     }
 
-    /// Accepts an initiator of ours.
+    /// Accepts an initiator of this implementation.
     async fn accept() -> (ShmemStream, Self) {
         let (initiator, _acceptor) = header().await;
         let listener = TcpListener::bind("0.0.0.0:0").await.unwrap();
@@ -148,7 +148,7 @@ async fn passes_whole(one: &ShmemStream, other: &ShmemStream) {
     }
 }
 
-/// All eight bytes had to come within the time that there is now for each.
+/// Regression: the timeout of each byte applied to all eight bytes together.
 #[tokio::test]
 async fn a_slow_initiator_gets_its_connection() {
     let (_initiator, acceptor) = header().await;
@@ -178,8 +178,7 @@ async fn bytes_pass_whole_in_the_lock_free_layout() {
     within(passes_whole(&one, &other)).await;
 }
 
-/// The byte that wakes was read by the one who waited to read, and the one who waited to write slept
-/// on.
+/// Regression: the waiting reader consumed the wake-up byte, and the waiting writer kept sleeping.
 #[tokio::test]
 async fn a_waiting_reader_does_not_steal_the_wake_up_of_a_writer() {
     let (one, other) = ours().await;
@@ -217,7 +216,7 @@ async fn bytes_pass_whole_in_the_layout_of_stock() {
 async fn a_reader_that_waits_for_a_whole_block_gets_room_for_it() {
     let (ours, mut stock) = Stock::accept().await;
     write_all(&ours, &[1; 1000]).await.unwrap();
-    // Larger than the ring, and than what a ring grows to for a writer that runs ahead.
+    // Larger than the ring, and than a ring grows to for a fast writer.
     let block = pattern(6_000_000);
     let writing = write_all(&ours, &block);
     let mut got = BytesMut::new();
@@ -250,7 +249,7 @@ async fn bytes_written_before_the_end_are_read() {
         let (mut stock, ours) = Stock::connect().await;
         stock.writer.write(&[IoSlice::new(b"last words")]).unwrap();
         if died {
-            // Killed: nobody says anything in the memory.
+            // Killed: nothing is written to the memory.
             drop(stock.tcp);
             std::mem::forget((stock.reader, stock.writer));
         } else {
@@ -344,7 +343,7 @@ async fn false_claims_in_the_lock_free_layout_close_the_connection() {
         let error = within(read(&other, 1)).await.unwrap_err();
         assert_eq!(error.kind(), ErrorKind::InvalidData);
         if lie.wrapping_neg() <= 256 * 1024 {
-            // A reader that is slow, as far as anybody can tell.
+            // A slow reader, as far as the other end can determine.
             continue;
         }
         held(reader).claim(lie);
@@ -353,7 +352,7 @@ async fn false_claims_in_the_lock_free_layout_close_the_connection() {
     }
 }
 
-/// Whether this process has made something that still has a name. Stock leaves segments behind, which
+/// Returns whether this process has made something that still has a name. Stock leaves segments behind, which
 /// the keys of a port may lead to after many thousand connections on this machine.
 fn is_named(port: u16) -> bool {
     let (guard, sleep) = lock_names(port);
@@ -441,7 +440,7 @@ async fn a_handshake_of_another_peer_is_refused() {
     }
 }
 
-/// Whether anybody in this process has the memory mapped that the end with this TCP port writes.
+/// Returns whether this process has mapped the memory that the end with this TCP port writes.
 fn is_mapped(port: u16) -> bool {
     let maps = std::fs::read_to_string("/proc/self/maps").unwrap();
     let (guard, sleep) = lock_names(port);
@@ -470,7 +469,7 @@ async fn port(name: &str, options: crate::PortOptions) -> crate::Port {
     within(opening).await.unwrap()
 }
 
-/// What a writer says: `hello` in a bottle.
+/// Returns the message of a writer: `hello` in a bottle.
 fn message() -> Vec<u8> {
     let carrier = Carrier::by_name("shmem").unwrap();
     let (command, content) = (Command::data(false), Bottle::of("hello"));
@@ -528,7 +527,7 @@ async fn a_reader_that_dies_at_any_byte_of_a_message_leaves_nothing() {
             let mut tcp = loop {
                 let (mut tcp, _) = listener.accept().await.unwrap();
                 tcp.read_exact(&mut header[..8]).await.unwrap();
-                // Whoever asks for the generation gets no answer.
+                // The probe of the wire version gets no answer.
                 if header[0] == b'Y' {
                     tcp.read_exact(&mut header[8..]).await.unwrap();
                     break tcp;

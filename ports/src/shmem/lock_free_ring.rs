@@ -1,9 +1,10 @@
-//! The ring between two ports of ours: no locks, so that both ends copy at the same time.
+//! The ring between two ports of this implementation: without locks, so that both ends copy
+//! concurrently.
 //!
-//! It lies in the same segments, instead of stock's. Two counters say how many bytes were ever
-//! written and read; each end keeps its own to itself and believes the other's only as far as it is
-//! possible. An end that finds nothing to do says so in the segment, looks once more and sleeps; the
-//! other then sends a byte over the TCP connection, which also ends with its process.
+//! It lies in the same segments, in place of stock's ring. Two counters hold the total numbers of
+//! written and read bytes; each end keeps a private copy of its own and validates the other's. An
+//! end that finds nothing to do sets a flag in the segment, checks once more and sleeps; the other
+//! then sends a byte over the TCP connection, which also closes with its process.
 
 use std::io::{self, IoSlice};
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release, SeqCst};
@@ -15,10 +16,10 @@ use super::channel::Segment;
 
 /// Bytes of the ring: small enough to stay in the processor's cache.
 const SIZE: usize = 256 * 1024;
-/// A copy is cut into pieces of this size, each of which the other end may begin with.
+/// Maximum length of one copy, after which the other end may start.
 const MAX_COPY_LEN: usize = 64 * 1024;
 
-// Where things are, each number in a cache line of its own.
+// Offsets, each number in a cache line of its own.
 const WRITTEN: usize = 64;
 const READ: usize = 128;
 const READER_SLEEPS: usize = 192;
@@ -28,18 +29,18 @@ const DATA: usize = 512;
 
 /// Bytes of a segment.
 pub(super) const LENGTH: usize = DATA + SIZE;
-/// Where the number is by which the ends know each other, in what stock takes for an empty ring.
+/// Offset of the mark by which the ends recognise each other, within stock's empty ring.
 const MARK: usize = 32;
 /// Tells this layout from later ones.
 const LAYOUT: u32 = u32::from_le_bytes(*b"YRG2");
 
-/// Writes the mark that says: one of ours made this.
+/// Writes the mark of this implementation.
 pub(super) fn put_mark(segment: &Segment, mark: u32) {
     segment.memory.word(MARK).store(LAYOUT, Relaxed);
     segment.memory.word(MARK + 4).store(mark, Release);
 }
 
-/// Whether one of ours made this for the connection with this mark.
+/// Returns whether this implementation created the segment for the connection with this mark.
 pub(super) fn has_mark(segment: &Segment, mark: u32) -> bool {
     let word = |offset| segment.memory.word(offset).load(Acquire);
     segment.memory.length() >= LENGTH && word(MARK) == LAYOUT && word(MARK + 4) == mark
@@ -65,14 +66,15 @@ fn pieces(from: u32, count: usize, mut copy: impl FnMut(usize, usize)) {
     }
 }
 
-/// Whether the other end sleeps and must be woken, after what it waits for was done.
+/// Returns whether the other end sleeps and must be woken; called after the operation that it waits
+/// for.
 fn wakes(segment: &Segment, sleeps: usize) -> bool {
     fence(SeqCst);
     let sleeps = segment.memory.word(sleeps);
     sleeps.load(Relaxed) != 0 && sleeps.swap(0, SeqCst) != 0
 }
 
-/// Says that this end goes to sleep; what it waits for is to be looked at once more.
+/// Announces that this end goes to sleep; the caller must check its condition once more.
 fn will_sleep(segment: &Segment, sleeps: usize) {
     segment.memory.word(sleeps).store(1, SeqCst);
     fence(SeqCst);
@@ -129,7 +131,7 @@ impl Reader {
         waiting(written, self.read)
     }
 
-    /// Says that this end goes to sleep; look at [`Reader::waiting`] once more.
+    /// Announces that this end goes to sleep; check [`Reader::waiting`] once more.
     pub(super) fn will_sleep(&self) {
         will_sleep(&self.segment, READER_SLEEPS);
     }
@@ -150,7 +152,7 @@ impl Writer {
         }
     }
 
-    /// Writes what fits of the chunks, calling `wake` when the other end is to be woken.
+    /// Writes as much of the chunks as fits, calling `wake` when the other end must be woken.
     pub(super) fn write(
         &mut self,
         chunks: &[IoSlice<'_>],
@@ -202,7 +204,7 @@ impl Writer {
         Ok(SIZE - waiting(self.written, read)?)
     }
 
-    /// Says that this end goes to sleep; look at [`Writer::free`] once more.
+    /// Announces that this end goes to sleep; check [`Writer::free`] once more.
     pub(super) fn will_sleep(&self) {
         will_sleep(&self.segment, WRITER_SLEEPS);
     }

@@ -1,16 +1,17 @@
 //! Connections through memory that two processes on one machine share (carrier `shmem`).
 //!
 //! With a stock peer the segments, locks and handshake are stock's ([`yarp_wire::shmem`]). Between
-//! two ports of ours the same segments hold a ring without locks ([`lock_free_ring`]); the two know each other
-//! by marks that stock does not look at, and say in the log which it is.
+//! two ports of this implementation the same segments hold a lock-free ring ([`lock_free_ring`]);
+//! the two recognise each other by marks that stock ignores, and log the selected layout.
 //!
-//! No task ever blocks on the other process. A lock that is taken is tried again later, and a
-//! connection whose lock stays taken for [`LOCK_TIMEOUT`] ends. Waiting is for the TCP connection of the
-//! handshake, which ends with the other process; with a stock peer a thread per connection sleeps on
-//! its lock besides ([`lock_waiter`]), as such a lock is nothing that tasks can wait for.
+//! No task ever blocks on the other process. A lock that is taken is retried later, and a
+//! connection whose lock stays taken for [`LOCK_TIMEOUT`] is closed. Tasks wait on the TCP
+//! connection of the handshake, which closes with the other process; with a stock peer, one thread
+//! per connection also sleeps on its lock ([`lock_waiter`]), because tasks cannot wait on such a
+//! lock.
 //!
-//! Names of segments and locks go as soon as both ends have opened them, so that a killed process
-//! leaves nothing behind.
+//! Names of segments and locks are removed as soon as both ends have opened them, so that a killed
+//! process leaves nothing behind.
 
 mod channel;
 #[cfg(test)]
@@ -36,11 +37,12 @@ pub(crate) use shmem_handshake::{Offer, connect};
 
 use crate::busy_poll::Yielder;
 
-/// How long the other end may hold a lock.
+/// Maximum time for which the other end may hold a lock.
 const LOCK_TIMEOUT: Duration = Duration::from_secs(if cfg!(test) { 1 } else { 5 });
-/// Pause before a lock, or room that nobody will tell of, is looked for again.
+/// Interval of polling for a lock, or for room without notification.
 const POLL_INTERVAL: Duration = Duration::from_millis(1);
-/// Longest time awake per wait; a wait shorter than [`BUSY_POLL_THRESHOLD`] makes the next one be spent awake.
+/// Maximum duration of polling per wait; a wait shorter than [`BUSY_POLL_THRESHOLD`] makes the next
+/// one poll.
 const MAX_POLL_DURATION: Duration = Duration::from_micros(200);
 const BUSY_POLL_THRESHOLD: Duration = Duration::from_micros(400);
 /// Room that is worth writing into.
@@ -49,10 +51,10 @@ const MIN_WRITE_LEN: usize = 32 * 1024;
 /// A stream of bytes in both directions.
 #[derive(Debug)]
 pub(crate) struct ShmemStream {
-    /// Ends with the other process; between ours a byte on it wakes the other end.
+    /// Closes with the other process; in the lock-free layout a byte on it wakes the other end.
     tcp: TcpStream,
     layout: Layout,
-    /// The TCP connection ended: what is in the memory is all there will be.
+    /// The TCP connection has closed: no more bytes will be written to the memory.
     ended: AtomicBool,
     /// Since when a lock has been found taken.
     lock_taken_since: Mutex<Option<Instant>>,
@@ -94,13 +96,13 @@ impl ShmemStream {
         &self.tcp
     }
 
-    /// Reads what there is into the room that `buffer` has; `Ok(0)` is the end.
+    /// Reads available bytes into the spare capacity of `buffer`; `Ok(0)` is the end.
     pub(crate) fn try_read_buf(&self, buffer: &mut impl BufMut) -> io::Result<usize> {
         let room = buffer.chunk_mut().len();
         self.try_read(buffer, room)
     }
 
-    /// Reads up to `most` bytes of what there is; `Ok(0)` is the end.
+    /// Reads up to `most` available bytes; `Ok(0)` is the end.
     pub(crate) fn try_read(&self, out: &mut impl BufMut, most: usize) -> io::Result<usize> {
         // Asked first: all that the other end wrote was there before it ended.
         let ended = self.ended.load(Relaxed);
@@ -183,7 +185,7 @@ impl ShmemStream {
         Ok(())
     }
 
-    /// Looks for a while, giving way to others between looks; then sleeps for a moment.
+    /// Polls for a while, yielding between polls; then sleeps briefly.
     async fn pause(&self, ready: impl Fn() -> bool) {
         let begin = Instant::now();
         let mut yielder = Yielder::midway();
@@ -218,7 +220,7 @@ impl ShmemStream {
         }
     }
 
-    /// Looks for a while, if the last wait was short; giving way to others between looks.
+    /// Polls for a while if the last wait was short, yielding between polls.
     async fn poll_for_a_while(
         &self,
         soon: &AtomicBool,
@@ -239,7 +241,7 @@ impl ShmemStream {
         Ok(false)
     }
 
-    /// Makes a taken lock something to wait for, until patience is at its end.
+    /// Converts a taken lock to `WouldBlock`, until the timeout expires.
     fn check_lock_timeout<T>(&self, result: io::Result<T>) -> io::Result<T> {
         let mut lock_taken_since = held(&self.lock_taken_since);
         match result {
@@ -262,13 +264,13 @@ impl ShmemStream {
         }
     }
 
-    /// Wakes the other end. That there is no room for the byte means that others wait there.
+    /// Wakes the other end. If the byte finds no room, there are unread ones already.
     fn wake(&self) {
         let _ = self.tcp.try_write(&[0]);
     }
 
-    /// Waits for the other end to wake this one, or to end. May return for no reason: another who
-    /// waits may have read the byte, and then what it stands for is there to be seen.
+    /// Waits for the other end to wake this one, or to close. May return spuriously: another
+    /// waiting task may have consumed the byte, and then the change is already visible.
     async fn woken(&self) {
         let readable = self.tcp.readable().await;
         let read = readable.and_then(|()| self.tcp.try_read(&mut [0; 64]));

@@ -1,10 +1,10 @@
 //! The mutexes of stock's segments.
 //!
 //! Stock puts a process-shared `pthread_mutex_t` of the default kind into a file. The C library's
-//! own functions must not be let loose on one that another process wrote: some kinds hold pointers.
+//! own functions must not be applied to one that another process wrote: some kinds hold pointers.
 //! So its first words are used as the C library of Linux uses them (glibc, 64 bits): the lock word
-//! is 0 (free), 1 (taken) or 2 (taken, somebody sleeps on it); then the owner's thread, which stock
-//! insists is 0 when the lock is free, how many hold it, and the kind.
+//! is 0 (free), 1 (taken) or 2 (taken with sleeping waiters); then the owner's thread, which stock
+//! requires to be 0 when the lock is free, the number of holders, and the kind.
 
 use std::path::Path;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
@@ -59,7 +59,7 @@ impl ProcessLock {
         taken
     }
 
-    /// Whether it is free at the moment.
+    /// Returns whether it is free at the moment.
     pub(super) fn is_free(&self) -> bool {
         self.0.word(WORD).load(Relaxed) == FREE
     }
@@ -83,7 +83,7 @@ impl ProcessLock {
         self.0.word(USERS).fetch_add(1, Relaxed);
     }
 
-    /// Frees it, whoever took it, and wakes one who sleeps on it.
+    /// Frees it, regardless of the owner, and wakes one waiter.
     pub(super) fn free(&self) {
         self.0.word(OWNER).store(0, Relaxed);
         self.0.word(USERS).fetch_sub(1, Relaxed);

@@ -1,12 +1,12 @@
-//! Memory shared with another process, behind a safe face.
+//! Safe access to memory shared with another process.
 //!
-//! The only place that is `unsafe`: System V segments and mapped files have no safe interface.
-//! Three rules make the face safe:
+//! The only `unsafe` module for shared memory: System V segments and mapped files have no safe interface.
+//! Three rules make the interface safe:
 //!
-//! * Nobody gets a reference to shared bytes. They are copied in and out through raw pointers,
-//!   within bounds that are checked here against the size that the *kernel* gives.
+//! * No references to shared bytes are created. Bytes are copied in and out through raw pointers,
+//!   within bounds checked against the size that the *kernel* reports.
 //! * Single numbers are atomics, aligned and within the same bounds. The other process may change
-//!   them at any time: a caller reads each once and judges what it read.
+//!   them at any time: a caller reads each once and validates the result.
 //! * A mapping lives as long as the value that made it.
 
 #![allow(unsafe_code, reason = "shared memory has no safe interface")]
@@ -23,7 +23,7 @@ use std::time::Duration;
 
 use bytes::BufMut;
 
-/// Only this user may open what we make: whoever can, can also end this process.
+/// Only this user may open the objects: a process that can open them can also crash this one.
 const PERMISSIONS: u32 = 0o600;
 
 /// A piece of memory that other processes see, too.
@@ -47,7 +47,8 @@ unsafe impl Send for Memory {}
 unsafe impl Sync for Memory {}
 
 impl Memory {
-    /// Makes a segment of this key and length, filled with zeros. `AlreadyExists` if there is one.
+    /// Creates a segment of this key and length, filled with zeros. `AlreadyExists` if there is
+    /// one.
     pub(super) fn create_segment(key: i32, length: usize) -> io::Result<Self> {
         let flags = libc::IPC_CREAT | libc::IPC_EXCL | PERMISSIONS.cast_signed();
         // SAFETY: takes numbers only.
@@ -74,7 +75,7 @@ impl Memory {
         Self::attach(id, length)
     }
 
-    /// Removes the segment of this key if nobody is attached to it, and this user made it.
+    /// Removes the segment of this key if no process is attached to it, and this user created it.
     pub(super) fn remove_leftover(key: i32) -> io::Result<bool> {
         // SAFETY: takes numbers only.
         let id = checked(unsafe { libc::shmget(key, 0, 0) })?;
@@ -98,7 +99,7 @@ impl Memory {
         Ok(Self { at, length, kind })
     }
 
-    /// Makes a file of this length, filled with zeros. `AlreadyExists` if there is one.
+    /// Creates a file of this length, filled with zeros. `AlreadyExists` if there is one.
     pub(super) fn create_file(path: &Path, length: usize) -> io::Result<Self> {
         let mut options = OpenOptions::new();
         options.read(true).write(true).create_new(true);
@@ -114,7 +115,7 @@ impl Memory {
         let file = options.custom_flags(libc::O_NOFOLLOW).open(path)?;
         let about = file.metadata()?;
         own(about.uid(), "the file")?;
-        // Touching what a file does not have would end this process.
+        // Accessing memory beyond the file would crash this process.
         if !about.is_file() || about.len() < length as u64 {
             let text = format!("{} is no lock: {} bytes", path.display(), about.len());
             return Err(io::Error::new(io::ErrorKind::InvalidData, text));
@@ -144,8 +145,8 @@ impl Memory {
         Ok(Self { at, length, kind })
     }
 
-    /// Takes the key from a segment: those who are attached keep it, nobody else finds it, and it
-    /// goes with the last of them.
+    /// Removes the key of a segment: attached processes keep it, no other finds it, and it is freed
+    /// with the last of them.
     pub(super) fn remove(&self) {
         if let Kind::Segment(id) = self.kind {
             // SAFETY: takes numbers only. That it is gone already is as good.
@@ -153,7 +154,7 @@ impl Memory {
         }
     }
 
-    /// How many processes are attached to a segment, this one included.
+    /// Returns the number of processes attached to a segment, this one included.
     pub(super) fn attached(&self) -> io::Result<u64> {
         match self.kind {
             Kind::Segment(id) => Ok(status(id)?.shm_nattch),
@@ -166,14 +167,14 @@ impl Memory {
         self.length
     }
 
-    /// The number of four bytes at `offset`.
+    /// Returns the number of four bytes at `offset`.
     pub(super) fn word(&self, offset: usize) -> &AtomicU32 {
         assert!(offset.is_multiple_of(4) && offset + 4 <= self.length);
         // SAFETY: within the mapping by the assertion; aligned, as mappings begin with a page.
         unsafe { AtomicU32::from_ptr(self.at.as_ptr().add(offset).cast()) }
     }
 
-    /// The byte at `offset`.
+    /// Returns the byte at `offset`.
     pub(super) fn byte(&self, offset: usize) -> &AtomicU8 {
         assert!(offset < self.length);
         // SAFETY: within the mapping by the assertion.
@@ -260,7 +261,7 @@ fn user() -> u32 {
     unsafe { libc::geteuid() }
 }
 
-/// What another user made could change its size under us.
+/// Another user could change the size of an object while it is mapped.
 fn own(owner: u32, what: &str) -> io::Result<()> {
     if owner == user() {
         return Ok(());

@@ -1,4 +1,4 @@
-//! How two ends come to share memory.
+//! The handshake by which two ends share memory.
 
 use std::hash::{BuildHasher, RandomState};
 use std::io;
@@ -14,12 +14,12 @@ use super::channel::Channel;
 use super::lock_waiter::LockWaiter;
 use super::{Layout, ShmemStream, lock_free_ring, stock_ring};
 
-/// How long the acceptor waits for the initiator to come, and then for each byte of its packet.
+/// Timeout of the initiator's connection, and then of each byte of its packet.
 const HANDSHAKE_TIMEOUT: Duration = Duration::from_secs(if cfg!(test) { 2 } else { 5 });
-/// TCP ports tried, until one is found whose key nobody uses.
+/// Maximum number of TCP ports tried until one is found whose key is unused.
 const MAX_TRIES: usize = 16;
 
-/// What an acceptor has ready for the initiator.
+/// The prepared resources of an acceptor.
 #[derive(Debug)]
 pub(crate) struct Offer {
     listener: TcpListener,
@@ -29,7 +29,7 @@ pub(crate) struct Offer {
 }
 
 impl Offer {
-    /// Makes ready to go on as acceptor of the connection that `header` began.
+    /// Prepares the acceptor's side of the connection that `header` began.
     pub(crate) async fn new(header: &TcpStream) -> io::Result<Self> {
         let ip = same_machine(header.peer_addr()?, header.local_addr()?)?;
         let mut tries = 0;
@@ -54,12 +54,12 @@ impl Offer {
         }
     }
 
-    /// The TCP port that the initiator is to be told of.
+    /// Returns the TCP port for the initiator.
     pub(crate) fn number(&self) -> u16 {
         self.number
     }
 
-    /// Waits for the initiator, which may be slow: what it says has few bytes.
+    /// Waits for the initiator, whose short packet may arrive slowly.
     pub(crate) async fn accept(mut self) -> io::Result<ShmemStream> {
         let accepting = async {
             loop {
@@ -88,8 +88,8 @@ impl Offer {
     }
 }
 
-/// Goes on as initiator of the connection that `header` began, with an acceptor that named TCP port
-/// `number`.
+/// Continues as initiator of the connection that `header` began, with an acceptor that named TCP
+/// port `number`.
 pub(crate) async fn connect(header: &TcpStream, number: u16) -> io::Result<ShmemStream> {
     let ip = same_machine(header.local_addr()?, header.peer_addr()?)?;
     let (socket, mut output) = output(ip)?;
@@ -108,7 +108,7 @@ pub(crate) async fn connect(header: &TcpStream, number: u16) -> io::Result<Shmem
     stream(tcp, ours, input, output)
 }
 
-/// A socket with a TCP port, and what goes with that port.
+/// Returns a socket with a TCP port, and the channel of that port.
 fn output(ip: IpAddr) -> io::Result<(TcpSocket, Channel)> {
     let mut tries = 0;
     loop {
@@ -158,8 +158,8 @@ pub(super) fn stream(
     Ok(ShmemStream::new(tcp, layout))
 }
 
-/// The address of the initiator, if the acceptor is on the same machine: where it connects to, and
-/// from.
+/// Returns the address of the initiator, if the acceptor is on the same machine: source and
+/// destination of its connection.
 fn same_machine(initiator: SocketAddr, acceptor: SocketAddr) -> io::Result<IpAddr> {
     let (ip, other) = (initiator.ip(), acceptor.ip());
     if ip == other || (ip.is_loopback() && other.is_loopback()) {

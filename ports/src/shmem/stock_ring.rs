@@ -1,6 +1,6 @@
-//! Stock's ring: every look and every copy under the lock of the segment.
+//! Stock's ring: every access under the lock of the segment.
 //!
-//! Nothing here blocks: a lock that is taken is `ResourceBusy`, nothing to do `WouldBlock`.
+//! Nothing here blocks: a taken lock is `ResourceBusy`, nothing to do is `WouldBlock`.
 
 use std::io::{self, IoSlice};
 use std::sync::Arc;
@@ -13,7 +13,7 @@ use super::channel::{Channel, create_segment};
 use super::process_lock::ProcessLock;
 use super::shared_memory::Memory;
 
-/// Looks at a taken lock before giving up: the other end holds it for a copy at the most.
+/// Maximum number of attempts to take a lock: the other end holds it for one copy at most.
 const MAX_LOCK_ATTEMPTS: usize = 100;
 /// Bytes that may be waiting when more are put behind them; beyond that the writer waits, as one large
 /// message at a time stays in the processor's cache.
@@ -58,7 +58,7 @@ fn flag(memory: &Memory, offset: usize) -> bool {
     memory.byte(offset).load(Acquire) != 0
 }
 
-/// Says that the connection ends, and wakes the other end if it sleeps. Needs no lock.
+/// Announces the end of the connection, and wakes the other end if it sleeps. Needs no lock.
 fn end(channel: &Channel) {
     channel.segment.memory.byte(at::CLOSE).store(1, Release);
     channel.sleep.free();
@@ -79,7 +79,7 @@ pub(super) struct Reader {
 
 impl Reader {
     pub(super) fn new(channel: Channel) -> Self {
-        // Taken, so that whoever takes it once more sleeps until the writer frees it.
+        // Taken, so that the next attempt to take it sleeps until the writer frees it.
         channel.sleep.try_take();
         Self {
             channel,
@@ -87,12 +87,12 @@ impl Reader {
         }
     }
 
-    /// What the writer frees when there is something.
+    /// Returns the lock that the writer frees when there are bytes to read.
     pub(super) fn sleep(&self) -> Arc<ProcessLock> {
         self.channel.sleep.clone()
     }
 
-    /// Whether there seems to be something to read, without the lock.
+    /// Returns whether there seems to be something to read, without the lock.
     pub(super) fn seems_ready(&self) -> bool {
         let memory = &self.channel.segment.memory;
         memory.word(at::AVAILABLE).load(Relaxed) != 0
@@ -100,7 +100,7 @@ impl Reader {
             || flag(memory, at::CLOSE)
     }
 
-    /// Whether the lock is free at the moment.
+    /// Returns whether the lock is free at the moment.
     pub(super) fn is_free(&self) -> bool {
         self.channel.guard.is_free()
     }
@@ -129,7 +129,7 @@ impl Reader {
         Ok(count)
     }
 
-    /// Whether a read would not have to wait; if it would, the writer will free [`Reader::sleep`].
+    /// Returns whether a read would not have to wait; if it would, the writer will free [`Reader::sleep`].
     pub(super) fn is_ready(&mut self) -> io::Result<bool> {
         let _held = Held::take(&self.channel.guard)?;
         self.follow()?;
@@ -141,7 +141,7 @@ impl Reader {
         Ok(ready)
     }
 
-    /// Goes on to the segment that the writer went on to.
+    /// Switches to the segment that the writer has switched to.
     fn follow(&mut self) -> io::Result<()> {
         while flag(&self.channel.segment.memory, at::RESIZE) {
             let wrong = |text| io::Error::new(io::ErrorKind::InvalidData, text);
@@ -167,7 +167,7 @@ impl Drop for Reader {
 pub(super) struct Writer {
     channel: Channel,
     resizes: u16,
-    /// Segments that the reader may not have come to yet: it finds each by its key.
+    /// Segments that the reader may not have reached yet: it finds each by its key.
     passed: Vec<Memory>,
 }
 
@@ -180,7 +180,8 @@ impl Writer {
         }
     }
 
-    /// Whether a write seems to be worth a try, without the lock. Nobody tells when it becomes so.
+    /// Returns whether a write is likely to succeed, without the lock. There is no notification of
+    /// that.
     pub(super) fn seems_ready(&self) -> bool {
         let word = |offset| self.channel.segment.memory.word(offset).load(Relaxed);
         let available = word(at::AVAILABLE) as usize;
@@ -188,8 +189,8 @@ impl Writer {
             && (available < MAX_BACKLOG_BYTES / 2 || word(at::WAITING) != 0)
     }
 
-    /// Writes chunks, each whole: a stock reader waits until all of a block is there, so a ring that
-    /// is too small for one gives way to a larger one. `WouldBlock` while much is unread.
+    /// Writes chunks, each as a whole: a stock reader waits for a whole block, so a ring that is
+    /// too small for one is replaced by a larger one. `WouldBlock` while much is unread.
     pub(super) fn write(&mut self, chunks: &[IoSlice<'_>]) -> io::Result<usize> {
         if self.channel.segment.unname_if_shared() {
             self.passed.iter().for_each(Memory::remove);

@@ -1,4 +1,4 @@
-//! What the tests of ports share: ports without a name server, and raw connections to them.
+//! Common parts of the port tests: ports without a name server, and raw connections to them.
 
 #![allow(dead_code, reason = "each test uses a part of it")]
 
@@ -21,7 +21,7 @@ pub(crate) async fn open(name: &str, options: PortOptions) -> Port {
     within(opening).await.unwrap()
 }
 
-/// Where `port` is, as a contact over `carrier`.
+/// Returns the address of `port`, as a contact over `carrier`.
 pub(crate) fn at(port: &Port, carrier: &str) -> String {
     format!("{carrier}://127.0.0.1:{}{}", port.tcp_port(), port.name())
 }
@@ -54,14 +54,14 @@ pub(crate) fn until(condition: impl Fn() -> bool) -> impl Future<Output = ()> {
     })
 }
 
-/// The text of the next message.
+/// Returns the text of the next message.
 #[track_caller]
 pub(crate) fn next(reader: &Port) -> impl Future<Output = String> {
     let reading = within(reader.read());
     async move { reading.await.unwrap().bottle().unwrap().to_string() }
 }
 
-/// What a port itself answers to a request.
+/// Returns the port's own answer to a request.
 pub(crate) async fn ask(port: &Port, request: &Bottle) -> String {
     let carrier = Carrier::by_name("text_ack").unwrap();
     let address = ("127.0.0.1", port.tcp_port());
@@ -70,7 +70,7 @@ pub(crate) async fn ask(port: &Port, request: &Bottle) -> String {
     client.admin(request).await.unwrap().to_string()
 }
 
-/// A bottle from its text.
+/// Returns a bottle from its text.
 pub(crate) fn bottle(text: &str) -> Bottle {
     Bottle::parse(text).unwrap()
 }
@@ -134,7 +134,7 @@ impl Raw {
         }
     }
 
-    /// Sends as many of the bytes as the other side takes before it ends the connection.
+    /// Sends as many of the bytes as the other side accepts before it closes the connection.
     pub(crate) async fn try_send(&mut self, bytes: impl AsRef<[u8]>) {
         let _ = within(self.0.write_all(bytes.as_ref())).await;
     }
@@ -146,7 +146,7 @@ impl Raw {
         bytes
     }
 
-    /// Whether the other side has not ended the connection; throws away what it said.
+    /// Returns whether the connection is still open; discards received bytes.
     pub(crate) fn is_open(&self) -> bool {
         loop {
             match self.0.try_read(&mut [0; 256]) {
@@ -162,19 +162,19 @@ impl Raw {
         within(self.0.read_u8()).await.unwrap()
     }
 
-    /// Waits until the other side says no more; what it still said. The connection stays, to answer.
+    /// Reads until the other side sends no more. The connection stays open for answers.
     pub(crate) async fn rest(&mut self) -> Vec<u8> {
         let mut rest = Vec::new();
         within(self.0.read_to_end(&mut rest)).await.unwrap();
         rest
     }
 
-    /// Whether something that was sent came to nobody, so that the system lets no more be sent; sends a byte.
+    /// Returns whether the connection was reset because sent bytes were not read; sends a byte.
     pub(crate) fn was_reset(&self) -> bool {
         self.0.try_write(b"?").is_err()
     }
 
-    /// Waits until the other side ends the connection; what it still said.
+    /// Waits until the other side closes the connection; returns the received bytes.
     pub(crate) async fn ended(mut self) -> Vec<u8> {
         let mut rest = Vec::new();
         // A connection that is reset has ended, too.
@@ -183,7 +183,7 @@ impl Raw {
     }
 }
 
-/// What an initiator on `tcp` sends first.
+/// Returns the first bytes of an initiator on `tcp`.
 pub(crate) fn tcp_header(name: &str) -> Vec<u8> {
     let mut header = b"YA\xe4\x1e\0\0RP".to_vec();
     header.extend_from_slice(&(name.len() as i32 + 1).to_le_bytes());
@@ -192,7 +192,7 @@ pub(crate) fn tcp_header(name: &str) -> Vec<u8> {
     header
 }
 
-/// A message on `tcp`: a command letter and a bottle for readers of generation 3.x.
+/// Returns a message on `tcp`: a command letter and a bottle for readers of YARP 3.x.
 pub(crate) fn tcp_message(letter: u8, content: &Bottle) -> Vec<u8> {
     let content = content.encode(yarp_wire::WireVersion::V3);
     let mut message = b"YA\x0a\0\0\0RP\x02\x01\xff\xff\xff\xff\xff\xff\xff\xff\x08\0\0\0".to_vec();
@@ -202,7 +202,7 @@ pub(crate) fn tcp_message(letter: u8, content: &Bottle) -> Vec<u8> {
     message
 }
 
-/// A command on `tcp`, spelled as stock spells them.
+/// Returns a command on `tcp`, spelled as stock spells them.
 pub(crate) fn tcp_command(letter: u8) -> Vec<u8> {
     let mut message =
         b"YA\x0a\0\0\0RP\x01\x01\xff\xff\xff\xff\xff\xff\xff\xff\x0a\0\0\0\0\0\0\0".to_vec();

@@ -1,4 +1,4 @@
-//! Conversations with ports, byte for byte, that end where a test wants: at any byte of any step.
+//! Scripted connections to ports, byte for byte, that can end at any byte of any step.
 
 #![allow(dead_code, reason = "each test uses a part of it")]
 
@@ -42,7 +42,7 @@ enum Step {
     Key(Side),
 }
 
-/// Who begins.
+/// The side that begins.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Side {
     Connects,
@@ -66,10 +66,10 @@ impl Step {
     }
 }
 
-/// How a peer goes.
+/// The way in which a peer ends.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Death {
-    /// What it had sent still arrives.
+    /// Sent bytes still arrive.
     Closes,
     /// The connection is reset.
     Resets,
@@ -105,7 +105,8 @@ impl Conversation {
         self.steps.push((phase, Step::Take(count)));
     }
 
-    /// Where to break it off so that it happens in `phase`; `"rest"` is behind its end.
+    /// Returns the offsets at which the connection ends during `phase`; `"rest"` is after its last
+    /// phase.
     pub(crate) fn cuts(&self, phase: &str) -> Vec<usize> {
         let mut cuts = Vec::new();
         let mut begin = 0;
@@ -122,7 +123,7 @@ impl Conversation {
         cuts
     }
 
-    /// Whether it goes on until the other side leaves.
+    /// Returns whether it goes on until the other side leaves.
     pub(crate) fn says_goodbye(&self) -> bool {
         self.steps.iter().any(|(name, _)| *name == "goodbye")
     }
@@ -132,7 +133,7 @@ impl Conversation {
         self.hold_at(None, stream, cut).await
     }
 
-    /// The same where `listener` may be connected to again.
+    /// Returns the same where `listener` may be connected to again.
     pub(crate) async fn hold_at(
         &self,
         listener: Option<&TcpListener>,
@@ -255,7 +256,7 @@ impl Conversation {
         self
     }
 
-    /// The header, as the side that listens; `writer` is who connects.
+    /// Adds the header, on the listening side; `writer` is the connecting port.
     fn opened_by_port(mut self, writer: &str) -> Self {
         let carrier = self.carrier;
         let mut header = BytesMut::new();
@@ -293,7 +294,7 @@ impl Conversation {
         self
     }
 
-    /// What has been said so far is only how it came to `phase`, which is all that `say` adds.
+    /// Adds a phase: the bytes so far lead up to `phase`, to which only `say` adds.
     fn then(mut self, phase: &'static str, say: impl FnOnce(&mut Self)) -> Self {
         let begun = self.steps.len();
         say(&mut self);
@@ -364,7 +365,7 @@ impl Conversation {
     }
 }
 
-/// What the peers of a port that reads say: `content` on every carrier.
+/// Returns the scripts of writers to a port: `content` on every carrier.
 pub(crate) fn writers(content: &Bottle) -> Vec<Conversation> {
     let mut all: Vec<_> = STREAMS
         .into_iter()
@@ -412,7 +413,7 @@ pub(crate) fn writers(content: &Bottle) -> Vec<Conversation> {
     all
 }
 
-/// What callers say, and what they are told.
+/// Returns the scripts of callers, with the expected replies.
 pub(crate) fn callers(question: &Bottle, answer: &Bottle) -> Vec<Conversation> {
     let mut all: Vec<_> = STREAMS
         .into_iter()
@@ -453,7 +454,8 @@ pub(crate) fn callers(question: &Bottle, answer: &Bottle) -> Vec<Conversation> {
     all
 }
 
-/// What readers say that connect themselves, and what they read: `content`, over `mjpeg` a picture.
+/// Returns the scripts of readers that connect themselves, with the expected bytes: `content`, over
+/// `mjpeg` an image.
 pub(crate) fn viewers(content: &Bottle) -> Vec<Conversation> {
     let mut all: Vec<_> = STREAMS
         .into_iter()
@@ -488,7 +490,7 @@ pub(crate) fn viewers(content: &Bottle) -> Vec<Conversation> {
     all
 }
 
-/// What readers say to which the port `writer` connects.
+/// Returns the scripts of readers to which the port `writer` connects.
 pub(crate) fn readers(writer: &str, content: &Bottle) -> Vec<Conversation> {
     let mut all: Vec<_> = STREAMS
         .into_iter()
@@ -509,7 +511,7 @@ pub(crate) fn readers(writer: &str, content: &Bottle) -> Vec<Conversation> {
         let conversation = Conversation::on(spelled).opened_by_port(writer);
         conversation.then("goodbye", |conversation| {
             if conversation.carrier.connectionless {
-                // Its writer says it elsewhere.
+                // Its writer sends it over another connection.
                 conversation.steps.push(("goodbye", Step::AcceptAgain));
                 conversation.take("name", "CONNACK admin\r\n".len());
                 conversation.give("header reply", b"Welcome admin\r\n");
@@ -528,7 +530,7 @@ pub(crate) fn readers(writer: &str, content: &Bottle) -> Vec<Conversation> {
     all
 }
 
-/// What servers say to which the port `client` connects.
+/// Returns the scripts of servers to which the port `client` connects.
 pub(crate) fn servers(client: &str, question: &Bottle, answer: &Bottle) -> Vec<Conversation> {
     STREAMS
         .into_iter()
@@ -543,7 +545,7 @@ pub(crate) fn servers(client: &str, question: &Bottle, answer: &Bottle) -> Vec<C
         .collect()
 }
 
-/// A camera at TCP port `number`, which shows `picture` once.
+/// Returns the script of a camera at TCP port `number`, which sends `picture` once.
 pub(crate) fn camera(number: u16, picture: &[u8]) -> Conversation {
     let mut camera = Conversation::on("mjpeg");
     let asked = request(None, &format!("127.0.0.1:{number}"));
@@ -566,7 +568,7 @@ const STREAMS: [&str; 6] = [
 ];
 const DATAGRAMS: [&str; 2] = ["udp", "mcast"];
 
-/// A page that has turned its request into a connection.
+/// Returns a page that has turned its request into a connection.
 fn upgraded() -> Conversation {
     let request = "GET /?ws HTTP/1.1\r\nHost: h\r\nUpgrade: websocket\r\n\
         Connection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\
@@ -574,12 +576,12 @@ fn upgraded() -> Conversation {
     Conversation::on("websocket").browsing(request, 129)
 }
 
-/// The key that those share who have one.
+/// Returns the key that those share who have one.
 pub(crate) fn key() -> Key {
     Key::new(b"my_secret_key").unwrap()
 }
 
-/// What answers a header.
+/// Returns the answer to a header.
 fn welcome(carrier: &Carrier, name: &str) -> BytesMut {
     let mut bytes = BytesMut::new();
     match carrier.protocol.payload_kind() {
@@ -597,7 +599,7 @@ fn letter(command: &Command) -> u8 {
     }
 }
 
-/// The parts of a message as a port sends them.
+/// Returns the parts of a message as a port sends them.
 fn parts(carrier: &Carrier, command: &Command, content: &Bottle) -> Vec<(&'static str, BytesMut)> {
     let mut bytes = BytesMut::new();
     let has_payload = command.has_payload();
@@ -683,7 +685,8 @@ trait Both: AsyncRead + AsyncWrite {}
 
 impl<T: AsyncRead + AsyncWrite> Both for T {}
 
-/// Where the socket of a connection over `unix_stream` is; see `ports/src/unix_socket.rs`.
+/// Returns the path of the socket of a connection over `unix_stream`; see
+/// `ports/src/unix_socket.rs`.
 fn unix_path(acceptor: u16, initiator: u16) -> PathBuf {
     let variable = |name| std::env::var(name).ok().filter(|value| !value.is_empty());
     let folder = match (variable("YARP_RUNTIME_DIR"), variable("XDG_RUNTIME_DIR")) {

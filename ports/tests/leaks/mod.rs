@@ -1,4 +1,4 @@
-//! What a test leaves behind: tasks and descriptors.
+//! Detection of leaked tasks and descriptors.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -36,7 +36,7 @@ pub(crate) fn tasks() -> usize {
     Handle::current().metrics().num_alive_tasks()
 }
 
-/// How many tasks and descriptors there are while nothing happens.
+/// Numbers of tasks and descriptors at rest.
 #[derive(Debug, Eq, PartialEq)]
 pub(crate) struct Rest {
     tasks: usize,

@@ -1,5 +1,4 @@
-//! What every fuzz target does with its bytes: feed them to a parser, and check what must hold
-//! whatever they are.
+//! The fuzz targets: each passes its bytes to a parser, and checks its invariants.
 //!
 //! The same functions are replayed over the committed corpora by `tests/fuzz_corpus.rs`.
 
@@ -21,7 +20,7 @@ use yarp_wire::shmem::{Ring, answers_mark, initiator_mark};
 use yarp_wire::websocket::FrameReader;
 use yarp_wire::{Bottle, Contact, Limits, PortName, Stamp, WireVersion, datagram, typed};
 
-/// One fuzz target: its name, which is also that of its corpus, and what it does.
+/// One fuzz target: its name, which is also that of its corpus, and its function.
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All targets.
@@ -50,9 +49,9 @@ pub const TARGETS: [Target; 20] = [
 
 const DIALECTS: [WireVersion; 2] = [WireVersion::V3, WireVersion::V4];
 
-/// The carriers that bytes travel on; in corpora the place here stands for a carrier.
+/// The carriers that transport bytes; in corpora the index here stands for a carrier.
 ///
-/// New ones go to the end and none is ever taken out, so that corpora keep their meaning.
+/// New ones are appended and none is ever removed, so that corpora keep their meaning.
 pub const CARRIERS: [&str; 13] = [
     "name_ser",
     "tcp",
@@ -72,7 +71,7 @@ pub const CARRIERS: [&str; 13] = [
 /// Small bounds, so that they are reached.
 const LIMITS: Limits = Limits::DEFAULT.with_message(1 << 16).with_line(1 << 12);
 
-/// Binary bottles: what reads also writes, and reads the same again.
+/// Binary bottles: decoded input encodes, and decodes to the same again.
 pub fn bottle_binary(data: &[u8]) {
     let bytes = Bytes::copy_from_slice(data);
     for wire_version in DIALECTS {
@@ -108,7 +107,7 @@ pub fn bottle_binary(data: &[u8]) {
     let _ = detect(data, LIMITS);
 }
 
-/// Texts of bottles: what prints also reads, and prints the same again.
+/// Texts of bottles: printed bottles parse, and print the same again.
 pub fn bottle_text(data: &[u8]) {
     let Ok(bottle) = Bottle::parse_bytes(data) else {
         return;
@@ -141,7 +140,7 @@ pub fn acceptor(data: &[u8]) {
     assert_eq!(accept(data, usize::from(step).max(1)), whole);
 }
 
-/// Events of an acceptor in words, and what it wrote, if it is fed `step` bytes at a time.
+/// Returns the events of an acceptor as text, and its output, if it is fed `step` bytes at a time.
 fn accept(data: &[u8], step: usize) -> (Vec<String>, BytesMut) {
     let mut acceptor = Acceptor::new(10002, WireVersion::V3, LIMITS);
     let (mut input, mut output) = (BytesMut::new(), BytesMut::new());
@@ -154,7 +153,7 @@ fn accept(data: &[u8], step: usize) -> (Vec<String>, BytesMut) {
                     events.push(format!("{event:?}"));
                     if let Event::Message(message) = event {
                         if message.command == Command::Quit {
-                            // Nothing behind it is read.
+                            // Later bytes are not read.
                             return (events, output);
                         }
                         if matches!(message.command, Command::Data { reply: true, .. }) {
@@ -236,7 +235,7 @@ fn take_progress(initiator: &mut Initiator, sends: u8, data: &[u8], step: usize)
                 }
                 Ok(None) => break,
                 Err(_) => {
-                    // How much had come by then is part of some errors.
+                    // Some errors depend on the number of bytes received by then.
                     events.push("error".to_owned());
                     return events;
                 }
@@ -313,7 +312,7 @@ pub fn admin(data: &[u8]) {
     }
 }
 
-/// Requests to the name server: what is written in any style reads as the same request.
+/// Requests to the name server: a request written in any style parses to the same request.
 pub fn name_service_request(data: &[u8]) {
     let text = String::from_utf8_lossy(data);
     let Ok(request) = Request::parse(&text) else {
@@ -354,7 +353,7 @@ pub fn name_service_answer(data: &[u8]) {
     let _ = String::from_utf8_lossy(data).parse::<Registration>();
 }
 
-/// Datagrams: what is cut reads as the same pieces, and anything else is refused.
+/// Datagrams: split messages decode to the same pieces, and anything else is refused.
 pub fn datagram(data: &[u8]) {
     let _ = datagram::decode(data);
     let Some((&largest, message)) = data.split_first() else {
@@ -420,7 +419,7 @@ pub fn http(data: &[u8]) {
     assert!(page.response().starts_with("HTTP/1.1 200 OK"));
 }
 
-/// Typed messages: whatever reads also writes, and reads the same again.
+/// Typed messages: decoded input encodes, and decodes to the same again.
 pub fn typed(data: &[u8]) {
     fn check<T: ReadObject + WireObject>(bytes: &Bytes, wire_version: WireVersion) {
         if let Ok(value) = T::read_binary(bytes, wire_version) {
@@ -447,7 +446,7 @@ pub fn typed(data: &[u8]) {
     }
 }
 
-/// Pictures in a stream: the same parts in one piece and byte by byte.
+/// MJPEG streams: the same parts in one piece and byte by byte.
 pub fn mjpeg(data: &[u8]) {
     let run = |size: usize| {
         let mut reader = PartReader::new(LIMITS);
@@ -524,8 +523,7 @@ pub fn shmem(data: &[u8]) {
     }
 }
 
-/// What comes behind a good header, on every carrier that there is: any split gives the same
-/// events and answers.
+/// Bytes after a valid header, on every carrier: any split gives the same events and answers.
 pub fn framing(data: &[u8]) {
     let [carrier, step, data @ ..] = data else {
         return;
@@ -538,8 +536,8 @@ pub fn framing(data: &[u8]) {
     assert_eq!(accept(&conversation, usize::from(*step).max(1)), whole);
 }
 
-/// What readers say to a port that writes to them over a connection that they made, on every
-/// carrier: any split gives the same progress and the same answers.
+/// Bytes of readers to a port that writes over a connection that they made, on every carrier: any
+/// split gives the same progress and the same answers.
 pub fn reversed(data: &[u8]) {
     let [carrier, sends, step, data @ ..] = data else {
         return;
@@ -552,17 +550,17 @@ pub fn reversed(data: &[u8]) {
     assert_eq!(stepped, whole);
 }
 
-/// The carrier at a place of [`CARRIERS`], if there are so many.
+/// Returns the carrier at an index of [`CARRIERS`], if it is in range.
 pub fn carrier_at(place: u8) -> Option<&'static Carrier> {
     let spec: CarrierSpec = CARRIERS.get(usize::from(place))?.parse().expect("a spec");
     Some(Carrier::of(&spec).expect("a carrier of the table"))
 }
 
-/// A header that an acceptor takes.
+/// Returns a header that an acceptor takes.
 pub fn header(carrier: &'static Carrier) -> BytesMut {
     let mut bytes = BytesMut::new();
     match carrier.name {
-        // The rest of the request is what comes behind.
+        // The input is the rest of the request.
         "http" => bytes.extend_from_slice(&carrier.magic),
         "name_ser" => bytes.extend_from_slice(b"NAME_SERVER "),
         "mjpeg" => {
@@ -584,8 +582,8 @@ pub fn header(carrier: &'static Carrier) -> BytesMut {
     bytes
 }
 
-/// As [`initiate`], for the writing end of a connection that the other side made; also what it
-/// answered by itself.
+/// Runs like [`initiate`], for the writing end of a connection that the other side made; also
+/// returns its automatic answers.
 fn reverse(
     carrier: &'static Carrier,
     sends: u8,
@@ -634,7 +632,7 @@ pub fn auth(data: &[u8]) {
     assert!(whole.1 <= 80);
 }
 
-/// Configuration files and command lines: what was read can be printed, read again and asked.
+/// Configuration files and command lines: parsed settings can be printed, parsed again and queried.
 pub fn settings(data: &[u8]) {
     let text = String::from_utf8_lossy(data);
     let mut settings = Settings::new();

@@ -1,4 +1,4 @@
-//! Both sides of the handshake: one says what the other hears.
+//! Both sides of the key handshake, as state machines without I/O.
 
 use bytes::{Buf, BufMut, BytesMut};
 
@@ -10,14 +10,14 @@ pub const NONCE_LEN: usize = 8;
 /// Bytes of each step: a nonce and a code.
 pub const STEP_LEN: usize = NONCE_LEN + CODE_LEN;
 
-/// Bytes that must not be guessed, and are never used again.
+/// Random bytes that must be unpredictable and are never reused.
 pub type Nonce = [u8; NONCE_LEN];
 
-/// Why a peer is refused.
+/// The reason for refusing a peer: it does not hold the key.
 #[derive(Clone, Copy, Debug, Eq, PartialEq, thiserror::Error)]
 #[error("step {step} of 3 was not made with our key")]
 pub struct AuthError {
-    /// The step that was wrong: 1 and 3 are the acceptor's, 2 is the initiator's.
+    /// The step that failed: 1 and 3 are the acceptor's, 2 is the initiator's.
     pub step: usize,
 }
 
@@ -38,23 +38,23 @@ pub struct AuthError {
 #[derive(Debug)]
 pub struct KeyHandshake {
     key: Key,
-    /// The nonces so far, whoever said them: three at the end.
+    /// The nonces so far, from both sides: three at the end.
     said: Vec<u8>,
-    /// What is still to be said here.
+    /// The own nonces that have not been sent yet.
     own: std::vec::IntoIter<Nonce>,
-    /// Steps that are still to be heard.
+    /// Number of steps that have not been received yet.
     to_hear: usize,
 }
 
 impl KeyHandshake {
-    /// The side that listened, which speaks first.
+    /// Creates the accepting side, which sends first.
     pub fn accept(key: Key, nonces: [Nonce; 2], output: &mut BytesMut) -> Self {
         let mut handshake = Self::new(key, nonces.to_vec(), 1);
         handshake.say(output);
         handshake
     }
 
-    /// The side that connected.
+    /// Creates the connecting side.
     pub fn initiate(key: Key, nonce: Nonce) -> Self {
         Self::new(key, vec![nonce], 2)
     }
@@ -68,10 +68,10 @@ impl KeyHandshake {
         }
     }
 
-    /// Takes what came from `input`, and appends the answer to `output`; tells whether the peer has
-    /// shown that it holds the key. After an error the connection is to be ended.
+    /// Consumes received bytes from `input` and appends the answer to `output`; returns whether the
+    /// peer has proved that it holds the key. After an error the connection must be closed.
     ///
-    /// Never takes more than the handshake itself.
+    /// Never consumes more than the handshake itself.
     pub fn poll(&mut self, input: &mut BytesMut, output: &mut BytesMut) -> Result<bool, AuthError> {
         while self.to_hear > 0 {
             let Some(step) = input.first_chunk::<STEP_LEN>() else {
@@ -90,7 +90,8 @@ impl KeyHandshake {
         Ok(true)
     }
 
-    /// Bytes that are missing before the handshake can go on; 0 once it is through.
+    /// Returns the number of bytes that are missing before the handshake can continue; 0 when it is
+    /// complete.
     pub fn missing(&self, input: &BytesMut) -> usize {
         match self.to_hear {
             0 => 0,
@@ -98,7 +99,7 @@ impl KeyHandshake {
         }
     }
 
-    /// Takes the next turn, if there is one.
+    /// Sends the next step, if there is one.
     fn say(&mut self, output: &mut BytesMut) {
         if let Some(nonce) = self.own.next() {
             self.said.extend_from_slice(&nonce);

@@ -1,6 +1,6 @@
-//! The handshake of `auth.conf`: both ends of a connection show that they hold the same key.
+//! The handshake of `auth.conf`: both ends of a connection prove that they hold the same key.
 //!
-//! It comes before any other byte, on every TCP connection, also to the name server:
+//! It precedes every other byte on every TCP connection, including those to the name server:
 //!
 //! | step | from | bytes |
 //! | --- | --- | --- |
@@ -8,9 +8,8 @@
 //! | 2 | initiator | a nonce, and the HMAC of both nonces so far |
 //! | 3 | acceptor | a nonce, and the HMAC of all three |
 //!
-//! The key of the HMAC is the text of `auth.conf` as it stands. What follows is neither encrypted
-//! nor signed, and what travels as datagrams is not covered. Source: stock 3.5.0, asked byte by
-//! byte.
+//! The key of the HMAC is the text of `auth.conf` unchanged. Later bytes are neither encrypted nor
+//! signed, and datagrams are not covered. Source: stock 3.5.0, probed byte by byte.
 
 mod key_handshake;
 mod shared_key;

@@ -1,19 +1,19 @@
-//! What both ends know.
+//! The key that both ends share.
 
 use std::fmt;
 
 use hmac::{Hmac, Mac};
 use sha2::Sha256;
 
-/// Bytes of a code.
+/// Length of a code in bytes.
 pub(super) const CODE_LEN: usize = 32;
 
-/// The secret of a network. It prints as nothing but its name.
+/// The secret of a network. Its `Debug` output does not contain the secret.
 #[derive(Clone)]
 pub struct Key(Hmac<Sha256>);
 
 impl Key {
-    /// The key that is these bytes; none if there are none, which is no secret.
+    /// Creates the key from these bytes; `None` if they are empty, which is no secret.
     pub fn new(secret: &[u8]) -> Option<Self> {
         if secret.is_empty() {
             return None;
@@ -22,13 +22,13 @@ impl Key {
         Hmac::new_from_slice(secret).ok().map(Self)
     }
 
-    /// The code of a message.
+    /// Returns the code of a message.
     pub(super) fn code(&self, message: &[u8]) -> [u8; CODE_LEN] {
         let code = self.0.clone().chain_update(message);
         code.finalize().into_bytes().into()
     }
 
-    /// Whether `code` is that of the message; takes as long for a wrong one as for the right one.
+    /// Returns whether `code` is that of the message, in constant time.
     pub(super) fn verify(&self, message: &[u8], code: &[u8]) -> bool {
         let own = self.0.clone().chain_update(message);
         own.verify_slice(code).is_ok()

@@ -18,7 +18,7 @@ use crate::limits::Limits;
 use crate::vocab::{Vocab32, Vocab64};
 use crate::wire_version::WireVersion;
 
-/// What an item is made of.
+/// The kind of an item.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub(crate) enum Code {
     Int8,
@@ -40,7 +40,7 @@ pub(crate) const LIST: i32 = 256;
 const DICTIONARY: i32 = 768;
 
 impl Code {
-    /// The number that stands for this kind in a bottle of `wire_version`.
+    /// Returns the type code of this kind in a bottle of `wire_version`.
     pub(crate) const fn number(self, wire_version: WireVersion) -> i32 {
         match (self, wire_version) {
             (Self::Int32, _) => 1,
@@ -62,7 +62,7 @@ impl Code {
         }
     }
 
-    /// The kind of items a list code announces: `None` for a list whose items carry their own.
+    /// Returns the kind of items a list code announces: `None` for a list whose items carry their own.
     pub(crate) const fn of_items(
         list: i32,
         wire_version: WireVersion,
@@ -80,7 +80,7 @@ impl Code {
         }
     }
 
-    /// The kind of one item. List codes have 256 set, dictionaries 512 as well.
+    /// Returns the kind of one item. List codes have 256 set, dictionaries 512 as well.
     pub(crate) const fn of_item(code: i32, wire_version: WireVersion) -> Option<Self> {
         if code < 0 || code > 1023 {
             return None;
@@ -127,7 +127,7 @@ impl Code {
         }
     }
 
-    /// Whether only one generation reads this kind as it is meant.
+    /// Returns whether only one wire version reads this kind as intended.
     pub(crate) const fn is_version_specific(self) -> bool {
         matches!(self, Self::Float32 | Self::Float64 | Self::Vocab64)
     }
@@ -150,34 +150,34 @@ impl Code {
     }
 }
 
-/// Why bytes are not a bottle.
+/// The reason why bytes are not a bottle.
 #[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum DecodeError {
     /// A code that the wire version does not have.
     #[error("unknown object code {code} at byte {at} of a bottle ({wire_version})")]
     UnknownCode {
-        /// The code as it stands.
+        /// The code as received.
         code: i32,
         /// Its offset.
         at: usize,
-        /// The reading that was tried.
+        /// The wire version that was tried.
         wire_version: WireVersion,
     },
     /// A length or count below zero.
     #[error("negative length {length} at byte {at} of a bottle")]
     NegativeLength {
-        /// The length as it stands.
+        /// The length as received.
         length: i32,
         /// Its offset.
         at: usize,
     },
-    /// The bottle goes on beyond the bytes there are.
+    /// The bottle is longer than the available bytes.
     #[error("a bottle ends early: {have} bytes, expected at least {need}")]
     Truncated {
-        /// Bytes there are.
+        /// Number of available bytes.
         have: usize,
-        /// Bytes it takes at the least.
+        /// Minimum number of bytes required.
         need: usize,
     },
     /// Bytes are left over after the bottle.
@@ -209,13 +209,13 @@ pub enum DecodeError {
     /// A bottle, but not laid out as the type that was to be read.
     #[error("a bottle of another shape, expected {expected}")]
     Shape {
-        /// What was to be read, in words.
+        /// Description of the expected type.
         expected: &'static str,
     },
 }
 
 impl Bottle {
-    /// The binary form for readers of `wire_version`.
+    /// Returns the binary form for readers of `wire_version`.
     pub fn encode(&self, wire_version: WireVersion) -> Bytes {
         let mut out = BytesMut::new();
         self.encode_into(&mut out, wire_version);
@@ -235,7 +235,7 @@ impl Bottle {
         }
     }
 
-    /// The primitive kind that all items share on the wire, if they do.
+    /// Returns the primitive kind that all items share on the wire, if they do.
     fn unit(&self, wire_version: WireVersion) -> Option<Code> {
         let mut codes = self.iter().map(Code::of_value);
         let first = codes.next()?;
@@ -247,8 +247,7 @@ impl Bottle {
 
     /// Reads a bottle that fills `bytes` exactly.
     ///
-    /// No value is made before the whole has been found well-formed; strings and blobs share
-    /// `bytes`.
+    /// The whole is checked before any value is created; strings and blobs share `bytes`.
     pub fn decode(
         bytes: &Bytes,
         wire_version: WireVersion,
@@ -258,7 +257,7 @@ impl Bottle {
         read(bytes, &scanner, wire_version, limits)
     }
 
-    /// Reads the bottle at the start of `bytes`, and tells how many bytes it took.
+    /// Reads the bottle at the start of `bytes`, and returns its length in bytes.
     pub fn decode_prefix(
         bytes: &Bytes,
         wire_version: WireVersion,
@@ -274,9 +273,9 @@ impl Bottle {
         }
     }
 
-    /// Reads a bottle of either generation, trying `expected` first.
+    /// Reads a bottle of either wire version, trying `expected` first.
     ///
-    /// Also tells which generation the bytes betray, if they do.
+    /// Also returns the wire version that the bytes reveal, if they do.
     pub fn decode_any(
         bytes: &Bytes,
         expected: WireVersion,
@@ -295,7 +294,8 @@ impl Bottle {
     }
 }
 
-/// Checks that a bottle of `wire_version` fills `bytes` exactly; gives what was seen on the way.
+/// Checks that a bottle of `wire_version` fills `bytes` exactly; returns the scanner with its
+/// findings.
 fn scan_whole(
     bytes: &[u8],
     wire_version: WireVersion,
@@ -315,7 +315,7 @@ fn scan_whole(
     }
 }
 
-/// Reads the bottle at the start of bytes that `scanner` went over.
+/// Reads the bottle at the start of bytes that `scanner` has checked.
 fn read(
     bytes: &Bytes,
     scanner: &Scanner,
@@ -334,9 +334,9 @@ fn read(
     Ok(reader.list())
 }
 
-/// Which generation the bytes of one whole message betray.
+/// Detects the wire version from the bytes of one whole message.
 ///
-/// `None` if they read the same, or not at all, in both.
+/// `None` if both wire versions read the bytes alike, or neither can read them.
 pub fn detect(bytes: &[u8], limits: Limits) -> Option<WireVersion> {
     let reads = |wire_version| {
         Some(

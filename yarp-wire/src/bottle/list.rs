@@ -21,7 +21,7 @@ impl Bottle {
         Self { items: Vec::new() }
     }
 
-    /// A bottle of one item.
+    /// Creates a bottle of one item.
     pub fn of(value: impl Into<Value>) -> Self {
         Self {
             items: vec![value.into()],
@@ -33,46 +33,46 @@ impl Bottle {
         self.items.push(value.into());
     }
 
-    /// The same bottle with one item more, for building in one expression.
+    /// Appends one item and returns the bottle, for building in one expression.
     pub fn with(mut self, value: impl Into<Value>) -> Self {
         self.push(value);
         self
     }
 
-    /// Item `index`.
+    /// Returns item `index`.
     pub fn get(&self, index: usize) -> Option<&Value> {
         self.items.get(index)
     }
 
-    /// Number of items.
+    /// Returns the number of items.
     pub fn len(&self) -> usize {
         self.items.len()
     }
 
-    /// Whether there are no items.
+    /// Returns whether there are no items.
     pub fn is_empty(&self) -> bool {
         self.items.is_empty()
     }
 
-    /// The items in order.
+    /// Iterates over the items in order.
     pub fn iter(&self) -> std::slice::Iter<'_, Value> {
         self.items.iter()
     }
 
-    /// The items as a slice.
+    /// Returns the items as a slice.
     pub fn as_slice(&self) -> &[Value] {
         &self.items
     }
 
-    /// The items themselves.
+    /// Returns the items by value.
     pub fn into_items(self) -> Vec<Value> {
         self.items
     }
 
-    /// Looks up `key` as stock's `find` does.
+    /// Finds the value of `key` as stock's `find` does.
     ///
-    /// The first item equal to the key decides: inside a list that starts with the key it is
-    /// the list's second item, otherwise the item that follows.
+    /// The first item equal to the key decides: inside a list that starts with the key it is the
+    /// list's second item, otherwise the item that follows.
     pub fn find(&self, key: &str) -> Option<&Value> {
         let matches = |value: &Value| match value {
             Value::String(text) => text == key,
@@ -92,7 +92,7 @@ impl Bottle {
         None
     }
 
-    /// The whole nested list that starts with `key`.
+    /// Returns the whole nested list that starts with `key`.
     pub fn find_group(&self, key: &str) -> Option<&Bottle> {
         self.items.iter().filter_map(Value::as_list).find(|list| {
             list.get(0)

@@ -1,9 +1,9 @@
 //! Bottles: the lists of values that ports exchange.
 //!
-//! A [`Bottle`] has a binary form ([`Bottle::encode`], [`Bottle::decode`]), which differs between
-//! the generations of YARP ([`WireVersion`](crate::WireVersion)), and a text form (`Display` and
-//! [`Bottle::parse`]), which does not. [`Scanner`] finds where a binary bottle ends while its
-//! bytes still arrive.
+//! A [`Bottle`] has a binary form ([`Bottle::encode`], [`Bottle::decode`]), which depends on the
+//! wire version of YARP ([`WireVersion`](crate::WireVersion)), and a text form (`Display` and
+//! [`Bottle::parse`]), which does not. [`Scanner`] finds the end of a binary bottle while its bytes
+//! still arrive.
 
 mod binary_form;
 mod list;

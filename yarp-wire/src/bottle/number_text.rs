@@ -1,4 +1,4 @@
-//! Numbers as stock prints and reads them.
+//! Printing and parsing of numbers as in stock.
 //!
 //! Printing follows C's `%.21g` (the digits of an 80-bit long double, which stock on x86-64 Linux
 //! uses for doubles), with `.0` appended to what looks like an integer. Reading follows `strtoll`
@@ -15,7 +15,7 @@ use super::Value;
 /// Significant digits of a printed float.
 const DIGITS: usize = 21;
 
-/// The text of a float.
+/// Returns the text of a float.
 pub(crate) fn print(value: f64) -> String {
     if value.is_nan() {
         // C prints the sign of a negative nan, and stock then takes `-nan` for an integer.
@@ -71,7 +71,7 @@ pub(crate) fn print(value: f64) -> String {
     out
 }
 
-/// The number a token stands for, or `None` if stock would not take it for one.
+/// Parses a token as a number; `None` if stock would not take it for one.
 pub(crate) fn parse(token: &str) -> Option<Value> {
     if matches!(token, "inf" | "-inf" | "nan") {
         return Some(Value::Float64(float(token)));
@@ -92,9 +92,9 @@ pub(crate) fn parse(token: &str) -> Option<Value> {
     })
 }
 
-/// Whether the token has the letters of a number; says if it is hexadecimal.
+/// Returns whether the token has the characters of a number: `Some(true)` if it is hexadecimal.
 ///
-/// Zeros, signs and `x` in front may come in any order and number; the last such `x` counts.
+/// Zeros, signs and `x` at the start may appear in any order and number; the last such `x` counts.
 fn number_like(token: &str) -> Option<bool> {
     let body = token.trim_start_matches(['0', '+', '-', 'x', 'X']);
     let front = &token[..token.len() - body.len()];
@@ -112,7 +112,7 @@ fn number_like(token: &str) -> Option<bool> {
     (digits <= 8).then_some(hexadecimal)
 }
 
-/// C's `strtod` of the whole token: 0 if anything is left over.
+/// Parses the whole token as C's `strtod` does: 0 if anything is left over.
 fn float(token: &str) -> f64 {
     if let Some(value) = hexadecimal_float(token) {
         return value;
@@ -128,7 +128,7 @@ fn float(token: &str) -> f64 {
     }
 }
 
-/// `0x1.8`, which is 1.5. Tokens with the letter of an exponent, `p`, do not get here.
+/// Parses `0x1.8`, which is 1.5. Tokens with the exponent letter `p` are excluded by the caller.
 fn hexadecimal_float(token: &str) -> Option<f64> {
     let (rest, sign) = sign(token);
     let digits = rest.strip_prefix("0x").or(rest.strip_prefix("0X"))?;
@@ -137,7 +137,7 @@ fn hexadecimal_float(token: &str) -> Option<f64> {
     if !digits.chars().all(|c| c.is_ascii_hexdigit()) {
         return None;
     }
-    // At most eight digits get here, see `number_like`.
+    // At most eight digits, see `number_like`.
     let number = u64::from_str_radix(&digits, 16).ok()?;
     let value = number as f64 / 16f64.powi(fraction.len() as i32);
     Some(if sign < 0 { -value } else { value })
@@ -154,7 +154,7 @@ fn decimal(input: &str) -> IResult<&str, &str> {
     recognize((opt(one_of("+-")), mantissa, opt(exponent))).parse(input)
 }
 
-/// C's `strtoll` with base 0 of the longest prefix, 0 if there is none; saturates.
+/// Parses the longest prefix as C's `strtoll` with base 0 does, 0 if there is none; saturates.
 fn integer(token: &str) -> i64 {
     let (rest, sign) = sign(token);
     let (rest, radix) = radix(rest);
@@ -220,7 +220,7 @@ mod tests {
         assert_eq!(parse(token), Some(expected.into()), "{token}");
     }
 
-    /// Read as 0 or as strings before: stock takes `0x1.8` for 1.5, and any `x` in front.
+    /// Previously read as 0 or as strings: stock takes `0x1.8` for 1.5, and any leading `x`.
     #[test]
     fn hexadecimal_fractions_read_as_in_stock() {
         reads("0x1.8", 1.5);

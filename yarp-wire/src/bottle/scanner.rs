@@ -1,4 +1,4 @@
-//! Finding the end of a binary bottle while its bytes arrive.
+//! Incremental search for the end of a binary bottle.
 
 use smallvec::SmallVec;
 
@@ -6,10 +6,10 @@ use super::binary_form::{Code, DecodeError};
 use crate::limits::Limits;
 use crate::wire_version::WireVersion;
 
-/// Walks over a binary bottle without reading its values.
+/// Scans a binary bottle without reading its values.
 ///
-/// It keeps its place between calls, so that bytes arriving one at a time cost no more than all
-/// at once. It holds one small entry per level of nesting and nothing else.
+/// It keeps its position between calls, so bytes that arrive one at a time cost no more than all at
+/// once. It stores one small entry per level of nesting and nothing else.
 #[derive(Clone, Debug)]
 pub struct Scanner {
     wire_version: WireVersion,
@@ -21,33 +21,33 @@ pub struct Scanner {
     values: u64,
 }
 
-/// Levels of nesting that cost no allocation.
+/// Levels of nesting that need no allocation.
 const INLINE_LEVELS: usize = 4;
 
-/// A list that is not finished yet.
+/// A list that is not complete yet.
 #[derive(Clone, Copy, Debug)]
 struct Level {
     unit: Option<Code>,
     left: u32,
 }
 
-/// How far a bottle has come.
+/// The progress of a scan.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum Scan {
-    /// It is whole.
+    /// The bottle is complete.
     Complete {
-        /// Its bytes.
+        /// Length of the bottle in bytes.
         length: usize,
     },
     /// Bytes are missing.
     Needs {
-        /// The whole takes at least this many, counted from its start.
+        /// Minimum length of the whole bottle, counted from its start.
         at_least: usize,
     },
 }
 
 impl Scanner {
-    /// A scanner at the start of a bottle of `wire_version`.
+    /// Creates a scanner at the start of a bottle of `wire_version`.
     pub fn new(wire_version: WireVersion, limits: Limits) -> Self {
         Self {
             wire_version,
@@ -60,7 +60,8 @@ impl Scanner {
         }
     }
 
-    /// Goes on over `bytes`, which start where the bottle starts and hold at least what earlier calls saw.
+    /// Continues the scan over `bytes`, which begin at the start of the bottle and hold at least
+    /// the bytes of earlier calls.
     pub fn scan(&mut self, bytes: &[u8]) -> Result<Scan, DecodeError> {
         if !self.started {
             let Some(code) = number(bytes, 0) else {
@@ -81,17 +82,17 @@ impl Scanner {
         Ok(Scan::Complete { length: self.at })
     }
 
-    /// Whether a kind went by that only one generation reads as it is meant.
+    /// Returns whether the scan met a kind that only one wire version reads as intended.
     pub fn version_detected(&self) -> bool {
         self.version_detected
     }
 
-    /// The values in all lists that were entered, as they announce them.
+    /// Returns the number of values in all lists entered so far, as announced.
     pub fn values(&self) -> u64 {
         self.values
     }
 
-    /// Enters a list whose code has been read and whose count stands at `at`.
+    /// Enters a list whose code has been read and whose count is at `at`.
     fn open(&mut self, bytes: &[u8], code: i32, at: usize) -> Result<Option<Scan>, DecodeError> {
         let unit =
             Code::of_items(code, self.wire_version).map_err(|code| DecodeError::UnknownCode {

@@ -14,7 +14,8 @@ use super::{Bottle, Text, Value, number_text};
 use crate::limits::Limits;
 use crate::vocab::{Vocab32, Vocab64};
 
-/// Why text is not a bottle. Stock takes any text; we refuse only what has no bounds.
+/// The reason why text is not a bottle. Stock takes any text; this parser refuses only unbounded
+/// nesting.
 #[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TextError {
@@ -27,10 +28,10 @@ pub enum TextError {
 }
 
 impl Bottle {
-    /// Reads the text form.
+    /// Parses the text form.
     ///
-    /// Any text is a bottle, as in stock: what is left open at the end (a quote, a bracket) is
-    /// dropped. The one error is nesting beyond [`Limits::DEFAULT`].
+    /// Any text is a bottle, as in stock: a quote or bracket that is still open at the end is
+    /// dropped. The only error is nesting beyond [`Limits::DEFAULT`].
     pub fn parse(text: &str) -> Result<Self, TextError> {
         Self::parse_bytes(text.as_bytes())
     }
@@ -67,7 +68,7 @@ fn parse_list(text: &[u8], depth: usize) -> Result<Bottle, TextError> {
     Ok(bottle)
 }
 
-/// The next token, or `None` at the end; what is still open at the end is no token.
+/// Returns the next token, or `None` at the end; an unfinished token at the end is dropped.
 fn next_token(input: &[u8]) -> IResult<&[u8], Option<&[u8]>> {
     let (start, _) = take_while(is_separator)(input)?;
     let mut balance = BracketBalance::default();
@@ -105,12 +106,12 @@ impl BracketBalance {
         text.iter().for_each(|byte| self.add(*byte));
     }
 
-    /// Whether every quote and bracket so far has its partner, and no backslash is waiting.
+    /// Returns whether every quote and bracket so far has its partner, and no backslash is waiting.
     pub fn is_balanced(&self) -> bool {
         !self.quoted && !self.escaped && self.round == 0 && self.curly == 0
     }
 
-    /// Whether the text so far ends in a backslash that takes the next character.
+    /// Returns whether the text so far ends in a backslash that takes the next character.
     pub fn is_escaped(&self) -> bool {
         self.escaped
     }
@@ -131,7 +132,7 @@ impl BracketBalance {
     }
 }
 
-/// The value one token stands for.
+/// Returns the value one token stands for.
 fn classify(token: &[u8], depth: usize) -> Result<Value, TextError> {
     if token == b"null" {
         return Ok(Vocab32::new("null").into());
@@ -152,7 +153,7 @@ fn classify(token: &[u8], depth: usize) -> Result<Value, TextError> {
     })
 }
 
-/// What stands between the first and the last character, whatever they are.
+/// Returns the bytes between the first and the last character of a token.
 fn inner(token: &[u8]) -> &[u8] {
     token.get(1..token.len().max(2) - 1).unwrap_or_default()
 }
@@ -194,7 +195,7 @@ fn unescape(token: &[u8]) -> Text {
 }
 
 impl Bottle {
-    /// The text form as it travels: strings that are not UTF-8 keep their bytes.
+    /// Returns the text form as it travels: strings that are not UTF-8 keep their bytes.
     ///
     /// `Display` gives the same text with such bytes replaced.
     pub fn to_text(&self) -> Bytes {
@@ -220,7 +221,7 @@ impl fmt::Display for Bottle {
     }
 }
 
-/// The form inside a list: strings quoted where they must be, vocabs in brackets.
+/// Prints the form used inside a list: strings quoted if necessary, vocabs in brackets.
 impl fmt::Display for Value {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut out = BytesMut::new();
@@ -286,7 +287,7 @@ fn print_string(out: &mut BytesMut, text: &[u8]) {
     });
 }
 
-/// Whether stock prints the string without quotes.
+/// Returns whether stock prints the string without quotes.
 fn is_bare(text: &[u8]) -> bool {
     let word = |byte: &u8| byte.is_ascii_alphabetic() || *byte == b'_';
     let mut bytes = text.iter();

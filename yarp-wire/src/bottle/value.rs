@@ -29,7 +29,7 @@ pub enum Value {
     Float64(f64),
     /// Word of up to four characters; also `true` and `false`.
     Vocab32(Vocab32),
-    /// Word of up to eight characters (generation 4.0 only).
+    /// Word of up to eight characters (YARP 4.0 only).
     Vocab64(Vocab64),
     /// Characters.
     String(Text),
@@ -46,17 +46,17 @@ pub enum Value {
 pub struct Text(Bytes);
 
 impl Text {
-    /// The string if it is UTF-8.
+    /// Returns the string if it is UTF-8.
     pub fn as_str(&self) -> Option<&str> {
         std::str::from_utf8(&self.0).ok()
     }
 
-    /// The string with anything that is not UTF-8 replaced.
+    /// Returns the string with anything that is not UTF-8 replaced.
     pub fn to_lossy(&self) -> Cow<'_, str> {
         String::from_utf8_lossy(&self.0)
     }
 
-    /// The bytes as they travel.
+    /// Returns the bytes as they travel.
     pub fn as_bytes(&self) -> &[u8] {
         &self.0
     }
@@ -116,7 +116,7 @@ impl Value {
         Self::Vocab32(if value { Vocab32::TRUE } else { Vocab32::FALSE })
     }
 
-    /// The value as an integer, floats rounded towards zero, vocabs by their code.
+    /// Returns the value as an integer, floats rounded towards zero, vocabs by their code.
     pub fn as_i64(&self) -> Option<i64> {
         Some(match self {
             Self::Int8(v) => i64::from(*v),
@@ -131,12 +131,12 @@ impl Value {
         })
     }
 
-    /// The value as a 32-bit integer; what does not fit wraps, as in stock.
+    /// Returns the value as a 32-bit integer; larger values wrap, as in stock.
     pub fn as_i32(&self) -> Option<i32> {
         self.as_i64().map(|v| v as i32)
     }
 
-    /// The value as a double.
+    /// Returns the value as a double.
     pub fn as_f64(&self) -> Option<f64> {
         match self {
             Self::Float32(v) => Some(f64::from(*v)),
@@ -145,7 +145,7 @@ impl Value {
         }
     }
 
-    /// The string, if the value is one and is UTF-8.
+    /// Returns the string, if the value is one and is UTF-8.
     pub fn as_str(&self) -> Option<&str> {
         match self {
             Self::String(text) => text.as_str(),
@@ -153,7 +153,7 @@ impl Value {
         }
     }
 
-    /// The value as a vocab: a vocab itself, an integer code, or the first four characters of a string.
+    /// Returns the value as a vocab: a vocab itself, an integer code, or the first four characters of a string.
     pub fn as_vocab(&self) -> Option<Vocab32> {
         match self {
             Self::Vocab32(v) => Some(*v),
@@ -164,7 +164,7 @@ impl Value {
         }
     }
 
-    /// The nested list, also that of a dictionary.
+    /// Returns the nested list, also that of a dictionary.
     pub fn as_list(&self) -> Option<&Bottle> {
         match self {
             Self::List(list) | Self::Dictionary(list) => Some(list),
@@ -172,7 +172,7 @@ impl Value {
         }
     }
 
-    /// The bytes of a blob.
+    /// Returns the bytes of a blob.
     pub fn as_blob(&self) -> Option<&Bytes> {
         match self {
             Self::Blob(bytes) => Some(bytes),
@@ -180,10 +180,9 @@ impl Value {
         }
     }
 
-    /// The text without quotes or brackets: what stock's `Value::toString` gives.
+    /// Returns the text without quotes or brackets, like stock's `Value::toString`.
     ///
-    /// A string gives its characters, a vocab its word, a list its items, a
-    /// blob its bytes.
+    /// A string gives its characters, a vocab its word, a list its items, a blob its bytes.
     pub fn to_plain_string(&self) -> String {
         match self {
             Self::String(text) => text.to_lossy().into_owned(),

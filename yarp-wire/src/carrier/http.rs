@@ -1,4 +1,4 @@
-//! `http`: a browser, or a program that speaks its language; one request per connection.
+//! `http`: a browser or another HTTP client; one request per connection.
 
 use bytes::{BufMut, BytesMut};
 
@@ -43,7 +43,7 @@ impl Protocol for Http {
         output.put_slice(&carrier.magic);
     }
 
-    /// The magic is the beginning of the request.
+    /// Returns the magic is the beginning of the request.
     fn handshake_decoder(
         &self,
         _carrier: &'static Carrier,

@@ -1,5 +1,5 @@
-//! `local`: within a process. The header is there so that a peer that tries it from elsewhere is
-//! known by what it wants; nothing ever travels.
+//! `local`: within a process. The header exists so that a peer in another process can be recognised
+//! and refused; no messages travel.
 
 use bytes::BytesMut;
 
@@ -12,7 +12,7 @@ use crate::protocol::{
 };
 use crate::wire_version::WireVersion;
 
-/// As in stock, without acknowledgements; the reader of the same process says when it is done.
+/// Without acknowledgements, as in stock; a reader of the same process reports completion directly.
 pub(super) static LOCAL: Carrier = Carrier {
     name: "local",
     magic: *b"LOCALITY",
@@ -25,7 +25,7 @@ pub(super) static LOCAL: Carrier = Carrier {
     initiates: true,
 };
 
-/// What would be said, and that it is not said.
+/// The protocol that `local` would have; no bytes are sent.
 #[derive(Debug)]
 struct Local;
 
@@ -63,7 +63,7 @@ impl Protocol for Local {
     }
 }
 
-/// A peer that is in another process, since it has to say so much.
+/// Refuses a peer in another process: only such a peer sends a header.
 #[derive(Debug)]
 struct OtherProcessRejector;
 

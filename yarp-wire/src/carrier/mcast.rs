@@ -29,7 +29,7 @@ pub(super) static MCAST: Carrier = Carrier {
 /// Bytes of a group: IPv4 address and port, the latter high byte first.
 const GROUP: usize = 6;
 
-/// Appends the group that a connection goes on with, behind the header.
+/// Appends the multicast group of the connection, after the header.
 pub fn put_group(group: SocketAddrV4, output: &mut BytesMut) {
     output.put_slice(&group.ip().octets());
     output.put_u16(group.port());

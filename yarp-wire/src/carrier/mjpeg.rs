@@ -1,4 +1,4 @@
-//! `mjpeg`: pictures, as cameras send them to browsers; the reader connects and pulls.
+//! `mjpeg`: JPEG images as cameras send them to browsers; the reader connects and pulls.
 
 use bytes::{BufMut, BytesMut};
 
@@ -26,7 +26,7 @@ pub(super) static MJPEG: Carrier = Carrier {
     initiates: true,
 };
 
-/// One request, then pictures to whoever connected.
+/// One request, then images to the peer that connected.
 #[derive(Debug)]
 struct Mjpeg;
 
@@ -39,7 +39,7 @@ impl Protocol for Mjpeg {
         output.put_slice(&carrier.magic);
     }
 
-    /// The magic is the beginning of the request.
+    /// Returns the magic is the beginning of the request.
     fn handshake_decoder(
         &self,
         _carrier: &'static Carrier,
@@ -60,11 +60,11 @@ impl Protocol for Mjpeg {
         Box::new(NoMessages)
     }
 
-    /// Each picture holds its own.
+    /// Each image has its own head.
     fn put_head(&self, _command: &Command, _length: usize, _output: &mut BytesMut) {}
 }
 
-/// Somebody who wants to watch.
+/// Reads the request of a viewer.
 #[derive(Debug)]
 struct MjpegHandshakeDecoder(RequestReader);
 
@@ -84,7 +84,7 @@ impl HandshakeDecoder for MjpegHandshakeDecoder {
     }
 }
 
-/// Who watches pictures has nothing more to say.
+/// Accepts no messages: a viewer sends nothing after its request.
 #[derive(Debug)]
 struct NoMessages;
 

@@ -1,7 +1,7 @@
-//! The ways bytes travel between two ports.
+//! The carriers: the ways bytes travel between two ports.
 //!
-//! Each carrier has a file of its own that says what is peculiar to it; [`ALL`] is the one table
-//! that lists them. To add one: write its file, add its line to the table.
+//! Each carrier has a file for its peculiarities; [`ALL`] is the only table that lists them. To add
+//! one: write its file and add its line to the table.
 
 mod fast_tcp;
 mod http;
@@ -28,7 +28,7 @@ pub use specifier::{CarrierSpec, CarrierSpecError, Sender, options};
 /// Bytes by which an acceptor knows the carrier.
 pub const MAGIC: usize = 8;
 
-/// What messages travel on once the header is done with.
+/// The transport of messages after the header.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 #[non_exhaustive]
 pub enum Transport {
@@ -39,37 +39,38 @@ pub enum Transport {
     /// A socket of the file system, named after the TCP ports of the two ends of the header's
     /// connection, which ends.
     UnixSocket,
-    /// Memory that both map ([`shmem`](crate::shmem)); a connection to the port that the header reply
-    /// names tells when the other is gone, and the connection of the header ends.
+    /// Memory that both processes map ([`shmem`](crate::shmem)). A connection to the port that the
+    /// header reply names detects the end of the other process; the connection of the header
+    /// closes.
     SharedMemory,
-    /// Nothing: writer and reader are in one process.
+    /// None: writer and reader are in one process.
     Local,
     /// Datagrams to a multicast group that the initiator names behind its header.
     Group,
 }
 
-/// What there is to know about a carrier.
+/// The description of a carrier.
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct Carrier {
     /// Its name in carrier strings.
     pub name: &'static str,
-    /// What an initiator sends first.
+    /// The first bytes that an initiator sends.
     pub magic: [u8; MAGIC],
-    /// Whether an acceptor takes these first bytes for this carrier.
+    /// Returns `true` if an acceptor takes these first bytes for this carrier.
     pub recognises: fn(&[u8; MAGIC]) -> bool,
-    /// What the two ends say to each other.
+    /// The protocol of the two ends.
     pub protocol: &'static dyn Protocol,
-    /// What they travel on.
+    /// The transport of the protocol's bytes.
     pub transport: Transport,
-    /// Whether the acceptor acknowledges each message.
+    /// `true` if the acceptor acknowledges each message.
     pub acknowledges: bool,
-    /// Whether stock lists its connections with `(connectionless 1)` and closes them out of band:
+    /// `true` if stock lists the connections with `(connectionless 1)` and closes them out of band:
     /// only the datagram carriers (recorded traffic of 3.12.3 and 4.0.0).
     pub connectionless: bool,
-    /// Whether the writer connects to the reader; where not, the reader connects and pulls.
+    /// `true` if the writer connects to the reader; otherwise the reader connects and pulls.
     pub push: bool,
-    /// Whether ports begin such connections; where not, only browsers do.
+    /// `true` if ports initiate such connections; otherwise only browsers do.
     pub initiates: bool,
 }
 
@@ -92,17 +93,17 @@ pub static ALL: [&Carrier; 14] = [
 ];
 
 impl Carrier {
-    /// The carrier that these first bytes of a connection select.
+    /// Returns the carrier that these first bytes of a connection select.
     pub fn detect(magic: &[u8; MAGIC]) -> Option<&'static Self> {
         ALL.into_iter().find(|carrier| (carrier.recognises)(magic))
     }
 
-    /// The carrier of this name, without modifiers.
+    /// Returns the carrier of this name, without modifiers.
     pub fn by_name(name: &str) -> Option<&'static Self> {
         ALL.into_iter().find(|carrier| carrier.name == name)
     }
 
-    /// The carrier that a carrier string names: `unix_stream+ack` is another than `unix_stream`.
+    /// Returns the carrier that a carrier string names: `unix_stream+ack` is another than `unix_stream`.
     pub fn of(spec: &CarrierSpec) -> Option<&'static Self> {
         let acknowledges = spec.modifier("ack").is_some();
         let mut named = ALL.into_iter().filter(|carrier| carrier.name == spec.base);
@@ -126,12 +127,12 @@ impl fmt::Display for Carrier {
     }
 }
 
-/// The magic of a binary carrier: the number 7777 plus its specifier.
+/// Returns the magic of a binary carrier: the number 7777 plus its specifier.
 const fn magic(specifier: i32) -> [u8; MAGIC] {
     crate::framed_number::encode(7777 + specifier)
 }
 
-/// The specifier in a magic; its low four bits choose the carrier.
+/// Returns the specifier in a magic; its low four bits choose the carrier.
 const fn specifier(magic: &[u8; MAGIC]) -> Option<i32> {
     match crate::framed_number::decode(magic) {
         Some(number) => number.checked_sub(7777),

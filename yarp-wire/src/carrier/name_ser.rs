@@ -24,7 +24,7 @@ pub(super) static NAME_SER: Carrier = Carrier {
     initiates: true,
 };
 
-/// What stands before each line.
+/// The prefix of each line.
 const NAME_SERVER: &[u8] = b"NAME_SERVER ";
 
 /// Lines that each are a message.
@@ -36,7 +36,7 @@ impl Protocol for NameSer {
         PayloadKind::Text
     }
 
-    /// The magic is the beginning of the first message.
+    /// Returns the magic is the beginning of the first message.
     fn put_header(&self, _carrier: &Carrier, _sender: &Sender, _output: &mut BytesMut) {}
 
     fn handshake_decoder(

@@ -1,4 +1,4 @@
-//! Carrier strings with modifiers, and how a sender announces itself.
+//! Carrier strings with modifiers, and the names by which senders announce themselves.
 
 use std::fmt;
 use std::str::FromStr;
@@ -13,10 +13,10 @@ use nom::{IResult, Parser};
 
 use crate::bottle::Bottle;
 
-/// `BASE(+KEY[.VALUE])*`, such as `fast_tcp` or `tcp+log.in`.
+/// A carrier with modifiers: `BASE(+KEY[.VALUE])*`, such as `fast_tcp` or `tcp+log.in`.
 ///
-/// A key or value in parentheses may hold anything that balances: `tcp+recv.priority+(ex (/a 10))`.
-/// Such a key stands here with its parentheses, as a list of its own: see [`CarrierSpec::options`].
+/// A key or value in parentheses may hold any balanced text: `tcp+recv.priority+(ex (/a 10))`. Such
+/// a key is stored with its parentheses, as a list of its own: see [`CarrierSpec::options`].
 #[derive(Clone, Debug, Default, Eq, Hash, PartialEq)]
 pub struct CarrierSpec {
     /// The carrier.
@@ -29,17 +29,17 @@ pub struct CarrierSpec {
 #[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
 #[error("{text:?} is not a carrier: expected `NAME`, or `NAME+KEY.VALUE`")]
 pub struct CarrierSpecError {
-    /// What stands there.
+    /// The text that is not a carrier.
     pub text: String,
 }
 
 impl CarrierSpec {
-    /// What the modifiers say, as a bottle of lists; see [`options`].
+    /// Returns the modifiers as a bottle of lists; see [`options`].
     pub fn options(&self) -> Bottle {
         options(&self.modifiers)
     }
 
-    /// The value of modifier `key`, or an empty string if it has none.
+    /// Returns the value of modifier `key`, or an empty string if it has none.
     pub fn modifier(&self, key: &str) -> Option<&str> {
         self.modifiers
             .iter()
@@ -82,7 +82,7 @@ fn spec(input: &str) -> IResult<&str, CarrierSpec> {
     Ok((rest, CarrierSpec { base, modifiers }))
 }
 
-/// A list with its parentheses, up to where they balance.
+/// Parses a list with its parentheses, up to the balancing one.
 fn list(input: &str) -> IResult<&str, &str> {
     let mut depth = 0usize;
     let end = input.char_indices().find_map(|(at, c)| {
@@ -101,11 +101,11 @@ fn list(input: &str) -> IResult<&str, &str> {
     }
 }
 
-/// What modifiers say, as a bottle of lists: `+send.portmonitor+virtual` is
-/// `(send portmonitor) (virtual)`, and a key that is a list is that list.
+/// Converts modifiers to a bottle of lists: `+send.portmonitor+virtual` is `(send portmonitor)
+/// (virtual)`, and a key that is a list is that list.
 ///
-/// Each is read as in stock: the text in parentheses, with a blank for every `.` of a value, is
-/// a list.
+/// Each modifier is read as in stock: the text in parentheses, with a blank for every `.` of a
+/// value, is a list.
 pub fn options(modifiers: &[(String, Option<String>)]) -> Bottle {
     let mut options = Bottle::new();
     for (key, value) in modifiers {
@@ -114,7 +114,7 @@ pub fn options(modifiers: &[(String, Option<String>)]) -> Bottle {
             None => key,
         };
         let value = value.as_deref().unwrap_or_default();
-        // What is no text of a bottle says nothing.
+        // Text that is not a bottle is ignored.
         let list = Bottle::parse(&format!("{key} {value}"));
         options.push(list.unwrap_or_default());
     }
@@ -134,7 +134,7 @@ impl fmt::Display for CarrierSpec {
     }
 }
 
-/// What an initiator says about itself: its name, and the modifiers of the carrier.
+/// The announcement of an initiator: its name, and the modifiers of the carrier.
 ///
 /// `/w` over `tcp+log.in` announces `/w (log in)`.
 #[derive(Clone, Debug, Eq, PartialEq)]
@@ -146,7 +146,7 @@ pub struct Sender {
 }
 
 impl Sender {
-    /// A sender without modifiers.
+    /// Creates a sender without modifiers.
     pub fn plain(name: impl Into<String>) -> Self {
         Self {
             name: name.into(),
@@ -154,9 +154,9 @@ impl Sender {
         }
     }
 
-    /// Reads what a connection header announces.
+    /// Parses the sender in a connection header.
     ///
-    /// A name without anything behind it is taken as it stands, as stock does: `007` is no number.
+    /// A name without modifiers is taken unchanged, as in stock: `007` is not a number.
     pub fn parse(text: &[u8]) -> Self {
         let items = if text.contains(&b' ') {
             Bottle::parse_bytes(text).unwrap_or_default()
@@ -231,7 +231,8 @@ mod tests {
         assert_eq!(Sender::parse(b"[add] (b)").name, "add");
     }
 
-    /// Checked against 3.5.0: what is in parentheses twice at the sender is so once at the receiver.
+    /// Checked against 3.5.0: a key in double parentheses at the sender is in single ones at the
+    /// receiver.
     #[test]
     fn lists_are_modifiers_too() {
         let text = "udp+recv.priority+tc.2+virtual+(ex (/a -10) (/b 20))";

@@ -1,4 +1,4 @@
-//! `udp`: binary messages cut into datagrams; what is lost is lost.
+//! `udp`: binary messages split into datagrams; lost datagrams are not repeated.
 
 use super::{Carrier, Transport, specifier};
 use crate::protocol::INDEXED;

@@ -16,7 +16,7 @@ pub(super) static UNIX_STREAM: Carrier = Carrier {
     initiates: true,
 };
 
-/// With acknowledgements: what the modifier `+ack` asks for.
+/// With acknowledgements, as requested by the modifier `+ack`.
 pub(super) static UNIX_STREAM_ACK: Carrier = Carrier {
     name: "unix_stream",
     magic: *b"UNIX_ACK",

@@ -13,7 +13,7 @@ use crate::protocol::{
 use crate::websocket::{self, FrameReader, WebSocketError, put_close, put_frame_head};
 use crate::wire_version::WireVersion;
 
-/// `GET /?ws` and whatever follows; only browsers begin such a connection.
+/// A request that begins `GET /?ws`; only browsers initiate such a connection.
 pub(super) static WEBSOCKET: Carrier = Carrier {
     name: "websocket",
     magic: *b"GET /?ws",
@@ -39,7 +39,7 @@ impl Protocol for Websocket {
         output.put_slice(&carrier.magic);
     }
 
-    /// The magic is the beginning of the request.
+    /// Returns the magic is the beginning of the request.
     fn handshake_decoder(
         &self,
         _carrier: &'static Carrier,
@@ -67,7 +67,7 @@ impl Protocol for Websocket {
         ))
     }
 
-    /// As stock: the block is a frame, the payload another.
+    /// Appends the head as stock does: the command block is one frame, the payload another.
     fn put_head(&self, command: &Command, length: usize, output: &mut BytesMut) {
         put_frame_head(output, command.block_len());
         command.put_block(output);
@@ -91,7 +91,7 @@ impl Protocol for Websocket {
     }
 }
 
-/// A request that asks to go on in frames.
+/// Decodes the HTTP request for an upgrade to WebSocket.
 #[derive(Debug)]
 struct UpgradeDecoder(RequestReader);
 
@@ -111,13 +111,13 @@ impl HandshakeDecoder for UpgradeDecoder {
     }
 }
 
-/// Takes messages in frames. Bytes that are missing are not told of: those of a message are no
+/// Decodes messages from frames. Reports no number of missing bytes: the bytes of a message are no
 /// longer in the input, and a ping between two of its frames is answered at once.
 #[derive(Debug)]
 struct FramedMessageDecoder {
     frames: FrameReader,
     messages: UnindexedMessageDecoder,
-    /// The page has said goodbye.
+    /// A close frame was received.
     over: bool,
 }
 
@@ -129,7 +129,8 @@ impl FramedMessageDecoder {
         output: &mut BytesMut,
     ) -> Result<Option<Message>, ProtocolError> {
         loop {
-            // What came before is used before what is behind it: it may be broken.
+            // Bytes of earlier frames are used before later frames are parsed, which may be
+            // invalid.
             if let Some(message) = self.messages.take(&mut self.frames.stream)? {
                 if message.command == Command::Quit && !self.frames.is_closed() {
                     put_close(output);
@@ -167,7 +168,7 @@ impl MessageDecoder for FramedMessageDecoder {
         self.messages.set_wire_version(wire_version);
     }
 
-    /// Frames that have begun go on.
+    /// Creates the decoder from frames already begun.
     fn into_reply_decoder(self: Box<Self>, limits: Limits) -> Option<Box<dyn ReplyDecoder>> {
         Some(Box::new(FramedReplyDecoder::new(self.frames, limits)))
     }

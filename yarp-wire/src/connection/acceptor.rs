@@ -1,4 +1,4 @@
-//! The side that listened.
+//! The accepting side of a connection.
 
 use std::net::SocketAddrV4;
 
@@ -15,22 +15,22 @@ use crate::protocol::{
 };
 use crate::wire_version::WireVersion;
 
-/// What an acceptor has learned.
+/// An event of an acceptor.
 #[derive(Debug)]
 pub enum Event {
     /// The header is complete: the peer is this sender on this carrier. On a carrier that does not
-    /// push it is a reader, and the connection goes on as one that the port writes to.
+    /// push, the peer is a reader, and the port writes to this connection.
     Opened {
         /// The carrier.
         carrier: &'static Carrier,
-        /// Who it is and what it asks for.
+        /// The sender's name and modifiers.
         sender: Sender,
-        /// Where messages come, on a carrier of groups.
+        /// The multicast group that messages arrive on, for a carrier of groups.
         group: Option<SocketAddrV4>,
     },
-    /// A message. Answer it with [`Acceptor::reply`] and [`Acceptor::acknowledge`] as it asks.
+    /// A message. Answer it with [`Acceptor::reply`] and [`Acceptor::acknowledge`] as required.
     Message(Message),
-    /// What a browser asks for; the driver answers it whole, and the connection ends.
+    /// An HTTP request; the driver answers it completely, and the connection closes.
     HttpRequest(Request),
 }
 
@@ -52,9 +52,9 @@ enum State {
 }
 
 impl Acceptor {
-    /// An acceptor on TCP port `port`, for a peer of unknown generation.
+    /// Creates an acceptor on TCP port `port`, for a peer of unknown wire version.
     ///
-    /// `wire_version` is what replies are written in until the peer's own messages betray another.
+    /// Replies are written in `wire_version` until the peer's own messages reveal another.
     pub fn new(port: u16, wire_version: WireVersion, limits: Limits) -> Self {
         Self {
             port,
@@ -65,7 +65,7 @@ impl Acceptor {
         }
     }
 
-    /// The carrier, once it is known.
+    /// Returns the carrier, once it is known.
     pub fn carrier(&self) -> Option<&'static Carrier> {
         match &self.state {
             State::Magic => None,
@@ -73,12 +73,12 @@ impl Acceptor {
         }
     }
 
-    /// The generation the peer is taken to be of.
+    /// Returns the wire version the peer is taken to be of.
     pub fn wire_version(&self) -> WireVersion {
         self.wire_version
     }
 
-    /// Takes the peer to be of a generation, until its own messages betray another.
+    /// Sets the wire version of the peer, until its own messages reveal another.
     pub fn set_wire_version(&mut self, wire_version: WireVersion) {
         self.wire_version = wire_version;
         if let State::Open(_, messages) = &mut self.state {
@@ -86,7 +86,7 @@ impl Acceptor {
         }
     }
 
-    /// Takes the next event from `input`; what the protocol answers by itself goes to `output`.
+    /// Takes the next event from `input`; automatic answers of the protocol go to `output`.
     ///
     /// `None` while bytes are missing.
     pub fn poll(
@@ -132,7 +132,7 @@ impl Acceptor {
         }
     }
 
-    /// Bytes that the message in progress still needs, as far as it has said.
+    /// Returns the number of bytes that the current message still needs, as far as announced.
     pub fn missing(&self, input: &BytesMut) -> usize {
         match &self.state {
             State::Open(_, messages) => messages.missing(input),
@@ -149,7 +149,7 @@ impl Acceptor {
         }
     }
 
-    /// The writing side of the same connection, once the peer has become its reader; `None` before
+    /// Returns the writing side of the same connection, once the peer has become its reader; `None` before
     /// the header is complete.
     pub fn into_initiator(self) -> Option<Initiator> {
         let State::Open(carrier, messages) = self.state else {
@@ -176,7 +176,7 @@ impl Acceptor {
         }
     }
 
-    /// Settles the generation of the peer as soon as a message that wants a reply is_version_specific it.
+    /// Settles the wire version of the peer as soon as a message that wants a reply reveals it.
     fn detect_wire_version(&mut self, message: &Message) {
         let wants_reply = matches!(
             message.command,
@@ -201,7 +201,7 @@ impl From<Incoming> for Event {
     }
 }
 
-/// What stock tells a peer whose first bytes select no carrier.
+/// The text that stock sends to a peer whose first bytes select no carrier.
 pub const REFUSAL: &str = "\
 * Error. Protocol not found.\r\n\
 * Hello. You appear to be trying to communicate with a YARP Port.\r\n\

@@ -1,4 +1,4 @@
-//! Messages out of datagrams.
+//! Reassembly of messages from datagrams.
 
 use bytes::BytesMut;
 
@@ -7,16 +7,16 @@ use crate::limits::Limits;
 use crate::protocol::{IndexedMessageDecoder, Message, ProtocolError};
 use crate::wire_version::WireVersion;
 
-/// Puts messages together from datagrams that may be lost, doubled, out of order or damaged.
+/// Reassembles messages from datagrams that may be lost, duplicated, reordered or damaged.
 ///
-/// A message whose datagrams do not come in order is dropped whole; the next one starts afresh.
+/// A message whose datagrams do not arrive in order is dropped whole; the next one starts afresh.
 #[derive(Debug)]
 pub struct DatagramReassembler {
     wire_version: WireVersion,
     limits: Limits,
     messages: IndexedMessageDecoder,
     bytes: BytesMut,
-    /// The number of the datagram that goes on with the message in progress; 0 if there is none.
+    /// The number of the next datagram of the current message; 0 if there is none.
     next: i32,
     /// Datagrams from this number on belong to a message that has been given up already.
     skipping: i32,
@@ -24,7 +24,7 @@ pub struct DatagramReassembler {
 }
 
 impl DatagramReassembler {
-    /// A reader that waits for the first datagram of a message.
+    /// Creates a reader that waits for the first datagram of a message.
     pub fn new(wire_version: WireVersion, limits: Limits) -> Self {
         Self {
             wire_version,
@@ -37,9 +37,9 @@ impl DatagramReassembler {
         }
     }
 
-    /// Takes a datagram; gives the message that it completes.
+    /// Takes a datagram; returns the message that it completes.
     ///
-    /// Only a message that contradicts itself is an error; the reader can go on after it.
+    /// Only a message that contradicts itself is an error; the reader can continue after it.
     pub fn receive(&mut self, bytes: &[u8]) -> Result<Option<Message>, ProtocolError> {
         let datagram = match datagram::decode(bytes) {
             Ok(datagram) if datagram.number == datagram::WAKE_UP => return Ok(None),
@@ -78,8 +78,8 @@ impl DatagramReassembler {
         }
     }
 
-    /// Messages that were given up because not all of them came, or came damaged. One of which
-    /// nothing came is not noticed.
+    /// Returns the number of messages dropped because some of their datagrams were lost or damaged.
+    /// A message of which no datagram arrived is not counted.
     pub fn dropped(&self) -> u64 {
         self.dropped
     }

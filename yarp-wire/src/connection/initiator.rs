@@ -1,4 +1,4 @@
-//! The side that connected.
+//! The connecting side of a connection.
 
 use std::collections::VecDeque;
 
@@ -17,14 +17,14 @@ pub struct Initiator {
     answers: Box<dyn ReplyDecoder>,
     ready: bool,
     header_number: i32,
-    /// It has said goodbye.
+    /// The close command was sent.
     quit: bool,
 }
 
 impl Initiator {
     /// Starts a connection: appends magic and sender to `output`.
     ///
-    /// `wire_version` is the generation of the acceptor: what messages to it are written in.
+    /// Messages are written in `wire_version`, that of the acceptor.
     pub fn new(
         carrier: &'static Carrier,
         sender: &Sender,
@@ -72,8 +72,8 @@ impl Initiator {
         self
     }
 
-    /// What the protocol answered by itself while bytes were taken: to be sent like messages. Nothing
-    /// once goodbye has been said: browsers take what comes behind it for an error.
+    /// Returns the automatic answers of the protocol, to be sent like messages. Empty after the
+    /// close frame: browsers treat later bytes as an error.
     pub fn take_output(&mut self) -> BytesMut {
         match self.quit {
             true => BytesMut::new(),
@@ -81,17 +81,18 @@ impl Initiator {
         }
     }
 
-    /// The carrier.
+    /// Returns the carrier.
     pub fn carrier(&self) -> &'static Carrier {
         self.initiator_state.carrier
     }
 
-    /// The number in the acceptor's header reply: for a carrier of datagrams, where they go.
+    /// Returns the number in the acceptor's header reply: for a datagram carrier, the destination
+    /// port.
     pub fn header_number(&self) -> i32 {
         self.header_number
     }
 
-    /// The generation the acceptor is taken to be of.
+    /// Returns the wire version the acceptor is taken to be of.
     pub fn wire_version(&self) -> WireVersion {
         self.initiator_state.wire_version
     }
@@ -139,7 +140,7 @@ impl Initiator {
         output.extend_from_slice(&payload);
     }
 
-    /// Whether every message sent is done with.
+    /// Returns whether every message sent is done with.
     pub fn is_idle(&self) -> bool {
         self.initiator_state.waiting.is_empty()
     }

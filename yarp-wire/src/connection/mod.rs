@@ -1,10 +1,10 @@
 //! The state machines of a connection.
 //!
-//! An [`Acceptor`] is the side that listened: it learns carrier and sender from the first bytes,
+//! An [`Acceptor`] is the side that listened: it detects carrier and sender from the first bytes,
 //! then yields messages. An [`Initiator`] is the side that connected: it announces itself, then
-//! sends messages and yields replies and acknowledgements. Either is fed a buffer that the driver
-//! fills from a socket and takes what it can use; any split of the stream gives the same events.
-//! What is said is up to the carrier's [protocol](crate::protocol).
+//! sends messages and yields replies and acknowledgements. The driver fills a buffer from a socket
+//! and each side consumes what it can use; any split of the stream gives the same events. The
+//! carrier's [protocol](crate::protocol) defines the bytes.
 //!
 //! ```text
 //!   initiator                        acceptor

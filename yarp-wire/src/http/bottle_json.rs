@@ -1,13 +1,13 @@
-//! Bottles as JSON, the way stock's ports answer programs that speak HTTP.
+//! Bottles as JSON, in the form of stock's answers to HTTP clients.
 
 use std::fmt::Write;
 
 use crate::bottle::{Bottle, Value};
 
-/// What becomes of a list.
+/// The JSON type of the outermost list.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub enum Outer {
-    /// What its items suggest.
+    /// Chosen from its items.
     #[default]
     Any,
     /// An array.
@@ -17,7 +17,7 @@ pub enum Outer {
 }
 
 impl Outer {
-    /// By its name in requests; another name says nothing.
+    /// Returns the type of its name in requests; other names mean [`Outer::Any`].
     pub fn named(name: &str) -> Self {
         match name {
             "list" => Self::List,
@@ -27,10 +27,10 @@ impl Outer {
     }
 }
 
-/// The JSON of a bottle.
+/// Converts a bottle to JSON.
 ///
-/// A list that begins with `list` or `dict` becomes an array or an object of what follows. One of
-/// several items that are all lists of two becomes an object; an item that is no list in front
+/// A list that begins with `list` or `dict` becomes an array or an object of the remaining items.
+/// Several items that are all lists of two become an object; a first item that is not a list
 /// becomes its `"type"`. Everything else is an array.
 pub fn of(bottle: &Bottle, outer: Outer) -> String {
     let mut out = String::new();
@@ -70,7 +70,7 @@ fn put_array(out: &mut String, items: &[Value]) {
     out.push(']');
 }
 
-/// The type in front, if any, and the pairs of a list that is an object.
+/// Returns the type in front, if any, and the pairs of a list that is an object.
 fn object(items: &[Value]) -> Option<(Option<&Value>, &[Value])> {
     let (kind, pairs) = match items {
         [first, rest @ ..] if first.as_list().is_none() => (Some(first), rest),
@@ -80,7 +80,7 @@ fn object(items: &[Value]) -> Option<(Option<&Value>, &[Value])> {
     (items.len() > 1 && pairs.iter().all(is_pair)).then_some((kind, pairs))
 }
 
-/// What is no list is left out, what a list lacks is nothing.
+/// Items that are not lists are skipped, missing values are `null`.
 fn put_object(out: &mut String, kind: Option<&Value>, items: &[Value]) {
     out.push('{');
     if let Some(kind) = kind {
@@ -113,7 +113,7 @@ fn put_value(out: &mut String, value: &Value) {
             let numbers: Vec<String> = bytes.iter().map(u8::to_string).collect();
             out.push_str(&format!("[{}]", numbers.join(", ")));
         }
-        // What has no number in JSON is nothing.
+        // Numbers that JSON cannot represent become `null`.
         Value::Float32(number) if !number.is_finite() => out.push_str("null"),
         Value::Float64(number) if !number.is_finite() => out.push_str("null"),
         number => out.push_str(&number.to_string()),
@@ -148,7 +148,7 @@ mod tests {
         assert_eq!(of(&Bottle::parse(text).unwrap(), outer), json, "{text}");
     }
 
-    /// As 3.5.0 answers, except that keys are text and what is missing is `null`.
+    /// The answers of 3.5.0, except that keys are strings and missing values are `null`.
     #[test]
     fn bottles_become_objects_and_arrays() {
         for (text, json) in [

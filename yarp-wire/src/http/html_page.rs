@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use crate::bottle::{Bottle, Value};
 
-/// What the page of a port is made of.
+/// The content of a port's page.
 #[derive(Clone, Copy, Debug)]
 pub struct Page<'a> {
     /// The port.
@@ -13,13 +13,13 @@ pub struct Page<'a> {
     pub host: &'a str,
     /// Host and number of the name server, if there is one.
     pub name_server: Option<&'a str>,
-    /// What was last sent to the owner.
+    /// The last message sent to the owner.
     pub data: &'a str,
     /// Lines to show: connections, or a reply.
     pub text: &'a str,
 }
 
-/// The look of the name server's page, for those who are one link away from it.
+/// The style of the name server's page, which is one link away.
 const STYLE: &str = "\
 :root{color-scheme:light dark;--line:light-dark(#dde3ea,#2a3642);--accent:light-dark(#0b62a4,#69b3ee);\
 --surface:light-dark(#fff,#161e27);--tint:light-dark(#e5f0f9,#17324a)}\
@@ -37,14 +37,14 @@ border:1px solid var(--line);border-radius:10px;padding:.4rem .8rem}input[name=d
 input[type=submit]{cursor:pointer;font-weight:600;background:light-dark(#0b62a4,#2a6ea6);color:#fff;\
 border-color:transparent}:focus-visible{outline:2px solid var(--accent);outline-offset:1px}";
 
-/// What a browser needs besides: no script runs here, whatever a port is called.
+/// Further headers for browsers: no script runs here, whatever the name of a port.
 const META: &str = "<meta charset=\"utf-8\">\
     <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">";
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src 'self'; \
     base-uri 'none'; form-action 'self'";
 
 impl Page<'_> {
-    /// The whole response; the connection ends with it.
+    /// Returns the whole response; the connection ends with it.
     pub fn response(&self) -> String {
         let body = self.html();
         format!(
@@ -86,7 +86,7 @@ impl Page<'_> {
     }
 }
 
-/// The line with a link to the port that it registers, if it is such a line.
+/// Returns the line with a link to the port that it registers, if it is such a line.
 fn linked(line: &str) -> String {
     let words: Vec<&str> = line.split_whitespace().collect();
     match words[..] {
@@ -115,23 +115,23 @@ fn escape(text: &str) -> String {
         .replace('"', "&quot;")
 }
 
-/// The response that carries JSON to a program; an owner may call it by another type.
+/// Returns the response that carries JSON to a program; an owner may call it by another type.
 pub fn json_response(json: &str, mime: Option<&str>) -> String {
     own_response(&format!("{json}\n"), mime.unwrap_or("application/json"))
 }
 
-/// The response that carries an owner's own page.
+/// Returns the response that carries an owner's own page.
 pub fn own_response(body: &str, mime: &str) -> String {
     let mime = one_line(mime);
     format!("HTTP/1.1 200 OK\nContent-Type: {mime}\nAccess-Control-Allow-Origin: *\n\n{body}")
 }
 
-/// A type with a line end would be headers of its own.
+/// Returns a type with a line end would be headers of its own.
 fn one_line(mime: &str) -> String {
     mime.chars().filter(|c| !c.is_control()).collect()
 }
 
-/// The head of an owner's own page that goes on: each message follows as a [`chunk`].
+/// Returns the head of an owner's own streaming page: each message follows as a [`chunk`].
 pub fn own_stream_head(body: &str, mime: &str) -> String {
     format!(
         "HTTP/1.1 200 OK\r\nContent-Type: {}\r\nTransfer-Encoding: chunked\r\n\r\n{}",
@@ -143,7 +143,7 @@ pub fn own_stream_head(body: &str, mime: &str) -> String {
 /// Browsers show nothing before they have a fair amount.
 const MIN_FIRST_CHUNK: usize = 2048;
 
-/// The head of a page that goes on: each message follows as a [`chunk`].
+/// Returns the head of a streaming page: each message follows as a [`chunk`].
 pub fn stream_head(port: &str) -> String {
     let head = format!(
         "<!DOCTYPE html>\n<html lang=\"en\"><head>{META}<title>{0}</title>\
@@ -155,13 +155,14 @@ pub fn stream_head(port: &str) -> String {
         "HTTP/1.1 200 OK\r\nContent-Type: text/html; charset=utf-8\r\n\
          Transfer-Encoding: chunked\r\n",
     );
-    // What messages bring along under `web` is shown; it does not run.
+    // Content that messages carry under `web` is shown; it does not run.
     let _ = write!(out, "Content-Security-Policy: {POLICY}\r\n\r\n");
     out.push_str(&raw_chunk(&head));
     out
 }
 
-/// A message on a page that goes on: what stands under the key `web` as it is, anything else as text.
+/// Returns a message for a streaming page: the value of the key `web` unchanged, anything else as
+/// text.
 pub fn chunk(text: &str) -> String {
     let page = Bottle::parse(text).ok();
     let page = page.as_ref().and_then(|message| message.find("web"));

@@ -1,4 +1,4 @@
-//! What a request asks of the port.
+//! The action that an HTTP request asks of a port.
 
 use std::collections::BTreeMap;
 
@@ -6,11 +6,11 @@ use super::Request;
 use super::bottle_json::Outer;
 use crate::bottle::{Bottle, Value};
 
-/// What a request asks of the port.
+/// The action that an HTTP request asks of a port.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Action {
-    /// Lines as a person types them at a terminal, and what was sent to the owner with them, to be
-    /// shown beside the answers on the page.
+    /// Lines as typed at a terminal, and the message sent to the owner with them, which the page
+    /// shows beside the answers.
     Type {
         /// Commands and what belongs to them.
         lines: String,
@@ -21,7 +21,7 @@ pub enum Action {
     Ask {
         /// The message.
         message: Bottle,
-        /// Who is asked.
+        /// The recipient.
         who: Who,
         /// The answer comes back as JSON, its outermost list as this.
         json: Option<Outer>,
@@ -30,7 +30,7 @@ pub enum Action {
     Read,
 }
 
-/// Who is asked.
+/// The recipient of a message.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum Who {
     /// The owner, as by any message.
@@ -41,13 +41,14 @@ pub enum Who {
     Port,
 }
 
-/// Longest text that fields are put into: they may stand in it many times.
+/// Maximum length of a text that fields are substituted into: each may appear many times.
 const MAX_TEXT_LEN: usize = 1 << 20;
 
 type Fields<'a> = BTreeMap<&'a str, &'a str>;
 
 impl Action {
-    /// What `request` asks; as in stock, `cmd` before `req` before `data` before the address.
+    /// Determines the action of `request`; as in stock, `cmd` precedes `req`, `data` and the
+    /// address.
     pub fn of(request: &Request) -> Self {
         let fields: Fields = request
             .fields
@@ -69,8 +70,8 @@ impl Action {
         Self::typed_or_asked(&request.target, request, fields, Who::Pages)
     }
 
-    /// An address or command: for people if it is short or one of those that stock knows, else for
-    /// programs.
+    /// Treats an address or command as typed text if it is short or known to stock, otherwise as a
+    /// message of a program.
     fn typed_or_asked(text: &str, request: &Request, fields: Fields<'_>, who: Who) -> Self {
         let mut letters = text.chars();
         let is_question = letters.next() == Some('?') || letters.next() == Some('?');
@@ -91,8 +92,8 @@ impl Action {
         Self::Type { lines, data }
     }
 
-    /// The message has the fields behind it as `(key value)` lists sorted by key, with what stock
-    /// adds of its own.
+    /// Appends the fields to the message as `(key value)` lists sorted by key, with the fields that
+    /// stock adds.
     fn ask<'a>(
         text: &str,
         request: &'a Request,
@@ -123,7 +124,7 @@ impl Action {
     }
 }
 
-/// A comma stands for the end of a line.
+/// Returns a comma stands for the end of a line.
 fn broken(text: &str) -> String {
     text.replace(',', "\n").replace('+', " ")
 }
@@ -173,7 +174,7 @@ mod tests {
         );
     }
 
-    /// Compared with 3.5.0: what its port was told for each of these.
+    /// Compared with the messages that a port of 3.5.0 received for each of these.
     #[test]
     fn requests_mean_what_they_mean_to_stock() {
         assert_eq!(action(""), typed("*", ""));
@@ -248,7 +249,7 @@ mod tests {
         );
     }
 
-    /// A field that stands many times in a message took the square of what came.
+    /// A field that appears many times in a message took quadratic memory.
     #[test]
     fn a_field_that_stands_many_times_stays_small() {
         let target = format!("?data={}&n={}", "$n.".repeat(9000), "x".repeat(9000));

@@ -8,13 +8,13 @@ use crate::limits::Limits;
 /// A request for a page.
 #[derive(Clone, Debug, Default, Eq, PartialEq)]
 pub struct Request {
-    /// What is asked for, without the leading `/`, as it came.
+    /// The target without the leading `/`, undecoded.
     pub target: String,
     /// The host that the browser thinks it talks to, with its port.
     pub host: String,
-    /// The key of a page that asks to go on in frames.
+    /// The key of a WebSocket upgrade request.
     pub web_socket_key: Option<String>,
-    /// The fields of query or form, decoded, in the order in which they came.
+    /// The fields of query or form, decoded, in order of arrival.
     pub fields: Vec<(String, String)>,
 }
 
@@ -78,7 +78,7 @@ impl RequestReader {
     }
 }
 
-/// Where the empty line after the headers ends.
+/// Returns the position after the empty line that ends the headers.
 fn end_of_head(input: &[u8]) -> Option<usize> {
     let crlf = input
         .windows(4)
@@ -122,7 +122,8 @@ fn parse_head(head: &str) -> Head {
     parsed
 }
 
-/// The fields of a query; what stands before `?` is no field, a field without value is ignored.
+/// Returns the fields of a query; the text before `?` is not a field, a field without value is
+/// ignored.
 fn fields(query: &str) -> Vec<(String, String)> {
     let query = query.rsplit_once('?').map_or(query, |(_, query)| query);
     query

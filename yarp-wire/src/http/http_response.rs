@@ -1,11 +1,11 @@
-//! What the owner of a port answers browsers with, if it has pages of its own.
+//! Responses of a port owner with pages of its own.
 
 use std::borrow::Cow;
 
-/// A whole response; the connection ends with it.
+/// A whole response; the connection closes after it.
 ///
-/// Its head lets a browser run and load nothing but what comes from the same port: whatever text
-/// of the network a page shows, it stays text.
+/// Its headers allow a browser to run and load only content of the same port: text from the network
+/// that a page shows remains text.
 #[derive(Clone, Debug, Eq, PartialEq)]
 pub struct Response {
     status: &'static str,
@@ -13,12 +13,12 @@ pub struct Response {
     body: Cow<'static, str>,
 }
 
-/// Scripts, styles, pictures and data of this port alone; no frames, no plugins, no forms.
+/// Scripts, styles, images and data of this port alone; no frames, no plugins, no forms.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; \
     connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
 impl Response {
-    /// What was asked for, of type `mime`, in UTF-8.
+    /// Creates a successful response of type `mime`, in UTF-8.
     pub fn new(mime: &'static str, body: impl Into<Cow<'static, str>>) -> Self {
         Self {
             status: "200 OK",

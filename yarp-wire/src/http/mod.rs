@@ -1,7 +1,8 @@
-//! What browsers ask of ports, and what they are told.
+//! HTTP requests to ports, and the responses.
 //!
-//! [`RequestReader`] collects a request, [`Action`] says what it asks of the port, [`page`] and
-//! [`json`] are the answers, [`Response`] that of an owner with pages of its own. Source: recorded traffic of 3.12.3 and 4.0.0.
+//! [`RequestReader`] collects a request, [`Action`] is its meaning for the port, [`html_page`] and
+//! [`bottle_json`] format the answers, [`Response`] that of an owner with pages of its own. Source:
+//! recorded traffic of 3.12.3 and 4.0.0.
 
 pub mod bottle_json;
 pub mod html_page;

@@ -4,7 +4,7 @@ use bytes::BufMut;
 
 use crate::framed_number;
 
-/// What a binary message announces of its size.
+/// The size that a binary message announces.
 ///
 /// ```text
 /// 59 41 0A 00 00 00 52 50            number 10: bytes of the index header
@@ -13,7 +13,7 @@ use crate::framed_number;
 /// OUT x int32                        blocks of a reply; stock sends one 0
 /// ```
 ///
-/// Where one block ends and the next begins carries no meaning; the sum does.
+/// The boundaries between blocks carry no meaning; only the sum does.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub struct Index {
     /// Bytes of the message after the index.
@@ -25,7 +25,7 @@ const HEADER_LEN: usize = 10;
 /// Number and header.
 const FIXED_LEN: usize = framed_number::LEN + HEADER_LEN;
 
-/// Why bytes are no index.
+/// The reason why bytes are not an index.
 #[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum IndexError {
@@ -44,7 +44,7 @@ pub enum IndexError {
     /// More bytes than the limit.
     #[error("message index announces {total} bytes, allowed {limit}")]
     TooLong {
-        /// What it announces.
+        /// The announced size.
         total: usize,
         /// The limit in force.
         limit: usize,
@@ -81,7 +81,7 @@ impl Index {
         Ok(Some((Self { total }, end)))
     }
 
-    /// Appends an index of a command block and, if there is one, a payload.
+    /// Appends an index of a command block and, if present, a payload.
     ///
     /// A message of one part is announced as one block, otherwise as two.
     pub fn put(out: &mut impl BufMut, command: usize, payload: usize) {

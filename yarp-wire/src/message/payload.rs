@@ -9,19 +9,19 @@ use crate::limits::Limits;
 use crate::message::Pieces;
 use crate::wire_version::WireVersion;
 
-/// Which form a payload came in.
+/// The form of a payload as received.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum Form {
-    /// Binary, most likely of this generation.
+    /// Binary, most likely of this wire version.
     Binary(WireVersion),
     /// The text of a bottle.
     Text,
 }
 
-/// The content of a message, unread.
+/// The content of a message, not yet decoded.
 ///
-/// What arrives from elsewhere is one piece. What another port of the same process wrote is as
-/// many as the writer had, so that large ones need not be copied.
+/// A payload from another process is one piece. A payload from a port of the same process has the
+/// writer's pieces, so that large ones need not be copied.
 #[derive(Clone, Debug)]
 pub struct Payload {
     content: Content,
@@ -37,13 +37,13 @@ enum Content {
 }
 
 impl Payload {
-    /// A payload of these bytes.
+    /// Creates a payload of these bytes.
     pub const fn new(bytes: Bytes, form: Form) -> Self {
         let content = Content::Whole(bytes);
         Self { content, form }
     }
 
-    /// What a writer of this process wrote, in binary of exactly this generation.
+    /// Creates a payload from a message of this process, in binary of exactly this wire version.
     pub fn of_pieces(pieces: &Pieces, wire_version: WireVersion) -> Self {
         Self {
             content: Content::Pieces(pieces.to_vec().into()),
@@ -51,7 +51,8 @@ impl Payload {
         }
     }
 
-    /// As [`Payload::of_pieces`]; what is small is copied to the end of `room`, and takes no memory of its own.
+    /// Creates a payload as [`Payload::of_pieces`] does; small messages are copied to the end of
+    /// `room` and need no allocation.
     pub fn of_pieces_in(pieces: &Pieces, wire_version: WireVersion, room: &mut BytesMut) -> Self {
         let Some(written) = pieces.as_written() else {
             return Self::of_pieces(pieces, wire_version);
@@ -63,7 +64,7 @@ impl Payload {
         }
     }
 
-    /// The bytes as they came; joined, which copies them, if they came in several pieces.
+    /// Returns the bytes; several pieces are joined, which copies them.
     pub fn bytes(&self) -> Bytes {
         match &self.content {
             Content::Whole(bytes) | Content::Written(bytes) => bytes.clone(),
@@ -75,7 +76,7 @@ impl Payload {
         }
     }
 
-    /// The pieces that the bytes came in.
+    /// Returns the pieces that the bytes came in.
     pub fn pieces(&self) -> &[Bytes] {
         match &self.content {
             Content::Whole(bytes) | Content::Written(bytes) => std::slice::from_ref(bytes),
@@ -83,22 +84,23 @@ impl Payload {
         }
     }
 
-    /// How many bytes there are.
+    /// Returns the number of bytes.
     pub fn len(&self) -> usize {
         self.pieces().iter().map(Bytes::len).sum()
     }
 
-    /// Whether there are none.
+    /// Returns whether there are none.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The form they came in.
+    /// Returns the form they came in.
     pub fn form(&self) -> Form {
         self.form
     }
 
-    /// The generation of the bytes: what they betray, else what the connection assumes.
+    /// Returns the wire version of the bytes: the one they reveal, else the one that the connection
+    /// assumes.
     pub fn wire_version(&self) -> WireVersion {
         match self.form {
             Form::Text => WireVersion::V3,
@@ -109,7 +111,7 @@ impl Payload {
         }
     }
 
-    /// The content as a bottle.
+    /// Returns the content as a bottle.
     pub fn to_bottle(&self) -> Result<Bottle, DecodeError> {
         match self.form {
             Form::Binary(assumed) => {
@@ -126,7 +128,7 @@ impl Payload {
         }
     }
 
-    /// The content in binary: as it came, or translated from text.
+    /// Returns the content in binary: unchanged, or converted from text.
     pub fn to_binary(&self, wire_version: WireVersion) -> Result<Bytes, DecodeError> {
         match self.form {
             Form::Binary(_) => Ok(self.bytes()),

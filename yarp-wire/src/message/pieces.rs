@@ -2,8 +2,8 @@
 
 use bytes::{Bytes, BytesMut};
 
-/// The binary form of a message: what is small is written into one buffer, what is large and
-/// already there is shared.
+/// The binary form of a message: small parts are written into one buffer, large existing parts are
+/// shared.
 ///
 /// ```
 /// use bytes::{BufMut, Bytes};
@@ -19,7 +19,7 @@ use bytes::{Bytes, BytesMut};
 pub struct Pieces {
     /// All that is written, one after the other.
     written: BytesMut,
-    /// What is shared, each with the number of bytes written before it.
+    /// The shared parts, each with the number of bytes written before it.
     shared: Vec<(usize, Bytes)>,
     /// Bytes shared.
     sharing: usize,
@@ -38,12 +38,12 @@ impl Pieces {
     /// From this length on bytes are shared; shorter ones are cheaper to copy.
     pub const MIN_SHARED_LEN: usize = 16 * 1024;
 
-    /// Nothing yet.
+    /// Creates an empty message.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Where to append what is to be written out.
+    /// Returns the buffer for bytes that are written out.
     pub fn written(&mut self) -> &mut BytesMut {
         &mut self.written
     }
@@ -63,7 +63,7 @@ impl Pieces {
         self.written.len() + self.sharing
     }
 
-    /// Whether there are none.
+    /// Returns whether there are none.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -75,7 +75,7 @@ impl Pieces {
         self.sharing = 0;
     }
 
-    /// The room made for what is written.
+    /// Returns the capacity of the buffer.
     pub fn capacity(&self) -> usize {
         self.written.capacity()
     }
@@ -93,7 +93,7 @@ impl Pieces {
         self.shared.is_empty().then_some(&self.written[..])
     }
 
-    /// The parts in their order.
+    /// Returns the parts in their order.
     pub fn iter(&self) -> impl Iterator<Item = Piece<'_>> {
         let mut from = 0;
         let parts = self.shared.iter().flat_map(move |(at, bytes)| {
@@ -108,7 +108,7 @@ impl Pieces {
             .filter(|piece| !piece.as_bytes().is_empty())
     }
 
-    /// The parts in their order, to be kept; copies what is written.
+    /// Returns the parts in their order; copies the written ones.
     pub fn to_vec(&self) -> Vec<Bytes> {
         let keep = |piece: Piece<'_>| match piece {
             Piece::Written(bytes) => Bytes::copy_from_slice(bytes),
@@ -119,7 +119,7 @@ impl Pieces {
 }
 
 impl<'a> Piece<'a> {
-    /// The bytes.
+    /// Returns the bytes.
     pub fn as_bytes(self) -> &'a [u8] {
         match self {
             Self::Written(bytes) => bytes,

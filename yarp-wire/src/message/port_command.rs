@@ -1,4 +1,4 @@
-//! What a message asks of a port.
+//! Commands of messages to a port.
 
 use bytes::{BufMut, Bytes};
 
@@ -11,9 +11,9 @@ use bytes::{BufMut, Bytes};
 pub enum Command {
     /// `d`, `D`: a message for the port's owner follows.
     Data {
-        /// Whether the sender waits for a reply (`d`).
+        /// `true` if the sender waits for a reply (`d`).
         reply: bool,
-        /// What accompanies the message, usually a [`Stamp`](crate::Stamp).
+        /// The envelope of the message, usually a [`Stamp`](crate::Stamp).
         envelope: Option<Bytes>,
     },
     /// `a`: a message for the port itself follows.
@@ -38,7 +38,7 @@ pub enum Command {
     Unknown(String),
 }
 
-/// Why bytes are no command block.
+/// The reason why bytes are not a command block.
 #[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
 #[error("expected a port command block `n ~ c 0 1`, got {got:02X?}")]
 pub struct CommandError {
@@ -48,7 +48,7 @@ pub struct CommandError {
 
 /// Bytes of a block without its string.
 const BLOCK: usize = 8;
-/// Where the envelope starts in `D ENVELOPE`.
+/// Offset of the envelope in `D ENVELOPE`.
 const ENVELOPE: usize = 2;
 
 impl Command {
@@ -138,7 +138,7 @@ impl Command {
         Self::read(&Bytes::copy_from_slice(&stream[..end])).map(Some)
     }
 
-    /// Whether a payload follows.
+    /// Returns whether a payload follows.
     pub const fn has_payload(&self) -> bool {
         matches!(self, Self::Data { .. } | Self::Admin)
     }
@@ -173,7 +173,7 @@ impl Command {
         out.put_slice(b"\r\n");
     }
 
-    /// The letter of the commands that stock writes as a letter alone.
+    /// Returns the letter of the commands that stock writes as a letter alone.
     const fn letter(&self) -> Option<u8> {
         match self {
             Self::Data {

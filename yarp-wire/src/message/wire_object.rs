@@ -1,4 +1,4 @@
-//! What can travel as a payload.
+//! Objects that can travel as a payload.
 
 use bytes::{BufMut, Bytes, BytesMut};
 
@@ -15,7 +15,8 @@ pub trait WireObject {
     /// Appends the binary form for readers of `wire_version`.
     fn write_binary(&self, out: &mut BytesMut, wire_version: WireVersion);
 
-    /// As [`WireObject::write_binary`]; to be overridden where a large part need not be copied.
+    /// Writes like [`WireObject::write_binary`]; overridden by types with a large part that need
+    /// not be copied.
     fn write_pieces(&self, out: &mut Pieces, wire_version: WireVersion) {
         self.write_binary(out.written(), wire_version);
     }
@@ -38,7 +39,7 @@ pub trait ReadObject: Sized {
     /// Reads a whole payload in the binary form of `wire_version`.
     fn read_binary(bytes: &Bytes, wire_version: WireVersion) -> Result<Self, DecodeError>;
 
-    /// Reads a whole payload, in whatever form it came.
+    /// Reads a whole payload of any form.
     fn read(payload: &Payload) -> Result<Self, DecodeError> {
         let wire_version = payload.wire_version();
         Self::read_binary(&payload.to_binary(wire_version)?, wire_version)
@@ -62,7 +63,7 @@ impl ReadObject for Bottle {
     }
 }
 
-/// Text that is sent as it stands on every carrier, as the name server's answers are.
+/// Text that is sent unchanged on every carrier, such as the name server's answers.
 #[derive(Clone, Debug, Default, Eq, PartialEq)]
 pub struct RawText(pub String);
 

@@ -1,4 +1,4 @@
-//! Comments in a JPEG picture.
+//! Comments in a JPEG image.
 
 use bytes::{BufMut, Bytes, BytesMut};
 
@@ -13,7 +13,7 @@ mod marker {
 /// Bytes of a marker, and of the length behind it.
 const MARKER: usize = 2;
 
-/// The first comment of a picture up to its NUL: the envelope of a message.
+/// Returns the first comment of a JPEG image up to its NUL: the envelope of a message.
 pub fn comment(jpeg: &Bytes) -> Option<Bytes> {
     let (at, length) = segments(jpeg).find(|(at, _)| jpeg[at + 1] == marker::COMMENT)?;
     let text = jpeg.slice(at + 2 * MARKER..at + MARKER + length);
@@ -24,15 +24,16 @@ pub fn comment(jpeg: &Bytes) -> Option<Bytes> {
     Some(text.slice(..end))
 }
 
-/// The picture with a comment, ended by a NUL, in its head.
+/// Inserts a comment, ended by a NUL, into the head of a JPEG image.
 ///
-/// As it came if it does not begin as a picture or the text is longer than a comment can be.
+/// Returns the input unchanged if it does not begin like a JPEG image or the text exceeds the
+/// maximum length of a comment.
 pub fn with_comment(jpeg: &[u8], text: &[u8]) -> Bytes {
     let length = MARKER + text.len() + 1;
     let (Ok(length), true) = (u16::try_from(length), starts(jpeg)) else {
         return Bytes::copy_from_slice(jpeg);
     };
-    // The segment that makes it a JFIF picture has to come first.
+    // The segment that makes it a JFIF image has to be first.
     let front = match segments(jpeg).next() {
         Some((at, length)) if jpeg[at + 1] == marker::APPLICATION_0 => at + MARKER + length,
         _ => MARKER,
@@ -51,8 +52,8 @@ fn starts(jpeg: &[u8]) -> bool {
     jpeg.starts_with(&[0xff, marker::START_OF_IMAGE])
 }
 
-/// The segments before the pixels that are there as a whole: where each starts, and its length
-/// without the marker.
+/// Iterates over the complete segments before the pixels: the start of each, and its length without
+/// the marker.
 fn segments(jpeg: &[u8]) -> impl Iterator<Item = (usize, usize)> {
     let mut at = if starts(jpeg) { MARKER } else { jpeg.len() };
     std::iter::from_fn(move || {

@@ -1,4 +1,4 @@
-//! Pictures one after the other, as cameras send them to browsers.
+//! Streams of JPEG images, as cameras send them to browsers.
 //!
 //! ```text
 //!   reader                                     writer
@@ -12,7 +12,7 @@
 //!                                  <-------    --B  and so on
 //! ```
 //!
-//! An envelope travels in a comment of the picture. Nothing here compresses or expands pictures.
+//! An envelope travels in a comment of the image. This module neither encodes nor decodes JPEG.
 //! Source: `yarp_mjpeg` of 3.5.0 in either role, byte by byte.
 
 mod jpeg_comment;

@@ -7,13 +7,13 @@ use crate::limits::Limits;
 /// One part of a response.
 #[derive(Clone, Debug, Eq, PartialEq)]
 pub struct Part {
-    /// What it is, such as `image/jpeg`; empty if it does not say.
+    /// The content type, such as `image/jpeg`; empty if not given.
     pub kind: String,
-    /// What it holds.
+    /// The content.
     pub body: Bytes,
 }
 
-/// Why a response cannot be read on.
+/// The reason why a response cannot be read further.
 #[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MjpegError {
@@ -26,7 +26,7 @@ pub enum MjpegError {
     /// The response is something else than parts.
     #[error("expected content of type multipart with a boundary, got {got:?}")]
     Kind {
-        /// What it says it is.
+        /// The received content type.
         got: String,
     },
     /// More lines than there can be before a part.
@@ -38,7 +38,7 @@ pub enum MjpegError {
     /// A length that is no number.
     #[error("expected the length of a part, got {got:?}")]
     Length {
-        /// What stands there.
+        /// The received header value.
         got: String,
     },
     /// A part larger than we take.
@@ -80,8 +80,7 @@ enum State {
         kind: String,
         length: usize,
     },
-    /// The part has not said its length: it goes on up to a boundary. So far there is none before
-    /// `searched`.
+    /// The part has no announced length: it extends to a boundary. There is none before `searched`.
     Unbounded {
         kind: String,
         searched: usize,
@@ -90,11 +89,11 @@ enum State {
 
 /// The most bytes of lines before a part.
 const MAX_HEAD_LEN: usize = 64 * 1024;
-/// The largest part, where the limits for messages allow more: no camera has larger pictures.
+/// Maximum length of a part, if the message limits allow more: no camera has larger images.
 const MAX_PART_LEN: usize = 64 << 20;
 
 impl PartReader {
-    /// A reader that stands before the response.
+    /// Creates a reader that stands before the response.
     pub fn new(limits: Limits) -> Self {
         Self {
             state: State::Status,
@@ -104,7 +103,7 @@ impl PartReader {
         }
     }
 
-    /// Reads the head of the response alone; tells whether it is there.
+    /// Reads only the head of the response; returns whether it is complete.
     pub fn open(&mut self, input: &mut BytesMut) -> Result<bool, MjpegError> {
         while matches!(self.state, State::Status | State::Headers { .. }) {
             match self.line(input)? {
@@ -115,7 +114,7 @@ impl PartReader {
         Ok(true)
     }
 
-    /// Bytes that the part in progress still needs, as far as it has said.
+    /// Returns the number of bytes that the current part still needs, as far as announced.
     pub fn missing(&self, input: &BytesMut) -> usize {
         match self.state {
             State::Body { length, .. } => length.saturating_sub(input.len()),
@@ -255,13 +254,13 @@ impl PartReader {
     }
 }
 
-/// The value of header `name`, if the line is that header.
+/// Returns the value of header `name`, if the line is that header.
 fn header<'a>(line: &'a str, name: &str) -> Option<&'a str> {
     let (key, value) = line.split_once(':')?;
     key.trim().eq_ignore_ascii_case(name).then(|| value.trim())
 }
 
-/// The boundary that a type names. Some cameras name it with the hyphens that stand before it.
+/// Returns the boundary in a content type. Some cameras include the preceding hyphens.
 fn boundary(kind: &str) -> Option<String> {
     let mut items = kind.split(';').map(str::trim);
     let first = items.next()?.to_ascii_lowercase();
@@ -277,7 +276,7 @@ fn boundary(kind: &str) -> Option<String> {
     (!name.is_empty()).then(|| name.to_owned())
 }
 
-/// As much of a text as belongs into an error.
+/// Shortens a text for an error message.
 fn shortened(text: &str) -> String {
     text.chars().take(80).collect()
 }

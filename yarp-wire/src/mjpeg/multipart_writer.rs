@@ -1,11 +1,11 @@
-//! What goes out: the request, the head of the response, each part.
+//! The sending side: the request, the head of the response, each part.
 
 use bytes::{BufMut, BytesMut};
 
-/// What a reader is called that connects: it does not say its name.
+/// The name of an anonymous reader.
 pub const VIEWER: &str = "null";
 
-/// What the writer answers; parts follow.
+/// The head of the writer's response; parts follow.
 pub const RESPONSE: &str = "HTTP/1.0 200 OK\r\n\
 Connection: close\r\n\
 Cache-Control: no-store, no-cache, must-revalidate, pre-check=0, post-check=0, max-age=0\r\n\
@@ -15,23 +15,23 @@ Content-Type: multipart/x-mixed-replace;boundary=boundarydonotcross\r\n\
 \r\n\
 --boundarydonotcross\r\n";
 
-/// What stands between parts.
+/// The separator between parts.
 const BOUNDARY: &[u8] = b"\r\n--boundarydonotcross\r\n";
 
-/// The request for the pictures at `path` of `host`; without a path, for those of a port.
+/// Returns the request for the images at `path` of `host`; without a path, for those of a port.
 ///
-/// What would end the line is left out.
+/// Characters that would end the line are removed.
 pub fn request(path: Option<&str>, host: &str) -> String {
     let clean = |text: &str| -> String {
         let kept = text.chars().filter(|c| !c.is_control() && *c != ' ');
         kept.collect()
     };
     let path = clean(path.unwrap_or("?action=stream"));
-    // With 1.0 nobody answers in chunks.
+    // With HTTP 1.0 no server answers in chunks.
     format!("GET /{path} HTTP/1.0\r\nHost: {}\r\n\r\n", clean(host))
 }
 
-/// Appends one picture with all that surrounds it.
+/// Appends one image with its head and boundary.
 pub fn put_part(out: &mut BytesMut, jpeg: &[u8]) {
     let head = format!(
         "Content-Type: image/jpeg\r\nContent-Length: {}\r\n\r\n",

@@ -1,4 +1,4 @@
-//! What the name server answers.
+//! Answers of the name server.
 
 use nom::IResult;
 use nom::Parser;
@@ -11,12 +11,12 @@ use crate::bottle::TextError;
 
 use super::{END, Registration};
 
-/// Where an answer ends.
+/// The rule for the end of an answer.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum AnswerEnd {
-    /// At the first line of two characters or more that begins with `*` or `[`.
+    /// The first line of two characters or more that begins with `*` or `[`.
     ///
-    /// This is how stock clients read what they asked by a bare line.
+    /// Stock clients apply this rule after a bare line.
     End,
     /// After one line: the structured answers, and all that a `name_ser` client reads.
     FirstLine,
@@ -26,7 +26,7 @@ pub enum AnswerEnd {
 
 /// Reads one answer from bytes that arrive in any pieces.
 ///
-/// Holds at most its limit of bytes, 16 MiB unless told otherwise.
+/// Holds at most its limit of bytes, 16 MiB by default.
 #[derive(Debug)]
 pub struct AnswerReader {
     until: AnswerEnd,
@@ -38,7 +38,7 @@ pub struct AnswerReader {
     done: bool,
 }
 
-/// Why an answer cannot be read.
+/// The reason why an answer cannot be read.
 #[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum AnswerError {
@@ -48,7 +48,7 @@ pub enum AnswerError {
         /// The limit in force.
         limit: usize,
     },
-    /// What came is no text.
+    /// The answer is not text.
     #[error(
         "the answer is no text: perhaps no name server is there, or one that asks for a key (auth.conf)"
     )]
@@ -58,7 +58,7 @@ pub enum AnswerError {
 impl AnswerReader {
     const MAX_ANSWER_LEN: usize = 16 << 20;
 
-    /// A reader of one answer.
+    /// Creates a reader of one answer.
     pub fn new(until: AnswerEnd) -> Self {
         Self {
             until,
@@ -77,8 +77,8 @@ impl AnswerReader {
         self
     }
 
-    /// Takes bytes that arrived and says how many belonged to the answer: all of them until it
-    /// is done.
+    /// Takes received bytes and returns how many belonged to the answer: all of them until it is
+    /// complete.
     pub fn feed(&mut self, bytes: &[u8]) -> Result<usize, AnswerError> {
         let mut taken = 0;
         while !self.done && taken < bytes.len() {
@@ -100,9 +100,9 @@ impl AnswerReader {
         Ok(taken)
     }
 
-    /// The server closed the connection: what came so far is the answer, if that is a whole one.
+    /// Ends the answer because the server closed the connection; returns whether it is complete.
     ///
-    /// A last line without line end counts, as it does for stock.
+    /// A last line without line end counts, as in stock.
     pub fn close(&mut self) -> bool {
         if !self.done && !self.line.is_empty() {
             return self.end_line().is_ok() && self.done;
@@ -134,12 +134,12 @@ impl AnswerReader {
         Ok(())
     }
 
-    /// Whether the whole answer is here.
+    /// Returns whether the whole answer is here.
     pub fn is_done(&self) -> bool {
         self.done
     }
 
-    /// What came so far.
+    /// Returns the answer so far.
     pub fn answer(self) -> Answer {
         Answer { lines: self.lines }
     }
@@ -151,7 +151,7 @@ pub struct Answer {
     lines: Vec<String>,
 }
 
-/// What `set` and `get` answer: `port NAME property KEY = V...`.
+/// The answer to `set` and `get`: `port NAME property KEY = V...`.
 #[derive(Clone, Debug, Eq, PartialEq)]
 pub struct Property {
     /// The port.
@@ -163,18 +163,18 @@ pub struct Property {
 }
 
 impl Answer {
-    /// The lines, without line ends and without the closing `*** end of message`.
+    /// Returns the lines, without line ends and without the closing `*** end of message`.
     pub fn lines(&self) -> impl Iterator<Item = &str> {
         let lines = self.lines.iter().map(String::as_str);
         lines.filter(|line| *line != END)
     }
 
-    /// The first port in the answer.
+    /// Returns the first port in the answer.
     pub fn registration(&self) -> Option<Registration> {
         self.lines().find_map(|line| line.parse().ok())
     }
 
-    /// Every port in the answer, whether it came as lines or as `ports (port ..) ..`.
+    /// Returns every port in the answer, whether in the form of lines or of `ports (port ..) ..`.
     pub fn registrations(&self) -> Vec<Registration> {
         let listed: Vec<_> = self.lines().filter_map(|line| line.parse().ok()).collect();
         if !listed.is_empty() {
@@ -187,24 +187,24 @@ impl Answer {
         ports.filter_map(Registration::from_bottle).collect()
     }
 
-    /// The property in the answer.
+    /// Returns the property in the answer.
     pub fn property(&self) -> Option<Property> {
         self.lines()
             .find_map(|line| property(line).ok())
             .map(|(_, property)| property)
     }
 
-    /// The first line as a bottle: the answer to a `bot` request.
+    /// Returns the first line as a bottle: the answer to a `bot` request.
     pub fn bottle(&self) -> Result<Bottle, TextError> {
         Bottle::parse(self.lines().next().unwrap_or_default())
     }
 
-    /// Whether the answer is `[ok]`.
+    /// Returns whether the answer is `[ok]`.
     pub fn is_ok(&self) -> bool {
         self.lines().next() == Some("[ok]")
     }
 
-    /// The reason of a refusal, which only servers of this project give.
+    /// Returns the reason of a refusal, which only servers of this project give.
     pub fn refusal(&self) -> Option<&str> {
         self.lines().find_map(|line| line.strip_prefix("refused: "))
     }
@@ -313,7 +313,7 @@ mod tests {
         assert_eq!(reader.feed(&[b'a'; 60]), Err(error));
     }
 
-    /// Who asks for a key sends random bytes; some begin like the last line of an answer.
+    /// A peer that requires a key sends random bytes; some begin like the last line of an answer.
     #[test]
     fn binary_data_is_not_an_answer() {
         let asking = b"[\x8a\x9bRY/\xd3 \x07\0;!\x0e\x7f";
@@ -325,7 +325,7 @@ mod tests {
         let mut reader = AnswerReader::new(AnswerEnd::End);
         reader.feed(asking).unwrap();
         assert!(!reader.close());
-        // Tabs are text, and so is what stock says in another encoding.
+        // Tabs are text, and so are stock's answers in another encoding.
         let mut reader = AnswerReader::new(AnswerEnd::End);
         reader.feed(b"gr\xfcn\tblau\r\n[ok]\r\n\0").unwrap();
         assert!(reader.is_done());

@@ -1,8 +1,8 @@
 //! The messages that programs exchange with the name server.
 //!
 //! A [`Request`] is read from a [`Bottle`](crate::Bottle) or a line of text, and written in the
-//! [`Style`]s that stock clients use. What comes back is read by an [`AnswerReader`] in any
-//! pieces; its lines that place a port are [`Registration`]s.
+//! [`Style`]s that stock clients use. The answer is read by an [`AnswerReader`] in any pieces; its
+//! lines that describe a port are [`Registration`]s.
 //!
 //! ```
 //! use yarp_wire::name_service::{AnswerReader, Command, Request, Style, AnswerEnd};
@@ -34,11 +34,11 @@ pub const END: &str = "*** end of message";
 /// First word of a request line, which the server skips.
 pub const PREFIX: &str = "NAME_SERVER";
 
-/// What a client writes where the server shall choose.
+/// The placeholder for a value that the server chooses.
 pub const SERVER_CHOOSES: &str = "...";
 
-/// How a refusal begins that is about the server and not about the request: another server of the
-/// same names may do it. Not in stock.
+/// The start of a refusal that concerns the server and not the request: another server of the same
+/// names may be able to serve it. Not in stock.
 pub const UNSUPPORTED_PREFIX: &str = "refused: this name server cannot";
 
 /// TCP port of the name server unless configured otherwise.

@@ -1,4 +1,4 @@
-//! What the name server is asked.
+//! Requests to the name server.
 
 use crate::bottle::TextError;
 use crate::{Bottle, Value};
@@ -8,13 +8,13 @@ use super::PREFIX;
 /// One request to the name server.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Request {
-    /// How the asker wants the answer.
+    /// The form of the answer.
     pub form: Form,
-    /// What is asked.
+    /// The command.
     pub command: Command,
 }
 
-/// How the asker wants the answer.
+/// The form of the answer.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub enum Form {
     /// Lines of text that end with [`END`](super::END).
@@ -26,7 +26,7 @@ pub enum Form {
 
 /// A command of the name server, with its arguments.
 ///
-/// Arguments that are missing are empty; what they mean is for the server to say.
+/// Missing arguments are empty; the server interprets them.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Command {
@@ -89,7 +89,7 @@ pub enum Command {
     Announce {
         /// The port.
         name: String,
-        /// Whether it lives.
+        /// `true` if the port responds.
         alive: bool,
     },
     /// `subscribe SRC DEST [MODE]`: asks for a connection that outlives both ports.
@@ -117,7 +117,7 @@ pub enum Command {
     Topic {
         /// Its name.
         name: String,
-        /// What it carries, empty if not said.
+        /// The type of the messages, empty if not given.
         structure: String,
     },
     /// `topic`: lists the topics.
@@ -127,28 +127,28 @@ pub enum Command {
         /// Its name.
         name: String,
     },
-    /// `type FAMILY NAME [VALUE]`: stores or tells the definition of a type.
+    /// `type FAMILY NAME [VALUE]`: stores or returns the definition of a type.
     Type {
-        /// Who defines it; stock keeps only `yarp`.
+        /// The system that defines it; stock keeps only `yarp`.
         family: String,
         /// The type.
         name: String,
         /// The definition to store, or none to ask for it.
         value: Option<String>,
     },
-    /// `lease NAME HOST NUMBER ...`: these ports are there. Not in stock, which answers as to any
-    /// word it does not know: with the end.
+    /// `lease NAME HOST NUMBER ...`: renews the leases of these ports. Not in stock, which answers
+    /// as to any unknown word: with the end.
     Lease {
-        /// Who is there.
+        /// The holders of the leases.
         holders: Vec<LeaseHolder>,
     },
-    /// `passed NAME HOST NUMBER ...`: another server of the same names was told `lease` by these
+    /// `passed NAME HOST NUMBER ...`: another server of the same names received `lease` from these
     /// ports. Not in stock.
     Passed {
-        /// Who is there.
+        /// The holders of the leases.
         holders: Vec<LeaseHolder>,
     },
-    /// `state [PREFIX]`: as `list`, and how each port was found. Not in stock either.
+    /// `state [PREFIX]`: as `list`, with the last probe result of each port. Not in stock either.
     States {
         /// The prefix, empty for all.
         prefix: String,
@@ -159,7 +159,7 @@ pub enum Command {
     Other(Bottle),
 }
 
-/// A port that says that it is there.
+/// A port that renews its lease.
 #[derive(Clone, Debug, Eq, PartialEq)]
 pub struct LeaseHolder {
     /// Its name.
@@ -170,7 +170,7 @@ pub struct LeaseHolder {
     pub number: u16,
 }
 
-/// What a port asks for when it registers. `None` leaves the choice to the server.
+/// The properties that a port requests at registration. `None` leaves the choice to the server.
 #[derive(Clone, Debug, Default, Eq, PartialEq)]
 pub struct RegisterRequest {
     /// The port's name; `...` lets the server invent one.
@@ -181,12 +181,12 @@ pub struct RegisterRequest {
     pub host: Option<String>,
     /// The TCP port; may be out of range, as it came.
     pub number: Option<i64>,
-    /// What the port carries, for example `yarp/image`.
+    /// The type of the messages, for example `yarp/image`.
     pub type_name: Option<String>,
 }
 
 impl RegisterRequest {
-    /// A port that leaves everything but its name to the server.
+    /// Creates a port that leaves everything but its name to the server.
     pub fn named(name: &str) -> Self {
         Self {
             name: name.to_owned(),
@@ -196,7 +196,7 @@ impl RegisterRequest {
 }
 
 impl Request {
-    /// A request whose answer is lines of text.
+    /// Creates a request whose answer is lines of text.
     pub fn plain(command: Command) -> Self {
         Self {
             form: Form::Plain,
@@ -204,7 +204,7 @@ impl Request {
         }
     }
 
-    /// A request whose answer is one bottle.
+    /// Creates a request whose answer is one bottle.
     pub fn bot(command: Command) -> Self {
         Self {
             form: Form::Bot,
@@ -212,11 +212,10 @@ impl Request {
         }
     }
 
-    /// Reads a request that came as a bottle. Never fails: what is no command is
-    /// [`Command::Other`].
+    /// Reads a request from a bottle. Never fails: an unknown command is [`Command::Other`].
     ///
-    /// One leading `NAME_SERVER` is skipped, then one `bot` (stock 3.5.0 knows neither
-    /// `NAME_SERVER NAME_SERVER list` nor `bot NAME_SERVER list`).
+    /// One leading `NAME_SERVER` is skipped, then one `bot` (stock 3.5.0 knows neither `NAME_SERVER
+    /// NAME_SERVER list` nor `bot NAME_SERVER list`).
     pub fn from_bottle(bottle: &Bottle) -> Self {
         let items = bottle.as_slice();
         let items = skip(items, PREFIX).unwrap_or(items);
@@ -227,7 +226,7 @@ impl Request {
         let json = bottle
             .find("format")
             .is_some_and(|value| value.as_str() == Some("json"));
-        // `(format json)` says how to answer; stock also stores it as a property value.
+        // `(format json)` selects the form of the answer; stock also stores it as a property value.
         let mut arguments: Vec<&Value> = items.iter().take(1).collect();
         arguments.extend(items.iter().skip(1).filter(|item| !is_format(item)));
         let mut command = Arguments(&arguments).command();
@@ -248,7 +247,7 @@ impl Request {
 }
 
 impl Command {
-    /// Whether stock answers the command with a bottle although not asked for it.
+    /// Returns whether stock answers the command with a bottle even if none was requested.
     pub fn is_structured(&self) -> bool {
         matches!(
             self,
@@ -292,7 +291,7 @@ fn text_of(value: &Value) -> String {
 struct Arguments<'a>(&'a [&'a Value]);
 
 impl Arguments<'_> {
-    /// A name: stock takes strings and vocabs, and reads an empty name from anything else.
+    /// Returns a name: stock takes strings and vocabs, and reads an empty name from anything else.
     fn name(&self, index: usize) -> String {
         match self.0.get(index) {
             Some(value @ (Value::String(_) | Value::Vocab32(_) | Value::Vocab64(_))) => {
@@ -309,13 +308,13 @@ impl Arguments<'_> {
             .map_or_else(String::new, |value| text_of(value))
     }
 
-    /// A field of `register`: `...` and missing leave the choice to the server.
+    /// Returns a field of `register`: `...` and missing leave the choice to the server.
     fn optional_text(&self, index: usize) -> Option<String> {
         let text = self.text(index);
         (!text.is_empty() && text != super::SERVER_CHOOSES).then_some(text)
     }
 
-    /// The number of `register`. Stock chooses one also for 0, -1 and words.
+    /// Returns the number of `register`. Stock chooses one also for 0, -1 and words.
     fn number(&self, index: usize) -> Option<i64> {
         let number = match self.0.get(index)? {
             Value::String(_) => None,
@@ -324,7 +323,7 @@ impl Arguments<'_> {
         number.filter(|number| !matches!(number, 0 | -1))
     }
 
-    /// The ports of `lease`; what is no port is left out.
+    /// Returns the ports of `lease`; other items are skipped.
     fn holders(&self) -> Vec<LeaseHolder> {
         let starts = (1..self.0.len()).step_by(3);
         let holders = starts.filter_map(|index| {
@@ -492,7 +491,7 @@ mod tests {
             Request::plain(passed).to_string().replace('"', ""),
             line_passed
         );
-        // What is no port is left out.
+        // Items that are not ports are skipped.
         check(&format!("{line} /c h 99999 /d h"), Form::Plain, lease);
         let prefix = "/a".to_owned();
         check("state /a", Form::Plain, Command::States { prefix });

@@ -1,4 +1,4 @@
-//! Where a port is, in the name server's words.
+//! The address of a port, in the name server's format.
 
 use std::fmt;
 use std::str::FromStr;
@@ -11,7 +11,7 @@ use nom::{IResult, Parser};
 
 use crate::{Bottle, Value};
 
-/// A port and its address, as the name server knows it.
+/// A port and its address, as registered at the name server.
 ///
 /// Two forms (recorded from stock 3.12.3 and 4.0.0):
 ///
@@ -29,7 +29,7 @@ use crate::{Bottle, Value};
 pub struct Registration {
     /// The port's name; `fallback` shows that it need not start with `/`.
     pub name: String,
-    /// What the port wants to be reached by: `tcp` nearly always, `mcast` for a group.
+    /// The carrier by which the port is reached: `tcp` nearly always, `mcast` for a group.
     pub carrier: String,
     /// Address or host name.
     pub host: String,
@@ -37,16 +37,16 @@ pub struct Registration {
     pub port: u16,
 }
 
-/// Why a line or bottle places no port.
+/// The reason why a line or bottle is not a registration.
 #[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
 #[error("expected `registration name NAME ip HOST port NUMBER type CARRIER`, got {found:?}")]
 pub struct RegistrationError {
-    /// The beginning of what came instead.
+    /// The beginning of the received text.
     pub found: String,
 }
 
 impl Registration {
-    /// The structured form: what `bot query` answers.
+    /// Returns the structured form: what `bot query` answers.
     pub fn to_bottle(&self) -> Bottle {
         let pair = |key: &str, value: Value| Bottle::of(key).with(value);
         Bottle::of("port")
@@ -56,7 +56,7 @@ impl Registration {
             .with(pair("carrier", self.carrier.as_str().into()))
     }
 
-    /// Reads the structured form; `None` also for `port (error -2 "port not known")`.
+    /// Parses the structured form; `None` also for `port (error -2 "port not known")`.
     pub fn from_bottle(bottle: &Bottle) -> Option<Self> {
         if bottle.get(0)?.as_str()? != "port" {
             return None;

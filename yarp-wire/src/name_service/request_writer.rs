@@ -7,7 +7,7 @@ use crate::{Bottle, Value};
 use super::name_request::{Command, Form, RegisterRequest, Request};
 use super::{PREFIX, SERVER_CHOOSES};
 
-/// How a request goes out: the three ways of stock clients, each on a connection of its own.
+/// The format of a request: the three of stock clients, each on a connection of its own.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum Style {
     /// `NAME_SERVER CMD ARGS\n`: queries, `unregister`, `announce`.
@@ -15,7 +15,7 @@ pub enum Style {
     /// Quotes are lost, so no argument can hold a blank. Answered by the lines of the answer and
     /// nothing else.
     Line,
-    /// `NAME_SERVER CMD ARGS\r\n`: what stock's carrier `name_ser` sends for `register` and
+    /// `NAME_SERVER CMD ARGS\r\n`: the format of stock's carrier `name_ser` for `register` and
     /// `set`. Quotes are lost. Stock reads only the first line of the answer.
     NameSer,
     /// The opening of carrier `text_ack` and the request as its one message:
@@ -25,7 +25,7 @@ pub enum Style {
 }
 
 impl Request {
-    /// The request as the bytes of a whole conversation's outgoing half.
+    /// Returns the request as the bytes of a whole conversation's outgoing half.
     ///
     /// Source: recorded traffic of 3.12.3 and 4.0.0 (`name_commands`).
     pub fn to_bytes(&self, style: Style) -> Vec<u8> {
@@ -38,7 +38,7 @@ impl Request {
         .into_bytes()
     }
 
-    /// The request as a bottle, for binary carriers.
+    /// Returns the request as a bottle, for binary carriers.
     pub fn to_bottle(&self) -> Bottle {
         match self.form {
             Form::Plain => self.command.to_bottle(),
@@ -57,7 +57,7 @@ impl fmt::Display for Request {
 }
 
 impl Command {
-    /// The command and its arguments; empty arguments at the end are left out.
+    /// Returns the command and its arguments; empty arguments at the end are left out.
     pub fn to_bottle(&self) -> Bottle {
         let words = |words: &[&str]| -> Bottle {
             let used = words.iter().rposition(|word| !word.is_empty());
@@ -130,8 +130,8 @@ impl Command {
 }
 
 impl RegisterRequest {
-    /// `register NAME` alone if nothing else is asked for, else all four fields, with `...` for
-    /// an open one and `-1` for an open number, as stock clients write it.
+    /// Writes `register NAME` if nothing else is requested, else all four fields, with `...` for an
+    /// open one and `-1` for an open number, as stock clients do.
     fn to_bottle(&self) -> Bottle {
         let mut bottle = Bottle::of("register").with(self.name.as_str());
         let Self {
@@ -159,11 +159,11 @@ impl RegisterRequest {
     }
 }
 
-/// One word of an old-style answer: its text form with every quote taken out.
+/// Returns one word of an old-style answer: its text form without any quotes.
 ///
-/// Stock strips the quotes from the whole line, so a blank inside a word is lost as a boundary
-/// and a backslash that was written for a quote stays. Line ends come out escaped: no word can
-/// start a new line of the answer.
+/// Stock strips the quotes from the whole line, so a blank inside a word becomes a word boundary
+/// and a backslash before a quote remains. Line ends are escaped: no word can start a new line of
+/// the answer.
 ///
 /// ```
 /// use yarp_wire::name_service::plain_text;

@@ -1,4 +1,4 @@
-//! What protocols with binary payloads have in common: header, replies, acknowledgements.
+//! Common parts of protocols with binary payloads: header, replies, acknowledgements.
 
 use bytes::{Buf, BufMut, Bytes, BytesMut};
 
@@ -27,7 +27,7 @@ pub(crate) fn put_binary_header(carrier: &Carrier, sender: &Sender, output: &mut
 /// Takes what [`put_binary_header`] appends.
 #[derive(Debug)]
 pub(crate) struct BinaryHandshakeDecoder {
-    /// Appends the answer, where there is one.
+    /// Appends the header reply, if there is one.
     answer: fn(port: u16, output: &mut BytesMut),
 }
 
@@ -82,7 +82,7 @@ type ReadHeader = fn(&mut BytesMut) -> Result<Option<i32>, ProtocolError>;
 /// Takes an acknowledgement; `false` while bytes are missing.
 type ReadAcknowledgement = fn(&mut BytesMut, Limits) -> Result<bool, ProtocolError>;
 
-/// Takes binary replies, and what differs between protocols by their own means.
+/// Decodes binary replies; the header reply and acknowledgements depend on the protocol.
 #[derive(Debug)]
 pub(crate) struct BinaryReplyDecoder {
     header: ReadHeader,
@@ -99,7 +99,7 @@ impl BinaryReplyDecoder {
         }
     }
 
-    /// A reply has no length in front: its own structure tells where it ends.
+    /// Decodes a reply. It has no length prefix: its own structure determines its end.
     fn reply(
         &mut self,
         initiator_state: &mut InitiatorState,
@@ -145,7 +145,7 @@ impl BinaryReplyDecoder {
             Err(error @ DecodeError::UnknownCode { wire_version, .. })
                 if wire_version == initiator_state.wire_version =>
             {
-                // Perhaps the acceptor is of the other generation after all.
+                // Perhaps the acceptor is of the other wire version after all.
                 let mut other = Scanner::new(wire_version.other(), initiator_state.limits);
                 let Ok(scan) = other.scan(input) else {
                     return Err(error.into());
@@ -204,10 +204,11 @@ impl ReplyDecoder for BinaryReplyDecoder {
 /// The bytes of the answer to `getRemoteProtocolVersion`: a list head and four bare int16.
 const VERSION_STRUCT: usize = 16;
 
-/// Whether a reply begins as the version of a 4.0 service does, the one reply that is no bottle.
+/// Returns whether a reply begins like the version of a 4.0 service, the only reply that is not a
+/// bottle.
 ///
-/// After the head of a list of one come protocol and major version, where a bottle has a code below 1024.
-/// Source: bytes written by 4.0.0.
+/// The head of a list of one is followed by protocol and major version, instead of a code below
+/// 1024. Source: bytes written by 4.0.0.
 fn is_version_struct(input: &[u8]) -> bool {
     let Some((head, [_, _, major @ ..])) = input.first_chunk::<12>().map(|head| head.split_at(8))
     else {
@@ -220,8 +221,8 @@ fn is_version_struct(input: &[u8]) -> bool {
 mod tests {
     use super::*;
 
-    /// A call to a stock port that only reads ended the connection: its acknowledgement, where a
-    /// reply was due, was taken for a broken bottle.
+    /// Regression: a call to a stock port that only reads closed the connection, because its
+    /// acknowledgement, in place of a reply, was read as an invalid bottle.
     #[test]
     fn the_version_of_a_service_is_a_reply() {
         // Recorded from a 4.0.0 control board, with the acknowledgement behind it.

@@ -36,7 +36,7 @@ impl Protocol for Indexed {
     ) -> Box<dyn HandshakeDecoder> {
         let answer = match carrier.transport {
             Transport::Stream => header_reply,
-            // The driver knows where it goes on.
+            // The driver knows the next transport.
             _ => |_, _: &mut BytesMut| (),
         };
         Box::new(BinaryHandshakeDecoder::new(input, answer))
@@ -64,7 +64,7 @@ impl Protocol for Indexed {
     }
 }
 
-/// Appends the header reply of a binary carrier: the port to go on with.
+/// Appends the header reply of a binary carrier: the port to continue with.
 pub fn header_reply(port: u16, output: &mut BytesMut) {
     framed_number::put(output, i32::from(port));
 }
@@ -85,7 +85,7 @@ pub(crate) fn answers(
     BinaryReplyDecoder::new(header, take_acknowledgement)
 }
 
-/// An acknowledgement is a number, and so many bytes that mean nothing.
+/// Consumes an acknowledgement: a number, and that many bytes without meaning.
 fn take_acknowledgement(input: &mut BytesMut, limits: Limits) -> Result<bool, ProtocolError> {
     let Some(head) = input.first_chunk::<{ framed_number::LEN }>() else {
         return Ok(false);

@@ -9,11 +9,11 @@ const MAX_RETAINED_CAPACITY: usize = 4 * 1024;
 
 /// Collects a line from bytes that arrive in pieces.
 ///
-/// CR and NUL are dropped; LF ends the line, unless a backslash stands before it: then both
-/// disappear and the line goes on.
+/// CR and NUL are dropped; LF ends the line, unless a backslash precedes it: then both are dropped
+/// and the line continues.
 #[derive(Clone, Debug)]
 pub(crate) struct LineReader {
-    /// Keeps the room of short lines for the next ones, once nobody has those any more.
+    /// Reuses the buffer of short lines for later ones, once their bytes are unshared.
     line: BytesMut,
     limit: usize,
 }

@@ -1,13 +1,13 @@
-//! What the two ends of a connection say to each other, from the header on.
+//! The byte protocols between the two ends of a connection, from the header on.
 //!
-//! Each carrier names its [`Protocol`]. Those that several carriers share are here:
+//! Each carrier names its [`Protocol`]. The protocols shared by several carriers are here:
 //!
 //! * [`INDEXED`]: an index, a command block and a binary payload;
 //! * [`UNINDEXED`]: the same without the index;
 //! * [`TEXT_LINES`]: lines of text.
 //!
-//! A carrier that speaks otherwise has its protocol in its own file: requests of browsers, pictures,
-//! frames, groups. What of it can be shared it takes from here.
+//! Other protocols are in the files of their carriers (HTTP, MJPEG, WebSocket, multicast groups)
+//! and reuse the decoders of this module.
 
 mod binary_common;
 mod indexed;
@@ -39,31 +39,31 @@ pub(crate) use line_reader::LineReader;
 pub(crate) use text_lines::TextReplyDecoder;
 pub(crate) use unindexed::UnindexedMessageDecoder;
 
-/// How two ends understand each other. It holds nothing itself: what has been said so far is in
-/// what it makes for each connection.
+/// The protocol of a carrier. It is stateless: the decoders that it creates hold the state of each
+/// connection.
 pub trait Protocol: fmt::Debug + Sync {
-    /// What messages hold.
+    /// Returns the kind of payload of the messages.
     fn payload_kind(&self) -> PayloadKind;
 
-    /// Appends what an initiator says first.
+    /// Appends the header of an initiator.
     fn put_header(&self, carrier: &Carrier, sender: &Sender, output: &mut BytesMut);
 
-    /// What takes the rest of that at the other end. The magic is whole and at the beginning of
-    /// `input`, and may be passed over here.
+    /// Creates the decoder for the rest of the header. The magic is complete at the beginning of
+    /// `input`, and may be consumed here.
     fn handshake_decoder(
         &self,
         carrier: &'static Carrier,
         input: &mut BytesMut,
     ) -> Box<dyn HandshakeDecoder>;
 
-    /// What takes messages once the header is complete.
+    /// Creates the decoder for messages after the header.
     fn message_decoder(&self, wire_version: WireVersion, limits: Limits)
     -> Box<dyn MessageDecoder>;
 
-    /// What takes answers where messages are sent.
+    /// Creates the decoder for replies, on the sending side.
     fn reply_decoder(&self, limits: Limits) -> Box<dyn ReplyDecoder>;
 
-    /// Appends all of a message that comes before a payload of `length` bytes.
+    /// Appends the part of a message that precedes a payload of `length` bytes.
     fn put_head(&self, command: &Command, length: usize, output: &mut BytesMut);
 
     /// Appends the payload of a message: the object alone.
@@ -87,7 +87,7 @@ pub trait Protocol: fmt::Debug + Sync {
     /// Appends an acknowledgement, on a carrier that has them.
     fn put_acknowledgement(&self, _output: &mut BytesMut) {}
 
-    /// Whether commands that are no messages are answered with lines.
+    /// Returns whether commands that are no messages are answered with lines.
     fn replies_to_commands(&self) -> bool {
         false
     }
@@ -95,16 +95,16 @@ pub trait Protocol: fmt::Debug + Sync {
     /// Appends such lines.
     fn put_lines(&self, _lines: &str, _output: &mut BytesMut) {}
 
-    /// Whether a goodbye is answered with another.
+    /// Returns whether a close command is answered.
     fn replies_to_close(&self) -> bool {
         false
     }
 
-    /// Appends what is told to an initiator that is refused, where it does not notice otherwise.
+    /// Appends a refusal for an initiator that would not notice the closed connection otherwise.
     fn put_refusal(&self, _carrier: &Carrier, _reason: &dyn fmt::Display, _output: &mut BytesMut) {}
 }
 
-/// What the messages of a protocol hold.
+/// The payload kinds of protocols.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 #[non_exhaustive]
 pub enum PayloadKind {
@@ -119,7 +119,7 @@ pub enum PayloadKind {
 }
 
 impl PayloadKind {
-    /// Whether they are in the binary form.
+    /// Returns whether they are in the binary form.
     pub const fn are_binary(self) -> bool {
         matches!(self, Self::Binary)
     }
@@ -127,8 +127,8 @@ impl PayloadKind {
 
 /// An acceptor before the header is complete.
 pub trait HandshakeDecoder: fmt::Debug + Send + Sync {
-    /// Takes the header from `input`, or `None` while bytes are missing; what is answered to it
-    /// goes to `output`. `port` is where the acceptor listens.
+    /// Decodes the header from `input`, or returns `None` while bytes are missing; the header reply
+    /// goes to `output`. `port` is the acceptor's TCP port.
     fn read(
         &mut self,
         port: u16,
@@ -138,24 +138,24 @@ pub trait HandshakeDecoder: fmt::Debug + Send + Sync {
     ) -> Result<Option<Handshake>, ProtocolError>;
 }
 
-/// What a header says.
+/// The content of a header.
 #[derive(Debug)]
 pub struct Handshake {
-    /// Who it is and what it asks for.
+    /// The sender's name and modifiers.
     pub sender: Sender,
-    /// Where messages come, on a carrier of groups.
+    /// The multicast group that messages arrive on, for a carrier of groups.
     pub group: Option<SocketAddrV4>,
 }
 
 impl Handshake {
-    /// A peer that has no more to say.
+    /// Creates a peer that has no more to say.
     pub(crate) fn by(sender: Sender) -> Self {
         let group = None;
         Self { sender, group }
     }
 }
 
-/// The opening of those who do not say who they are: this name stands for them.
+/// The handshake of a peer that does not name itself: this name replaces the sender's.
 #[derive(Debug)]
 pub(crate) struct AnonymousHandshake(pub(crate) &'static str);
 
@@ -173,43 +173,43 @@ impl HandshakeDecoder for AnonymousHandshake {
 
 /// An acceptor behind the header.
 pub trait MessageDecoder: fmt::Debug + Send + Sync {
-    /// Takes what comes next from `input`, or `None` while bytes are missing; what the protocol
-    /// answers by itself goes to `output`.
+    /// Decodes the next message from `input`, or returns `None` while bytes are missing; automatic
+    /// answers of the protocol go to `output`.
     fn read(
         &mut self,
         input: &mut BytesMut,
         output: &mut BytesMut,
     ) -> Result<Option<Incoming>, ProtocolError>;
 
-    /// Bytes that the message in progress still needs, as far as it has said and they are taken
-    /// from `input`.
+    /// Returns the number of bytes that the current message still needs, as far as announced and
+    /// not yet consumed from `input`.
     fn missing(&self, _input: &BytesMut) -> usize {
         0
     }
 
-    /// Takes payloads to be of a generation.
+    /// Takes payloads to be of a wire version.
     fn set_wire_version(&mut self, _wire_version: WireVersion) {}
 
-    /// What goes on with the same peer as the one that is written to, where that is not what
-    /// [`Protocol::answers`] makes.
+    /// Returns the decoder for the replies of the same peer when the direction reverses, if it
+    /// differs from that of [`Protocol::reply_decoder`].
     fn into_reply_decoder(self: Box<Self>, _limits: Limits) -> Option<Box<dyn ReplyDecoder>> {
         None
     }
 }
 
-/// What an acceptor takes.
+/// An item decoded by an acceptor.
 #[derive(Debug, PartialEq)]
 pub enum Incoming {
     /// A message.
     Message(Message),
-    /// What a browser asks for.
+    /// An HTTP request.
     Request(Request),
 }
 
 /// One message of a connection.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Message {
-    /// What it asks for.
+    /// The command.
     pub command: Command,
     /// The content of a data or admin message; empty for other commands.
     pub payload: Payload,
@@ -217,8 +217,8 @@ pub struct Message {
 
 /// An initiator, as far as it listens.
 pub trait ReplyDecoder: fmt::Debug + Send + Sync {
-    /// Takes the answer to the header, where there is one: the number in it, 0 where it has none.
-    /// `None` while bytes are missing.
+    /// Decodes the header reply, if the protocol has one: its number, or 0 if it has none. `None`
+    /// while bytes are missing.
     fn read_header(
         &mut self,
         _asked: &InitiatorState,
@@ -237,13 +237,13 @@ pub trait ReplyDecoder: fmt::Debug + Send + Sync {
         input: &mut BytesMut,
     ) -> Result<Option<Progress>, ProtocolError>;
 
-    /// What the protocol answered by itself.
+    /// Returns the automatic answers of the protocol.
     fn take_output(&mut self) -> BytesMut {
         BytesMut::new()
     }
 }
 
-/// What an initiator has learned.
+/// An event of an initiator.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Progress {
     /// The acceptor has answered the header: messages may be sent.
@@ -252,25 +252,25 @@ pub enum Progress {
     Reply(Payload),
     /// The lines that answer a command on a text connection.
     Lines(Vec<String>),
-    /// The oldest message is done with: acknowledged, or replied to where there are no
+    /// The oldest message is complete: acknowledged, or replied to if there are no
     /// acknowledgements.
     Done,
 }
 
-/// What an initiator asked for, and how it is spoken with.
+/// The state of an initiator: its pending replies and the parameters of the connection.
 #[derive(Debug)]
 pub struct InitiatorState {
     /// The carrier.
     pub carrier: &'static Carrier,
-    /// The generation that the acceptor is taken to be of.
+    /// The wire version that the acceptor is taken to be of.
     pub wire_version: WireVersion,
-    /// What is taken at most.
+    /// The bounds on received bytes.
     pub limits: Limits,
-    /// What the oldest messages still wait for.
+    /// The pending replies, oldest message first.
     pub waiting: VecDeque<PendingReply>,
 }
 
-/// What a message waits for.
+/// The kind of answer that a message waits for.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum PendingReply {
     /// A reply.

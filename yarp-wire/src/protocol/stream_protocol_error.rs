@@ -1,11 +1,12 @@
-//! What can be wrong with a stream.
+//! Errors in a byte stream.
 
 use crate::bottle::DecodeError;
 use crate::carrier::MAGIC;
 use crate::message::{CommandError, IndexError};
 use crate::websocket::WebSocketError;
 
-/// Why a connection cannot go on. The peer broke the protocol; nothing of what it sent is used.
+/// The reason why a connection cannot continue. The peer violated the protocol; nothing that it
+/// sent is used.
 #[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ProtocolError {
@@ -56,10 +57,10 @@ pub enum ProtocolError {
     /// The frames are wrong.
     #[error(transparent)]
     WebSocket(#[from] WebSocketError),
-    /// Something came that nobody asked for.
+    /// Bytes arrived outside any reply.
     #[error("{count} unexpected bytes outside a reply")]
     Unexpected {
-        /// How many.
+        /// Number of bytes.
         count: usize,
     },
 }

@@ -76,7 +76,7 @@ impl Protocol for TextLines {
         output.put_slice(lines.as_bytes());
     }
 
-    /// Who waits for acknowledgements notices that there is no welcome.
+    /// An initiator that expects acknowledgements notices the missing welcome.
     fn put_refusal(
         &self,
         carrier: &Carrier,
@@ -110,7 +110,7 @@ impl HandshakeDecoder for TextHandshakeDecoder {
     }
 }
 
-/// A value that goes on over further lines while a bracket or quote is open.
+/// A value that continues over further lines while a bracket or quote is open.
 #[derive(Debug, Default)]
 struct Text {
     bytes: BytesMut,
@@ -197,9 +197,9 @@ pub(crate) struct TextReplyDecoder {
     welcomed: bool,
     text: Text,
     lines: Vec<String>,
-    /// What these take.
+    /// Bytes held by these lines.
     held: usize,
-    /// An acknowledgement came where a reply was due: the acceptor had none to give.
+    /// An acknowledgement arrived in place of a reply: the acceptor had no reply.
     acknowledged_early: bool,
 }
 
@@ -215,7 +215,7 @@ impl TextReplyDecoder {
         }
     }
 
-    /// Answers of an acceptor that welcomes nobody.
+    /// Creates a decoder for an acceptor without welcome line.
     pub(crate) fn without_welcome(limits: Limits) -> Self {
         let welcomed = true;
         Self {
@@ -234,7 +234,7 @@ impl TextReplyDecoder {
         Ok(())
     }
 
-    /// What a line completes for who waits for this.
+    /// Processes a line for the given pending reply.
     fn take(
         &mut self,
         waiting: PendingReply,
@@ -268,7 +268,7 @@ impl TextReplyDecoder {
 }
 
 impl ReplyDecoder for TextReplyDecoder {
-    /// Only who waits for acknowledgements waits for the welcome.
+    /// Only an initiator that expects acknowledgements waits for the welcome.
     fn read_header(
         &mut self,
         initiator_state: &InitiatorState,
@@ -301,7 +301,7 @@ impl ReplyDecoder for TextReplyDecoder {
                 self.welcomed = true;
                 continue;
             }
-            // Stock text initiators ignore what they did not ask for.
+            // Stock text initiators ignore unrequested lines.
             let Some(waiting) = initiator_state.waiting.front() else {
                 continue;
             };

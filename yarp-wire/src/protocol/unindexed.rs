@@ -62,7 +62,8 @@ impl Protocol for Unindexed {
     }
 }
 
-/// The connection goes on over another socket at once: nothing answers its header.
+/// Creates the reply decoder. The header has no reply: the connection continues over another socket
+/// at once.
 pub(crate) fn answers() -> BinaryReplyDecoder {
     BinaryReplyDecoder::new(|_| Ok(Some(0)), |input, _| take_acknowledgement(input))
 }
@@ -127,7 +128,7 @@ impl UnindexedMessageDecoder {
         let scan = match begun.scanner.scan(input) {
             Ok(scan) => scan,
             Err(error) => {
-                // Perhaps the writer is of the other generation.
+                // Perhaps the writer is of the other wire version.
                 let other = self.wire_version.other();
                 let mut again = Scanner::new(other, self.limits);
                 let scan = again.scan(input).map_err(|_| error)?;

@@ -3,15 +3,16 @@
 use super::{Origin, Setting, Settings};
 use crate::bottle::{Bottle, Value};
 
-/// How deep a key may lead into groups; what follows is one name.
+/// Maximum number of groups in a key; the rest is one name.
 const MAX_GROUP_DEPTH: usize = 100;
 
 impl Settings {
-    /// Adds what the words behind a program's name say (`Property::fromCommand`).
+    /// Adds the arguments of a command line (`Property::fromCommand`).
     ///
-    /// * `--key a b` is the entry `(key a b)`; words in front of the first `--key` do not count.
-    /// * `--a::b::c v` goes into group `b` of group `a`, beside what is there.
-    /// * Other keys replace what had their name; so does every key if none of the words has `::`.
+    /// * `--key a b` is the entry `(key a b)`; words before the first `--key` are ignored.
+    /// * `--a::b::c v` is added to group `b` of group `a`.
+    /// * Other keys replace the entry of their name; so does every key if none of the words has
+    ///   `::`.
     pub fn add_command_line<S: AsRef<str>>(&mut self, words: impl IntoIterator<Item = S>) {
         let mut terms: Vec<(String, Vec<Setting>)> = Vec::new();
         for word in words {

@@ -1,6 +1,6 @@
-//! What stands behind `//` and `#`.
+//! Comments after `//` and `#`.
 
-/// The line up to `//` anywhere, or to `#` at its start or after a blank, outside quotes.
+/// Returns the line up to `//` anywhere, or to `#` at its start or after a blank, outside quotes.
 ///
 /// Source: the same lines read by YARP 3.5.
 pub fn strip_comment(line: &str) -> &str {

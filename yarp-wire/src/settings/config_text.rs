@@ -12,7 +12,8 @@
 //! [import CONTEXT FILE]            the lines of a file of a context
 //! ```
 //!
-//! A line with a bracket or a quote that is open goes on in the next one, a backslash at its end too.
+//! A line with an open bracket or quote continues in the next one, and so does one with a backslash
+//! at its end.
 
 use std::sync::Arc;
 
@@ -21,17 +22,17 @@ use super::variable_expansion::expand;
 use super::{Origin, Setting, Settings, Source, all, bottle};
 use crate::bottle::{Bottle, BracketBalance, Value};
 
-/// How deep files may include one another.
+/// Maximum depth of nested includes.
 const MAX_INCLUDE_DEPTH: usize = 16;
-/// How many files one may include altogether.
+/// Maximum number of files that one file may include altogether.
 const MAX_INCLUDED_FILES: usize = 1000;
 
 /// Something that was passed over while a file was read.
 #[derive(Clone, Debug, Eq, PartialEq)]
 pub struct Problem {
-    /// Where it stands.
+    /// The position in the file.
     pub origin: Origin,
-    /// What is wrong.
+    /// Description of the problem.
     pub text: String,
 }
 
@@ -42,17 +43,17 @@ impl std::fmt::Display for Problem {
 }
 
 impl Settings {
-    /// Adds the lines of a file or of all `*.ini` in a directory, and of what they include.
+    /// Adds the lines of a file or of all `*.ini` in a directory, and of the files they include.
     ///
-    /// `None` if there is no such file; else what was passed over in it. Groups that are there go on; other names are
-    /// replaced.
+    /// `None` if there is no such file; otherwise the ignored problems. Existing groups are
+    /// extended; other names are replaced.
     pub fn read_file(&mut self, file: &str, source: &dyn Source) -> Option<Vec<Problem>> {
         let mut reader = Reader::new(source);
         let found = reader.file(self, file, "", 0);
         found.then_some(reader.problems)
     }
 
-    /// As [`read_file`](Self::read_file), of a text that is at hand; `file` is what errors call it.
+    /// Reads a text as [`read_file`](Self::read_file) does; errors refer to it as `file`.
     pub fn read_text(&mut self, file: &str, text: &str, source: &dyn Source) -> Vec<Problem> {
         let mut reader = Reader::new(source);
         let text = Text::of(vec![(file.into(), text.to_owned())]);
@@ -190,7 +191,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Does what a head with `include` or `import` says; tells whether the lines behind it count.
+    /// Executes a head with `include` or `import`; returns whether the lines after it count.
     fn include(
         &mut self,
         into: &mut Settings,
@@ -232,7 +233,7 @@ impl<'a> Reader<'a> {
             }
             return true;
         };
-        // As if the group were a file of its own that is read before.
+        // As if the group were a file of its own that is read first.
         let mut inner = Settings::new();
         for item in into.entries.get(group).into_iter().flatten().skip(1) {
             if let Some(items) = item.items() {
@@ -302,7 +303,8 @@ fn close(into: &mut Settings, open: &mut Open) {
     }
 }
 
-/// The items as stock has them after printing and reading them: words that look like numbers become some.
+/// Returns the items as stock has them after printing and parsing: words that look like numbers
+/// become numbers.
 fn reread(items: &[Setting]) -> Vec<Setting> {
     let again = |item: &Setting| match item.items() {
         Some(items) => Setting::list(reread(items), &item.origin),
@@ -361,7 +363,8 @@ impl<'a> Lines<'a> {
         }
     }
 
-    /// The next lines up to where no bracket or quote is open, and whether the text ends before that.
+    /// Returns the next lines up to one without open bracket or quote, and whether the text ends
+    /// before that.
     fn whole_line(&mut self) -> (String, bool) {
         let mut whole = String::new();
         let mut balance = BracketBalance::default();
@@ -379,7 +382,7 @@ impl<'a> Lines<'a> {
         }
     }
 
-    /// The next line; one that ends in a backslash goes on in the following.
+    /// Returns the next line; a backslash at its end continues it.
     fn next_line(&mut self) -> Option<String> {
         let mut line = String::new();
         let mut backslash = false;

@@ -1,14 +1,15 @@
-//! Configuration: names with values and groups, each of which remembers where it was written.
+//! Configuration: names with values and groups, each with its origin.
 //!
-//! | file | what it reads |
+//! | file | content |
 //! | --- | --- |
 //! | `config_text` | files of lines, groups and includes, as `Property::fromConfigFile` |
 //! | `command_line` | `--key value --group::key value`, as `Property::fromCommand` |
-//! | `expand` | `$VARIABLE`, `${VARIABLE}` and `$(VARIABLE)` |
-//! | `remark` | what stands behind `//` and `#` |
-//! | [`parameters`] | one value after the other, with what was expected of it |
+//! | `variable_expansion` | `$VARIABLE`, `${VARIABLE}` and `$(VARIABLE)` |
+//! | `comments` | comments after `//` and `#` |
+//! | [`typed_parameters`] | typed access to single values, with errors that name the expected type
+//! |
 //!
-//! Nothing here opens a file or looks at the environment: a [`Source`] does.
+//! Nothing here opens a file or reads the environment: a [`Source`] does.
 //!
 //! Source: `Property.cpp` of YARP 3.5 and its answers to the same texts.
 
@@ -29,18 +30,18 @@ pub use typed_parameters::{Expected, ParameterError, Parameters};
 
 use crate::bottle::{Bottle, TextError, Value};
 
-/// Where the texts and variables come from that a configuration refers to.
+/// The source of the texts and variables that a configuration refers to.
 pub trait Source {
-    /// The text of a file; none if there is no such file.
+    /// Returns the text of a file; `None` if there is no such file.
     fn read(&self, file: &str) -> Option<String>;
 
-    /// The names of the files in a directory; none if there is no such directory.
+    /// Returns the names of the files in a directory; `None` if there is no such directory.
     fn list(&self, directory: &str) -> Option<Vec<String>>;
 
-    /// A variable of the environment.
+    /// Returns a variable of the environment.
     fn variable(&self, name: &str) -> Option<String>;
 
-    /// Where a file of a context is (`[import CONTEXT FILE]`).
+    /// Returns the path of a file of a context (`[import CONTEXT FILE]`).
     fn resource(&self, context: &str, file: &str) -> Option<String>;
 }
 
@@ -80,7 +81,7 @@ enum Content {
 }
 
 impl Setting {
-    /// A value that was written at `origin`.
+    /// Creates a value that was written at `origin`.
     pub fn new(value: Value, origin: &Origin) -> Self {
         let content = match value {
             Value::List(list) | Value::Dictionary(list) => Content::List(all(list, origin)),
@@ -92,7 +93,7 @@ impl Setting {
         }
     }
 
-    /// A list that was written at `origin`; that of an entry or a group begins with its name.
+    /// Creates a list that was written at `origin`; that of an entry or a group begins with its name.
     pub fn list(items: Vec<Setting>, origin: &Origin) -> Self {
         Self {
             content: Content::List(items),
@@ -100,12 +101,12 @@ impl Setting {
         }
     }
 
-    /// Where it was written.
+    /// Returns its origin.
     pub fn origin(&self) -> &Origin {
         &self.origin
     }
 
-    /// The value alone.
+    /// Returns the value alone.
     pub fn value(&self) -> Value {
         match &self.content {
             Content::One(value) => value.clone(),
@@ -113,7 +114,7 @@ impl Setting {
         }
     }
 
-    /// The items, if it is a list.
+    /// Returns the items, if it is a list.
     pub fn items(&self) -> Option<&[Setting]> {
         match &self.content {
             Content::One(_) => None,
@@ -128,12 +129,12 @@ impl Setting {
         }
     }
 
-    /// The text without quotes, as stock's `toString`.
+    /// Returns the text without quotes, as stock's `toString`.
     pub fn to_plain_string(&self) -> String {
         self.value().to_plain_string()
     }
 
-    /// Whether it is this word, or a list that begins with it.
+    /// Returns whether it is this word, or a list that begins with it.
     fn is_called(&self, name: &str) -> bool {
         let first = match &self.content {
             Content::One(_) => Some(self),
@@ -179,8 +180,8 @@ impl Settings {
         Self::default()
     }
 
-    /// Adds the lists of a text such as `(name /arm) (GENERAL (Joints 3))`; each replaces what had its name
-    /// (`Property::fromString`).
+    /// Adds the lists of a text such as `(name /arm) (GENERAL (Joints 3))`; each replaces the entry
+    /// of its name (`Property::fromString`).
     pub fn add_lists(&mut self, text: &str, origin: &Origin) -> Result<(), TextError> {
         for setting in all(Bottle::parse(text)?, origin) {
             if let Content::List(items) = setting.content {
@@ -191,7 +192,7 @@ impl Settings {
         Ok(())
     }
 
-    /// Sets `name` to one value, in place of what was there.
+    /// Sets `name` to one value, replacing an existing entry.
     pub fn put(&mut self, name: &str, value: impl Into<Value>, origin: &Origin) {
         let items = vec![
             Setting::new(name.into(), origin),
@@ -205,43 +206,43 @@ impl Settings {
         self.entries.remove(name);
     }
 
-    /// Takes over all entries of others, in place of what has their names.
+    /// Moves all entries of `others` into these settings, replacing those of the same names.
     pub fn extend(&mut self, others: Settings) {
         self.entries.extend(others.entries);
     }
 
-    /// Whether there is such a name.
+    /// Returns whether there is such a name.
     pub fn has(&self, name: &str) -> bool {
         self.entries.contains_key(name)
     }
 
-    /// The first value of `name`.
+    /// Returns the first value of `name`.
     pub fn get(&self, name: &str) -> Option<&Setting> {
         self.entries.get(name)?.get(1)
     }
 
-    /// The whole entry of `name`, as a group.
+    /// Returns the whole entry of `name`, as a group.
     pub fn group(&self, name: &str) -> Option<Group<'_>> {
         self.entries.get(name).map(|items| Group(items))
     }
 
-    /// The names, sorted.
+    /// Returns the names, sorted.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.entries.keys().map(String::as_str)
     }
 
-    /// Where `name` was first written.
+    /// Returns the position where `name` was first written.
     pub fn origin(&self, name: &str) -> Option<&Origin> {
         self.entries.get(name)?.first().map(Setting::origin)
     }
 
-    /// The entries as a bottle of lists, sorted by name.
+    /// Returns the entries as a bottle of lists, sorted by name.
     pub fn to_bottle(&self) -> Bottle {
         let lists = self.entries.values().map(|items| bottle(items));
         lists.map(Value::List).collect()
     }
 
-    /// Sets an entry, in place of what had its name; `items` begin with the name.
+    /// Sets an entry, replacing that of the same name; `items` begin with the name.
     pub fn put_entry(&mut self, name: String, items: Vec<Setting>) {
         self.entries.insert(name, items);
     }
@@ -258,12 +259,13 @@ impl fmt::Display for Settings {
 pub struct Group<'a>(&'a [Setting]);
 
 impl<'a> Group<'a> {
-    /// The items behind the name.
+    /// Returns the items behind the name.
     pub fn values(self) -> &'a [Setting] {
         self.0.get(1..).unwrap_or_default()
     }
 
-    /// What belongs to `name`: the first value of the list that begins with it, or what follows it.
+    /// Returns the value of `name`: the first value of the list that begins with it, or the item
+    /// that follows it.
     pub fn get(self, name: &str) -> Option<&'a Setting> {
         let at = self.find(name)?;
         match &self.0[at].content {
@@ -272,13 +274,13 @@ impl<'a> Group<'a> {
         }
     }
 
-    /// The list that begins with `name`.
+    /// Returns the list that begins with `name`.
     pub fn group(self, name: &str) -> Option<Group<'a>> {
         let items = self.0[self.find(name)?].items()?;
         Some(Group(items))
     }
 
-    /// Where it was first written.
+    /// Returns the position where it was first written.
     pub fn origin(self) -> Option<&'a Origin> {
         self.0.first().map(Setting::origin)
     }

@@ -1,9 +1,9 @@
-//! Where a setting was written.
+//! The position at which a setting was written.
 
 use std::fmt;
 use std::sync::Arc;
 
-/// Where a setting was written.
+/// The position at which a setting was written.
 #[derive(Clone, Debug, Eq, PartialEq)]
 #[non_exhaustive]
 pub enum Origin {
@@ -21,7 +21,7 @@ pub enum Origin {
 }
 
 impl Origin {
-    /// A line of a file, from 1.
+    /// Creates a line of a file, from 1.
     pub fn line(file: impl Into<Arc<str>>, line: usize) -> Self {
         let file = file.into();
         Self::Line { file, line }

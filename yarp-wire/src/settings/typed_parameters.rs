@@ -1,4 +1,4 @@
-//! One value after the other, with what was expected of it.
+//! Typed access to parameters, with errors that name the expected type.
 
 use std::collections::BTreeSet;
 use std::sync::{Mutex, PoisonError};
@@ -8,7 +8,7 @@ use super::{Group, Origin, Setting, Settings};
 use crate::bottle::Value;
 use crate::port_name::PortName;
 
-/// The settings of one device: read by name, and what nobody read is known in the end.
+/// The settings of one device: read by name; the entries that were never read are reported.
 ///
 /// A path such as `GENERAL::Joints` leads into groups.
 ///
@@ -35,34 +35,34 @@ pub struct Parameters {
     asked: Mutex<BTreeSet<String>>,
 }
 
-/// A parameter that is missing or not what it should be.
+/// A missing or invalid parameter.
 #[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ParameterError {
     /// It is not there.
     #[error("{origin}: device {device}: parameter {name} is missing, expected {expected}")]
     Missing {
-        /// Where the device is described.
+        /// The position of the device's description.
         origin: Origin,
         /// The device.
         device: Box<str>,
         /// The parameter, with its groups.
         name: Box<str>,
-        /// What should be there.
+        /// The expected type.
         expected: &'static str,
     },
     /// It is something else.
     #[error("{origin}: device {device}: parameter {name}: expected {expected}, got {found}")]
     Wrong {
-        /// Where the parameter is written.
+        /// The position of the parameter.
         origin: Origin,
         /// The device.
         device: Box<str>,
         /// The parameter, with its groups.
         name: Box<str>,
-        /// What should be there.
+        /// The expected type.
         expected: Box<str>,
-        /// What is there.
+        /// The value found.
         found: Box<str>,
     },
 }
@@ -78,12 +78,12 @@ impl Parameters {
         }
     }
 
-    /// The name of the device in messages.
+    /// Returns the name of the device in messages.
     pub fn device(&self) -> &str {
         &self.device
     }
 
-    /// Where the device is described.
+    /// Returns the position of the device's description.
     pub fn origin(&self) -> &Origin {
         &self.origin
     }
@@ -93,7 +93,7 @@ impl Parameters {
         &self.settings
     }
 
-    /// A value, if it is there.
+    /// Returns a value, if it is there.
     pub fn get<T: Expected>(&self, name: &str) -> Result<Option<T>, ParameterError> {
         let Some(setting) = self.entry(name).and_then(|entry| entry.values().first()) else {
             return Ok(None);
@@ -102,18 +102,18 @@ impl Parameters {
         T::read(setting).ok_or_else(wrong).map(Some)
     }
 
-    /// A value that must be there.
+    /// Returns a value that must be there.
     pub fn need<T: Expected>(&self, name: &str) -> Result<T, ParameterError> {
         self.get(name)?
             .ok_or_else(|| self.missing(name, T::DESCRIPTION))
     }
 
-    /// A value, or what it is if it is not there.
+    /// Returns a value, or the default if it is missing.
     pub fn get_or<T: Expected>(&self, name: &str, default: T) -> Result<T, ParameterError> {
         Ok(self.get(name)?.unwrap_or(default))
     }
 
-    /// A row of values, `name a b` as 3.x writes it or `name (a b)` as 4.0 does; none if it is not there.
+    /// Returns a row of values, `name a b` as 3.x writes it or `name (a b)` as 4.0 does; `None` if it is not there.
     pub fn list<T: Expected>(&self, name: &str) -> Result<Option<Vec<T>>, ParameterError> {
         let Some(entry) = self.entry(name) else {
             return Ok(None);
@@ -127,12 +127,12 @@ impl Parameters {
         values.iter().map(read).collect::<Result<_, _>>().map(Some)
     }
 
-    /// Whether the name is there, with or without a value.
+    /// Returns whether the name is there, with or without a value.
     pub fn has(&self, name: &str) -> bool {
         self.entry(name).is_some()
     }
 
-    /// What is wrong with a value that is something else than `expected`.
+    /// Returns the error for a value that is not `expected`.
     pub fn refuse(&self, name: &str, expected: impl Into<Box<str>>) -> ParameterError {
         let entry = self.entry(name);
         let origin = entry.and_then(Group::origin).unwrap_or(&self.origin);
@@ -154,7 +154,8 @@ impl Parameters {
         }
     }
 
-    /// What was written and never asked for, with its place; of a group that was asked for, what is in it.
+    /// Returns the entries that were never read, with their positions; of a group that was read,
+    /// its entries.
     pub fn unused(&self) -> impl Iterator<Item = (String, Origin)> {
         let asked = self.asked.lock().unwrap_or_else(PoisonError::into_inner);
         let mut unused = Vec::new();
@@ -211,10 +212,10 @@ impl Parameters {
 
 /// A kind of value that a parameter may have.
 pub trait Expected: Sized {
-    /// What it is called in messages: `a number`.
+    /// The name of the type in messages: `a number`.
     const DESCRIPTION: &'static str;
 
-    /// The value, if it is of this kind.
+    /// Returns the value, if it is of this kind.
     fn read(setting: &Setting) -> Option<Self>;
 }
 

@@ -1,9 +1,10 @@
 //! Variables in lines.
 
-/// The line with `$NAME`, `${NAME}` and `$(NAME)` replaced by what `variable` gives, or by nothing.
+/// Returns the line with `$NAME`, `${NAME}` and `$(NAME)` replaced by the result of `variable`,
+/// which may be empty.
 ///
-/// A backslash takes the meaning from what follows it, and stays. Backslashes of a value are doubled, since the line
-/// is read as a bottle afterwards.
+/// A backslash disables the meaning of the next character, and remains. Backslashes of a value are
+/// doubled, since the line is parsed as a bottle afterwards.
 pub(super) fn expand(line: &str, variable: impl Fn(&str) -> String) -> String {
     if !line.contains('$') {
         return line.to_owned();

@@ -5,7 +5,7 @@ use bytes::{BufMut, Bytes, BytesMut};
 use crate::float_vector::float64_list;
 use crate::wire_version::WireVersion;
 
-/// A number that vectors and pixels are made of.
+/// A number type of vectors and pixels.
 ///
 /// | element | list code in 3.x | in 4.0 | stock's `VectorOf` |
 /// | --- | --- | --- | --- |
@@ -15,15 +15,15 @@ use crate::wire_version::WireVersion;
 /// | `i16`, `u16` | 256 + 64 | 256 + 64 | 4.0 |
 /// | `i8`, `u8` | 256 + 32 | 256 + 32 | 4.0 |
 ///
-/// What 3.x has no `VectorOf` for is still a bottle that its tools print. The code does not tell
-/// signed from unsigned; a bottle shows such numbers as signed.
+/// An element type for which 3.x has no `VectorOf` is still a bottle that its tools print. The code
+/// does not distinguish signed from unsigned; a bottle shows such numbers as signed.
 ///
 /// Source: bytes written by 3.5.0; the element types of 4.0 from its `sig/Vector.h`.
 pub trait Element: Copy + sealed::Sealed {
     /// Bytes of one element.
     const WIDTH: usize;
 
-    /// The code of a list of such elements.
+    /// Returns the code of a list of such elements.
     fn list_code(wire_version: WireVersion) -> i32;
 
     /// Appends the element.
@@ -37,13 +37,13 @@ pub trait Element: Copy + sealed::Sealed {
     fn from_bytes(bytes: &[u8]) -> Self;
 }
 
-/// The elements that fill `run` exactly.
+/// Returns the elements that fill `run` exactly.
 pub(super) fn collect<T: Element>(run: &Bytes) -> Vec<T> {
     run.chunks_exact(T::WIDTH).map(T::from_bytes).collect()
 }
 
 mod sealed {
-    /// Nobody else can add an element: its code has to be one of the table.
+    /// Prevents other implementations: an element's code has to be in the table.
     pub trait Sealed {}
 }
 

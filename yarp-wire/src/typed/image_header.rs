@@ -10,7 +10,7 @@ use crate::wire_version::WireVersion;
 /// Bytes of the header.
 pub const HEADER: usize = 60;
 
-/// What stock takes a quantum of 0 for.
+/// Stock's meaning of a quantum of 0.
 pub(super) const DEFAULT_QUANTUM: usize = 8;
 
 /// The largest quantum that 16 bits of a header hold.
@@ -19,7 +19,7 @@ const MAX_QUANTUM: usize = i16::MAX as usize;
 /// The largest image that a header can tell of, in bytes.
 const MAX_SIZE: usize = i32::MAX as usize;
 
-/// What a header tells.
+/// The content of a header.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub(super) struct Header {
     pub(super) code: PixelCode,
@@ -33,7 +33,7 @@ pub(super) struct Header {
 }
 
 impl Header {
-    /// A header for pixels of a known code.
+    /// Returns a header for pixels of a known code.
     pub(super) fn new(
         code: PixelCode,
         width: usize,
@@ -78,7 +78,7 @@ impl Header {
         self.row()?.checked_next_multiple_of(self.padding())
     }
 
-    /// What rows are padded to a multiple of.
+    /// Returns the padding multiple of rows, in bytes.
     pub(super) fn padding(&self) -> usize {
         match self.quantum {
             0 => DEFAULT_QUANTUM,
@@ -86,7 +86,8 @@ impl Header {
         }
     }
 
-    /// Bytes of all rows; `None` if they or a side of the image are more than a header can tell.
+    /// Returns the bytes of all rows; `None` if they or a side of the image exceed the range of the
+    /// header.
     pub(super) fn size(&self) -> Option<usize> {
         let fits = |number: &usize| *number <= MAX_SIZE;
         if !fits(&self.width) || !fits(&self.height) {
@@ -129,7 +130,7 @@ impl Header {
         Ok((header, size))
     }
 
-    /// The bytes of the header.
+    /// Returns the bytes of the header.
     pub(super) fn to_bytes(self, wire_version: WireVersion) -> [u8; HEADER] {
         let size = self.size().expect("checked when the image was made") as i32;
         let mark = match wire_version {

@@ -43,7 +43,7 @@ pub struct MatrixError {
 }
 
 impl Matrix {
-    /// A matrix of zeros.
+    /// Creates a matrix of zeros.
     ///
     /// # Panics
     ///
@@ -59,7 +59,7 @@ impl Matrix {
         }
     }
 
-    /// A matrix of `values`, row after row.
+    /// Returns a matrix of `values`, row after row.
     pub fn new(rows: usize, columns: usize, values: Vec<f64>) -> Result<Self, MatrixError> {
         if rows.checked_mul(columns) != Some(values.len()) {
             let got = values.len();
@@ -87,7 +87,7 @@ impl Matrix {
         (row < self.rows).then(|| &self.values[row * self.columns..(row + 1) * self.columns])
     }
 
-    /// The number in `row` and `column`.
+    /// Returns the number in `row` and `column`.
     pub fn get(&self, row: usize, column: usize) -> Option<f64> {
         self.row(row)?.get(column).copied()
     }

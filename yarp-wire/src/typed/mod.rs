@@ -2,8 +2,8 @@
 //!
 //! Each type is a [`WireObject`](crate::message::WireObject) and a
 //! [`ReadObject`](crate::message::ReadObject) for both wire versions, and most are laid out as a
-//! bottle, so that every tool can print them. [`ReadPrefix`] is for what stands inside another
-//! message. A message of your own is declared with [`wire_struct!`](crate::wire_struct).
+//! bottle, so that every tool can print them. [`ReadPrefix`] reads an object inside another
+//! message. Declare your own messages with [`wire_struct!`](crate::wire_struct).
 //!
 //! | type | bottle | stock |
 //! | --- | --- | --- |
@@ -43,7 +43,7 @@ pub use sound_layout::{SoundLayout, SoundMessage};
 pub use typed_image::{Image, ImageError};
 pub use vector_of::VectorOf;
 
-/// What [`wire_struct!`](crate::wire_struct) needs wherever it is used.
+/// Items that the expansion of [`wire_struct!`](crate::wire_struct) uses.
 #[doc(hidden)]
 pub mod private {
     pub use bytes::{Bytes, BytesMut};

@@ -17,9 +17,9 @@ use crate::wire_version::WireVersion;
 /// this crate is. Source: bytes written and read by 3.5.0.
 #[derive(Clone, Debug, Default, Eq, PartialEq)]
 pub struct Pair<A, B> {
-    /// What stands first.
+    /// The first object.
     pub head: A,
-    /// What follows.
+    /// The second object.
     pub body: B,
 }
 

@@ -1,4 +1,4 @@
-//! What the pixels of an image are.
+//! Kinds of pixels.
 
 use std::fmt;
 
@@ -6,8 +6,8 @@ use crate::vocab::Vocab32;
 
 /// The code of a kind of pixel, stock's `YarpVocabPixelTypesEnum`.
 ///
-/// A positive code is a word; a negative code -n says no more than that a pixel has n bytes; 0 is
-/// what an image without pixels has. Codes that are not in the table are kept as they are.
+/// A positive code is a word; a negative code -n states only that a pixel has n bytes; 0 is the
+/// code of an image without pixels. Codes outside the table are kept unchanged.
 ///
 /// | word | a pixel | word | a pixel |
 /// | --- | --- | --- | --- |
@@ -19,9 +19,8 @@ use crate::vocab::Vocab32;
 /// | `grbg` `bggr` `gbrg` `rggb` | u8 behind a Bayer filter | `gr16` `bg16` `gb16` `rg16` | u16 behind a Bayer filter |
 /// | `yuva` `yuvb` `yuvd` | u8, YUV 420, 444, 411 | `yuvc` | YUV 422, see [`PixelCode::stored_bytes`] |
 ///
-/// Stock keeps no images of `rgb-`, `hsv.`, other words, or -n other than -2 and -4: a reader
-/// that gets one crashes. The table does not say what the bytes of YUV mean, and neither does
-/// stock.
+/// Stock keeps no images of `rgb-`, `hsv.`, other words, or -n other than -2 and -4: a reader that
+/// receives one crashes. The table does not define the bytes of YUV, and neither does stock.
 ///
 /// Source: images written by 3.5.0, one of each code.
 #[derive(Clone, Copy, Debug, Default, Eq, Hash, PartialEq)]
@@ -107,12 +106,12 @@ impl PixelCode {
         Self(code)
     }
 
-    /// A code for pixels of this many bytes and no known meaning.
+    /// Creates a code for pixels of this many bytes and no known meaning.
     pub const fn of_bytes(bytes: u16) -> Self {
         Self(-(bytes as i32))
     }
 
-    /// The code as it stands in a header.
+    /// Returns the code as it stands in a header.
     pub const fn code(self) -> i32 {
         self.0
     }
@@ -126,9 +125,9 @@ impl PixelCode {
         known.map(|(_, bytes)| *bytes)
     }
 
-    /// Bytes that a pixel takes in a row, given what the header states.
+    /// Returns the bytes that a pixel takes in a row, given the number that the header states.
     ///
-    /// The same, but for `yuvc`: stock states 1 byte and makes its rows as long as for 2.
+    /// They are equal, except for `yuvc`: stock states 1 byte and makes its rows as long as for 2.
     pub fn stored_bytes(self, stated: usize) -> usize {
         match self {
             Self::YUV_422 => stated.saturating_mul(2),

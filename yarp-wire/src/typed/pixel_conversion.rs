@@ -4,11 +4,11 @@ use super::pixel::PixelCode;
 use super::typed_image::{Image, ImageError};
 
 impl Image {
-    /// The image with pixels of `code`, which is one of `mono`, `rgb`, `bgr`, `rgba`, `bgra`, as
-    /// the pixels there are have to be, too.
+    /// Converts the image to pixels of `code`; both codes must be one of `mono`, `rgb`, `bgr`,
+    /// `rgba`, `bgra`.
     ///
-    /// As in stock: grey is the mean of red, green and blue, rounded down; opacity is kept, or
-    /// 255 where there was none. Rows keep their order, quantum and mark.
+    /// As in stock: grey is the mean of red, green and blue, rounded down; opacity is kept, or 255
+    /// if there was none. Rows keep their order, quantum and mark.
     ///
     /// Source: images converted by 3.5.0.
     pub fn converted(&self, code: PixelCode) -> Result<Self, ImageError> {
@@ -43,7 +43,7 @@ impl Image {
     }
 }
 
-/// Where the channels of a pixel of u8 stand.
+/// The positions of the channels of a pixel of u8.
 struct Channels {
     bytes: usize,
     red: usize,

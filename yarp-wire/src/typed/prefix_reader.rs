@@ -6,15 +6,15 @@ use crate::bottle::{Bottle, DecodeError};
 use crate::limits::Limits;
 use crate::wire_version::WireVersion;
 
-/// Something that tells by its own bytes where it ends, so that it can stand inside a message.
+/// An object whose own bytes determine its end, so that it can be part of a message.
 ///
-/// A [`ReadObject`](crate::message::ReadObject) gets a whole message; a `ReadPrefix` takes its
-/// share and leaves the rest. [`read_whole`] makes the one out of the other.
+/// A [`ReadObject`](crate::message::ReadObject) gets a whole message; a `ReadPrefix` consumes its
+/// part and leaves the rest. [`read_whole`] derives the former from the latter.
 pub trait ReadPrefix: Sized {
-    /// Takes the object from the front of `bytes`.
+    /// Reads the object from the front of `bytes`.
     ///
-    /// After an error `bytes` stands anywhere. Nothing is allocated for what a length claims
-    /// before the bytes are found to be there.
+    /// After an error the position of `bytes` is unspecified. Nothing is allocated for a claimed
+    /// length before the bytes are present.
     fn take(bytes: &mut Bytes, wire_version: WireVersion) -> Result<Self, DecodeError>;
 }
 
@@ -42,7 +42,7 @@ impl ReadPrefix for Bottle {
     }
 }
 
-/// Takes the words of a fixed layout, keeping count of where it stands.
+/// Reads the words of a fixed layout, keeping track of the position.
 pub(super) struct Front<'a> {
     bytes: &'a mut Bytes,
     whole: usize,
@@ -50,7 +50,7 @@ pub(super) struct Front<'a> {
 }
 
 impl<'a> Front<'a> {
-    /// Starts on an object; `expected` says in words what it should be.
+    /// Starts to read an object; `expected` describes it in errors.
     pub(super) fn new(bytes: &'a mut Bytes, expected: &'static str) -> Self {
         let whole = bytes.len();
         Self {
@@ -60,7 +60,7 @@ impl<'a> Front<'a> {
         }
     }
 
-    /// The error of bytes that are something else.
+    /// Returns the error of bytes that are something else.
     pub(super) fn shape(&self) -> DecodeError {
         DecodeError::Shape {
             expected: self.expected,

@@ -54,17 +54,17 @@ impl Property {
         property
     }
 
-    /// The property as a bottle of lists, sorted by name.
+    /// Returns the property as a bottle of lists, sorted by name.
     pub fn to_bottle(&self) -> Bottle {
         self.entries.values().cloned().map(Value::List).collect()
     }
 
-    /// Sets `name` to one value, in place of what was there.
+    /// Sets `name` to one value, replacing an existing entry.
     pub fn put(&mut self, name: &str, value: impl Into<Value>) {
         self.put_all(name, Bottle::of(value));
     }
 
-    /// Sets `name` to several values, in place of what was there.
+    /// Sets `name` to several values, replacing an existing entry.
     pub fn put_all(&mut self, name: &str, values: Bottle) {
         let mut entry = Bottle::of(name);
         entry.extend(values);
@@ -76,12 +76,12 @@ impl Property {
         self.put_all(name, group.to_bottle());
     }
 
-    /// The first value of `name`.
+    /// Returns the first value of `name`.
     pub fn find(&self, name: &str) -> Option<&Value> {
         self.entry(name)?.get(1)
     }
 
-    /// The whole entry of `name`: the name, then the values. A group is searched with
+    /// Returns the whole entry of `name`: the name, then the values. A group is searched with
     /// [`Bottle::find`].
     pub fn entry(&self, name: &str) -> Option<&Bottle> {
         self.entries.get(&Text::from(name))
@@ -97,18 +97,18 @@ impl Property {
         self.entries.iter()
     }
 
-    /// How many names there are.
+    /// Returns the number of names.
     pub fn len(&self) -> usize {
         self.entries.len()
     }
 
-    /// Whether there is no name.
+    /// Returns whether there is no name.
     pub fn is_empty(&self) -> bool {
         self.entries.is_empty()
     }
 }
 
-/// What an entry is called: its first item in plain text.
+/// Returns the name of an entry: its first item in plain text.
 fn name_of(entry: &Bottle) -> Text {
     match entry.get(0) {
         Some(Value::String(name)) => name.clone(),

@@ -11,10 +11,10 @@ pub trait Record: Sized {
     /// Name and fields, for errors.
     const SHAPE: &'static str;
 
-    /// The fields in order.
+    /// Returns the fields in order.
     fn to_bottle(&self) -> Bottle;
 
-    /// The record with these fields, or `None` if their number or kinds are others.
+    /// Returns the record with these fields, or `None` if their number or kinds are others.
     fn from_bottle(bottle: &Bottle) -> Option<Self>;
 }
 
@@ -31,21 +31,20 @@ pub trait Record: Sized {
 /// | `Vec` of fields, [`Bottle`], another record | list | |
 /// | [`Value`] | anything | |
 ///
-/// The leniency is for what people type: `yarp write` sends `5` as an integer, and text has no
-/// widths.
+/// The leniency is for typed input: `yarp write` sends `5` as an integer, and text has no widths.
 pub trait Field: Sized {
-    /// The field as one value.
+    /// Returns the field as one value.
     fn to_value(&self) -> Value;
 
-    /// The field of this value, or `None` if it is of another kind.
+    /// Returns the field of this value, or `None` if it is of another kind.
     fn from_value(value: &Value) -> Option<Self>;
 }
 
 /// Declares structs that travel as the list of their fields, in their order.
 ///
-/// Stock reads such a message as a bottle, and as the struct of the same fields that its
-/// interface compiler makes. A list of another length, or with a value of another kind, is
-/// refused with [`DecodeError::Shape`](crate::bottle::DecodeError::Shape).
+/// Stock reads such a message as a bottle, and as the struct of the same fields that its interface
+/// compiler generates. A list of another length, or with a value of another kind, is refused with
+/// [`DecodeError::Shape`](crate::bottle::DecodeError::Shape).
 ///
 /// ```
 /// use yarp_wire::message::{ReadObject, WireObject};

@@ -12,11 +12,10 @@ use crate::wire_version::WireVersion;
 
 /// Samples of one or more microphones, stock's `yarp::sig::Sound`.
 ///
-/// A sample is an i16; a channel after the other is sent whole. Stock has announced sounds of
-/// 8-bit samples since 3.9, but what it then sends is not as long as it says, so that only 16-bit
-/// samples are read. How the bytes lie depends on the version, see [`SoundLayout`]: all layouts
-/// are read, and the newest of the reader's wire version is written unless
-/// [`Sound::laid_out`] names another.
+/// A sample is an i16; the channels are sent one after the other. Stock has announced sounds of
+/// 8-bit samples since 3.9, but their length is then wrong, so only 16-bit samples are read. The
+/// layout of the bytes depends on the version, see [`SoundLayout`]: all layouts are read, and the
+/// newest of the reader's wire version is written unless [`Sound::laid_out`] names another.
 ///
 /// ```
 /// use yarp_wire::typed::Sound;
@@ -38,7 +37,7 @@ pub struct Sound {
 /// A place in a sound that has a name.
 #[derive(Clone, Debug, Default, Eq, PartialEq)]
 pub struct SoundMarker {
-    /// What is there.
+    /// The label.
     pub label: Text,
     /// The channel it is about.
     pub channel: i32,
@@ -46,7 +45,7 @@ pub struct SoundMarker {
     pub sample: i64,
 }
 
-/// What the headers of all layouts can tell: 2 GiB.
+/// Maximum that the headers of all layouts can state: 2 GiB.
 const MOST_SAMPLES: usize = i32::MAX as usize / 2;
 
 /// Samples that do not fill their channels, or take more than 2 GiB.
@@ -60,7 +59,7 @@ pub struct SoundError {
 }
 
 impl Sound {
-    /// A sound of `samples`, channel after channel, at `frequency` samples a second.
+    /// Returns a sound of `samples`, channel after channel, at `frequency` samples a second.
     pub fn new(channels: usize, frequency: i32, samples: Vec<i16>) -> Result<Self, SoundError> {
         let uneven = channels == 0 || !samples.len().is_multiple_of(channels);
         if uneven || samples.len() > MOST_SAMPLES {
@@ -76,7 +75,7 @@ impl Sound {
         })
     }
 
-    /// How many channels there are.
+    /// Returns the number of channels.
     pub fn channels(&self) -> usize {
         self.channels
     }
@@ -86,7 +85,7 @@ impl Sound {
         self.length
     }
 
-    /// Whether there are no samples.
+    /// Returns whether there are no samples.
     pub fn is_empty(&self) -> bool {
         self.samples.is_empty()
     }
@@ -96,7 +95,7 @@ impl Sound {
         self.frequency
     }
 
-    /// The samples of one channel.
+    /// Returns the samples of one channel.
     pub fn channel(&self, channel: usize) -> Option<&[i16]> {
         let start = channel * self.length;
         (channel < self.channels).then(|| &self.samples[start..start + self.length])

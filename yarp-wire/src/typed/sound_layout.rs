@@ -1,4 +1,4 @@
-//! How the bytes of a sound lie, version by version.
+//! The byte layouts of sounds, version by version.
 
 use bytes::{BufMut, Bytes, BytesMut};
 
@@ -11,7 +11,8 @@ use crate::bottle::{Bottle, DecodeError, Text};
 use crate::message::WireObject;
 use crate::wire_version::WireVersion;
 
-/// The four layouts of a sound. No stock version reads the layout of another; we read all.
+/// The four layouts of a sound. No stock version reads the layout of another; this implementation
+/// reads all.
 ///
 /// | layout | versions | bytes |
 /// | --- | --- | --- |
@@ -23,7 +24,7 @@ use crate::wire_version::WireVersion;
 /// The image of a `Pair` has `mo16` pixels, quantum 2, a row per channel. A marker is
 /// `256 4`, key, label (each a length and bytes), int32 channel, int64 sample, without codes, so
 /// that a sound with markers is not a bottle and prints as an empty line on a text connection.
-/// The second number tells the layouts apart, and the wire version does not matter.
+/// The second number distinguishes the layouts, independent of the wire version.
 ///
 /// Source: `Pair` from bytes written and read by 3.5.0; the others from `sig/Sound.cpp` of 3.9.0,
 /// 3.12.3 and 4.0.0.
@@ -41,7 +42,7 @@ pub enum SoundLayout {
 }
 
 impl SoundLayout {
-    /// What the newest stock version of a wire version reads.
+    /// Returns the layout that the newest stock version of a wire version reads.
     pub const fn newest(wire_version: WireVersion) -> Self {
         match wire_version {
             WireVersion::V3 => Self::List,
@@ -50,7 +51,7 @@ impl SoundLayout {
     }
 }
 
-/// A sound to be sent in one layout, whoever reads it.
+/// A sound to be sent in one layout, for any reader.
 #[derive(Clone, Copy, Debug)]
 pub struct SoundMessage<'a> {
     sound: &'a Sound,
@@ -58,7 +59,7 @@ pub struct SoundMessage<'a> {
 }
 
 impl Sound {
-    /// The sound as readers of other versions want it.
+    /// Returns the sound as readers of other versions want it.
     pub fn laid_out(&self, layout: SoundLayout) -> SoundMessage<'_> {
         SoundMessage {
             sound: self,

@@ -9,7 +9,7 @@ use crate::message::{Form, Payload, ReadObject, WireObject};
 use crate::stamp::Stamp;
 use crate::wire_version::WireVersion;
 
-/// The code of one float64 in a mixed list.
+/// Returns the code of one float64 in a mixed list.
 fn float64(wire_version: WireVersion) -> i32 {
     float64_list(wire_version) - 256
 }

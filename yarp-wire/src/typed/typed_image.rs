@@ -27,11 +27,11 @@ use crate::wire_version::WireVersion;
 /// ```
 ///
 /// The same bytes are the bottle `[mat] [rgb] (3 size quantum width height) {pixels}`. A row is
-/// padded to a multiple of the quantum, 8 unless told otherwise; what the padding holds has no
-/// meaning. Size is the padded row times the height.
+/// padded to a multiple of the quantum, 8 by default; the content of the padding is ignored. Size
+/// is the padded row times the height.
 ///
-/// **The mark.** Versions differ in what they write next to the quantum, and nothing tells which
-/// version sent an image:
+/// **The mark.** Versions differ in the number next to the quantum, and an image does not state the
+/// version of its sender:
 ///
 /// | version | writes | on reading |
 /// | --- | --- | --- |
@@ -41,9 +41,9 @@ use crate::wire_version::WireVersion;
 /// | 3.10 to 3.12 | always 1, rows from the top | passes over it |
 /// | 4.0 | no mark: quantum is an int32 | takes 1 for a quantum of 65536 more, and loses the message |
 ///
-/// Rows are therefore given in the order they came in, and [`Image::is_marked`] keeps the mark;
-/// whoever knows that the sender is 3.5 to 3.9 applies [`Image::flipped`] to a marked image. We
-/// write 0 unless told otherwise, which every version reads as rows from the top.
+/// Rows are therefore given in the order received, and [`Image::is_marked`] keeps the mark; callers
+/// that know the sender to be 3.5 to 3.9 apply [`Image::flipped`] to a marked image. Images are
+/// written with 0 by default, which every version reads as rows from the top.
 ///
 /// Pixels share the message they were read from. A header whose numbers contradict each other
 /// (size, rows, pixel) is refused before anything is allocated; stock aborts or reads past it.
@@ -56,17 +56,17 @@ pub struct Image {
     pixels: Bytes,
 }
 
-/// Why there can be no such image.
+/// The reason why an image is impossible.
 #[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ImageError {
-    /// Nothing tells how many bytes a pixel has.
+    /// The number of bytes of a pixel is unknown.
     #[error("pixels of code {code} have no known size")]
     UnknownPixel {
         /// The code.
         code: PixelCode,
     },
-    /// Rows padded to no multiple, or to one that the header cannot tell.
+    /// The padding multiple of rows is invalid or exceeds the range of the header.
     #[error("rows padded to a multiple of {quantum} bytes, expected 1 to 32767")]
     Quantum {
         /// The multiple asked for.
@@ -99,14 +99,14 @@ pub enum ImageError {
 }
 
 impl Image {
-    /// An image of `width` x `height` pixels, all bytes 0.
+    /// Returns an image of `width` x `height` pixels, all bytes 0.
     pub fn new(code: PixelCode, width: usize, height: usize) -> Result<Self, ImageError> {
         let header = Header::new(code, width, height, DEFAULT_QUANTUM)?;
         let pixels = vec![0; header.size().expect("checked")].into();
         Ok(Self { header, pixels })
     }
 
-    /// An image of pixels without padding, row after row from the top.
+    /// Returns an image of pixels without padding, row after row from the top.
     ///
     /// Shares `packed` if rows need no padding, and copies it into padded rows otherwise.
     ///
@@ -126,7 +126,7 @@ impl Image {
         Self::from_padded(code, width, height, 1, packed)?.with_quantum(DEFAULT_QUANTUM)
     }
 
-    /// An image of rows padded to multiples of `quantum` bytes. Shares `pixels`.
+    /// Returns an image of rows padded to multiples of `quantum` bytes. Shares `pixels`.
     pub fn from_padded(
         code: PixelCode,
         width: usize,
@@ -144,7 +144,7 @@ impl Image {
         Ok(Self { header, pixels })
     }
 
-    /// The same pixels in rows padded to multiples of `quantum` bytes.
+    /// Returns the same pixels in rows padded to multiples of `quantum` bytes.
     pub fn with_quantum(self, quantum: usize) -> Result<Self, ImageError> {
         let header = self.header.with_quantum(quantum)?;
         if header.stride() == self.header.stride() {
@@ -183,7 +183,7 @@ impl Image {
         Self { header, pixels }
     }
 
-    /// What the pixels are.
+    /// Returns the kind of the pixels.
     pub fn code(&self) -> PixelCode {
         self.header.code
     }
@@ -203,12 +203,12 @@ impl Image {
         self.header.depth
     }
 
-    /// What rows are padded to a multiple of, in bytes. A header of 0 means 8, as in stock.
+    /// Returns the padding multiple of rows, in bytes. A header of 0 means 8, as in stock.
     pub fn quantum(&self) -> usize {
         self.header.padding()
     }
 
-    /// Whether the header has the mark of 3.x, which need not mean anything; see the type.
+    /// Returns whether the header has the mark of 3.x, which need not mean anything; see the type.
     pub fn is_marked(&self) -> bool {
         self.header.marked
     }
@@ -254,16 +254,17 @@ impl Image {
         (0..rows).map(|y| self.row(y).expect("a row of the image"))
     }
 
-    /// The bytes of the pixel in column `x` of row `y`.
+    /// Returns the bytes of the pixel in column `x` of row `y`.
     pub fn pixel(&self, x: usize, y: usize) -> Option<&[u8]> {
         let bytes = self.header.code.stored_bytes(self.header.depth);
         let row = self.row(y).filter(|_| x < self.width())?;
         Some(&row[x * bytes..(x + 1) * bytes])
     }
 
-    /// The numbers of row `y`, channel by channel: `row_of::<f32>` of a `dec` image is its depths.
+    /// Returns the numbers of row `y`, channel by channel: `row_of::<f32>` of a `dec` image gives
+    /// its depths.
     ///
-    /// `None` if there is no such row or its pixels are not made of such numbers.
+    /// `None` if there is no such row or its pixels consist of other numbers.
     pub fn row_of<'a, T>(&'a self, y: usize) -> Option<impl ExactSizeIterator<Item = T> + 'a>
     where
         T: Element + 'a,
@@ -291,7 +292,7 @@ impl WireObject for Image {
     }
 }
 
-/// What is expected where an image begins.
+/// The expected content at the start of an image.
 const WHOLE: &str = "an image whose header agrees with itself";
 
 impl ReadPrefix for Image {

@@ -1,4 +1,4 @@
-//! The frames in which pages talk to ports, RFC 6455.
+//! WebSocket frames between web pages and ports, RFC 6455.
 //!
 //! ```text
 //!   page                                       port
@@ -12,8 +12,8 @@
 //!   close                          ------->    acts as the command `q`
 //! ```
 //!
-//! Text frames count as data like binary ones, as in stock, so what they hold is not checked to be
-//! text. Extensions are not agreed upon.
+//! Text frames count as data like binary ones, as in stock, so their content is not checked to be
+//! text. No extensions are negotiated.
 
 mod websocket_frame;
 mod websocket_handshake;
@@ -21,7 +21,7 @@ mod websocket_handshake;
 pub use websocket_frame::{FrameReader, put_close, put_frame_head};
 pub use websocket_handshake::response;
 
-/// Why a connection of frames cannot go on.
+/// The reason why a WebSocket connection cannot continue.
 #[derive(Clone, Copy, Debug, Eq, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum WebSocketError {
@@ -43,7 +43,7 @@ pub enum WebSocketError {
     /// A ping, pong or close that is cut into pieces or longer than 125 bytes.
     #[error("a control frame in pieces, or of more than 125 bytes")]
     Control,
-    /// A message begins within another, or goes on before it began.
+    /// A message begins within another, or continues before its beginning.
     #[error("a frame out of order")]
     Order,
     /// A frame larger than we take.

@@ -32,7 +32,7 @@ mod kind {
 /// Takes a stream out of the frames of a page; any split of the bytes gives the same stream.
 #[derive(Debug)]
 pub struct FrameReader {
-    /// What the data frames held and nobody used yet.
+    /// The content of the data frames that has not been consumed yet.
     pub stream: BytesMut,
     limit: usize,
     state: State,
@@ -56,7 +56,7 @@ enum State {
     },
 }
 
-/// What stands in front of the bytes of a frame.
+/// The head of a frame.
 struct Head {
     last: bool,
     kind: u8,
@@ -65,7 +65,8 @@ struct Head {
 }
 
 impl FrameReader {
-    /// A reader that stands before the first frame; data frames may have `limit` bytes.
+    /// Creates a reader at the start of the first frame; data frames may have at most `limit`
+    /// bytes.
     pub fn new(limit: usize) -> Self {
         Self {
             stream: BytesMut::new(),
@@ -76,12 +77,12 @@ impl FrameReader {
         }
     }
 
-    /// Whether a close frame has come: nothing more follows.
+    /// Returns whether a close frame was received: nothing follows it.
     pub fn is_closed(&self) -> bool {
         self.closed
     }
 
-    /// Moves what data frames hold from `input` to the stream; answers to other frames go to
+    /// Moves the content of data frames from `input` to the stream; answers to other frames go to
     /// `output`.
     pub fn read(
         &mut self,
@@ -92,8 +93,8 @@ impl FrameReader {
         Ok(())
     }
 
-    /// As [`FrameReader::read`], a step at a time, so that what came can be used before what is
-    /// behind it is looked at; `false` while bytes are missing.
+    /// Performs one step of [`FrameReader::read`], so that earlier frames can be used before later
+    /// ones are parsed; `false` while bytes are missing.
     pub(crate) fn step(
         &mut self,
         input: &mut BytesMut,
@@ -217,14 +218,14 @@ impl FrameReader {
     }
 }
 
-/// Undoes the mask of bytes that stand `at` bytes behind its start.
+/// Removes the mask from bytes at offset `at`.
 fn unmask(bytes: &mut [u8], mask: [u8; MASK], at: usize) {
     for (index, byte) in bytes.iter_mut().enumerate() {
         *byte ^= mask[(at + index) % MASK];
     }
 }
 
-/// Appends what stands in front of a whole binary frame of `length` bytes.
+/// Appends the head of a whole binary frame of `length` bytes.
 pub fn put_frame_head(out: &mut impl BufMut, length: usize) {
     out.put_u8(FIN | kind::BINARY);
     match (u8::try_from(length), u16::try_from(length)) {

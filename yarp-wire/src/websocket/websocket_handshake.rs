@@ -7,12 +7,12 @@ use sha1::{Digest, Sha1};
 use super::WebSocketError;
 use crate::http::Request;
 
-/// What a key is hashed with, from RFC 6455, section 1.3.
+/// The constant hashed with a key, from RFC 6455, section 1.3.
 const GUID: &str = "258EAFA5-E914-47DA-95CA-C5AB0DC85B11";
 /// Bytes of a key.
 const KEY: usize = 16;
 
-/// What a request for frames is answered with; frames follow.
+/// Returns the response to an upgrade request; frames follow.
 pub fn response(request: &Request) -> Result<String, WebSocketError> {
     let key = request.web_socket_key.as_deref();
     let key = key.ok_or(WebSocketError::Handshake)?;

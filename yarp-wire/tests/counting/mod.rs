@@ -13,7 +13,7 @@ thread_local! {
     static MOST: Cell<isize> = const { Cell::new(0) };
 }
 
-/// The most bytes that this thread held at any time during `work`, beyond what it held before.
+/// Returns the peak allocation of this thread during `work`, beyond the previous one, in bytes.
 pub(crate) fn most_held<T>(work: impl FnOnce() -> T) -> (T, usize) {
     let before = HELD.get();
     MOST.set(before);

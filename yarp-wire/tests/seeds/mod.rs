@@ -1,4 +1,4 @@
-//! What the fuzzer starts from: good input of every kind, and bad input of every kind we know.
+//! Seeds of the fuzzer: valid input of every kind, and every known kind of invalid input.
 
 use bytes::BytesMut;
 use yarp_wire::auth::{Key, KeyHandshake};
@@ -160,7 +160,7 @@ fn acceptor() -> Vec<Vec<u8>> {
     seeds
 }
 
-/// Recorded answers, then made ones for each carrier; in front carrier, generation, messages sent
+/// Recorded answers, then made ones for each carrier; in front carrier, wire version, messages sent
 /// and step.
 fn initiator() -> Vec<Vec<u8>> {
     let with = |head: [u8; 4], name: &str| [head.to_vec(), vector(name, "answered")].concat();
@@ -282,7 +282,7 @@ fn typed_messages() -> Vec<Vec<u8>> {
     seeds
 }
 
-/// Responses with parts, one of which does not say its length, and the head of a picture.
+/// Returns responses with parts, one of which has no announced length, and the head of an image.
 fn streams() -> Vec<Vec<u8>> {
     let picture = b"\xff\xd8\xff\xe0\0\x04xx\xff\xfe\0\x087 1.5\0\xff\xda\0\x02y\xff\xd9";
     let mut own = BytesMut::from(RESPONSE);
@@ -294,7 +294,7 @@ fn streams() -> Vec<Vec<u8>> {
     vec![own.to_vec(), camera.to_vec(), picture.to_vec()]
 }
 
-/// A message in pieces with a ping between them; a close frame; a length that lies.
+/// Returns a message in pieces with a ping between them; a close frame; a length that lies.
 fn frames() -> Vec<Vec<u8>> {
     vec![
         b"\x01\x83\0\0\0\0abc\x89\x82\x01\x02\x03\x04hi\x80\xfe\0\x01\0\0\0\0d".to_vec(),
@@ -322,20 +322,20 @@ fn segments() -> Vec<Vec<u8>> {
     heads.into_iter().enumerate().map(seed).collect()
 }
 
-/// The carriers of the targets, each with its place.
+/// Returns the carriers of the targets, each with its place.
 fn on_the_wire() -> impl Iterator<Item = (u8, &'static Carrier)> {
     (0..CARRIERS.len() as u8).filter_map(|place| Some((place, carrier_at(place)?)))
 }
 
-/// For each carrier of the targets what writers send behind their header; in front its place and
-/// the step.
+/// Returns, for each carrier of the targets, the bytes of a writer after its header; preceded by
+/// its index and the step.
 fn behind_headers() -> Vec<Vec<u8>> {
     on_the_wire()
         .map(|(place, carrier)| [&[place, 7][..], &behind_header(carrier)].concat())
         .collect()
 }
 
-/// What a writer sends behind its header.
+/// Returns the bytes of a writer after its header.
 fn behind_header(carrier: &'static Carrier) -> BytesMut {
     let content = Bottle::parse("1 0.5 (a \"b\")").unwrap();
     let mut bytes = BytesMut::new();
@@ -362,8 +362,8 @@ fn behind_header(carrier: &'static Carrier) -> BytesMut {
     bytes
 }
 
-/// For each carrier of the targets what a reader answers to two requests and two messages; in
-/// front its place, what was sent and the step.
+/// Returns, for each carrier of the targets, a reader's answers to two requests and two messages;
+/// preceded by its index, the sent items and the step.
 fn from_readers() -> Vec<Vec<u8>> {
     let seed = |(place, carrier): (u8, &'static Carrier)| {
         let answers = answers_on(carrier);
@@ -381,7 +381,7 @@ fn from_readers() -> Vec<Vec<u8>> {
 /// Requests and messages in turn, as the targets read it.
 const SENT: u8 = 0b10_01_10_01;
 
-/// What a reader answers to [`SENT`].
+/// Returns a reader's answers to [`SENT`].
 fn answers_on(carrier: &'static Carrier) -> BytesMut {
     let content = Bottle::parse("1 0.5 (a \"b\")").unwrap();
     let mut answers = BytesMut::new();
@@ -398,7 +398,7 @@ fn answers_on(carrier: &'static Carrier) -> BytesMut {
     answers
 }
 
-/// The side and the size of its steps in front; the key and the nonces are those of the target.
+/// Returns the side and the size of its steps in front; the key and the nonces are those of the target.
 fn handshakes() -> Vec<Vec<u8>> {
     let key = Key::new(b"fuzz").unwrap();
     let (mut first, mut second, mut third) = (BytesMut::new(), BytesMut::new(), BytesMut::new());

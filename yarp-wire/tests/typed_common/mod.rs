@@ -7,7 +7,7 @@ use yarp_wire::WireVersion;
 use yarp_wire::bottle::DecodeError;
 use yarp_wire::message::{ReadObject, WireObject};
 
-/// The bytes that hexadecimal digits stand for, blanks left out.
+/// Returns the bytes of hexadecimal digits, ignoring blanks.
 pub(crate) fn bytes(hex: &str) -> Bytes {
     let digits: Vec<u8> = hex.bytes().filter(u8::is_ascii_hexdigit).collect();
     let pairs = digits
@@ -18,14 +18,14 @@ pub(crate) fn bytes(hex: &str) -> Bytes {
         .collect()
 }
 
-/// What is written for readers of a wire version.
+/// Returns the encoding for readers of a wire version.
 pub(crate) fn written(object: &dyn WireObject, wire_version: WireVersion) -> Bytes {
     let mut out = BytesMut::new();
     object.write_binary(&mut out, wire_version);
     out.freeze()
 }
 
-/// What is written on a text connection.
+/// Returns the encoding on a text connection.
 pub(crate) fn text(object: &dyn WireObject) -> String {
     let mut out = BytesMut::new();
     object.write_text(&mut out);

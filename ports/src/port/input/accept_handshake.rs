@@ -1,4 +1,4 @@
-//! How an incoming connection begins: who may come, with what, and what it goes on over.
+//! The beginning of an incoming connection: rights, modifiers and transport.
 
 use std::io;
 use std::net::SocketAddrV4;
@@ -18,7 +18,7 @@ use crate::socket::{self, ReadBuffer, Socket};
 use crate::{shmem, unix_socket, version_probe};
 
 impl Connection {
-    /// Goes on once the header is complete: may this peer come, and can it have what it asks for?
+    /// Continues after the header: checks the rights of the peer and its modifiers.
     pub(super) fn begin(
         &mut self,
         carrier: &'static Carrier,
@@ -26,7 +26,7 @@ impl Connection {
         group: Option<SocketAddrV4>,
     ) -> Next {
         self.sender = sender;
-        // A port that comes over a carrier that pushes comes to write.
+        // A peer over a pushing carrier connects to write.
         let wants = match carrier.push {
             true => is_port(&self.sender.name).then_some(Right::Write),
             false => Some(Right::Read),
@@ -42,7 +42,7 @@ impl Connection {
         let opened = self.opened(carrier);
         self.header_reply_len = self.output.len();
         if !matches!(opened, Ok(true)) {
-            // Without the header reply the peer knows that there is no connection.
+            // The missing header reply tells the peer that there is no connection.
             self.output.clear();
         }
         match (opened, carrier.transport) {
@@ -60,7 +60,7 @@ impl Connection {
         }
     }
 
-    /// Whether a peer that has just come may be replied to in a form that its generation has to be known for.
+    /// Returns whether a new peer may need replies in a form that depends on its wire version.
     pub(super) fn may_want_replies(&self, next: &Next, carrier: &Carrier) -> bool {
         let replies = match &self.core.options.input {
             Input::Discard => false,
@@ -68,7 +68,7 @@ impl Connection {
             Input::Handler(_) => true,
         };
         let goes_on = !matches!(next, Next::Stop(_) | Next::Datagrams(_));
-        // Who has said more already does not wait.
+        // A peer that has sent more already does not wait.
         let waits = self.input.bytes.is_empty();
         replies
             && goes_on
@@ -77,8 +77,8 @@ impl Connection {
             && is_port(&self.sender.name)
     }
 
-    /// Asks a port that comes which generation it is of, while it waits for the answer to its header.
-    /// Later is too late: a port of stock's takes no connection while it waits for a reply.
+    /// Asks a connecting port for its wire version while it waits for the header reply. Later is
+    /// too late: a stock port accepts no connection while it waits for a reply.
     pub(super) async fn probe_caller_version(&mut self) {
         let core = self.core.clone();
         if let Some(wire_version) =
@@ -88,7 +88,7 @@ impl Connection {
         }
     }
 
-    /// Takes note of the connection; `false` if there is a younger one of the same name.
+    /// Records the connection; `false` if a newer one has the same name.
     fn opened(&mut self, carrier: &'static Carrier) -> Result<bool, MonitorError> {
         self.record_activity();
         let sender = &self.sender;
@@ -98,7 +98,7 @@ impl Connection {
             .monitors(&sender.modifiers, MonitorSide::Receive, ends)?;
         let mut text = carrier.name.to_owned();
         for (key, value) in &sender.modifiers {
-            // As in stock, also those without a value have the dot.
+            // As in stock, keys without a value also have the dot.
             text.push('+');
             text.push_str(key);
             text.push('.');
@@ -152,7 +152,7 @@ impl Connection {
         self.input = ReadBuffer::default();
     }
 
-    /// Tells a peer that speaks no carrier of ours what it may try.
+    /// Sends a hint to a peer that uses no known carrier.
     pub(super) async fn refuse(&mut self, error: &ProtocolError) {
         if matches!(error, ProtocolError::UnknownCarrier { .. }) {
             self.output.extend_from_slice(REFUSAL.as_bytes());

@@ -15,26 +15,26 @@ use crate::port::socket_qos::SocketHandle;
 use crate::socket;
 use crate::udp_socket;
 
-/// Where datagrams arrive and become messages.
+/// Receives datagrams and reassembles messages.
 pub(super) struct Datagrams {
     pub(super) socket: Arc<UdpSocket>,
     reader: DatagramReassembler,
 }
 
 impl Connection {
-    /// Serves what comes as datagrams until the writer ends it, or is found to be gone.
+    /// Serves a datagram connection until the writer closes it, or is found to be gone.
     pub(super) async fn run_watched(&mut self, group: Option<SocketAddrV4>) -> End {
         let (core, from, meter) = (self.core.clone(), self.from.clone(), self.meter.clone());
         tokio::select! {
-            // What has arrived is served first.
+            // Received messages are served first.
             biased;
             end = self.run_datagrams(group) => end,
             reason = datagram_liveness::wait_until_gone(&core, &from, &meter) => End::Gone(reason),
         }
     }
 
-    /// Serves what comes as datagrams: to the group, or to a socket that the peer is told of.
-    /// The peer ends it by a message to the port, or by another connection of the same name.
+    /// Serves datagrams to the group, or to a socket whose port is sent to the peer. The peer
+    /// closes the connection by a message to the port, or by another connection of the same name.
     async fn run_datagrams(&mut self, group: Option<SocketAddrV4>) -> End {
         let mut datagrams = match self.datagrams.take() {
             Some(datagrams) => datagrams,
@@ -70,7 +70,7 @@ impl Connection {
                     if let Next::Stop(end) = self.message(message).await {
                         return end;
                     }
-                    // Nothing can be said back.
+                    // Replies are impossible.
                     self.output.clear();
                 }
                 Err(error) => {

@@ -1,4 +1,4 @@
-//! What is done with what comes on a connection, and what is said to that.
+//! Handling of the messages of a connection, and the replies.
 
 use std::pin::pin;
 
@@ -14,12 +14,12 @@ use crate::port::received_message::{Answer, Received, Reply};
 use crate::port::text_commands::{HELP, NOT_UNDERSTOOD};
 use crate::roles::Right;
 
-/// How far a message has come.
+/// The state of a message.
 pub(super) enum Step {
     Done(Next),
-    /// It is on its way to the owner; tells whether the sender wants a reply.
+    /// It is on its way to the owner; returns whether the sender wants a reply.
     Dispatch(Dispatch, bool),
-    /// It is not for the owner, or not from who may write.
+    /// It is not for the owner, or the sender lacks the right to write.
     Command(Command, Payload),
 }
 
@@ -38,7 +38,7 @@ impl Connection {
         }
     }
 
-    /// Does with a message what needs no waiting: for most that is all.
+    /// Performs the part of a message's handling that needs no waiting: for most that is all.
     pub(super) fn handle_now(&mut self, message: Message) -> Step {
         self.was_valid = true;
         self.record_activity();
@@ -69,7 +69,7 @@ impl Connection {
         Step::Done(next)
     }
 
-    /// Does what is left to do with a message.
+    /// Performs the rest of a message's handling.
     pub(super) async fn handle_rest(&mut self, left: Step) -> Next {
         let next = match left {
             Step::Done(next) => return next,
@@ -77,7 +77,7 @@ impl Connection {
                 let answer = self.finish(dispatch).await;
                 self.answer(answer, reply)
             }
-            // Who may not write.
+            // The peer has no right to write.
             Step::Command(Command::Data { reply, .. }, _) => {
                 if !reply {
                     return Next::Stop(End::NotAllowed(Right::Write));
@@ -101,7 +101,7 @@ impl Connection {
         next
     }
 
-    /// The answer to an admin request, or to who may not make it.
+    /// Returns the answer to an admin request, or the refusal.
     pub(in crate::port) async fn administer(&mut self, request: &Bottle) -> Bottle {
         if let Some(right) =
             admin_commands::required_right(request).filter(|right| !self.may(*right))
@@ -112,14 +112,14 @@ impl Connection {
         self.wait_for(Box::pin(core.administer(request))).await
     }
 
-    /// Hands a message to the owner and waits for the reply, if there is to be one; tells whether
-    /// the connection shall end with it.
+    /// Dispatches a message to the owner and waits for the reply, if one is expected; returns it
+    /// and whether the connection must close after it.
     pub(in crate::port) async fn deliver(&mut self, received: Received) -> (Option<Reply>, bool) {
         let dispatch = self.dispatch(received);
         self.finish(dispatch).await
     }
 
-    /// Hands a message to the owner, unless there is more for it to pass.
+    /// Dispatches a message to the owner directly, unless monitors or loggers are involved.
     fn dispatch(&self, received: Received) -> Dispatch {
         match self.monitors.is_some() || self.core.is_watched() {
             true => Dispatch::Watched(received),
@@ -127,7 +127,8 @@ impl Connection {
         }
     }
 
-    /// Waits for what is left to wait for, which is pinned here: by value it would be in each connection twice.
+    /// Waits for the rest of the dispatch, which is pinned here: by value each connection would
+    /// store it twice.
     async fn finish(&mut self, dispatch: Dispatch) -> (Option<Reply>, bool) {
         let core = self.core.clone();
         match dispatch {
@@ -159,8 +160,8 @@ impl Connection {
         }
     }
 
-    /// On a binary connection a sender that asked for a reply must get one: without it a stock
-    /// sender takes the acknowledgement for the reply and hangs. People at a terminal get none.
+    /// On a binary connection a sender that requested a reply must get one: without it a stock
+    /// sender takes the acknowledgement for the reply and hangs. A terminal gets none.
     fn reply_nothing(&mut self, wanted: bool) {
         let binary = self
             .acceptor
@@ -181,7 +182,8 @@ impl Connection {
         }
     }
 
-    /// What a person is told who gives this command, or how the connection ends with it.
+    /// Executes a command; returns the text for a terminal, or the reason for closing the
+    /// connection.
     pub(in crate::port) async fn execute(&mut self, command: Command) -> Result<String, End> {
         let core = self.core.clone();
         let needed = match command {

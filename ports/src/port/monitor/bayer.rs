@@ -1,4 +1,4 @@
-//! `recv.bayer`: raw images of cameras, one colour to a pixel, as `rgb` images.
+//! `recv.bayer`: raw Bayer images of cameras, converted to `rgb` images.
 //!
 //! | option | values |
 //! | --- | --- |
@@ -6,18 +6,19 @@
 //! | `method` | `bilinear` (usual), `nearest`, `simple`, `hqlinear`, `edgesense`, `vng`, `ahd`, `downsample` |
 //! | `size` | `half`: a pixel for each four; as `downsample` |
 //!
-//! As in stock, rows of a length that is no multiple of 8 are always made by means of the
-//! neighbours that there are, and the other methods leave an edge black that lacks neighbours.
-//! `vng` and `ahd` take several times as long as the others. Stock's `edgesense` does nothing since the library it uses took
-//! it out for a patent, and gives whatever stood in memory; here it is what the name says. What is
-//! no image is stopped.
+//! As in stock, images with a row length that is not a multiple of 8 are always interpolated from
+//! the available neighbours, and the other methods leave a black edge where neighbours are missing.
+//! `vng` and `ahd` take several times as long as the others. Stock's `edgesense` has done nothing
+//! since its library removed it because of a patent, and returns uninitialised memory; here it
+//! works as named. Messages that are not images are stopped.
 //!
-//! Source: images that 3.5.0 made, byte for byte; `hqlinear` is by Malvar, He and Cutler,
+//! Source: images produced by 3.5.0, byte for byte; `hqlinear` is by Malvar, He and Cutler,
 //! "High-quality linear interpolation for demosaicing of Bayer-patterned color images", 2004;
-//! `edgesense` by Hibbard, US patent 5,382,976 of 1995 (expired), as Ramanath, Snyder, Bilbro and
-//! Sander tell it in "Demosaicking methods for Bayer color arrays", 2002: green is the mean along
-//! the direction in which it changes less, and the other colours are as far from green as the mean
-//! of their neighbours. Means are rounded, halves up. [`vng`] and [`ahd`] tell theirs.
+//! `edgesense` by Hibbard, US patent 5,382,976 of 1995 (expired), as described by Ramanath, Snyder,
+//! Bilbro and Sander in "Demosaicking methods for Bayer color arrays", 2002: green is the mean
+//! along the direction in which it changes less, and the differences of the other colours from
+//! green are the means of those of their neighbours. Means are rounded, halves up. [`vng`] and
+//! [`ahd`] name their sources.
 
 mod ahd;
 #[cfg(test)]
@@ -34,7 +35,7 @@ use yarp_wire::typed::{Image, PixelCode};
 use super::depth_image::{image, of_image};
 use super::{Made, Monitor, MonitorSetup, Passing};
 
-/// How the colours that a pixel lacks are found.
+/// The method of interpolating missing colours.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 enum Method {
     Bilinear,
@@ -58,7 +59,7 @@ const METHODS: [(&str, Method); 8] = [
     ("downsample", Method::Half),
 ];
 
-/// Where the first red pixel stands.
+/// The position of the first red pixel.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 struct Order {
     red_x: usize,
@@ -78,7 +79,7 @@ pub(super) struct Bayer {
     order: Order,
 }
 
-/// What an option chooses out of a table; the first if it is not given.
+/// Looks up the value of an option in a table; the first entry by default.
 fn choice<T: Copy>(setup: &MonitorSetup, name: &str, table: &[(&str, T)]) -> Result<T, String> {
     let Some(wanted) = setup.option(name).map(Value::to_plain_string) else {
         return Ok(table[0].1);
@@ -100,7 +101,7 @@ impl Bayer {
         Ok(Arc::new(Self { method, order }))
     }
 
-    /// The image in colour; `None` if the message is no image of raw pixels.
+    /// Returns the image in colour; `None` if the message is no image of raw pixels.
     fn coloured(&self, payload: &Payload) -> Option<Image> {
         let image = image(payload)?;
         let raw = match image.code() {
@@ -138,7 +139,7 @@ struct Raw<'a> {
     order: Order,
 }
 
-/// What a pixel has.
+/// The colour of a pixel in the raw image.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 enum Has {
     Red,
@@ -150,7 +151,7 @@ enum Has {
 }
 
 impl Has {
-    /// Its place among red, green and blue.
+    /// Returns its place among red, green and blue.
     fn colour(self) -> usize {
         match self {
             Self::Red => 0,
@@ -207,18 +208,18 @@ impl Raw<'_> {
         }
     }
 
-    /// The pixel that is so far to the right and down; it must exist.
+    /// Returns the pixel that is so far to the right and down; it must exist.
     fn at(&self, x: usize, y: usize, (dx, dy): (isize, isize)) -> i32 {
         let (x, y) = (x.wrapping_add_signed(dx), y.wrapping_add_signed(dy));
         i32::from(self.pixels[y * self.width + x])
     }
 
-    /// Whether the pixel has so many neighbours on each side.
+    /// Returns whether the pixel has this many neighbours on each side.
     fn is_inside(&self, x: usize, y: usize, edge: usize) -> bool {
         x >= edge && y >= edge && x + edge < self.width && y + edge < self.height
     }
 
-    /// The mean of those of four or two neighbours that there are, rounded down.
+    /// Returns the mean of those of four or two neighbours that there are, rounded down.
     fn mean(&self, x: usize, y: usize, offsets: &[(isize, isize)]) -> u8 {
         let (mut sum, mut count) = (0, 0);
         for offset in offsets {
@@ -267,7 +268,7 @@ impl Raw<'_> {
         })
     }
 
-    /// The colours of the square that the pixel begins; `None` at the right and lower edge.
+    /// Returns the colours of the square that the pixel begins; `None` at the right and lower edge.
     fn square(&self, x: usize, y: usize) -> Option<[i32; 4]> {
         let inside = x + 1 < self.width && y + 1 < self.height;
         inside.then(|| [(0, 0), (1, 0), (0, 1), (1, 1)].map(|offset| self.at(x, y, offset)))
@@ -325,7 +326,7 @@ impl Raw<'_> {
         })
     }
 
-    /// The green of a pixel that has a neighbour on each side.
+    /// Returns the green of a pixel that has a neighbour on each side.
     fn green_along_edges(&self, x: usize, y: usize) -> i32 {
         if matches!(self.has(x, y), Has::GreenByRed | Has::GreenByBlue) {
             return self.at(x, y, (0, 0));
@@ -348,7 +349,7 @@ impl Raw<'_> {
         let own = at((0, 0));
         let (corners, far_beside, far_above) = (sum(&CORNERS), sum(&FAR_BESIDE), sum(&FAR_ABOVE));
         let far = far_beside + far_above;
-        // Of a green pixel: the colour that stands beside it, and the one above and below.
+        // For a green pixel: the colours beside it, and above and below it.
         let beside = || {
             let across = (far_above + 1) >> 1;
             round(5 * own + 4 * sum(&BESIDE) - far_beside - corners + across)
@@ -357,7 +358,7 @@ impl Raw<'_> {
             let across = (far_beside + 1) >> 1;
             round(5 * own + 4 * sum(&ABOVE) - far_above - corners + across)
         };
-        // Of the others: green, and the colour that stands at the corners.
+        // For the others: green, and the colour at the corners.
         let green = || round(4 * own + 2 * sum(&CROSS) - far);
         let other = || round(6 * own + 2 * corners - ((3 * far + 1) >> 1));
         match self.has(x, y) {

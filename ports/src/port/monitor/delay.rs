@@ -15,7 +15,7 @@ use super::{Made, Monitor, MonitorSetup, Passing, parameter, wanted};
 /// The longest that a message may be held back.
 const MAX_DELAY: Duration = Duration::from_secs(60);
 
-/// How long, in microseconds.
+/// Delay in microseconds.
 #[derive(Debug)]
 pub(super) struct Delay(AtomicU64);
 

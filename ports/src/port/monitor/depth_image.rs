@@ -14,20 +14,20 @@ use yarp_wire::{Bottle, Limits, Value, WireVersion};
 use super::zlib::{deflate, inflate, of_bottle};
 use super::{Made, Monitor, MonitorSetup, MonitorSide, Passing};
 
-/// Distances that are shown, in metres. Others, and what is no number, are black.
+/// Range of distances that are shown, in metres. Others, and NaN, are black.
 const SHOWN_METRES: std::ops::RangeInclusive<f64> = 0.2..=10.0;
 
-/// The image that a message is.
+/// Returns the image that a message is.
 pub(super) fn image(payload: &Payload) -> Option<Image> {
     Image::read(payload).ok()
 }
 
-/// The image of distances that a message is.
+/// Returns the image of distances that a message is.
 fn distances(payload: &Payload) -> Option<Image> {
     image(payload).filter(|image| image.code() == PixelCode::MONO_FLOAT)
 }
 
-/// A message that is an image.
+/// Returns a message that is an image.
 pub(super) fn of_image(image: &Image) -> Payload {
     let wire_version = WireVersion::default();
     let mut bytes = BytesMut::new();
@@ -35,7 +35,7 @@ pub(super) fn of_image(image: &Image) -> Payload {
     Payload::new(bytes.freeze(), Form::Binary(wire_version))
 }
 
-/// An image made out of another, each pixel out of its distance.
+/// Returns an image made out of another, each pixel out of its distance.
 fn coloured<const N: usize>(
     image: &Image,
     code: PixelCode,

@@ -12,13 +12,13 @@ use super::zlib::of_bottle;
 use super::{Made, Monitor, MonitorSetup, MonitorSide, Passing};
 use crate::port::jpeg;
 
-/// What a compressed image begins with.
+/// The first item of a compressed image.
 const JPEG: Vocab32 = Vocab32::new("jpeg");
 
-/// Images as JPEG: on the way a bottle of `[jpeg]`, the pixel code, an int32, and a blob.
+/// Images as JPEG: on the wire a bottle of `[jpeg]`, the pixel code, an int32, and a blob.
 ///
-/// Stock compresses images with the codecs of ffmpeg, which are C; it cannot read this. What is
-/// no image, or one that JPEG cannot show, passes as it is.
+/// Stock compresses images with the codecs of ffmpeg, which are C; it cannot read this. Messages
+/// that are not images, or that JPEG cannot represent, pass unchanged.
 #[derive(Debug)]
 pub(super) struct Jpeg(MonitorSide);
 
@@ -56,7 +56,7 @@ fn compress(payload: &Payload) -> Option<Payload> {
     ])))
 }
 
-/// The image expanded, or the message as it came if it is none; `None` for a broken picture.
+/// Decodes the image; other messages pass unchanged; `None` for an invalid JPEG image.
 fn expand(payload: &Payload) -> Option<Payload> {
     let bottle = payload.to_bottle().unwrap_or_default();
     let [Value::Vocab32(JPEG), Value::Int32(code), Value::Blob(jpeg)] = bottle.as_slice() else {
@@ -73,7 +73,7 @@ fn expand(payload: &Payload) -> Option<Payload> {
     Some(of_image(&image))
 }
 
-/// Images in grey; what is no image, or has pixels without a grey, passes as it is.
+/// Images in grey; other messages, and pixels without a grey value, pass unchanged.
 #[derive(Debug)]
 pub(super) struct ToMono;
 

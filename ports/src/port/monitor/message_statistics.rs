@@ -1,7 +1,7 @@
-//! `statistics`: counts what passes and tells by `[get]`.
+//! `statistics`: counts messages and reports the counts by `[get]`.
 //!
-//! Stock's `stats_monitor` of 4.0 opens two ports that tell bytes and messages per second; this
-//! one takes its name too, so that connections that ask for it are made, and opens none.
+//! Stock's `stats_monitor` of 4.0 opens two ports that report bytes and messages per second; this
+//! one accepts its name too, so that such connections work, but opens none.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};

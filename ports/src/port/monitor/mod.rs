@@ -1,33 +1,32 @@
-//! Monitors: what happens to the messages of a connection on their way.
+//! Monitors: inspection and modification of the messages of a connection.
 //!
-//! A carrier string asks for them: `tcp+send.portmonitor+type.dll+file.NAME` for what the writer
-//! sends, `recv.` for what the reader takes in. Here they are built in, under the names of stock's
-//! plugins where stock has one. The admin requests `[atch]` and `[dtch]` put one monitor on
-//! everything that a port writes or reads.
+//! A carrier string requests them: `tcp+send.portmonitor+type.dll+file.NAME` at the writer, `recv.`
+//! at the reader. They are built in, under the names of stock's plugins where stock has one. The
+//! admin requests `[atch]` and `[dtch]` attach one monitor to everything that a port writes or
+//! reads.
 //!
-//! | `file.` | stock's | what it does | parameters |
+//! | `file.` | stock's | function | parameters |
 //! | --- | --- | --- | --- |
 //! | `bottle_compression_zlib` | yes | compresses at the writer, expands at the reader | |
 //! | `depthimage_compression_zlib` | yes | the same for images of `dec` pixels | |
 //! | `depthimage_to_mono`, `depthimage_to_rgb` | yes | depths of 0.2 to 10 m as grey or colour | |
 //! | `throttleDown` | yes | lets one message through per period | `period_ms`, 1000 |
 //! | `simulated_network_delay` | yes | holds each message back | `delay_ms`, 0 |
-//! | `stats_monitor`, `statistics` | by name | counts; `[get]` tells | |
-//! | `image_compression_jpeg` | no | images as JPEG between two of our ports | |
+//! | `stats_monitor`, `statistics` | by name | counts; `[get]` returns the counts | |
+//! | `image_compression_jpeg` | no | images as JPEG between two ports of this implementation | |
 //! | `image_to_mono` | no | images in grey | |
 //!
-//! | modifier | side | what it does | parameters |
+//! | modifier | side | function | parameters |
 //! | --- | --- | --- | --- |
 //! | `portmonitor` | both | the monitors above | `type`, `file`; more with `type1`, `file1` and so on |
-//! | `bayer` | `recv` | raw images of cameras in colour ([`bayer`]) | `order`, `method`, `size` |
-//! | `priority` | `recv` | which of several writers is heard ([`priority`]) | `tc`, `tr`, `st`, `bs`, `ex`, `virtual` |
+//! | `bayer` | `recv` | Bayer images of cameras to colour ([`bayer`]) | `order`, `method`, `size` |
+//! | `priority` | `recv` | selects one of several writers ([`priority_arbiter`]) | `tc`, `tr`, `st`, `bs`, `ex`, `virtual` |
 //!
 //! Options after `send.` are for the writer and those after `recv.` for the reader, as in 4.0; if
 //! they name no `file`, all options of the carrier string count, as in 3.x.
 //!
-//! A monitor runs on the task of its connection and holds no lock while it works; a message of
-//! more than a few kilobytes is worked on where tasks may block. A connection without monitors
-//! pays nothing for them.
+//! A monitor runs on the task of its connection and holds no lock; a message of more than a few
+//! kilobytes is processed where tasks may block. A connection without monitors has no overhead.
 //!
 //! Source: the sources of 3.5.0 and 4.0.0; the names marked `yes` were checked against stock's
 //! plugins of 4.0.0 in a port of 3.5.0.
@@ -54,15 +53,15 @@ pub(super) use monitor_chain::{Attached, Chain, Outgoing};
 pub(super) use monitor_task::run as stage;
 pub(super) use priority_arbiter::Arbiter;
 
-/// Something that looks at the messages of a connection, changes them, or stops them.
+/// A monitor inspects the messages of a connection, changes them, or stops them.
 ///
-/// Called for one message after the other; [`get`](Self::get) and [`set`](Self::set) may be called
-/// meanwhile. Must not wait: [`Passing::delay`] does.
+/// Called for each message in order; [`get`](Self::get) and [`set`](Self::set) may be called
+/// concurrently. Must not block: use [`Passing::delay`] instead.
 pub trait Monitor: Send + Sync {
-    /// What goes on in place of `message`; `None` stops it.
+    /// Returns the message to pass on in place of `message`; `None` stops it.
     fn update(&self, message: Passing) -> Option<Passing>;
 
-    /// What goes on in place of a reply, at the port that asked.
+    /// Returns the reply to pass on in place of `reply`, at the port that sent the request.
     fn reply(&self, reply: Payload) -> Payload {
         reply
     }
@@ -70,7 +69,7 @@ pub trait Monitor: Send + Sync {
     /// Sets parameters, given as lists of a name and a value; unknown ones are passed over.
     fn set(&self, _parameters: &Bottle) {}
 
-    /// The parameters, as lists of a name and a value.
+    /// Returns the parameters, as lists of a name and a value.
     fn get(&self) -> Bottle {
         Bottle::new()
     }
@@ -82,12 +81,12 @@ pub trait Monitor: Send + Sync {
 pub struct Passing {
     /// The content.
     pub payload: Payload,
-    /// How long it is to be held back, which holds those behind it back, too.
+    /// Delay of this message, which also delays the following ones.
     pub delay: Duration,
 }
 
 impl Passing {
-    /// A message that is not held back.
+    /// Creates a message that is not held back.
     pub fn new(payload: Payload) -> Self {
         let delay = Duration::ZERO;
         Self { payload, delay }
@@ -100,7 +99,7 @@ impl Passing {
     }
 }
 
-/// Which end of a connection a monitor is at.
+/// The end of a connection that a monitor is at.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum MonitorSide {
     /// The writer's.
@@ -110,7 +109,7 @@ pub enum MonitorSide {
 }
 
 impl MonitorSide {
-    /// The key in carrier strings.
+    /// Returns the key in carrier strings.
     pub(super) const fn key(self) -> &'static str {
         match self {
             Self::Send => "send",
@@ -119,23 +118,23 @@ impl MonitorSide {
     }
 }
 
-/// What a monitor is made for.
+/// The parameters for creating a monitor.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct MonitorSetup {
-    /// Which end it is at.
+    /// The end of the connection.
     pub side: MonitorSide,
     /// The writer; empty for a monitor on all that a port reads.
     pub from: String,
     /// The reader; empty for a monitor on all that a port writes.
     pub to: String,
-    /// What the carrier string or the request says, as lists of a name and a value.
+    /// The options in the carrier string or the request, as lists of a name and a value.
     pub options: Bottle,
     arbiter: Arc<Arbiter>,
 }
 
 impl MonitorSetup {
-    /// What a connection from one port to another has its monitors made for.
+    /// Creates the parameters for a connection from one port to another.
     pub fn new(side: MonitorSide, from: &str, to: &str, options: Bottle) -> Self {
         Self {
             side,
@@ -146,12 +145,12 @@ impl MonitorSetup {
         }
     }
 
-    /// The value of an option.
+    /// Returns the value of an option.
     pub fn option(&self, name: &str) -> Option<&Value> {
         self.options.find_group(name)?.get(1)
     }
 
-    /// The number that an option is, if it is given.
+    /// Returns the number that an option is, if it is given.
     pub fn number(&self, name: &str) -> Result<Option<f64>, String> {
         match self.option(name) {
             None => Ok(None),
@@ -163,7 +162,7 @@ impl MonitorSetup {
     }
 }
 
-/// Makes a monitor for a connection, or says why its options do not do.
+/// Creates a monitor for a connection, or returns the reason for refusing its options.
 pub type MonitorFactory =
     Arc<dyn Fn(&MonitorSetup) -> Result<Arc<dyn Monitor>, String> + Send + Sync>;
 
@@ -174,18 +173,18 @@ pub(super) struct OwnMonitor {
     pub(super) factory: MonitorFactory,
 }
 
-/// Why a connection does not get the modifier or monitor that it asks for.
+/// The reason why a connection does not get the requested modifier or monitor.
 #[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MonitorError {
     /// There is no such modifier here.
     #[error("there is no modifier {name:?} for `{side}`; known are {known}")]
     NoModifier {
-        /// What was asked for.
+        /// The requested name.
         name: String,
         /// `send` or `recv`.
         side: &'static str,
-        /// What there is.
+        /// The known names.
         known: String,
     },
     /// A modifier where a carrier belongs.
@@ -197,7 +196,7 @@ pub enum MonitorError {
     /// Monitors are built in.
     #[error("there are no monitors of type {name:?} here; known is `type.dll`, with {known}")]
     NoType {
-        /// What was asked for.
+        /// The requested type.
         name: String,
         /// The monitors there are.
         known: String,
@@ -205,9 +204,9 @@ pub enum MonitorError {
     /// There is no such monitor here.
     #[error("there is no monitor {name:?}; known are {known}")]
     NoMonitor {
-        /// What was asked for.
+        /// The requested name.
         name: String,
-        /// What there is.
+        /// The known names.
         known: String,
     },
     /// The options do not do.
@@ -215,7 +214,7 @@ pub enum MonitorError {
     Options {
         /// The modifier or monitor.
         name: String,
-        /// What is wrong.
+        /// The reason.
         reason: String,
     },
 }
@@ -254,7 +253,7 @@ impl fmt::Debug for dyn Monitor {
     }
 }
 
-/// A monitor, or modifier of readers, that is built in; connections make their own.
+/// Returns a monitor, or modifier of readers, that is built in; connections make their own.
 pub fn built_in(name: &str, setup: &MonitorSetup) -> Result<Arc<dyn Monitor>, MonitorError> {
     let receivers = match setup.side {
         MonitorSide::Send => &RECEIVERS[..0],
@@ -273,17 +272,17 @@ pub fn built_in(name: &str, setup: &MonitorSetup) -> Result<Arc<dyn Monitor>, Mo
     })
 }
 
-/// The names of the monitors that are built in.
+/// Returns the names of the monitors that are built in.
 pub fn built_in_names() -> impl Iterator<Item = &'static str> {
     MONITORS.iter().map(|(name, _)| *name)
 }
 
-/// The names of the modifiers of connections: `portmonitor` and those that readers may have.
+/// Returns the names of the modifiers of connections: `portmonitor` and those that readers may have.
 pub fn modifier_names() -> impl Iterator<Item = &'static str> {
     std::iter::once(PORTMONITOR).chain(RECEIVERS.iter().map(|(name, _)| *name))
 }
 
-/// Whether a name that stands where a carrier belongs is a modifier.
+/// Returns whether a name in place of a carrier is a modifier.
 pub(super) fn is_modifier(name: &str) -> bool {
     modifier_names().any(|known| known == name)
 }
@@ -293,7 +292,7 @@ fn parameter(name: &str, value: impl Into<Value>) -> Value {
     Bottle::from_iter([name.into(), value.into()]).into()
 }
 
-/// The number that a parameter is to be set to.
+/// Returns the number that a parameter is to be set to.
 fn wanted(parameters: &Bottle, name: &str) -> Option<f64> {
     let value = parameters.find_group(name)?.get(1)?.as_f64()?;
     value.is_finite().then_some(value)

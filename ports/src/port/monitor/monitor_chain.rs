@@ -15,7 +15,7 @@ use super::{
 use crate::port::core::Core;
 use crate::port::log_modifier::Content;
 
-/// Payloads from this size on are worked on where tasks may block.
+/// Minimum size of a payload that is processed where tasks may block.
 const MIN_BLOCKING_LEN: usize = 16 * 1024;
 /// The most monitors that one connection may ask for.
 const MAX_MONITORS: usize = 16;
@@ -25,7 +25,7 @@ const MAX_MONITORS: usize = 16;
 pub(in crate::port) struct Chain(Vec<Arc<dyn Monitor>>);
 
 impl Chain {
-    /// What goes on in place of a message; `None` if one of the monitors stops it.
+    /// Passes a message through the monitors; `None` if one of them stops it.
     pub(in crate::port) async fn update(self: &Arc<Self>, payload: Payload) -> Option<Passing> {
         if payload.len() < MIN_BLOCKING_LEN {
             return self.update_now(payload);
@@ -36,7 +36,7 @@ impl Chain {
         working.await.unwrap_or_default()
     }
 
-    /// As [`Chain::update`], on this thread.
+    /// Passes a message like [`Chain::update`], on this thread.
     pub(in crate::port) fn update_now(&self, payload: Payload) -> Option<Passing> {
         let first = Passing::new(payload);
         self.0
@@ -69,7 +69,7 @@ pub(in crate::port) struct Attached {
 }
 
 impl Attached {
-    /// The chain, if there is one; costs next to nothing where there is none.
+    /// Returns the chain, if there is one; nearly free if there is none.
     pub(in crate::port) fn chain(&self) -> Option<Arc<Chain>> {
         if !self.is_attached() {
             return None;
@@ -78,7 +78,7 @@ impl Attached {
         chain.clone()
     }
 
-    /// Whether there is a chain.
+    /// Returns whether there is a chain.
     pub(in crate::port) fn is_attached(&self) -> bool {
         self.any.load(Ordering::Relaxed)
     }
@@ -90,14 +90,14 @@ impl Attached {
     }
 }
 
-/// What an owner writes, as it is or as the monitor of the port has made it.
+/// A message of the owner, unchanged or modified by the monitor of the port.
 pub(in crate::port) enum Outgoing<'a, T> {
     Own(&'a T),
     Changed(Payload),
 }
 
 impl<'a, T: WireObject> Outgoing<'a, T> {
-    /// Passes what an owner writes through a monitor, if there is one.
+    /// Passes a message of the owner through a monitor, if there is one.
     pub(in crate::port) fn of(
         message: &'a T,
         chain: Option<&Chain>,
@@ -138,7 +138,8 @@ impl<T: WireObject> WireObject for Outgoing<'_, T> {
 }
 
 impl Core {
-    /// The monitors that a carrier string asks for at one end of a connection; `None` if none.
+    /// Creates the monitors that a carrier string requests at one end of a connection; `None` if
+    /// none.
     pub(in crate::port) fn monitors(
         &self,
         modifiers: &[(String, Option<String>)],
@@ -175,7 +176,7 @@ impl Core {
         Ok(Some(Arc::new(Chain(vec![monitor]))))
     }
 
-    /// A monitor for all that the port writes or reads, as a request says.
+    /// Creates the monitor of an attach request, for everything that the port writes or reads.
     pub(in crate::port) fn attachment(
         &self,
         side: MonitorSide,
@@ -189,13 +190,13 @@ impl Core {
             side,
             from: from.to_owned(),
             to: to.to_owned(),
-            // What is no text of a bottle names nothing.
+            // Text that is not a bottle is ignored.
             options: Bottle::parse(what).unwrap_or_default(),
             arbiter: self.arbiter.clone(),
         })
     }
 
-    /// The monitors that `type` and `file` name, and `type1` and `file1`, and so on.
+    /// Returns the monitors that `type` and `file` name, and `type1` and `file1`, and so on.
     fn portmonitor(&self, setup: MonitorSetup) -> Result<Arc<Chain>, MonitorError> {
         let word = |key: String| setup.option(&key).map(Value::to_plain_string);
         let mut monitors = Vec::new();
@@ -243,7 +244,7 @@ impl Core {
     }
 }
 
-/// The options of one end: those behind its key, and if they name no `file`, all others behind.
+/// Returns the options of one end: those behind its key, and if they name no `file`, all others behind.
 fn section(all: &Bottle, side: MonitorSide) -> Bottle {
     let is = |item: &Value, key: &str| {
         let list = item.as_list();
@@ -263,7 +264,7 @@ fn section(all: &Bottle, side: MonitorSide) -> Bottle {
     own
 }
 
-/// The bytes of a payload as a reader of `wire_version` wants them.
+/// Returns the bytes of a payload as a reader of `wire_version` wants them.
 pub(super) fn binary(payload: &Payload, wire_version: WireVersion) -> Bytes {
     let mut bytes = BytesMut::new();
     Content(payload).write_binary(&mut bytes, wire_version);

@@ -1,4 +1,4 @@
-//! What stands between those who write and a connection with monitors.
+//! The task that passes the messages of a connection through its monitors.
 
 use std::sync::Arc;
 
@@ -14,9 +14,9 @@ use crate::port::jpeg;
 use crate::port::log_modifier::Content;
 use crate::port::send_queue::SendQueue;
 
-/// Passes each message of a connection through its monitors, until the connection ends.
+/// Passes each message of a connection through its monitors, until the connection closes.
 ///
-/// Messages come in the binary form of `wire_version` and go on in the form that the carrier has.
+/// Messages arrive in the binary form of `wire_version` and leave in the form of the carrier.
 pub(in crate::port) async fn run(
     chain: Arc<Chain>,
     send_queue: Arc<SendQueue>,
@@ -47,7 +47,7 @@ pub(in crate::port) async fn run(
     }
 }
 
-/// What stands in the stream; `None` if the carrier has no form for it.
+/// Encodes a message for the stream; `None` if the carrier has no form for it.
 fn form(
     payload: &Payload,
     carrier: &Carrier,

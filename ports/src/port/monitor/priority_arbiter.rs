@@ -1,20 +1,20 @@
-//! `recv.priority`: of the writers of a port that ask for it, one at a time is heard.
+//! `recv.priority`: accepts the messages of one writer at a time.
 //!
 //! | option | meaning |
 //! | --- | --- |
-//! | `tc` | how many seconds a writer's stimulation lasts after a message, 1 |
-//! | `tr` | how many seconds it then rests, 0 |
-//! | `st` | how much a message stimulates, in tenths, 10; 10 is enough to be active |
-//! | `bs` | bias, in tenths, 10: the priority of a writer that is active |
-//! | `ex` | lists of another writer and a weight in tenths: what this one adds to its priority while active |
-//! | `virtual` | a writer that is never heard and only counts for others |
+//! | `tc` | duration of a writer's stimulation after a message in seconds, 1 |
+//! | `tr` | duration of its rest afterwards in seconds, 0 |
+//! | `st` | stimulation per message, in tenths, 10; a stimulation of 10 activates the writer |
+//! | `bs` | bias, in tenths, 10: the priority of an active writer |
+//! | `ex` | lists of another writer and a weight in tenths: added to that writer's priority while this one is active |
+//! | `virtual` | a writer that is never accepted and only affects others |
 //!
 //! With x = 1 for active writers and 0 for others, b the biases and A the weights, the priorities
-//! are y = x (I - A)⁻¹ b. A message is delivered if its writer has the highest, above 0; of equals
-//! the one that connected first.
+//! are y = x (I - A)⁻¹ b. A message is delivered if its writer has the highest priority, above 0;
+//! among equals, the writer that connected first.
 //!
 //! `[set]` takes `tc`, `tr`, `st`, `bs`, `virtual` and `ex`, here `st` and `bs` in ones; `[get]`
-//! gives them. Source: 3.5.0, `carriers/priority_carrier`, and its answers.
+//! returns them. Source: 3.5.0, `carriers/priority_carrier`, and its answers.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
@@ -25,7 +25,7 @@ use super::{Made, Monitor, MonitorSetup, Passing, parameter, wanted};
 
 /// Stimulation from which on a writer is active.
 const ACTIVATION_THRESHOLD: f64 = 1.0;
-/// The most writers of a port that may ask for this: the work grows with the cube of it.
+/// Maximum number of writers with this modifier per port: the cost grows with its cube.
 const MAX_MEMBERS: usize = 64;
 
 /// The writers of one port that wait for each other.
@@ -70,7 +70,7 @@ struct Member {
     excitation: Bottle,
     /// The stimulation at the last message, negative while it rests.
     stimulated: f64,
-    /// When that was.
+    /// Time of the last message.
     arrived: f64,
     is_active: bool,
 }
@@ -136,7 +136,7 @@ impl Member {
         self.arrived = now;
     }
 
-    /// What it adds to another's priority while it is active.
+    /// Returns the weight added to another writer's priority while this one is active.
     fn weight_for(&self, other: &str) -> Option<f64> {
         let mut lists = self.excitation.iter().filter_map(Value::as_list);
         let list = lists.find(|list| {
@@ -147,7 +147,8 @@ impl Member {
     }
 }
 
-/// What is left of 1 after `since` of `lasts` seconds: nearly all for long, then quickly nothing.
+/// Returns the remaining fraction of a stimulation `since` seconds after the message, of `lasts`:
+/// slow decay at first, then fast.
 fn decay(since: f64, lasts: f64) -> f64 {
     if since > lasts {
         return 0.0;
@@ -160,7 +161,7 @@ fn decay(since: f64, lasts: f64) -> f64 {
 }
 
 impl Members {
-    /// Whether a message of this writer at `now` is to be delivered.
+    /// Returns whether a message of this writer at `now` is to be delivered.
     fn accepts(&mut self, id: u64, now: f64) -> bool {
         for member in &mut self.members {
             if member.id == id {
@@ -213,7 +214,7 @@ impl Members {
     }
 }
 
-/// The solution of linear equations, each with its right side last; `None` if there is not one.
+/// Solves linear equations, each with its right side last; `None` if there is no unique solution.
 fn solve(mut rows: Vec<Vec<f64>>) -> Option<Vec<f64>> {
     let count = rows.len();
     for column in 0..count {
@@ -222,7 +223,7 @@ fn solve(mut rows: Vec<Vec<f64>>) -> Option<Vec<f64>> {
         rows.swap(column, pivot);
         let (above, below) = rows.split_at_mut(column + 1);
         let pivot = &above[column];
-        // Also what is no number.
+        // Also for NaN.
         if pivot[column] == 0.0 || !pivot[column].is_finite() {
             return None;
         }
@@ -242,7 +243,7 @@ fn solve(mut rows: Vec<Vec<f64>>) -> Option<Vec<f64>> {
     Some(solution)
 }
 
-/// One writer's place among those of its port, given back on drop.
+/// One writer's entry among those of its port, removed on drop.
 #[derive(Debug)]
 pub(super) struct Priority {
     arbiter: Arc<Arbiter>,
@@ -357,7 +358,7 @@ mod tests {
         assert!(group.accepts(1, 1.0));
         assert!(!group.accepts(0, 1.5));
         assert!(!group.accepts(0, 2.9));
-        // Two seconds after its message the other is silent.
+        // Two seconds after its message the other one is inactive.
         assert!(group.accepts(0, 3.1));
     }
 

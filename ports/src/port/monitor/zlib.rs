@@ -1,8 +1,8 @@
 //! `bottle_compression_zlib`: any message, compressed.
 //!
-//! On the way it is a bottle of the size that the message had, an int32, and a blob in zlib's form.
-//! A reader passes on as it came what is not of that form, as stock does; what would become larger
-//! than [`Limits::inflated`], or larger than it claims, is stopped.
+//! On the wire a message is a bottle of its original size, an int32, and a blob in zlib format. A
+//! reader passes messages of another form unchanged, as stock does; a message that would exceed
+//! [`Limits::inflated`] or its claimed size is stopped.
 //!
 //! Source: messages between 3.5.0 and the plugin of 4.0.0.
 
@@ -30,7 +30,7 @@ pub(super) fn deflate(bytes: &[u8]) -> Vec<u8> {
     encoder.finish().unwrap_or_default()
 }
 
-/// Why bytes are not expanded.
+/// The reason why bytes cannot be decompressed.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub(super) enum InflateError {
     /// They are not in zlib's form, or not of the size they claim.
@@ -39,7 +39,7 @@ pub(super) enum InflateError {
     TooLarge,
 }
 
-/// The `size` bytes that these are in zlib's form. Takes memory only as it fills.
+/// Returns the `size` bytes that these are in zlib's form. Takes memory only as it fills.
 pub(super) fn inflate(bytes: &[u8], size: usize, limits: Limits) -> Result<Bytes, InflateError> {
     let most = bytes
         .len()
@@ -60,7 +60,7 @@ pub(super) fn inflate(bytes: &[u8], size: usize, limits: Limits) -> Result<Bytes
     }
 }
 
-/// A message that holds a bottle.
+/// Returns a message that holds a bottle.
 pub(super) fn of_bottle(bottle: &Bottle) -> Payload {
     let wire_version = WireVersion::default();
     Payload::new(bottle.encode(wire_version), Form::Binary(wire_version))
@@ -85,7 +85,7 @@ impl Monitor for BottleZlib {
     }
 }
 
-/// The message compressed; `None` if nobody could say how large it is.
+/// Compresses the message; `None` if its size exceeds an int32.
 fn compress(payload: &Payload) -> Option<Payload> {
     let bytes = binary(payload, payload.wire_version());
     let size = i32::try_from(bytes.len()).ok()?;
@@ -93,7 +93,7 @@ fn compress(payload: &Payload) -> Option<Payload> {
     Some(of_bottle(&Bottle::from_iter([size.into(), blob])))
 }
 
-/// The message expanded, or as it came; `None` if it is too large to be expanded.
+/// Decompresses the message; other messages pass unchanged; `None` if the result is too large.
 fn expand(payload: &Payload, limits: Limits) -> Option<Payload> {
     let as_it_came = || Some(payload.clone());
     let Ok(bottle) = payload.to_bottle() else {
@@ -125,7 +125,7 @@ mod tests {
         of_bottle(&Bottle::parse(text).unwrap())
     }
 
-    /// What the plugin of 4.0.0 sent in a port of 3.5.0 for `1 2.5 hello (a b)` and for `2`.
+    /// The output of the plugin of 4.0.0 in a port of 3.5.0 for `1 2.5 hello (a b)` and for `2`.
     const STOCK: [(&str, &str); 2] = [
         (
             "59 {120 156 99 96 100 96 96 97 96 96 96 132 98 46 6 24 96 113 0 137 179 2 113 70 106 78 \

@@ -12,8 +12,8 @@ use crate::port::output::StopReason;
 use crate::port::send_queue::SendQueue;
 use crate::port::write_batch::DatagramBatch;
 
-/// Sends each message of the outbox, cut into datagrams, until it ends, or the connection shall move;
-/// tells why.
+/// Sends each queued message, split into datagrams, until the connection closes or moves; returns
+/// the reason.
 pub(super) async fn run(
     socket: &UdpSocket,
     send_queue: &SendQueue,
@@ -28,7 +28,8 @@ pub(super) async fn run(
                 let send = || SockRef::from(socket).send_vectored(&parts);
                 match socket.async_io(Interest::WRITABLE, send).await {
                     Ok(_) => {}
-                    // Nobody listens there now, or the system has no room: this one is lost.
+                    // There is no listener now, or the system has no buffers: this datagram is
+                    // lost.
                     Err(error) => {
                         tracing::trace!("a datagram was not sent: {error}");
                         send_queue.count_dropped();

@@ -11,7 +11,7 @@ use crate::port::send_queue::SendQueue;
 use crate::port::write_batch::Batch;
 use crate::socket::{ReadBuffer, Socket};
 
-/// What a connection has besides its outbox.
+/// The state of a sending connection besides its queue.
 pub(super) struct Sending {
     pub(super) stream: Arc<Socket>,
     input: ReadBuffer,
@@ -25,13 +25,14 @@ impl Sending {
             stream,
             input,
             batch: Batch::default(),
-            // Who is woken by an answer is let go where it is read.
+            // A thread woken by an answer is released where the answer is read.
             busy: BusyPoll::new(false),
         }
     }
 }
 
-/// Moves bytes between socket and outbox until either ends, or the connection shall move; tells why.
+/// Transfers bytes between socket and queue until either ends, or the connection moves; returns the
+/// reason.
 pub(super) async fn run(
     sending: &mut Sending,
     send_queue: &SendQueue,
@@ -85,7 +86,7 @@ pub(super) async fn run(
                     send_rest(stream, send_queue, batch);
                     return StopReason::End(format!("protocol: {error}"));
                 }
-                // Who waited for it may have more to send.
+                // The waiting writer may have more to send.
                 tokio::task::yield_now().await;
             }
             Some(Err(error)) if error.kind() != io::ErrorKind::WouldBlock => {
@@ -96,9 +97,9 @@ pub(super) async fn run(
     }
 }
 
-/// Writes the batch as long as no more than [`busy_poll::MAX_POLL_DURATION`] passes until the socket takes more of it.
-/// Sockets of the file system tell late of room: a writer that sleeps until then keeps its reader
-/// waiting.
+/// Writes the batch as long as the socket accepts more of it within
+/// [`busy_poll::MAX_POLL_DURATION`]. Unix sockets report room late: a writer that sleeps until then
+/// delays its reader.
 async fn write_polling(
     stream: &Socket,
     send_queue: &SendQueue,
@@ -120,8 +121,8 @@ async fn write_polling(
     }
 }
 
-/// Sends what is left, as far as that goes without waiting: the protocol itself may have answered, and browsers
-/// tell pages of an answer to their goodbye.
+/// Sends the rest without waiting: the protocol may have queued an automatic answer, and browsers
+/// report the answer to a close frame to the page.
 fn send_rest(stream: &Socket, send_queue: &SendQueue, batch: &mut Batch) {
     // It may be gone already.
     let begun = write_batch(stream, send_queue, batch);

@@ -1,4 +1,4 @@
-//! In what form messages wait for who sends them.
+//! The representation of queued messages, by transport.
 
 use std::collections::VecDeque;
 
@@ -16,11 +16,11 @@ const INITIAL_CAPACITY: usize = 1024;
 /// Messages that are to be sent.
 #[derive(Debug)]
 pub(super) enum TransportQueue {
-    /// As bytes of a stream.
+    /// The bytes of a stream.
     Stream(Initiator, Batch),
-    /// As bytes, each message by itself.
+    /// The bytes of each message separately.
     Datagrams(Initiator, DatagramBatch),
-    /// As they are, for a reader in this process; what is small lies in the room.
+    /// Unencoded, for a reader in this process; small messages are copied into the buffer.
     Local(VecDeque<Parcel>, BytesMut),
 }
 
@@ -46,7 +46,7 @@ impl TransportQueue {
         }
     }
 
-    /// Whether the reader will say when it is done with such a message.
+    /// Returns whether the reader reports the completion of such a message.
     pub(super) fn is_answered(&self, command: &Command) -> bool {
         match self {
             Self::Stream(initiator, _) | Self::Datagrams(initiator, _) => {
@@ -56,8 +56,8 @@ impl TransportQueue {
         }
     }
 
-    /// Whether who sends has been told of something that it has not taken yet: it will take what
-    /// is put behind it along.
+    /// Returns whether the sending task has been notified of queued bytes that it has not taken
+    /// yet: it will also take later ones.
     pub(super) fn is_expected(&self) -> bool {
         match self {
             Self::Stream(_, batch) => !batch.is_empty(),
@@ -65,7 +65,7 @@ impl TransportQueue {
         }
     }
 
-    /// Appends a message; tells how many bytes that makes.
+    /// Appends a message; returns how many bytes that makes.
     pub(super) fn put(&mut self, command: &Command, form: &Form) -> usize {
         let pieces = &form.pieces;
         match self {
@@ -110,7 +110,7 @@ impl TransportQueue {
     }
 }
 
-/// A message for a reader in this process, or its reply. Who keeps one keeps the room of a few.
+/// Creates a message for a reader in this process, or its reply. Small ones share a buffer.
 fn in_process(form: &Form, room: &mut BytesMut) -> Payload {
     if let Some(written) = form.pieces.as_written()
         && room.capacity() < written.len()

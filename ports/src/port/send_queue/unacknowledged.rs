@@ -1,4 +1,4 @@
-//! The messages that the reader says of when it is done with them, which it does in their order.
+//! Messages whose completion the reader reports, which it does in order.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -7,15 +7,15 @@ use yarp_wire::message::Payload;
 
 use super::super::reply_channel::{Outcome, ReplySender};
 
-/// The place of a message among them; none where readers do not say.
+/// The position of a message; `None` if the reader does not report completion.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ticket(Option<u64>);
 
 impl Ticket {
-    /// Of a message that the reader says nothing of.
+    /// A message without completion report.
     pub(super) const NONE: Self = Self(None);
 
-    /// Whether the reader will say when it is done.
+    /// Returns whether the reader will say when it is done.
     pub(crate) fn is_awaited(self) -> bool {
         self.0.is_some()
     }
@@ -26,9 +26,9 @@ impl Ticket {
 pub(super) struct Unacknowledged {
     /// Those of them that were handed on.
     pending: VecDeque<Pending>,
-    /// How many there were, since the beginning.
+    /// Number of messages since the beginning.
     begun: u64,
-    /// How many of those are done with.
+    /// Number of completed messages.
     finished: u64,
 }
 
@@ -47,7 +47,7 @@ impl Unacknowledged {
         Ticket(Some(self.begun))
     }
 
-    /// The message is on its way; `outcome` is told what becomes of it.
+    /// Adds a sent message; `outcome` receives its result.
     pub(super) fn push(&mut self, outcome: Option<ReplySender<Outcome>>) {
         self.pending.push_back(Pending {
             reply: None,
@@ -91,7 +91,7 @@ impl Unacknowledged {
         }
     }
 
-    /// Nobody will say anything any more.
+    /// Fails all pending messages.
     pub(super) fn fail(&mut self, reason: &Arc<str>) {
         for pending in self.pending.drain(..) {
             if let Some(outcome) = pending.outcome {
@@ -100,7 +100,7 @@ impl Unacknowledged {
         }
     }
 
-    /// Whether the reader is done with a message, as far as it would say.
+    /// Returns whether the reader has completed a message, or would not report it.
     pub(super) fn is_done(&self, Ticket(place): Ticket) -> bool {
         place.is_none_or(|place| self.finished >= place)
     }

@@ -1,14 +1,14 @@
-//! `ahd`: the picture is made twice, with green found along rows and along columns, and each pixel is
-//! taken from the one that is more even around it.
+//! `ahd`: the image is interpolated twice, with green along rows and along columns, and each pixel
+//! is taken from the more homogeneous result.
 //!
-//! Even is where neighbours differ little in lightness and in colour, both as people see them
-//! (CIELab); how little is judged anew at each pixel.
+//! Homogeneous means that neighbours differ little in lightness and in colour, both as perceived
+//! (CIELab); the threshold is determined at each pixel.
 //!
-//! Source: Hirakawa and Parks, "Adaptive homogeneity-directed demosaicing algorithm", 2005, without the
-//! filter at its end. What it leaves open is as images of stock's library (libdc1394 2.2.6) show: green
-//! stays between its two neighbours, of two pictures that are even alike the mean is taken, three pixels
-//! along the edges are made of the neighbours that there are, and colours are so dark on the scale of
-//! CIELab that only the straight part of its curve counts.
+//! Source: Hirakawa and Parks, "Adaptive homogeneity-directed demosaicing algorithm", 2005, without
+//! the final filter. Details follow images of stock's library (libdc1394 2.2.6): green stays
+//! between its two neighbours, equally homogeneous results are averaged, three pixels along the
+//! edges are interpolated from the available neighbours, and colours are so dark on the scale of
+//! CIELab that only the straight part of its curve matters.
 
 use super::Raw;
 
@@ -23,7 +23,7 @@ const NEIGHBOURS: [Step; 4] = [(-1, 0), (1, 0), (0, -1), (0, 1)];
 /// Pixels along the edges that are made otherwise.
 const EDGE: usize = 3;
 
-/// The image in colour, row by row.
+/// Returns the image in colour, row by row.
 pub(super) fn coloured(raw: &Raw<'_>) -> Vec<Colour> {
     let candidates = DIRECTIONS.map(|way| Candidate::new(raw, way));
     let even = evenness(raw, &candidates);
@@ -48,13 +48,13 @@ pub(super) fn coloured(raw: &Raw<'_>) -> Vec<Colour> {
     pixels
 }
 
-/// The sum of a measure over a pixel and those around it.
+/// Returns the sum of a measure over a pixel and those around it.
 fn around(raw: &Raw<'_>, even: &[u8], x: usize, y: usize) -> u32 {
     let rows = (y - 1..=y + 1).map(|y| &even[y * raw.width + x - 1..=y * raw.width + x + 1]);
     rows.flatten().map(|even| u32::from(*even)).sum()
 }
 
-/// The picture with green found one way.
+/// The image interpolated in one direction.
 struct Candidate {
     colours: Vec<Colour>,
     labs: Vec<Lab>,
@@ -82,8 +82,9 @@ impl Candidate {
     }
 }
 
-/// The green of a pixel: its own, or that of its neighbours on the way, as far off as the pixel's own
-/// colour is from that of the next ones. None, 0, where they would be beyond the edge.
+/// Returns the green of a pixel: its own, or that of its neighbours in the given direction,
+/// corrected by the difference of the pixel's own colour from the next ones. Values beyond the edge
+/// are 0.
 fn green_along(raw: &Raw<'_>, x: usize, y: usize, (dx, dy): Step) -> i32 {
     let at = |steps: isize| raw.at(x, y, (steps * dx, steps * dy));
     if raw.has(x, y).colour() == 1 {
@@ -146,13 +147,13 @@ fn lab(colour: Colour) -> Lab {
     [cut(116.0, y), cut(500.0, x - y), cut(200.0, y - z)]
 }
 
-/// To how many of its neighbours each pixel is alike, in each picture.
+/// Returns the number of similar neighbours of each pixel, in each result.
 fn evenness(raw: &Raw<'_>, candidates: &[Candidate; 2]) -> [Vec<u8>; 2] {
     let mut even = [(); 2].map(|()| vec![0; raw.width * raw.height]);
     for y in 0..raw.height {
         for x in (0..raw.width).filter(|x| raw.is_inside(*x, y, 2)) {
             let index = y * raw.width + x;
-            // Differences in lightness and in colour, to each neighbour, in each picture.
+            // Differences in lightness and in colour, to each neighbour, in each result.
             let differences = candidates.each_ref().map(|picture| {
                 let here = picture.labs[index];
                 NEIGHBOURS.map(|(dx, dy)| {
@@ -162,7 +163,7 @@ fn evenness(raw: &Raw<'_>, candidates: &[Candidate; 2]) -> [Vec<u8>; 2] {
                     (light.abs(), a * a + b * b)
                 })
             });
-            // What the picture made along rows differs along rows, or the other one along columns.
+            // The difference along rows in the row result, or along columns in the other one.
             let [across, along] = [&differences[0][..2], &differences[1][2..]].map(|pair| {
                 let (first, second) = (pair[0], pair[1]);
                 (first.0.max(second.0), first.1.max(second.1))

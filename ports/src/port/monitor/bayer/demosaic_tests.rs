@@ -1,4 +1,4 @@
-//! The two methods that look at more than the nearest neighbours.
+//! Tests of the two methods that use more than the nearest neighbours.
 
 use super::{METHODS, Method, ORDERS, Order, Raw};
 
@@ -30,7 +30,7 @@ fn coloured(pixels: &[u8], width: usize, height: usize, name: &str) -> Vec<u8> {
     colours
 }
 
-/// What is left of a picture if each pixel keeps one colour.
+/// Returns the raw image in which each pixel keeps one colour.
 fn mosaic(picture: &[u8], order: Order) -> Vec<u8> {
     let raw = Raw {
         pixels: &[],

@@ -1,12 +1,12 @@
-//! `vng`: a missing colour is found along the directions in which the picture changes least.
+//! `vng`: a missing colour is interpolated along the directions in which the image changes least.
 //!
-//! Eight gradients around a pixel say how much the picture changes towards each neighbour; those below
-//! a threshold choose the directions. The missing colour is the pixel's own, and the mean difference of
-//! the two in these directions.
+//! Eight gradients around a pixel measure the change towards each neighbour; those below a
+//! threshold select the directions. The missing colour is the pixel's own, plus the mean difference
+//! of the two in these directions.
 //!
-//! Source: Chang, Cheung and Pang, "Color filter array recovery using a threshold-based variable number
-//! of gradients", 1999. What it leaves open is as images of stock's library (libdc1394 2.2.6) show:
-//! colours of neighbours are those of `bilinear`, means are cut to whole numbers, pixels next to an edge
+//! Source: Chang, Cheung and Pang, "Color filter array recovery using a threshold-based variable
+//! number of gradients", 1999. Details follow images of stock's library (libdc1394 2.2.6): colours
+//! of neighbours are those of `bilinear`, means are truncated to integers, pixels next to an edge
 //! are as in `bilinear`, and those at the edge count as black.
 
 use super::{BLACK, Raw};
@@ -25,7 +25,7 @@ const DIRECTIONS: [Step; 8] = [
     (-1, 1),
 ];
 
-/// The image in colour, row by row.
+/// Returns the image in colour, row by row.
 pub(super) fn coloured(raw: &Raw<'_>) -> Vec<[u8; 3]> {
     let mut simple = Vec::with_capacity(raw.width * raw.height);
     for y in 0..raw.height {
@@ -51,7 +51,7 @@ struct Around<'a> {
 }
 
 impl Around<'_> {
-    /// What stands so far from a pixel; black at the edge.
+    /// Returns the value at an offset from a pixel; black at the edge.
     fn at(&self, x: usize, y: usize, (dx, dy): Step) -> i32 {
         let (x, y) = (x.wrapping_add_signed(dx), y.wrapping_add_signed(dy));
         match self.raw.is_inside(x, y, 1) {
@@ -66,7 +66,7 @@ impl Around<'_> {
         self.simple.get(index).copied().unwrap_or(BLACK)
     }
 
-    /// The colour of a pixel that has two neighbours on each side.
+    /// Returns the colour of a pixel that has two neighbours on each side.
     fn pixel(&self, x: usize, y: usize) -> [u8; 3] {
         let own = self.raw.has(x, y).colour();
         let is_green = own == 1;
@@ -102,8 +102,8 @@ impl Around<'_> {
         pixel
     }
 
-    /// How much the picture changes in a direction, doubled: differences of pixels of like colour, one
-    /// way apart, of which those beside the way count half.
+    /// Returns the doubled gradient in a direction: differences of pixels of the same colour, one
+    /// step apart; those beside the direction count half.
     fn gradient(&self, x: usize, y: usize, (dx, dy): Step, is_green: bool) -> i32 {
         let change = |from: Step, to: Step| (self.at(x, y, from) - self.at(x, y, to)).abs();
         let along = 2 * change((dx, dy), (-dx, -dy)) + 2 * change((2 * dx, 2 * dy), (0, 0));
