@@ -1,4 +1,4 @@
-//! How punctual the control of the arm on its bus is: `rate [SECONDS]`, 10 without.
+//! Measures the timing of the control of the arm on its bus: `rate [SECONDS]`, 10 without.
 //!
 //! The driver moves simulated pucks to and fro on a bus in memory, at 500 Hz and in real time, their mechanics
 //! included. Beside it a thread that does nothing keeps the same time: what it misses is the machine's own doing. Both are
@@ -52,7 +52,7 @@ fn main() -> Result<(), DeviceError> {
         (after.periods - before.periods) as f64 / elapsed.as_secs_f64()
     );
     println!(
-        "driver:           {:>8} periods, {} began more than a period late; {} positions left out, {} connections",
+        "driver:           {:>8} periods, {} began more than a period late; {} positions missed, {} connections",
         after.periods - before.periods,
         after.late_periods - before.late_periods,
         after.missed_replies - before.missed_replies,
@@ -62,7 +62,7 @@ fn main() -> Result<(), DeviceError> {
     Ok(())
 }
 
-/// How many periods there were, and how many began late, for a thread that only waits.
+/// Returns the number of periods, and of those that began late, for a thread that only waits.
 fn do_nothing(ending: &AtomicBool) -> (u64, u64) {
     let (mut periods, mut late) = (0, 0);
     let mut next = Instant::now() + PERIOD;

@@ -1,4 +1,4 @@
-//! How fast inverse kinematics and the simulation are on this machine.
+//! Measures the speed of inverse kinematics and of the simulation on this machine.
 //!
 //! ```sh
 //! cargo run --release -p yarp-devices --example speed

@@ -1,4 +1,4 @@
-//! Which axes a call is about: one, several, or all of them.
+//! Selects the axes of a call: one, several, or all of them.
 //!
 //! The stock interfaces have three overloads of nearly every method. Here they are one method with a selector.
 
@@ -43,7 +43,7 @@ impl fmt::Display for AxisIndex {
     }
 }
 
-/// The axes a call is about, in the order in which its values are given or answered.
+/// The axes of a call, in the order of its values.
 ///
 /// ```
 /// use yarp_devices::{Axes, AxisIndex};
@@ -64,7 +64,7 @@ pub enum Axes<'a> {
 }
 
 impl<'a> Axes<'a> {
-    /// How many values go with this selection on a device with `total` axes.
+    /// Returns the number of values that belong to this selection on a device with `total` axes.
     pub fn len(self, total: usize) -> usize {
         match self {
             Axes::One(_) => 1,
@@ -82,7 +82,7 @@ impl<'a> Axes<'a> {
         })
     }
 
-    /// Checks that a device with `total` axes has each of these: enough for a question.
+    /// Checks that a device with `total` axes has each of these: sufficient for a query.
     ///
     /// An axis named twice is fine here; the answer then holds its value twice.
     ///
@@ -97,8 +97,8 @@ impl<'a> Axes<'a> {
     /// Checks a command: each axis exists, none is named twice, and there is one value for each.
     ///
     /// * `values`: how many values came with the command; `what`: what they are, for the error.
-    /// * Errors: [`DeviceError::NoSuchAxis`], [`DeviceError::RepeatedAxis`] (two orders for one joint
-    ///   contradict each other), [`DeviceError::WrongCount`].
+    /// * Errors: [`DeviceError::NoSuchAxis`], [`DeviceError::RepeatedAxis`] (two commands for one joint contradict
+    ///   each other), [`DeviceError::WrongCount`].
     pub fn check_command(
         self,
         total: usize,

@@ -1,4 +1,4 @@
-//! What a device can do, asked at run time.
+//! Interfaces of a device, queried at run time.
 
 use crate::{
     AmplifierControl, AudioGrabber, AudioRender, AxisInfo, CartesianControl, ControlCalibration,
@@ -35,9 +35,9 @@ macro_rules! offers {
 
 /// A device, seen as the set of interfaces it has.
 ///
-/// This is what `view()` of the stock `PolyDriver` is: one question per interface, answered with the
-/// interface or with `None`. A network wrapper takes an `Arc<dyn Device>`, offers what is there and
-/// refuses the rest. A device is released by dropping it.
+/// This is what `view()` of the stock `PolyDriver` is: one query per interface, answered with the interface or with
+/// `None`. A network wrapper takes an `Arc<dyn Device>`, serves its interfaces and refuses the others. A device is
+/// released by dropping it.
 ///
 /// ```
 /// use yarp_devices::{AxisInfo, Device, DeviceError, AxisIndex, JointType};
@@ -73,17 +73,17 @@ pub trait Device: Send + Sync {
         None
     }
 
-    /// Where the joints are (`IEncodersTimed`).
+    /// Returns the joint encoders (`IEncodersTimed`).
     fn encoders(&self) -> Option<&dyn Encoders> {
         None
     }
 
-    /// What each joint takes orders for (`IControlMode`).
+    /// Returns the control modes of the joints (`IControlMode`).
     fn control_mode(&self) -> Option<&dyn ControlMode> {
         None
     }
 
-    /// How far and how fast each joint may go (`IControlLimits`).
+    /// Returns the position and velocity limits (`IControlLimits`).
     fn control_limits(&self) -> Option<&dyn ControlLimits> {
         None
     }
@@ -113,12 +113,12 @@ pub trait Device: Send + Sync {
         None
     }
 
-    /// Whether joints yield (`IInteractionMode`).
+    /// Returns the interaction modes (`IInteractionMode`).
     fn interaction_mode(&self) -> Option<&dyn InteractionMode> {
         None
     }
 
-    /// How compliant joints yield (`IImpedanceControl`).
+    /// Returns the impedance of compliant joints (`IImpedanceControl`).
     fn impedance_control(&self) -> Option<&dyn ImpedanceControl> {
         None
     }
@@ -128,7 +128,7 @@ pub trait Device: Send + Sync {
         None
     }
 
-    /// Where the motors are (`IMotorEncoders`).
+    /// Returns the motor encoders (`IMotorEncoders`).
     fn motor_encoders(&self) -> Option<&dyn MotorEncoders> {
         None
     }
@@ -168,7 +168,7 @@ pub trait Device: Send + Sync {
         None
     }
 
-    /// Where the tool of an arm goes (`ICartesianControl`).
+    /// Returns the Cartesian controller (`ICartesianControl`).
     fn cartesian_control(&self) -> Option<&dyn CartesianControl> {
         None
     }
@@ -193,17 +193,17 @@ pub trait Device: Send + Sync {
         None
     }
 
-    /// The knobs of a camera (`IFrameGrabberControls`).
+    /// Returns the features of a camera (`IFrameGrabberControls`).
     fn frame_grabber_controls(&self) -> Option<&dyn FrameGrabberControls> {
         None
     }
 
-    /// What cameras on IEEE 1394 have (`IFrameGrabberControlsDC1394`).
+    /// Returns the controls of cameras on IEEE 1394 (`IFrameGrabberControlsDC1394`).
     fn firewire_controls(&self) -> Option<&dyn FirewireControls> {
         None
     }
 
-    /// What a camera's pictures are like (`IRgbVisualParams`).
+    /// Returns the optical parameters of a camera (`IRgbVisualParams`).
     fn rgb_visual_params(&self) -> Option<&dyn RgbVisualParams> {
         None
     }

@@ -1,4 +1,4 @@
-//! What can go wrong with a device.
+//! Errors of devices.
 
 use std::error::Error;
 use std::io;
@@ -6,9 +6,9 @@ use std::time::Duration;
 
 use crate::{AxisIndex, Mode};
 
-/// Why a device did not do, or did not answer, what it was asked.
+/// Reasons why a device did not execute a command or did not answer a query.
 ///
-/// A refused command leaves every joint as it was. Joints are counted from 0, as on the wire.
+/// A refused command leaves every joint unchanged. Joints are counted from 0, as on the wire.
 ///
 /// ```
 /// use yarp_devices::DeviceError;
@@ -29,9 +29,9 @@ pub enum DeviceError {
     /// A value lies outside its limits.
     #[error("joint {joint} asked for {quantity} {asked} {unit}, allowed {min} to {max} {unit}")]
     OutOfRange {
-        /// The joint asked.
+        /// The joint.
         joint: AxisIndex,
-        /// What the value is, for instance `position`.
+        /// The quantity, for instance `position`.
         quantity: &'static str,
         /// The value refused.
         asked: f64,
@@ -45,9 +45,9 @@ pub enum DeviceError {
     /// A value is NaN or infinite.
     #[error("joint {joint} asked for {quantity} {asked}, expected a finite number")]
     NotFinite {
-        /// The joint asked.
+        /// The joint.
         joint: AxisIndex,
-        /// What the value is, for instance `position`.
+        /// The quantity, for instance `position`.
         quantity: &'static str,
         /// The value refused.
         asked: f64,
@@ -55,9 +55,9 @@ pub enum DeviceError {
     /// The device has no such axis.
     #[error("no joint {asked}: the device has {axes}, counted from 0")]
     NoSuchAxis {
-        /// The axis asked for.
+        /// The axis.
         asked: AxisIndex,
-        /// How many there are.
+        /// The number of axes.
         axes: usize,
     },
     /// One command names a joint twice.
@@ -69,7 +69,7 @@ pub enum DeviceError {
     /// The number of values is not the number of selected axes.
     #[error("expected {expected} {what}, got {got}")]
     WrongCount {
-        /// What the values are, for instance `positions`.
+        /// The kind of values, for instance `positions`.
         what: &'static str,
         /// The number of selected axes.
         expected: usize,
@@ -79,7 +79,7 @@ pub enum DeviceError {
     /// The joint is in a control mode that does not take this command.
     #[error("joint {joint} is in {mode} mode, {command} needs {needed} mode")]
     WrongMode {
-        /// The joint asked.
+        /// The joint.
         joint: AxisIndex,
         /// The command refused, for instance `position move`.
         command: &'static str,
@@ -88,10 +88,10 @@ pub enum DeviceError {
         /// The mode it must be in.
         needed: Mode,
     },
-    /// The device does not have this control mode, or nobody can command it.
+    /// The device does not have this control mode, or it cannot be commanded.
     #[error("joint {joint} cannot be set to {mode} mode")]
     NoSuchMode {
-        /// The joint asked.
+        /// The joint.
         joint: AxisIndex,
         /// The mode refused.
         mode: Mode,
@@ -99,19 +99,19 @@ pub enum DeviceError {
     /// Something holds the joint.
     #[error("joint {joint} is held by {by}; {remedy}")]
     Held {
-        /// The joint asked.
+        /// The joint.
         joint: AxisIndex,
-        /// What holds it, for instance `its brake`.
+        /// The cause that holds it, for instance `its brake`.
         by: &'static str,
-        /// What to try next.
+        /// Advice on what to try next.
         remedy: &'static str,
     },
     /// The joint moves, and this may only be done at rest.
     #[error("joint {joint} is moving, stop it to {what}")]
     Moving {
-        /// The joint asked.
+        /// The joint.
         joint: AxisIndex,
-        /// What needs it at rest, for instance `change its limits`.
+        /// The action that needs it at rest, for instance `change its limits`.
         what: &'static str,
     },
     /// The device cannot do this at all.
@@ -121,56 +121,56 @@ pub enum DeviceError {
         what: String,
     },
     /// The newest state is too old to be trusted.
-    #[error("{what} is {age:?} old, at most {limit:?} is trusted")]
+    #[error("{what} is {age:?} old, the maximum is {limit:?}")]
     Stale {
-        /// Which state, for instance `encoder reading`.
+        /// The kind of state, for instance `encoder reading`.
         what: &'static str,
-        /// How old the newest is.
+        /// The age of the newest one.
         age: Duration,
-        /// How old it may be.
+        /// The maximum age.
         limit: Duration,
     },
     /// No state has come yet.
-    #[error("no {what} has come yet")]
+    #[error("no {what} received yet")]
     NoDataYet {
-        /// Which state, for instance `encoder reading`.
+        /// The kind of state, for instance `encoder reading`.
         what: &'static str,
     },
-    /// The device at the other end of a connection said no, without saying why.
+    /// The device at the other end of a connection refused without a reason.
     #[error("{peer} refused {step}; try {advice}")]
     Refused {
-        /// Who refused, for instance the name of a port.
+        /// The peer that refused, for instance the name of a port.
         peer: String,
-        /// What it was asked to do.
+        /// The request.
         step: String,
-        /// What to try next.
+        /// Advice on what to try next.
         advice: String,
     },
     /// The device at the other end of a connection could not be reached or understood.
     #[error("{step} with {peer} failed; try {advice}")]
     Remote {
-        /// Who should have answered, for instance the name of a port.
+        /// The peer that should have answered, for instance the name of a port.
         peer: String,
-        /// What was being done.
+        /// The step that failed.
         step: String,
-        /// What to try next.
+        /// Advice on what to try next.
         advice: String,
         /// The failure underneath, if there is one.
         #[source]
         source: Option<Box<dyn Error + Send + Sync>>,
     },
-    /// A guard in front of the device does not let the command through.
+    /// A guard in front of the device refuses the command.
     #[error("the {guard} of the guard forbid it: {source}")]
     Guarded {
-        /// Which guard, for instance `joint limits`.
+        /// The guard, for instance `joint limits`.
         guard: &'static str,
-        /// What is asked and what is allowed.
+        /// The requested and the allowed value.
         source: Box<DeviceError>,
     },
-    /// Of several devices that make up one board, the one of this joint lacks the interface.
+    /// Of several devices in one board, the one of this joint lacks the interface.
     #[error("joint {joint} ({name}) belongs to {part}, which has no {what}")]
     PartLacks {
-        /// The joint asked, as the board counts.
+        /// The joint, as the board counts.
         joint: AxisIndex,
         /// Its name.
         name: String,
@@ -179,12 +179,12 @@ pub enum DeviceError {
         /// The interface, in words.
         what: &'static str,
     },
-    /// One of several devices that make up one board refused, or did not answer.
+    /// One of several devices in one board refused, or did not answer.
     #[error("{part} did not do it: {}{}", chain(why.as_ref()), what_of_the_others(done, undone))]
     PartRefused {
         /// The device.
         part: String,
-        /// What it said; joints are numbered as the board counts.
+        /// The refusal; joints are numbered as the board counts.
         why: Box<DeviceError>,
         /// The devices that did their share.
         done: Vec<String>,
@@ -194,30 +194,30 @@ pub enum DeviceError {
     /// A value that belongs to no joint is not one the device takes.
     #[error("{what} {asked} is refused, expected {expected}")]
     Unsuitable {
-        /// What the value is, for instance `resolution`.
+        /// The kind of value, for instance `resolution`.
         what: &'static str,
         /// The value refused.
         asked: String,
-        /// What would do.
+        /// The values that are allowed.
         expected: String,
     },
     /// A file or folder could not be used.
     #[error("cannot {step} {path}")]
     File {
-        /// What was to be done with it, for instance `read a picture from`.
+        /// The operation, for instance `read an image from`.
         step: &'static str,
-        /// Where it is.
+        /// Its path.
         path: String,
-        /// Why not.
+        /// The cause.
         #[source]
         source: Box<dyn Error + Send + Sync>,
     },
-    /// A resource of the machine, such as a thread or a bus, could not be had.
+    /// A resource of the machine, such as a thread or a bus, was not available.
     #[error("could not start {what}")]
     Start {
         /// The resource.
         what: &'static str,
-        /// Why not.
+        /// The cause.
         #[source]
         source: io::Error,
     },
@@ -253,7 +253,7 @@ fn chain(error: &dyn Error) -> String {
     }
 }
 
-/// What of a command has been done, on one line.
+/// Describes on one line which parts of a command were executed.
 fn what_of_the_others(done: &[String], undone: &[String]) -> String {
     match (done, undone) {
         ([], []) => String::new(),

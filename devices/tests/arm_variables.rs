@@ -1,4 +1,4 @@
-//! Variables of the arms under control: what they reckon with, what is simulated, and what pucks say of themselves.
+//! Variables of the arms under control: assumed loads, simulated properties, and properties of pucks.
 
 use std::time::Duration;
 
@@ -126,7 +126,7 @@ fn a_load_pulls_the_arm_down_until_it_is_compensated() {
     });
 }
 
-/// The base sticks at what the push is, until it does not rub any more.
+/// The base sticks where the push ends, until its friction is removed.
 #[test]
 fn friction_can_be_taken_away() {
     let arm = dynamic();
@@ -200,7 +200,7 @@ fn motors_tell_how_warm_they_are() {
     assert!(arm.temperatures(Axes::One(7.into())).is_err());
 }
 
-/// A puck that has no such property stays silent, which is no reason to lose the arm.
+/// A puck without such a property does not answer, which is no reason to lose the arm.
 #[test]
 fn a_question_without_an_answer_is_told() {
     let rig = Memory::new();

@@ -82,7 +82,7 @@ fn a_motion_ends_for_good_when_a_joint_is_taken() {
     eventually("time", || at(&arm).time > since + 0.3);
     assert_eq!(positions(&arm), here);
     assert!(tool.motion_done().expect("it answers"));
-    // A new order is a new motion.
+    // A new command is a new motion.
     tool.go_to(PLACE, Some(0.5)).expect("it goes");
     assert!(
         tool.wait_motion_done(Duration::from_millis(5), TEST_TIMEOUT)

@@ -19,9 +19,9 @@ use embedded::{TEST_TIMEOUT, connected, driver, eventually, ideal_arm, node_opti
 
 /// In front of the folded arm.
 const PLACE: [f64; 3] = [0.35, 0.1, 0.35];
-/// As the controller's own tolerance.
+/// The controller's own tolerance.
 const POSITION_TOLERANCE: f64 = 0.011;
-/// A motion that does not end by itself while somebody looks.
+/// Duration of a motion that does not end during a check.
 const LONG_MOTION_SECONDS: f64 = 60.0;
 
 fn control(arm: Arc<dyn Device>) -> CartesianController<7> {
@@ -50,8 +50,8 @@ fn arrive(tool: &dyn CartesianControl) {
     });
 }
 
-/// A motion is under way when the arm is broken. It ends, is not resumed when the arm is mended, and another one begins
-/// then as if nothing had been.
+/// The arm breaks during a motion. It ends, is not resumed when the arm is mended, and another one begins then as if
+/// nothing had been.
 fn a_motion_ends_for_good(tool: &dyn CartesianControl, broken: impl Fn(), mended: impl Fn()) {
     let start = place(tool);
     tool.set_tracking(true).expect("it can");
@@ -129,7 +129,7 @@ fn a_pc_that_goes_away_ends_a_motion_for_good() {
     let options = node_options(LinkMode::Connect(driver.addresses()));
     let node = || Some(WamNode::start(arm.clone(), options).expect("it starts"));
     let nodes = std::sync::Mutex::new(None);
-    // Nobody is there yet: the controller need not wait for the arm, and says so.
+    // The arm is not available yet: the controller need not wait for it, and reports it.
     let tool = control(driver.clone());
     assert!(matches!(tool.pose(), Err(DeviceError::NoDataYet { .. })));
     assert!(tool.desired().is_err());

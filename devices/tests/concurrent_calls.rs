@@ -1,4 +1,4 @@
-//! An arm is used by several threads, and moves while none of them looks.
+//! An arm is used by several threads, and moves between calls.
 
 use std::sync::Arc;
 use std::thread;

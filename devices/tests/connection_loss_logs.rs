@@ -46,7 +46,7 @@ fn listen() {
     });
 }
 
-/// The warnings so far that say all of this.
+/// Returns the warnings so far that contain all of this.
 fn warnings(words: &[&str]) -> usize {
     let log = LOG.lock().unwrap_or_else(PoisonError::into_inner);
     let log = String::from_utf8_lossy(&log);

@@ -1,4 +1,4 @@
-//! What runs in every control period allocates nothing: kinematics, dynamics, controller, simulator.
+//! Code that runs in every control period allocates nothing: kinematics, dynamics, controller, simulator.
 
 use std::hint::black_box;
 use std::time::Duration;
@@ -13,7 +13,7 @@ use yarp_devices::wam::{DynamicArm, WamModel};
 
 type Seven = Joints<7>;
 
-/// Where the calls of `work` must not allocate.
+/// Checks that the calls of `work` do not allocate.
 fn check(what: &str, work: impl FnMut()) {
     let counted = measure(work);
     assert_eq!(counted.count_total, 0, "{what}: {counted:?}");

@@ -239,7 +239,7 @@ fn a_fault_is_reported_and_only_force_idle_leads_out() {
     assert!((at(&arm, 3) - 150.0).abs() < 1.0);
 }
 
-/// What other joints were told went on when one of them was led out of a fault before the next period.
+/// Commands of other joints continued when one of them was led out of a fault before the next period.
 #[test]
 fn a_fault_drops_all_commands_even_if_the_way_out_comes_at_once() {
     let mut arm = arm();

@@ -1,4 +1,4 @@
-//! An arm behind its embedded PC, over real TCP and whichever end listens, behaves as an arm must.
+//! An arm behind its embedded PC, over real TCP and with either end listening, behaves as an arm must.
 
 mod embedded;
 

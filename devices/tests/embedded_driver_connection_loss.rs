@@ -1,4 +1,5 @@
-//! The connection to the embedded PC breaks at every byte of every exchange: the driver says at which step, and comes back.
+//! The connection to the embedded PC breaks at every byte of every exchange: the driver names the step, and
+//! reconnects.
 
 mod embedded;
 
@@ -15,7 +16,7 @@ use yarp_devices::{
     Axes, ControlMode, DeviceError, Encoders, Mode, MotionControl, PositionControl,
 };
 
-/// What sends this request, if it is not the driver by itself.
+/// Returns the call that sends this request, if it is not the driver by itself.
 fn call(driver: &EmbeddedWam, kind: Kind) -> Option<Result<(), DeviceError>> {
     match kind {
         Kind::MoveJoints => Some(driver.position_move(Axes::One(0.into()), &[10.0])),
@@ -26,7 +27,7 @@ fn call(driver: &EmbeddedWam, kind: Kind) -> Option<Result<(), DeviceError>> {
     }
 }
 
-/// Where the plug is pulled: after so many bytes of the request, or of its answer.
+/// The point at which the connection breaks: after so many bytes of the request, or of its reply.
 #[derive(Clone, Copy, Debug)]
 enum At {
     Request(usize),
@@ -91,7 +92,7 @@ fn at_every_byte(kinds: &[Kind]) {
     options.max_backoff = options.initial_backoff * 5;
     let driver = EmbeddedWam::start(options).expect("it starts");
     for &kind in kinds {
-        // Three of the headers begin with a g: one letter does not tell which.
+        // Three of the headers begin with a g: one letter does not distinguish them.
         let first = if kind.header()[0] == b'g' { 2 } else { 1 };
         let requests = (first..3 + kind.body_length(7)).map(At::Request);
         let answers = (0..1 + kind.answer_length(7)).map(At::Answer);
@@ -118,7 +119,7 @@ fn at_every_byte(kinds: &[Kind]) {
     drop(driver);
     let seen = serving.join().expect("the peer lives");
     assert_eq!(seen.last(), Some(&Kind::Shutdown));
-    // Nothing that was asked before was carried out later.
+    // No earlier request was executed later.
     assert!(!seen.iter().any(|kind| kind.is_move()), "{seen:?}");
 }
 
@@ -189,7 +190,7 @@ fn a_peer_that_falls_silent_is_left() {
     eventually("a broken connection", || driver.link().failures > 0);
     let failure = driver.link().last_failure.expect("it says why");
     assert!(
-        failure.contains("(gra)") && failure.contains("nothing came"),
+        failure.contains("(gra)") && failure.contains("no data"),
         "{failure}"
     );
     drop((driver, silent));

@@ -1,4 +1,4 @@
-//! `gra`, `hom`, `shu` and `trf` do what they say to an arm with masses and friction.
+//! `gra`, `hom`, `shu` and `trf` act on an arm with masses and friction as documented.
 
 mod embedded;
 

@@ -13,7 +13,7 @@ use yarp_devices::embedded::{LinkMode, NodeOptions, WamNode};
 use yarp_devices::wam::SimulatedWam;
 use yarp_devices::{Axes, ControlMode, Mode, PositionControl};
 
-/// A client that speaks for itself.
+/// A client that sends raw bytes.
 struct Client {
     arm: TcpStream,
     packets: TcpStream,
@@ -149,7 +149,7 @@ fn the_end_of_a_move_is_told_with_its_number() {
     let (arm, node) = node(|_| ());
     let mut client = Client::new(&node);
     assert_eq!(client.ask(&Request::Gravity), Reply::Done);
-    // None is under way.
+    // No move is in progress.
     assert_eq!(client.ask(&Request::TellFinish), Reply::Done);
     let told = client.packet();
     assert_eq!((told.query, told.reply, told.done), (1, 1, true));
@@ -247,7 +247,7 @@ fn a_client_that_says_nothing_is_left() {
     assert_eq!(rest, b"");
     eventually("the reason", || {
         let end = node.status().last_end.unwrap_or_default();
-        end.contains("nothing came")
+        end.contains("no data")
     });
 }
 

@@ -34,10 +34,10 @@ impl Noise {
     }
 }
 
-/// How many connections are spoilt.
+/// Number of corrupted connections.
 const CONNECTIONS: usize = 150;
 
-/// What a spoilt embedded PC answers.
+/// Returns the replies of a corrupted embedded PC.
 fn spoilt(noise: &mut Noise, request: &Request) -> Vec<u8> {
     let mut right = Peer::reply(request).to_bytes();
     match noise.below(4) {
@@ -87,7 +87,7 @@ fn from_the_device_moves_nothing_and_the_driver_comes_back() {
         }
     }
     eventually("the failures counted", || driver.link().failures > 0);
-    // Only what a driver asks by itself: it moved nothing.
+    // Only the driver's own queries: nothing moved.
     assert!(
         asked
             .iter()

@@ -52,7 +52,7 @@ fn tips_are_where_the_table_puts_them() {
     );
 }
 
-/// The first two fingers are mirror images; spread by half a turn they stand beside the third.
+/// The first two fingers are mirror images; spread by half a turn they are beside the third.
 #[test]
 fn the_spread_turns_two_fingers_in_opposite_directions() {
     for degrees in [0.0, 30.0, 90.0, 135.0, 180.0_f64] {
@@ -69,7 +69,7 @@ fn any_finger() -> impl Strategy<Value = Finger> {
     prop::sample::select(Finger::ALL.to_vec())
 }
 
-/// Joints that a motor can bring about: the outer link at least as far closed as the coupling turns it.
+/// Joints that a motor can reach: the outer link at least as far closed as the coupling turns it.
 fn any_joints() -> impl Strategy<Value = FingerJoints> {
     (0.0..std::f64::consts::PI, 0.0..1.0f64, 0.0..1.0f64).prop_map(|(spread, inner, more)| {
         let inner = inner * finger_coupling::INNER_LIMIT;
@@ -118,7 +118,7 @@ proptest! {
         }
     }
 
-    /// Any place that a tip can be brought to is found again, by joints that the motor can bring about.
+    /// Any reachable tip position is found again, by joints that the motor can reach.
     #[test]
     fn the_inverse_brings_the_tip_back(finger in any_finger(), joints in any_joints()) {
         let point = tip(finger, &joints);
@@ -143,7 +143,7 @@ proptest! {
         prop_assert!((links.outer - links.inner * finger_coupling::RATIO).abs() < 1e-12);
     }
 
-    /// Whatever is asked for, the answer is inside the limits, and says how far off it is.
+    /// For any target, the solution is inside the limits, and reports its distance.
     #[test]
     fn a_place_out_of_reach_is_neared(
         finger in any_finger(),

@@ -117,7 +117,7 @@ fn refusals_name_the_guard() {
         Limits::new(-20.0, 20.0)
     );
     assert_eq!(limits.velocity_limits(0.into()).unwrap().max, 25.0);
-    // The references were brought down at the start, those of unguarded joints were not.
+    // The references were reduced at the start, those of unguarded joints were not.
     let speeds = position.reference_speeds(Axes::All).unwrap();
     assert_eq!(speeds[0], 25.0);
     assert!(speeds[1] > 25.0);
@@ -128,7 +128,8 @@ fn refusals_name_the_guard() {
     ));
 }
 
-/// Accelerations beyond the guard were refused, and with them the velocity mode of stock's windows, which ask for 100000.
+/// Accelerations beyond the guard were refused, and with them the velocity mode of stock's windows, which send
+/// 100000.
 #[test]
 fn accelerations_are_brought_down_to_the_guard() {
     let arm = guarded(narrow());

@@ -10,8 +10,8 @@ use yarp_devices::hand::gcl::{Motor, Status};
 use yarp_devices::hand::{GclConnection, HandBoard, HandError};
 use yarp_devices::{Axes, ControlMode, Grasp, Hand, Mode, PositionControl};
 
-/// Aborts `lines` when the hand has been sent `sent`, all but its last byte of which it has heard. None of these motors
-/// may move.
+/// Aborts `lines` when the hand has been sent `sent`, of which it has received all but the last byte. None of these
+/// motors may move.
 fn aborted(lines: &[&str], sent: &str, resting: &[Motor]) {
     let stage = Stage::new();
     let hand = stage.ready();

@@ -15,7 +15,7 @@ use yarp_devices::{
 const FIRST: Axes<'static> = Axes::One(AxisIndex::new(0));
 const SPREAD: Axes<'static> = Axes::One(AxisIndex::new(3));
 
-/// As fast as a hand: control rounds run in real time.
+/// Runs at the speed of a hand: control rounds run in real time.
 fn stage() -> Stage {
     Stage::with(SimulatedHandOptions::new())
 }
@@ -59,7 +59,7 @@ fn axes_go_where_they_are_sent() {
     board.relative_move(SPREAD, &[-30.0]).unwrap();
     done(&board);
     assert!((at(&board, SPREAD) - 60.0).abs() < 0.6);
-    // What the hand itself says.
+    // Replies of the hand itself.
     let told = Hand::finger_positions(&board).unwrap();
     assert!(
         (told[0] - 45.0).abs() < 0.3 && (told[3] - 60.0).abs() < 0.6,

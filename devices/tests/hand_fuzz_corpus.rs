@@ -25,7 +25,7 @@ proptest! {
         }
     }
 
-    /// Words of the language in any order: what random bytes hardly ever are.
+    /// Words of the language in any order, which random bytes hardly ever form.
     #[test]
     fn any_words_pass(words in prop::collection::vec(
         prop::sample::select(vec![

@@ -13,7 +13,7 @@ use yarp_devices::hand::simulated::Noise;
 use yarp_devices::hand::{BarrettHand, GclConnection, HandError, HandOptions};
 use yarp_devices::{Axes, DeviceError, Grasp, GraspKind, Hand};
 
-/// Pulls the plug while a call is under way, and looks at what comes of it.
+/// Disconnects the line during a call, and checks the result.
 fn plug_pulled(step: &str, call: impl Fn(&BarrettHand) -> Result<(), DeviceError> + Send + Sync) {
     let stage = Stage::new();
     let hand = stage.ready();
@@ -31,7 +31,7 @@ fn plug_pulled(step: &str, call: impl Fn(&BarrettHand) -> Result<(), DeviceError
     });
     assert!(!Hand::is_connected(&hand));
     assert!(hand.finger_positions().is_err(), "there is no line");
-    // What the driver does from here on moves nothing that the hand was not told before.
+    // From here on the driver moves nothing that the hand was not commanded before.
     stage.there.reconnect_line().unwrap();
     let before = stage.there.travelled();
     match hand.finger_positions() {
@@ -108,7 +108,7 @@ fn while_in_realtime() {
     );
     assert!(session.end().is_err(), "there is no line to leave it over");
     stage.there.reconnect_line().unwrap();
-    // The next command brings the hand out of RealTime, which stops its motors.
+    // The next command leaves RealTime, which stops its motors.
     hand.finger_positions().unwrap();
     let stopped = stage.there.travelled();
     let mut session = hand.realtime(layout).unwrap();
@@ -117,7 +117,7 @@ fn while_in_realtime() {
     assert_eq!(stage.there.travelled(), stopped);
 }
 
-/// One of each command of the language, those that ask and those that move.
+/// One of each command of the language, queries and moves.
 const COMMANDS: [&str; 32] = [
     "GC",
     "GO",
@@ -153,7 +153,8 @@ const COMMANDS: [&str; 32] = [
     "",
 ];
 
-/// Pulls the plug when the hand has heard all of `sent` but its last byte, and puts it back; the hand has not moved.
+/// Disconnects the line when the hand has received all of `sent` but its last byte, and reconnects it; the hand has
+/// not moved.
 fn plug_pulled_at(
     stage: &Stage,
     hand: &BarrettHand,
@@ -279,10 +280,10 @@ fn noise_moves_nothing_that_was_not_asked_for() {
     hand.move_fingers(Axes::One(1.into()), &[30.0]).unwrap();
 }
 
-/// How long random bytes come: three seconds, or as many as this variable says.
+/// Duration of random bytes: three seconds, or the value of this variable.
 const RANDOM_BYTES_SECONDS: &str = "YARP_HAND_BABBLE_SECONDS";
 
-/// Something that is asked of a hand.
+/// A call of a hand.
 type Call = fn(&BarrettHand) -> Result<(), DeviceError>;
 
 fn babble() -> Duration {
@@ -330,8 +331,8 @@ fn a_hand_that_begins_to_babble_is_not_obeyed_nor_told_anything() {
     let before = stage.there.travelled();
     stage.there.set_random_output(Some(3));
     let until = Instant::now() + babble();
-    // First seven letters: two may come back among random bytes by chance. From then on the hand is looked for before
-    // it is told anything.
+    // First seven letters: two may come back among random bytes by chance. From then on the driver checks that the
+    // hand is there before any command.
     let calls: [Call; 5] = [
         |hand| hand.send_command("GM 8000").map(drop),
         |hand| hand.finger_positions().map(drop),

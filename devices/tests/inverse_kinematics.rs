@@ -1,7 +1,7 @@
 //! Inverse kinematics find joint angles for nearly every pose the arm can take.
 //!
-//! Poses are those of random joint angles inside the limits, so each can be reached. A solution counts when
-//! forward kinematics bring the tool to 0.1 mm and 0.05 degrees of the pose, with every joint inside its limits.
+//! Poses are those of random joint angles inside the limits, so each can be reached. A solution counts when forward
+//! kinematics put the tool within 0.1 mm and 0.05 degrees of the pose, with every joint inside its limits.
 
 use yarp_devices::kinematics::{
     Chain, JacobianTranspose, Joints, Pose, Redundancy, Solver, SolverOptions, Task, Unsolved,
@@ -42,7 +42,7 @@ fn reached<const N: usize>(
     off <= 1e-4 && turned <= 0.05_f64.to_radians() && chain.contains(joints)
 }
 
-/// How many of `total` random poses are solved from the middle of the joints' ranges.
+/// Returns the number of `total` random poses that are solved from the middle of the joints' ranges.
 fn solved<const N: usize>(solver: &Solver<N>, task: Task, seed: u64, total: usize) -> usize {
     let chain = solver.chain();
     let middle = Joints::<N>::from_fn(|joint, _| {

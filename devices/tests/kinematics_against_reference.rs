@@ -15,7 +15,7 @@ fn oracle(joints: usize) -> SerialChain<f64> {
     SerialChain::from_end(chain.find("tool_mount").expect("it has a tool"))
 }
 
-/// What the other library says about the pose of the tool: place, and rotation by rows.
+/// Returns the pose of the tool by the other library: position, and rotation by rows.
 fn oracle_pose(chain: &SerialChain<f64>, angles: &[f64]) -> ([f64; 3], [[f64; 3]; 3]) {
     chain.set_joint_positions_unchecked(angles);
     let pose = chain.end_transform();

@@ -11,7 +11,7 @@ fn address() -> impl Strategy<Value = Address> {
     (0_u16..0x800).prop_map(Address::of_id)
 }
 
-/// Messages that are said to such a receiver.
+/// Messages to such a receiver.
 fn said() -> impl Strategy<Value = (Address, PuckMessage)> {
     let torque = -8192_i16..8192;
     let message = prop_oneof![

@@ -1,4 +1,4 @@
-//! Several devices remapped into one board: it behaves as one device does, and says whose fault a refusal is.
+//! Several devices remapped into one board: it behaves as one device does, and names the device of a refusal.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -66,7 +66,7 @@ macro_rules! check_each {
 
 yarp_devices::each_check_of_a_board_of_4! { check_each! {} }
 
-/// The arms are asked for all their joints at once then.
+/// The arms are queried for all their joints at once then.
 #[test]
 fn all_checks_in_a_row_on_two_arms_one_behind_the_other() {
     let arms = vec![arm("left", 2), arm("right", 2)];
@@ -87,7 +87,7 @@ fn joints_of_the_same_name_are_told_apart() {
     assert_eq!(names, ["right_wam1", "left_wam1", "wam0"]);
 }
 
-/// A variable with a value for each joint has one for each joint of the board; others are called by their device.
+/// A variable with a value for each joint has one for each joint of the board; others are prefixed with their device.
 #[test]
 fn variables_belong_to_the_board_or_to_a_device() {
     let (name, left) = arm("left", 3);
@@ -137,7 +137,7 @@ fn a_part_of_a_device_leaves_the_rest_alone() {
     assert_eq!(targets, [5.0, 0.0, 0.0, 0.0]);
 }
 
-/// What one device is told, and what it has to answer.
+/// Calls of one device, and its replies.
 struct Witness {
     name: &'static str,
     axes: usize,
@@ -215,7 +215,7 @@ impl AmplifierControl for Witness {
     }
 
     fn amplifier_status(&self, _: Axes<'_>) -> Result<Vec<i32>, DeviceError> {
-        // One value, whatever was asked.
+        // One value, for any selection.
         Ok(vec![1])
     }
 
@@ -271,7 +271,7 @@ fn each_device_gets_one_call_with_the_joints_that_are_its_own() {
         (a.told(), b.told()),
         (vec!["set [0] [9.0]".to_owned()], vec![])
     );
-    // What does not add up reaches nobody.
+    // Inconsistent commands reach no device.
     let twice = indices(&[3, 3]);
     for (axes, values) in [
         (Axes::Group(&twice), &[1.0, 2.0][..]),
@@ -389,7 +389,7 @@ fn a_device_that_lacks_an_interface_is_named_with_the_joint() {
     assert!(board.torque_control().is_some() && board.hand().is_none());
 }
 
-/// Whatever one device would refuse reaches none: the one in doubt is asked first.
+/// A command that one device would refuse reaches none: the doubtful one is called first.
 #[test]
 fn what_one_device_will_refuse_moves_no_other() {
     let (first, left) = arm("left", 2);
@@ -448,7 +448,7 @@ fn what_one_device_will_refuse_moves_no_other() {
         "no speed",
         moves.set_reference_speeds(Axes::All, &[1.0, 1.0, 1.0, 0.0]),
     );
-    // A range that somebody else has changed meanwhile is no reason to refuse what the device takes.
+    // A range that another client has changed meanwhile is no reason to refuse values that the device accepts.
     let wide = right.control_limits().unwrap();
     wide.set_position_limits(1.into(), Limits::new(-5.0, 5.0))
         .unwrap();

@@ -15,7 +15,7 @@ fn camera(scene: Scene) -> SimulatedCamera {
     SimulatedCamera::start(options).expect("it starts")
 }
 
-/// Waits until the camera has shown pictures of all these kinds, told apart by their first byte, and no others.
+/// Waits until the camera has shown images of all these kinds, distinguished by their first byte, and no others.
 fn shows(camera: &SimulatedCamera, kinds: &[(u8, u8)]) {
     let mut missing: Vec<_> = kinds.iter().collect();
     let deadline = Instant::now() + TEST_TIMEOUT;
@@ -68,7 +68,7 @@ fn every_check_of_cameras_on_ieee_1394_passes() {
     assert!(plain.firewire_controls().is_none());
 }
 
-/// Switched off in any way, the camera takes no images; its number stands still for many of its periods.
+/// Switched off in any way, the camera takes no images; its number is constant for many of its periods.
 #[test]
 fn a_camera_that_is_switched_off_takes_no_images() {
     type Switch = fn(&SimulatedCamera, bool) -> Result<(), DeviceError>;

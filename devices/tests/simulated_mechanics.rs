@@ -1,4 +1,4 @@
-//! The simulated arm is a machine: it rubs, stops, sinks, gives way, and says what its encoders see.
+//! The simulated arm is a machine: it has friction, stops, sinks, gives way, and reads its encoders.
 
 use std::time::Duration;
 
@@ -137,7 +137,7 @@ fn after_an_emergency_stop_the_arm_sinks_gently() {
     assert!(sunk > 0.3, "it sank {sunk} m in 10 s");
     assert!(fastest < 0.3, "gently: at most {fastest} m/s");
     assert_eq!(arm.simulator().safety().mode(), SafetyMode::EmergencyStop);
-    // A move is refused until the pendant says otherwise; then the arm holds where it is.
+    // A move is refused until the pendant allows it; then the arm holds its position.
     let limits = JointLimits::uniform(0.5, 0.5);
     let refused = arm.move_joints(&REACHING.into(), &limits).unwrap_err();
     assert!(
@@ -277,7 +277,7 @@ fn silence_takes_the_arm_out_of_active() {
     let mut arm = simulator(WamModel::<7>::new(), SimulatorOptions::default());
     let hold = holding(&arm);
     arm.step(Some(&hold));
-    // The motors go on with the last torques.
+    // The motors continue with the last torques.
     seconds(&mut arm, 0.4, |_| None);
     assert_eq!(arm.safety().mode(), SafetyMode::Active);
     arm.step(Some(&hold));

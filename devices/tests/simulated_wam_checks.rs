@@ -30,7 +30,7 @@ macro_rules! check_each {
 
 yarp_devices::each_check_of_a_board_of_4! { check_each! {} }
 
-/// The checks put up with what the one before left behind.
+/// The checks tolerate the state that the previous one left.
 #[test]
 fn all_checks_in_a_row_on_one_arm() {
     let arm = SimulatedWam::new();

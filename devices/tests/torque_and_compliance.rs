@@ -1,4 +1,4 @@
-//! Both arms under control, the simulated one and the one on its bus: joints that yield, and motors that are told currents.
+//! Both arms under control, the simulated one and the one on its bus: compliant joints, and current commands.
 
 use std::time::Duration;
 
@@ -16,7 +16,7 @@ use can::{Rig, until};
 
 const BASE: AxisIndex = AxisIndex::new(0);
 const AT_BASE: Axes<'static> = Axes::One(BASE);
-/// What the base's friction takes at most, Nm: 2.7 that varies by a tenth, and what encoders round.
+/// Maximum friction of the base, Nm: 2.7 that varies by a tenth, and encoder rounding.
 const FRICTION: f64 = 3.1;
 /// Nm/deg.
 const SOFT: f64 = 1.0;
@@ -136,7 +136,7 @@ fn soften(bench: &dyn Bench, stiffness: f64) {
     interact(bench, Interaction::Compliant);
 }
 
-/// Where the base truly is, degrees, and how fast it turns.
+/// Returns true position and velocity of the base, degrees.
 fn base(bench: &dyn Bench) -> (f64, f64) {
     let mut found = (0.0, 0.0);
     bench.look(&mut |arm| {
@@ -153,7 +153,7 @@ fn push(bench: &dyn Bench, force: f64) {
     bench.look(&mut |arm| arm.push([0.0, force, 0.0].into()));
 }
 
-/// What a sideways push turns the base with, Nm.
+/// Returns the torque of a sideways push on the base, Nm.
 fn twisted_by(bench: &dyn Bench, force: f64) -> f64 {
     let mut torque = 0.0;
     bench.look(&mut |arm| torque = arm.tool().translation.x * force);
@@ -171,7 +171,7 @@ fn pass(bench: &dyn Bench, time: Duration) {
     until("the passing of time", || now() >= end);
 }
 
-/// Waits until the base stands where spring and outside force are equal, up to friction; answers where.
+/// Waits until the base is at rest where spring and outside force are equal, up to friction; returns the position.
 fn balanced(bench: &dyn Bench, stiffness: f64, torque: impl Fn() -> f64) -> f64 {
     let mut place = 0.0;
     until("forces in balance", || {

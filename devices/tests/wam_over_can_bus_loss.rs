@@ -1,5 +1,5 @@
-//! The bus goes away in the middle of each command and at each frame of a period: the step is named, the arm is braked,
-//! and nothing goes on by itself when the bus is back.
+//! The bus goes down in the middle of each command and at each frame of a period: the step is named, the arm is
+//! braked, and nothing resumes by itself when the bus is back.
 
 use yarp_devices::can::BusError;
 use yarp_devices::can::puck::{Address, Group, Node, PuckMessage, PuckProperty};
@@ -72,7 +72,7 @@ fn safety(rig: &Memory) -> SafetyMode {
     rig.pucks().lock().simulator().safety().mode()
 }
 
-/// Back before the safety module misses anything: it has not braked by itself, and could not be told to.
+/// Back before the safety module misses a heartbeat: it has not braked by itself, and could not be commanded to.
 #[test]
 fn for_less_than_a_heartbeat() {
     let rig = Memory::new();
@@ -81,7 +81,7 @@ fn for_less_than_a_heartbeat() {
     until("a move on its way", || elbow(&rig) < 177.5);
     rig.wire().lock().failure = Some(BusError::Off);
     until("the loss noticed", || !arm.status().connected);
-    // By then the order to brake has failed too.
+    // By then the command to brake has failed too.
     until("an attempt to find the arm", || {
         let error = arm.status().last_error;
         error.is_some_and(|error| error.step == CanStep::Open)

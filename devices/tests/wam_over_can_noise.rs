@@ -1,4 +1,4 @@
-//! Nonsense on the arm's CAN bus: no panic, no movement, and a driver that says what it misses.
+//! Noise on the arm's CAN bus: no panic, no movement, and a driver that names what is missing.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -128,7 +128,7 @@ fn nonsense_instead_of_answers_has_the_arm_braked() {
         SafetyMode::Idle
     );
     let error = arm.status().last_error.expect("a reason").to_string();
-    assert!(error.contains("is silent"), "{error}");
+    assert!(error.contains("does not answer"), "{error}");
     rig.wire().lock().noise = None;
     until("the arm found again", || arm.status().connected);
 }

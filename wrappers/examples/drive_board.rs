@@ -1,4 +1,4 @@
-//! Reads everything a control board says of itself, then moves its first joint there and back.
+//! Reads everything a control board reports, then moves its first joint there and back.
 //!
 //! ```sh
 //! cargo run -p yarp-wrappers --example drive_board -- HOST PORT /wam
@@ -15,7 +15,7 @@ use yarp_devices::{
 use yarp_ports::Network;
 use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions};
 
-/// How far the first joint is moved, degrees or metres.
+/// Distance by which the first joint is moved, degrees or metres.
 const DISTANCE: f64 = 2.0;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -106,7 +106,7 @@ fn drive(board: &RemoteControlBoard) {
         "position mode",
         board.set_control_modes(axis, &[Mode::Position]),
     );
-    // Last, because the fake motors of YARP 3.5 end their program over this question.
+    // Last, because the fake motors of YARP 3.5 end their program after this query.
     tell("all are done", board.motion_done(Axes::All));
 }
 

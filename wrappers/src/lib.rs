@@ -1,8 +1,8 @@
 //! Network wrappers: devices served on ports, and remote devices cast back.
 //!
 //! For each interface there is a server, which offers a device of [`yarp_devices`] on the ports that stock clients
-//! expect, and a client, which is that device again in another program. Both speak what YARP 3.5 to 3.12 speak, and
-//! what 4.0 speaks: a server both at once, a client what the server at the other end does.
+//! expect, and a client, which is that device again in another program. Both support YARP 3.5 to 3.12 and 4.0: a
+//! server both at once, a client the wire version of the server.
 //!
 //! * [`control_board`]: joints that move. [`ControlBoardServer`], [`RemoteControlBoard`].
 //! * [`cartesian`]: tools that move in space. [`CartesianServer`], [`RemoteCartesianControl`].

@@ -4,9 +4,9 @@ use yarp_ports::{Network, Port, PortOptions, remote_admin};
 
 use crate::OpenError;
 
-/// Opens a port whose name nobody else has.
+/// Opens a port with a name that no other port has.
 ///
-/// A name server gives a name away again to whoever asks, so that a second port of one name takes the place of the
+/// A name server gives a name away again to any client that asks, so that a second port of one name replaces the
 /// first. For a robot that must not happen by mistake.
 pub(crate) async fn open(
     network: &Network,
@@ -43,7 +43,7 @@ pub(crate) async fn open_all<const N: usize>(
     Ok(opened.try_into().expect("all were opened"))
 }
 
-/// Closes ports side by side; takes a few seconds at the most, whatever peers do.
+/// Closes ports concurrently; takes a few seconds at most, even if peers do not answer.
 pub(crate) async fn close_all(ports: impl IntoIterator<Item = Port>) {
     let closing: tokio::task::JoinSet<()> = ports.into_iter().map(Port::close).collect();
     closing.join_all().await;

@@ -14,7 +14,7 @@ use crate::OpenError;
 /// Periods that servers publish with.
 const PERIOD_RANGE: RangeInclusive<Duration> = Duration::from_millis(1)..=Duration::from_secs(60);
 
-/// Checks a period that somebody asked for.
+/// Checks a requested period.
 pub(crate) fn check_period(asked: Duration) -> Result<(), OpenError> {
     if PERIOD_RANGE.contains(&asked) {
         return Ok(());
@@ -25,7 +25,7 @@ pub(crate) fn check_period(asked: Duration) -> Result<(), OpenError> {
 
 /// A thread that does something every period.
 ///
-/// It is a thread and no task, so that the period does not depend on what the tasks of the program are doing.
+/// It is a thread and not a task, so that the period does not depend on the other tasks of the program.
 #[derive(Debug)]
 pub(crate) struct PeriodicThread {
     ending: Arc<AtomicBool>,
@@ -34,7 +34,7 @@ pub(crate) struct PeriodicThread {
 }
 
 impl PeriodicThread {
-    /// Starts; `work` is let go on the thread when it ends.
+    /// Starts; `work` is dropped on the thread when it ends.
     pub(crate) fn start(
         name: &str,
         period: Duration,
@@ -46,7 +46,7 @@ impl PeriodicThread {
         let thread = thread::Builder::new().name(name.into()).spawn(move || {
             yarp_ports::request_low_timer_slack();
             every(period, &theirs, &mut work);
-            // What it holds is let go before anybody hears that this has ended.
+            // Its captures are dropped before the end is reported.
             drop(work);
             drop(alive);
         })?;
@@ -57,7 +57,7 @@ impl PeriodicThread {
         })
     }
 
-    /// Ends it; waits for work that is under way at most until `deadline`.
+    /// Ends the thread; waits for running work at most until `deadline`.
     pub(crate) async fn end(self, deadline: Duration) {
         self.ending.store(true, Ordering::Release);
         self.thread.thread().unpark();
@@ -71,8 +71,8 @@ impl PeriodicThread {
     }
 }
 
-/// Calls `work` every `period` until told to end. Deadlines are multiples of the period from the start, so that
-/// lateness does not add up; after a pause of the machine the missed ones are left out, not run in a burst.
+/// Calls `work` every `period` until stopped. Deadlines are multiples of the period from the start, so that lateness
+/// does not add up; after a pause of the machine the missed ones are left out, not run in a burst.
 fn every(period: Duration, ending: &AtomicBool, mut work: impl FnMut()) {
     let mut deadline = Instant::now();
     while !ending.load(Ordering::Acquire) {

@@ -1,4 +1,4 @@
-//! Connections of clients to what they are clients of.
+//! Connections of clients to their servers.
 
 use std::fmt::Debug;
 use std::time::Duration;
@@ -12,13 +12,13 @@ use yarp_wire::message::WireObject;
 
 use crate::OpenError;
 
-/// Questions and orders need answers, so their carrier is not a choice.
+/// Queries and commands need replies, so their carrier is fixed.
 pub(crate) const RPC_CARRIER: &str = "tcp";
-/// How long closing may take.
+/// Timeout of closing.
 pub(crate) const PORT_CLOSE_TIMEOUT: Duration = Duration::from_secs(3);
-/// How often a lost connection is tried again.
+/// Minimum and maximum pause before a lost connection is tried again.
 const BACKOFF: (Duration, Duration) = (Duration::from_millis(100), Duration::from_secs(1));
-/// How often it is looked whether messages still come.
+/// Interval between checks whether messages still arrive.
 pub(crate) const WATCH_INTERVAL: Duration = Duration::from_millis(500);
 
 /// Sees to it that there is a port of that name.
@@ -30,7 +30,7 @@ pub(crate) async fn check_exists(network: &Network, name: String) -> Result<(), 
     }
 }
 
-/// What becomes of a request that no message says.
+/// Returns the error for a request that no message encodes.
 pub(crate) fn unsupported_request(request: &impl Debug) -> DeviceError {
     DeviceError::NotSupported {
         what: format!("{request:?} in one message"),
@@ -76,8 +76,8 @@ pub(crate) async fn connect_supervised(
     }
 }
 
-/// Has a writer send its messages to a port of ours, and again whenever `are_missing` says so; `asking` does the latter.
-/// An error is that of the first time.
+/// Connects a writer to a port of ours, and again whenever `are_missing` returns true; `asking` does the latter. An
+/// error is that of the first time.
 pub(crate) async fn subscribe(
     network: &Network,
     (from, to): (&str, &str),
@@ -98,8 +98,8 @@ pub(crate) async fn subscribe(
     Ok(())
 }
 
-/// Asks a writer for its messages again whenever none come any more: it is the writer that connects, so that nobody
-/// else notices when it comes back.
+/// Connects a writer again whenever no messages arrive: it is the writer that connects, so that no other side notices
+/// when it comes back.
 async fn resubscribe(
     network: Network,
     from: String,

@@ -1,4 +1,4 @@
-//! Orders that wait while the device takes an earlier one: newer ones drop older ones, others are kept.
+//! Commands that are queued while the device executes an earlier one: newer ones drop older ones, others are kept.
 
 mod support;
 
@@ -147,7 +147,7 @@ fn a_thousand_streamed_positions_are_no_backlog() {
     };
     send(0, 0.0);
     eventually("the first", || taken.positions().len() == 1);
-    // The device is busy with it. The order for another joint is kept, whatever comes for this one.
+    // The device is busy with it. The command for another joint is kept, with any commands for this one.
     send(1, 0.5);
     for position in 1..1000 {
         send(0, f64::from(position));
@@ -185,7 +185,7 @@ fn who_waits_for_the_answer_is_told_that_its_order_was_dropped() {
     let by = moved.number;
     assert_eq!(moved.state, MotionState::Moving);
     assert_eq!(dropped.state, MotionState::Ended(MotionEnd::Dropped { by }));
-    // It can be asked for, too.
+    // It can be queried, too.
     let asked = Numbered::Ask(dropped.number).to_bottle().expect("words");
     let told = stage.runtime.block_on(ask(&monitor, &asked));
     assert_eq!(MotionUpdate::from_bottle(&told), Some(dropped));
@@ -193,7 +193,7 @@ fn who_waits_for_the_answer_is_told_that_its_order_was_dropped() {
     stage.runtime.block_on(server.close());
 }
 
-/// An order that could be seen to be wrong took the place of one that waited, and was refused afterwards.
+/// A command that was visibly invalid replaced a queued one, and was refused afterwards.
 #[test]
 fn an_order_that_is_wrong_whatever_the_device_says_displaces_none() {
     let stage = Stage::new();

@@ -1,4 +1,4 @@
-//! Every call ends, whatever becomes of the other side.
+//! Every call ends, even if the other side fails.
 
 mod support;
 

@@ -57,13 +57,13 @@ fn our_client_drives_it_over_the_network() {
     eventually("the way home", || {
         position.motion_done(Axes::All).unwrap_or(false)
     });
-    // Refused by the protocol, told over the network.
+    // Refused by the protocol, reported over the network.
     assert!(
         position
             .set_reference_speeds(Axes::One(0.into()), &[5.0])
             .is_err()
     );
-    // The PC goes away: said by the modes, and moves are refused.
+    // The PC disconnects: the modes report it, and moves are refused.
     drop(node);
     let modes = arm.control_mode().expect("it has modes");
     eventually("a fault", || {

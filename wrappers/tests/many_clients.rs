@@ -59,7 +59,7 @@ fn drives(stage: &Stage, number: usize) {
         arm.set_reference_speeds(joint.into(), &[speed])
             .expect("it answers");
         let told = arm.reference_speeds(joint.into()).expect("it answers");
-        // Others set the same joint; what is told is one of the speeds that somebody set.
+        // Others set the same joint; the reported speed is one of those that were set.
         assert!((1.0..=10.0).contains(&told[0]), "{told:?}");
         assert_eq!(arm.axis_name(3.into()).expect("it answers"), "elbow");
         assert!(arm.position_move(joint.into(), &[1e6]).is_err());
@@ -70,7 +70,7 @@ fn drives(stage: &Stage, number: usize) {
 fn all_are_served_and_nothing_moves_by_mistake() {
     let stage = Stage::new();
     let server = stage.serve_arm();
-    // Stuck: it asks and never reads, begins a message and never ends it, and never is done with a state.
+    // Stuck: it sends queries and never reads, begins a message and never ends it, and never finishes a state.
     let mut stuck = raw(&stage, "/wam/nws/rpc:i", "/stuck/nwc/rpc:o");
     stuck
         .write_all(b"YA\x0a\0\0\0RP\x02\x01")

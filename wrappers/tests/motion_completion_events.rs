@@ -1,4 +1,4 @@
-//! The end of a move, told to whoever asked, and never that of another.
+//! The end of a move is announced to its client, and never that of another.
 
 mod support;
 
@@ -64,7 +64,7 @@ fn relative_moves_have_numbers_too() {
         let options = RemoteControlBoardOptions::new("/wam", "/me").wire_version(wire_version);
         let arm = RemoteControlBoard::open(&stage.network, options.rpc_timeout(TEST_TIMEOUT))
             .expect("it can be reached");
-        // The first that is asked is a float: a 4.0 client of ours could not read it, as it was answered in 3.x.
+        // The first reply is a float: a 4.0 client of ours could not read it, as it was encoded for 3.x.
         let start = arm.target_positions(JOINT).expect("it answers")[0];
         let some = [AxisIndex::new(0), AxisIndex::new(4)];
         let selections: [(Axes<'_>, &[f64]); 3] = [
@@ -109,7 +109,7 @@ fn a_move_of_another_client_is_not_taken_for_ones_own() {
     let end = first.wait(TEST_TIMEOUT).expect("it ends");
     assert_eq!(end, MotionEnd::Superseded { by });
     assert!(second.wait(Duration::ZERO).is_err(), "it is under way");
-    // Also by a client that asks for no number.
+    // Also by a client that does not use numbers.
     mine.position_move(JOINT, &[30.0]).expect("it moves");
     let end = second.wait(TEST_TIMEOUT).expect("it ends");
     assert!(matches!(end, MotionEnd::Superseded { by } if by > second.number()));
@@ -137,7 +137,7 @@ fn a_stop_and_a_change_of_mode_end_a_move_unfinished() {
         .expect("it answers");
     let end = motion.wait(TEST_TIMEOUT).expect("it ends");
     assert!(matches!(end, MotionEnd::Failed { .. }), "{end:?}");
-    // What the device refuses never began, and the reason is told.
+    // A move that the device refuses never began, and the reason is reported.
     let error = arm
         .position_move_numbered(JOINT, &[50.0])
         .expect_err("idle");

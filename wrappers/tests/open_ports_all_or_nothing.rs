@@ -1,4 +1,4 @@
-//! What cannot be opened says which name is the matter, and leaves nothing behind.
+//! An error of opening names the port, and nothing stays open.
 
 mod support;
 

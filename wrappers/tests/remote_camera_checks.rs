@@ -74,7 +74,7 @@ fn every_check_of_ieee_1394_passes_over_4() {
 
 #[test]
 fn images_that_are_asked_for_are_images_as_well() {
-    // Without a stream nothing tells which image of the camera it is: each is a new one.
+    // Without a stream the number of an image is unknown: each is a new one.
     let same = |(name, _): &&(&str, Check)| *name != "images_go_on";
     let checks: Vec<_> = checks::CAMERA.iter().filter(same).copied().collect();
     for wire_version in [WireVersion::V3, WireVersion::V4] {
@@ -98,7 +98,7 @@ fn the_generation_is_found_out() {
     drop(camera);
     stage.runtime.block_on(server.close());
 
-    // What does not understand the question for the version is of 3.x.
+    // A server that does not understand the query for the version is of 3.x.
     let nak = |_: &mut yarp_ports::Received| {
         yarp_ports::Answer::reply(Bottle::parse("[nak]").expect("a bottle"))
     };
@@ -184,7 +184,7 @@ fn a_remote_camera_can_be_served_again() {
     stage.runtime.block_on(server.close());
 }
 
-/// A port reads images as any program does: whole, in order, with number and time.
+/// A port reads images as any program does: complete, in order, with number and time.
 #[test]
 fn any_port_reads_the_images() {
     let stage = Stage::new();
@@ -228,14 +228,14 @@ fn any_port_reads_the_images() {
     stage.runtime.block_on(server.close());
 }
 
-/// What is answered to what is typed.
+/// Returns the reply to a typed request.
 async fn answer(asking: &Port, said: &str) -> String {
     let message = Bottle::parse(said).expect("a bottle");
     let reply = asking.call_within::<Bottle>(&message, TEST_TIMEOUT).await;
     reply.expect("an answer").to_string()
 }
 
-/// What stock's clients of both wire versions say to a camera on IEEE 1394, and what they read.
+/// Conversations of stock's clients of both wire versions with a camera on IEEE 1394.
 #[test]
 fn words_of_ieee_1394_are_answered_as_stock_answers() {
     let stage = Stage::new();
@@ -280,7 +280,7 @@ fn words_of_ieee_1394_are_answered_as_stock_answers() {
     stage.runtime.block_on(server.close());
 }
 
-/// Requests that make no sense are answered, on either port, and the camera goes on.
+/// Invalid requests are answered, on either port, and the camera continues.
 #[test]
 fn nonsense_is_refused_and_the_camera_goes_on() {
     let stage = Stage::new();

@@ -150,7 +150,7 @@ fn what_is_malformed_moves_nothing_on_the_port_for_orders() {
         let message = Bottle::parse(text).expect("a message");
         stage.runtime.block_on(port.write_strict(&message, None));
     }
-    // The last is an order: what comes of the others would have come before it.
+    // The last is a command: effects of the others would have come before it.
     assert!(matches!(
         events.recv_timeout(TEST_TIMEOUT),
         Ok(CartesianEvent::Onset { .. })
@@ -262,7 +262,7 @@ fn opening_says_what_is_missing_and_leaves_nothing() {
     let stage = Stage::new();
     let missing = RemoteCartesianControl::open(&stage.network, options());
     assert!(matches!(missing, Err(OpenError::NoRemote { .. })));
-    // Another version: there is one port that answers every question with it.
+    // Another version: there is one port that answers every query with it.
     let answer = "[ack] ((server_version \"3.0\"))";
     let old = PortOptions::new().handler(move |_: &mut yarp_ports::Received| {
         yarp_ports::Answer::reply(Bottle::parse(answer).expect("a message"))

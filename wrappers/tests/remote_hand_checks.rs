@@ -45,7 +45,7 @@ fn remote(stage: &Stage, local: &str) -> RemoteHand {
     RemoteHand::open(&stage.network, options).expect("it can be reached")
 }
 
-/// What kind of thing the hand complained of.
+/// Returns the kind of the hand's error.
 fn kind<T>(outcome: Result<T, DeviceError>) -> Option<HandErrorKind> {
     let error = outcome.err().expect("it is refused");
     let cause = error.source()?.downcast_ref::<HandError>()?;
@@ -129,7 +129,7 @@ fn at_the_other_end_of_a_network() {
     assert!(stage.registered().is_empty());
 }
 
-/// Waits until the hand has begun to close; its motors stand still until they are told to go on.
+/// Waits until the hand has begun to close; its motors stop until time resumes.
 fn closes_frozen(there: &SimulatedHand, closing: impl FnOnce()) {
     there.freeze(true);
     there.set_unresponsive_from(Some(b"GC\r"));
@@ -240,7 +240,7 @@ impl Device for Shared {
     }
 }
 
-/// An abort would be lost if it were told to the hand only once.
+/// An abort would be lost if it were sent to the hand only once.
 #[test]
 fn an_abort_also_ends_what_is_about_to_begin() {
     let stage = Stage::new();

@@ -13,10 +13,10 @@ use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions};
 
 const BASE: AxisIndex = AxisIndex::new(0);
 const AT_BASE: Axes<'static> = Axes::One(BASE);
-/// What the base rubs with and what encoders round, Nm.
+/// Friction of the base and encoder rounding, Nm.
 const FRICTION: f64 = 3.1;
 
-/// Where the base is; asked again while the newest state is old, as it may be on a busy machine.
+/// Returns the position of the base; retries while the newest state is old, as it may be on a busy machine.
 fn position(arm: &RemoteControlBoard) -> f64 {
     let encoders = arm.encoders().expect("it has encoders");
     let place = Cell::new(0.0);
@@ -96,7 +96,7 @@ fn knows_no_duty_cycles(arm: &RemoteControlBoard) {
     assert!(control.reference_duty_cycles(AT_BASE).is_err());
     assert!(control.duty_cycles(AT_BASE).is_err());
     let modes = arm.control_mode().expect("it has modes");
-    // A refusal is not told in every wire version.
+    // A refusal is not reported in every wire version.
     let _ = modes.set_control_modes(AT_BASE, &[Mode::Pwm]);
     eventually("the mode it had", || {
         modes

@@ -1,4 +1,4 @@
-//! What a server publishes, period by period.
+//! States that a server publishes, period by period.
 
 mod support;
 
@@ -111,7 +111,7 @@ fn a_kilohertz_is_a_kilohertz() {
     stage.runtime.block_on(server.close());
 }
 
-/// A state was left out for a reader that was not done with the one before: at 1 kHz a machine that was busy for a
+/// A state was skipped for a reader that had not finished the previous one: at 1 kHz a machine that was busy for a
 /// millisecond lost some.
 #[test]
 fn a_reader_that_is_up_to_20_ms_behind_misses_no_state() {

@@ -15,12 +15,12 @@ use yarp_devices::wam::can::OpenBus;
 use super::can::scenarios::{active, move_elbow};
 use super::can::{Hook, Hooked, Plug, Rig, Scenario, Shared, Switch, until};
 
-/// What only a real bus can show: somebody else talks nonsense.
+/// Scenarios that only a real bus can show: another node sends invalid frames.
 pub(crate) const NOISE: Scenario = (
     "noise_of_others_moves_nothing",
     noise_of_others_moves_nothing,
 );
-/// What only real time can show.
+/// Scenarios that only real time can show.
 pub(crate) const RATE: Scenario = (
     "five_hundred_periods_a_second_and_more",
     five_hundred_periods_a_second_and_more,
@@ -105,7 +105,7 @@ impl Rig for Kernel {
             Plug::Pull => link(&interface, "down"),
             Plug::PutBack => link(&interface, "up"),
             Plug::BusOff => {
-                // A virtual bus has no controller; what one would say is sent by hand.
+                // A virtual bus has no controller; its error frame is sent by hand.
                 let socket = CanSocket::open(&interface).expect("the interface is up");
                 let frame = CanErrorFrame::from(CanError::BusOff);
                 socket
@@ -116,7 +116,7 @@ impl Rig for Kernel {
     }
 }
 
-/// Frames that say nothing, or something to nobody, between those of the arm.
+/// Invalid frames, and frames for absent nodes, between those of the arm.
 fn noise_of_others_moves_nothing(rig: &dyn Rig) {
     let arm = active(rig);
     let quiet = Arc::new(AtomicBool::new(false));
@@ -133,7 +133,7 @@ fn noise_of_others_moves_nothing(rig: &dyn Rig) {
                 number ^= number >> 7;
                 number ^= number << 17;
                 let bytes = number.to_le_bytes();
-                // Senders that no arm has, so that nobody is told what to do.
+                // Senders that no arm has, so that no node is commanded.
                 let id = 0x200 | (number >> 40) as u16 & 0x5FF;
                 let frame =
                     CanFrame::new(id, &bytes[..(number >> 60) as usize % 9]).expect("a frame");
@@ -159,7 +159,7 @@ fn five_hundred_periods_a_second_and_more(rig: &dyn Rig) {
     });
     let (time, after) = (begin.elapsed(), arm.status());
     println!(
-        "  {:.0} periods a second; {} late, {} positions left out",
+        "  {:.0} periods a second; {} late, {} positions missed",
         (after.periods - before.periods) as f64 / time.as_secs_f64(),
         after.late_periods - before.late_periods,
         after.missed_replies - before.missed_replies,

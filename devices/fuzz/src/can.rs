@@ -1,5 +1,5 @@
-//! What the fuzz targets of the CAN bus do with their bytes: feed them to the reader of frames and to simulated pucks, and
-//! check what must hold whatever they are.
+//! Feeds the bytes of the CAN fuzz targets to the frame parser and to simulated pucks, and checks what must hold for
+//! any bytes.
 //!
 //! The same functions are replayed over the committed corpora by `tests/can_fuzz_corpus.rs`.
 
@@ -38,8 +38,8 @@ pub fn puck_frame(data: &[u8]) {
     }
 }
 
-/// A conversation with simulated pucks: whatever a host says, the arm stays as it is while nobody presses activate,
-/// answers are understood and go to the host.
+/// A conversation with simulated pucks: for any frames of a host, the arm stays as it is unless activate is pressed,
+/// replies can be parsed and go to the host.
 pub fn pucks(data: &[u8]) {
     let mut pucks = SimulatedPucks::new(WamModel::<7>::new(), SimulatorOptions::default());
     let mut answers = Vec::new();

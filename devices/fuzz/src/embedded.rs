@@ -14,7 +14,7 @@ pub const TARGETS: [Target; 3] = [
     ("embedded_packet", packet),
 ];
 
-/// The first byte says how long the pieces are in which the rest comes.
+/// The first byte is the length of the pieces in which the rest arrives.
 fn pieces(data: &[u8]) -> (&[u8], usize) {
     match data.split_first() {
         Some((&first, rest)) => (rest, usize::from(first).max(1)),
@@ -70,7 +70,7 @@ pub fn reply(data: &[u8]) {
     let mut last = Ok(None);
     for byte in data {
         last = split.push(&[*byte]);
-        // Nobody reads on behind an answer.
+        // Nothing is read after a reply.
         if !matches!(last, Ok(None)) {
             break;
         }

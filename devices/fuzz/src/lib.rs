@@ -1,5 +1,4 @@
-//! What every fuzz target does with its bytes: feed them to a reader of a device's protocol, and check what must hold
-//! whatever they are.
+//! Feeds the bytes of each fuzz target to the parser of a device's protocol, and checks what must hold for any bytes.
 //!
 //! The same functions are replayed over the committed corpora by the tests `*fuzz_corpus.rs`.
 

@@ -1,22 +1,22 @@
-//! What a camera is to show, and how.
+//! Options of a simulated camera.
 
 use std::path::PathBuf;
 
 use super::Pattern;
 use crate::Intrinsics;
 
-/// What a camera looks at.
+/// The scene in front of a camera.
 #[derive(Clone, Debug, Eq, PartialEq)]
 pub enum Scene {
     /// A test pattern.
     Pattern(Pattern),
-    /// A picture (PPM, PGM, PNG, JPEG); a film, which is a file of JPEG pictures (`.mjpeg`, `.mjpg`); or a folder of
-    /// pictures, in the order of their names. Films and folders begin again at their end.
+    /// An image (PPM, PGM, PNG, JPEG); a film, which is a file of JPEG images (`.mjpeg`, `.mjpg`); or a folder of
+    /// images, in the order of their names. Films and folders begin again at their end.
     File(PathBuf),
 }
 
-/// How a [`SimulatedCamera`](super::SimulatedCamera) is to be. The defaults are those of stock's `fakeFrameGrabber`, but
-/// for the lens: a line on 320 x 240 pixels, 30 images a second.
+/// Options of a [`SimulatedCamera`](super::SimulatedCamera). The defaults are those of stock's `fakeFrameGrabber`,
+/// but for the lens: a line on 320 x 240 pixels, 30 images a second.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct CameraOptions {
@@ -55,7 +55,7 @@ impl CameraOptions {
         Self::default()
     }
 
-    /// What it looks at.
+    /// Sets the scene.
     pub fn scene(mut self, scene: Scene) -> Self {
         self.scene = scene;
         self
@@ -73,25 +73,25 @@ impl CameraOptions {
         self
     }
 
-    /// The angles of view across and down that it tells, degrees. They do not change what it shows.
+    /// Sets the reported horizontal and vertical angles of view, degrees. They do not change the images.
     pub fn field_of_view(mut self, across: f64, down: f64) -> Self {
         self.field_of_view = (across, down);
         self
     }
 
-    /// The lens that it tells. It does not change what it shows.
+    /// Sets the reported lens. It does not change the images.
     pub fn intrinsics(mut self, intrinsics: Intrinsics) -> Self {
         self.intrinsics = intrinsics;
         self
     }
 
-    /// Whether left and right are swapped.
+    /// Swaps left and right.
     pub fn mirrored(mut self, mirrored: bool) -> Self {
         self.mirrored = mirrored;
         self
     }
 
-    /// Whether it is a camera on IEEE 1394, with the [controls](crate::FirewireControls) of one.
+    /// Makes it a camera on IEEE 1394, with the [controls](crate::FirewireControls) of one.
     pub fn firewire(mut self, firewire: bool) -> Self {
         self.firewire = firewire;
         self

@@ -1,9 +1,9 @@
-//! Where the knobs stand, and what they do to a picture.
+//! Values of the camera's features, and their effect on an image.
 
 use crate::image::{Image, PixelFormat};
 use crate::{DeviceError, Feature};
 
-/// A knob of one or two values, each 0 to 1.
+/// State of a feature with one or two values, each 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct FeatureState {
     pub(super) values: (f64, f64),
@@ -18,7 +18,7 @@ impl FeatureState {
         }
     }
 
-    /// Where it stands, or where it does nothing.
+    /// Returns the value, or the neutral one if the feature is switched off.
     fn effective(&self, neutral: f64) -> (f64, f64) {
         if self.active {
             self.values
@@ -28,7 +28,7 @@ impl FeatureState {
     }
 }
 
-/// The knobs there are; as they stand at first they change nothing.
+/// The supported features; their initial values change nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct FeatureSettings {
     /// Added: from black to white.
@@ -37,7 +37,7 @@ pub(super) struct FeatureSettings {
     exposure: FeatureState,
     /// A factor: 0 leaves everything, 1 is four times as bright.
     gain: FeatureState,
-    /// An exponent: 0 darkens, 1 brightens what is between black and white.
+    /// An exponent: 0 darkens, 1 brightens the values between black and white.
     gamma: FeatureState,
     /// 0 is grey, 1 doubles the distance from grey.
     saturation: FeatureState,
@@ -47,7 +47,7 @@ pub(super) struct FeatureSettings {
     mirror: FeatureState,
 }
 
-/// Where a knob that can go both ways changes nothing.
+/// Value at which a feature that works in both directions changes nothing.
 const NEUTRAL: f64 = 0.5;
 
 impl FeatureSettings {
@@ -63,7 +63,7 @@ impl FeatureSettings {
         }
     }
 
-    /// The knob of a feature, if there is one.
+    /// Returns the state of a feature, if it is supported.
     pub(super) fn feature_state(&mut self, feature: Feature) -> Option<&mut FeatureState> {
         Some(match feature {
             Feature::Brightness => &mut self.brightness,
@@ -77,12 +77,12 @@ impl FeatureSettings {
         })
     }
 
-    /// Whether left and right are swapped.
+    /// Returns whether left and right are swapped.
     pub(super) fn is_mirrored(&self) -> bool {
         self.mirror.effective(0.0).0 >= NEUTRAL
     }
 
-    /// What the knobs make of a picture in red, green and blue. Shares one that they do not change.
+    /// Applies the features to an image in red, green and blue. Shares one that they do not change.
     pub(super) fn applied(&self, image: Image) -> Result<Image, DeviceError> {
         let tables = self.tables();
         let saturation = self.saturation.effective(NEUTRAL).0 / NEUTRAL;
@@ -113,7 +113,7 @@ impl FeatureSettings {
         Image::new(PixelFormat::Rgb, image.width(), image.height(), pixels)
     }
 
-    /// What becomes of each value of red, green and blue.
+    /// Returns the lookup tables for red, green and blue.
     fn tables(&self) -> [[u8; 256]; 3] {
         let added = (self.brightness.effective(NEUTRAL).0 - NEUTRAL) * 2.0 * 255.0;
         let bright = self.exposure.effective(NEUTRAL).0 / NEUTRAL;

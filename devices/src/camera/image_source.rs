@@ -1,4 +1,4 @@
-//! Where the pictures of a camera come from.
+//! Sources of the images of a camera.
 
 use std::fs;
 use std::ops::Range;
@@ -10,7 +10,7 @@ use super::test_pattern::Painter;
 use crate::DeviceError;
 use crate::image::{Image, PixelFormat, image_file};
 
-/// The largest film, in bytes: it is kept in memory as it is in the file.
+/// Maximum size of a film, in bytes: the whole file is kept in memory.
 const MAX_FILM_BYTES: u64 = 1 << 30;
 
 /// Pictures, one after the other.
@@ -46,14 +46,14 @@ impl ImageSource {
         }
     }
 
-    /// Whether its pictures have a size of their own.
+    /// Returns whether its images have a size of their own.
     pub(super) fn has_own_size(&self) -> bool {
         !matches!(self, Self::Pattern(_))
     }
 
-    /// The next picture, in red, green and blue; a pattern in the size asked for.
+    /// Returns the next image, in red, green and blue; a test pattern has the requested size.
     ///
-    /// A picture of a folder or film that cannot be read is passed over; an error if none can.
+    /// An image of a folder or film that cannot be read is skipped; an error if none can.
     pub(super) fn next(&mut self, width: usize, height: usize) -> Result<Image, DeviceError> {
         match self {
             Self::Pattern(painter) => Image::new(
@@ -92,7 +92,7 @@ fn first_good<T>(
         last = read(&all[place]).and_then(|image| image.to_rgb());
         match &last {
             Ok(_) => return last,
-            Err(error) => tracing::debug!("passed over: {error}"),
+            Err(error) => tracing::debug!("skipped: {error}"),
         }
     }
     last

@@ -1,4 +1,4 @@
-//! The newest of something, shared by one writer and any number of readers.
+//! The latest value, shared by one writer and any number of readers.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError, TryLockError};
@@ -6,11 +6,11 @@ use std::sync::{Mutex, PoisonError, TryLockError};
 /// Places to write to. A reader that is stopped in the middle of taking holds one.
 const SLOTS: usize = 8;
 
-/// The newest of what one writer puts there, for readers who never hold it up.
+/// The latest value of one writer, for readers that never block it.
 ///
-/// The writer tries places until it finds one that no reader is taking from, and then says which it was. A reader goes
-/// to the place that was said last; if the writer has been there again meanwhile, it finds what is newer still. What is
-/// shared is taken by cloning, so it should be cheap to clone: a [`Frame`](crate::image::Frame) shares its pixels.
+/// The writer tries slots until it finds one that no reader is copying from, and then publishes its number. A reader
+/// copies the published slot; if the writer has reused it meanwhile, the reader gets a still newer value. Readers get
+/// a clone, so the value should be cheap to clone: a [`Frame`](crate::image::Frame) shares its pixels.
 #[derive(Debug)]
 pub struct LatestValue<T> {
     slots: [Mutex<Option<T>>; SLOTS],
@@ -45,7 +45,7 @@ impl<T: Clone> LatestValue<T> {
                 Err(TryLockError::WouldBlock) => continue,
             };
             *slot = Some(newer);
-            // Before the place is let go: whoever sees this one is then never sent to an older one.
+            // Before the slot is released: a reader that sees this one never gets an older one afterwards.
             self.newest.store(place, Ordering::Release);
             return true;
         }
@@ -99,7 +99,7 @@ mod tests {
         assert_eq!(newest.get(), Some(19));
     }
 
-    /// What is shared is two numbers that agree; readers look for pairs that do not, and for older ones.
+    /// Two numbers that agree are shared; readers look for pairs that do not, and for older ones.
     #[test]
     fn nobody_sees_a_torn_or_an_older_one() {
         let newest = LatestValue::new();

@@ -1,4 +1,4 @@
-//! Files of JPEG pictures one behind the other, which is what `ffmpeg -c:v mjpeg out.mjpeg` writes.
+//! Splits files of consecutive JPEG images, as `ffmpeg -c:v mjpeg out.mjpeg` writes them.
 //!
 //! ImageSource: ISO/IEC 10918-1, annex B: markers and the segments that follow them.
 
@@ -8,7 +8,7 @@ const START: u8 = 0xd8;
 const END: u8 = 0xd9;
 const SCAN: u8 = 0xda;
 
-/// Where the pictures are. A last one that is not whole is left out, and so is what stands between them.
+/// Returns the byte ranges of the images. An incomplete last image is left out, and so are bytes between images.
 pub fn images(bytes: &[u8]) -> Vec<Range<usize>> {
     let mut found = Vec::new();
     let mut at = 0;
@@ -33,8 +33,8 @@ fn marker(bytes: &[u8], at: usize, code: u8) -> Option<usize> {
     Some(at + found)
 }
 
-/// Where the picture ends whose first segment begins at `at`. Segments are passed over by their length, because they
-/// may hold pictures of their own.
+/// Returns the end of the image whose first segment begins at `at`. Segments are skipped by their length, because
+/// they may contain images of their own.
 fn end_of(bytes: &[u8], mut at: usize) -> Option<usize> {
     loop {
         let [0xff, code] = *bytes.get(at..at + 2)? else {
@@ -43,7 +43,7 @@ fn end_of(bytes: &[u8], mut at: usize) -> Option<usize> {
         match code {
             END => return Some(at + 2),
             START => return None,
-            // Fill bytes, and markers that stand alone.
+            // Fill bytes, and markers without a length.
             0xff => at += 1,
             0x01 | 0xd0..=0xd7 => at += 2,
             _ => {
@@ -58,7 +58,7 @@ fn end_of(bytes: &[u8], mut at: usize) -> Option<usize> {
     }
 }
 
-/// Where the data of a scan ends: at a marker that is neither a stuffed byte nor a restart.
+/// Returns the end of the data of a scan: a marker that is neither a stuffed byte nor a restart.
 fn end_of_scan(bytes: &[u8], at: usize) -> Option<usize> {
     let data = bytes.get(at..)?.windows(2);
     let mut ends = data

@@ -1,4 +1,4 @@
-//! A camera that shows a test pattern, a picture or a film.
+//! A camera that shows a test pattern, an image or a film.
 //!
 //! ```text
 //! ImageSource ──▶ FeatureSettings ──▶ LatestValue ──▶ whoever asks
@@ -6,14 +6,14 @@
 //! file       change it     readers take the newest, whole
 //! ```
 //!
-//! | file | what it is about |
+//! | file | content |
 //! | --- | --- |
 //! | `simulated_camera` | [`SimulatedCamera`]: the thread and the device interfaces |
 //! | `simulated_firewire` | the same as a camera on IEEE 1394 |
 //! | `camera_options` | [`CameraOptions`], [`Scene`] |
-//! | `image_source`, `pattern`, [`mjpeg`] | where pictures come from |
-//! | `feature_settings` | what the knobs do |
-//! | `latest_value` | [`LatestValue`]: how readers get frames without holding up the camera |
+//! | `image_source`, `test_pattern`, [`mjpeg_splitter`] | sources of images |
+//! | `feature_settings` | effects of the features |
+//! | `latest_value` | [`LatestValue`]: hands frames to readers without blocking the camera |
 
 mod camera_options;
 mod feature_settings;

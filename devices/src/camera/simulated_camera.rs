@@ -17,21 +17,21 @@ use crate::{
     RgbVisualParams,
 };
 
-/// Images a second that a camera may be asked for.
+/// Range of the rate, images per second.
 const RATES: std::ops::RangeInclusive<f64> = 0.1..=1000.0;
 /// The largest pattern, in pixels.
 const MAX_PIXELS: usize = 1 << 24;
 /// Sizes of patterns that it offers.
 const SIZES: [(usize, usize); 3] = [(160, 120), (320, 240), (640, 480)];
 
-/// A camera that shows a test pattern, a picture, a folder of pictures or a film.
+/// A camera that shows a test pattern, an image, a folder of images or a film.
 ///
-/// * A thread of its own takes images at the rate asked for; the n-th is due n periods after the start. It waits for
-///   nobody: see [`LatestValue`]. Dropping the camera ends and joins it.
-/// * The first image is there when the camera has started. Pixels are shared with whoever takes an image.
+/// * A dedicated thread takes images at the configured rate; the n-th is due n periods after the start. It never
+///   waits for readers: see [`LatestValue`]. Dropping the camera ends and joins it.
+/// * The first image is there when the camera has started. Pixels are shared with the readers.
 /// * Knobs: brightness, exposure, gain, gamma, saturation, white balance (blue and red), mirror; each can be switched off,
 ///   and none turns by itself. They take effect with the next image.
-/// * A picture that cannot be read any more is passed over; as long as none can, no images come.
+/// * An image that can no longer be read is skipped; while none can be read, no images are produced.
 ///
 /// ```
 /// use yarp_devices::camera::{CameraOptions, Pattern, Scene, SimulatedCamera};
@@ -64,7 +64,7 @@ struct Shared {
     intrinsics: Intrinsics,
 }
 
-/// What can be set while it runs.
+/// State that can be set while the camera runs.
 #[derive(Clone, Debug)]
 pub(super) struct State {
     pub(super) width: usize,
@@ -141,7 +141,7 @@ impl SimulatedCamera {
         self.has_own_size
     }
 
-    /// Refuses another size where the pictures have one of their own.
+    /// Refuses another size if the images have one of their own.
     pub(super) fn check_sizable(&self) -> Result<(), DeviceError> {
         if self.has_own_size {
             return Err(DeviceError::NotSupported {
@@ -161,7 +161,7 @@ impl SimulatedCamera {
         self.shared.started
     }
 
-    /// Does something with the knob of a feature, if there is one.
+    /// Applies a function to the state of a feature, if it is supported.
     fn with_feature<T>(
         &self,
         feature: Feature,
@@ -204,7 +204,7 @@ struct Grabber {
     shared: Arc<Shared>,
     source: ImageSource,
     taken: u64,
-    /// Whether the last image could not be had: the first of a run is reported aloud.
+    /// True if the last image was not available: the first failure of a run is logged as a warning.
     failing: bool,
 }
 
@@ -230,7 +230,7 @@ impl Grabber {
         Ok(())
     }
 
-    /// Takes images until told to end. Images that a pause of the machine made impossible are left out.
+    /// Takes images until stopped. Images that a pause of the machine made impossible are left out.
     fn run(&mut self) {
         let shared = Arc::clone(&self.shared);
         let period = || Duration::from_secs_f64(1.0 / shared.state().rate);

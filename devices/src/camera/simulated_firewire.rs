@@ -1,8 +1,8 @@
 //! The simulated camera as one on IEEE 1394.
 //!
 //! Video mode, window and rate change the images; without transmission, power or capture there are none. The speed of
-//! the bus, the kind of the bus and the bytes in a packet are kept and told, and change nothing. A broadcast reaches nobody
-//! else. What comes to programs is RGB whatever the coding on the bus, as with stock's drivers.
+//! the bus, the kind of the bus and the bytes in a packet are stored and reported, and change nothing. A broadcast
+//! reaches no other camera. Programs receive RGB for any coding on the bus, as with stock's drivers.
 
 use super::SimulatedCamera;
 use super::simulated_camera::State;
@@ -20,7 +20,7 @@ const FORMAT_7: u32 = 24;
 const YUV_422: u32 = 2;
 const YUV_444: u32 = 3;
 const RGB: u32 = 4;
-/// How many rates there are.
+/// Number of rates.
 const RATE_COUNT: u32 = 8;
 /// The slowest rate, images a second.
 const MIN_RATE: f64 = 1.875;
@@ -31,11 +31,11 @@ const MAX_PACKET_BYTES: u32 = 32768;
 /// The sensor is at least as large as this.
 pub(super) const SENSOR: (usize, usize) = (640, 480);
 
-/// What is set on the bus.
+/// FeatureSettings of the bus.
 #[derive(Clone, Debug)]
 pub(super) struct BusState {
     in_format_7: bool,
-    /// In the place of the whole sensor, scaled to the size of the images.
+    /// Relative to the whole sensor, scaled to the size of the images.
     window: Option<Window>,
     iso_speed: u32,
     is_1394b: bool,
@@ -61,7 +61,7 @@ impl Default for BusState {
 }
 
 impl BusState {
-    /// Whether there are images.
+    /// Returns whether images are sent.
     pub(super) fn is_sending(&self) -> bool {
         self.transmitting && self.powered && self.capturing
     }
@@ -78,7 +78,7 @@ impl BusState {
     }
 }
 
-/// The part of a picture of the whole sensor.
+/// Returns the part of an image of the whole sensor.
 pub(super) fn part(sensor: &Image, window: Window) -> Result<Image, DeviceError> {
     let place = |place: u32| i32::try_from(place).unwrap_or(i32::MAX);
     let last = |first: u32, count: u32| place(first.saturating_add(count)).saturating_sub(1);
@@ -283,7 +283,7 @@ impl FirewireControls for SimulatedCamera {
         Ok(())
     }
 
-    /// But for the knobs.
+    /// Except the features.
     fn set_defaults(&self) -> Result<(), DeviceError> {
         let (size, rate) = self.as_started();
         let mut state = self.state();
@@ -293,7 +293,7 @@ impl FirewireControls for SimulatedCamera {
         Ok(())
     }
 
-    /// As its defaults.
+    /// Resets the camera to its defaults.
     fn reset(&self) -> Result<(), DeviceError> {
         self.set_defaults()
     }

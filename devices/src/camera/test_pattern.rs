@@ -2,7 +2,7 @@
 
 use crate::pseudo_random::Random;
 
-/// What a camera without a scene shows: the modes of stock's `fakeFrameGrabber` (but for `time` and `size`).
+/// Test patterns of a camera without a scene: the modes of stock's `fakeFrameGrabber` (but for `time` and `size`).
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub enum Pattern {
     /// A red line on black that goes down by a row per image (`line`).
@@ -49,7 +49,7 @@ pub(super) struct Painter {
     pattern: Pattern,
     /// The row of the line.
     row: usize,
-    /// Where the ball is, from the middle.
+    /// Position of the ball, from the middle.
     ball: (i64, i64),
     random: Random,
 }

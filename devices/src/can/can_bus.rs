@@ -7,17 +7,18 @@ use super::CanFrame;
 
 /// One participant's end of a CAN bus.
 pub trait CanBus: Send {
-    /// Puts a frame into the queue of what is sent. Does not wait for the bus.
+    /// Queues a frame for transmission. Does not wait for the bus.
     fn send(&mut self, frame: &CanFrame) -> Result<(), BusError>;
 
-    /// The next frame of another participant, or `None` when none has come by the deadline.
+    /// Receives the next frame of another node, or `None` at the deadline.
     ///
-    /// A frame that has come already is given out even if the deadline is in the past. What is no data frame
-    /// with an identifier of 11 bits is left out. Errors: those that end the use of the bus; it has to be opened again.
+    /// A frame that has come already is given out even if the deadline is in the past. Frames other than data frames
+    /// with an identifier of 11 bits are skipped. Errors: those that end the use of the bus; it has to be opened
+    /// again.
     fn receive(&mut self, deadline: Instant) -> Result<Option<CanFrame>, BusError>;
 }
 
-/// Why a bus cannot be used.
+/// Reasons why a bus cannot be used.
 #[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BusError {
@@ -30,10 +31,10 @@ pub enum BusError {
         /// In the words of the system.
         why: String,
     },
-    /// The queue of the interface is full: nobody takes what is sent.
-    #[error("the CAN interface does not get rid of frames: nobody acknowledges them")]
+    /// The transmit queue of the interface is full: frames are not acknowledged.
+    #[error("CAN transmit queue stuck: frames are not acknowledged")]
     Full,
-    /// Anything else the system says.
+    /// Any other error of the system.
     #[error("the CAN interface failed: {why}")]
     Failed {
         /// In the words of the system.
@@ -42,7 +43,7 @@ pub enum BusError {
 }
 
 impl BusError {
-    /// What to try next.
+    /// Returns advice on what to try next.
     pub fn advice(&self) -> &'static str {
         match self {
             Self::Off => {
@@ -55,7 +56,7 @@ impl BusError {
     }
 }
 
-/// What the calls of the Linux kernel answer, as its documentation of SocketCAN and `errno` say.
+/// Converts the errors of the Linux kernel, as its documentation of SocketCAN and `errno` describes them.
 impl From<io::Error> for BusError {
     fn from(error: io::Error) -> Self {
         let why = error.to_string();
@@ -66,7 +67,7 @@ impl From<io::Error> for BusError {
             | io::ErrorKind::AddrNotAvailable => Self::Down { why },
             io::ErrorKind::WouldBlock => Self::Full,
             _ => match error.raw_os_error() {
-                // ENODEV, ENXIO: no such interface, or it has gone; ENOBUFS: no room.
+                // ENODEV, ENXIO: no such interface, or it was removed; ENOBUFS: no room.
                 Some(19 | 6) => Self::Down { why },
                 Some(105) => Self::Full,
                 _ => Self::Failed { why },

@@ -36,7 +36,7 @@ impl CanFrame {
     }
 }
 
-/// As fact sheets and tools write it: `426: 85 00 02 00`.
+/// Formats the frame as fact sheets and tools write it: `426: 85 00 02 00`.
 impl fmt::Display for CanFrame {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:03X}:", self.id)?;

@@ -1,4 +1,4 @@
-//! The CAN bus, and what Barrett's pucks say on it.
+//! The CAN bus, and the messages of Barrett's pucks on it.
 //!
 //! * [`CanBus`]: a bus, as a driver needs it; `SocketCan` is the one of the Linux kernel.
 //! * [`puck`]: the frames of pucks and safety module, as values. No bus, no clock.

@@ -11,7 +11,7 @@ use tracing::debug;
 
 use super::{BusError, CanBus, CanFrame};
 
-/// The bit of an error frame that says that the controller has left the bus (`linux/can/error.h`).
+/// The bit of an error frame that reports that the controller has left the bus (`linux/can/error.h`).
 const BUS_OFF: u32 = 0x40;
 
 /// An interface like `can0` or `vcan0`, through crate `socketcan`.

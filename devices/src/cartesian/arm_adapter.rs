@@ -13,7 +13,7 @@ pub(super) struct ArmAdapter<const N: usize> {
     device: Arc<dyn Device>,
 }
 
-/// Where the joints are, and since when: rad, and seconds since the start of 1970.
+/// Measured joint positions and their time: rad, and seconds since the start of 1970.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Measured<const N: usize> {
     pub(super) joints: Joints<N>,
@@ -52,7 +52,7 @@ impl<const N: usize> ArmAdapter<N> {
         missing(self.device.control_mode(), "control modes")
     }
 
-    /// Where each joint may be, rad; limits of the chain are drawn closer by those of the device.
+    /// Returns the range of each joint, rad; the device's limits narrow those of the chain.
     pub(super) fn limits(&self, chain: &[Limits; N]) -> Result<[Limits; N], DeviceError> {
         let mut limits = *chain;
         for (joint, limits) in limits.iter_mut().enumerate() {
@@ -68,7 +68,7 @@ impl<const N: usize> ArmAdapter<N> {
         missing(self.device.control_limits(), "telling limits")?.position_limits(joint.into())
     }
 
-    /// How fast each joint may move, rad/s.
+    /// Returns the maximum speed of each joint, rad/s.
     pub(super) fn max_velocities(&self) -> Result<Joints<N>, DeviceError> {
         let limits = missing(self.device.control_limits(), "telling limits")?;
         let mut max_velocities = Joints::zeros();
@@ -100,7 +100,7 @@ impl<const N: usize> ArmAdapter<N> {
         self.modes()?.set_control_modes(Axes::Group(&used), &modes)
     }
 
-    /// Whether all joints follow positions.
+    /// Returns whether all joints follow positions.
     pub(super) fn is_engaged(&self, dof: &[bool; N]) -> Result<bool, DeviceError> {
         let mut modes = [Mode::UNKNOWN; N];
         self.modes()?.read_control_modes(Axes::All, &mut modes)?;

@@ -20,12 +20,12 @@ use crate::{CartesianEvent, CartesianInfo, Device, DeviceError};
 
 /// Stock's default.
 const PERIOD: Duration = Duration::from_millis(10);
-/// The version of the protocol that clients ask for.
+/// The protocol version that clients query.
 const SERVER_VERSION: &str = "2.0";
-/// How many contexts are kept; a client that stores on and on does not fill the memory.
+/// Maximum number of stored contexts: a client that keeps storing does not fill the memory.
 const MAX_CONTEXTS: usize = 1000;
 
-/// How a controller works.
+/// Options of a controller.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct CartesianOptions {
@@ -48,13 +48,13 @@ impl CartesianOptions {
         Self::default()
     }
 
-    /// How often the arm gets its next position (stock: `ControllerPeriod`).
+    /// Sets the interval between positions sent to the arm (stock: `ControllerPeriod`).
     pub fn period(mut self, period: Duration) -> Self {
         self.period = period;
         self
     }
 
-    /// What kind of arm it is (stock: `KinematicType`).
+    /// Sets the kind of arm (stock: `KinematicType`).
     pub fn part_type(mut self, part_type: impl Into<String>) -> Self {
         self.part_type = part_type.into();
         self
@@ -63,7 +63,7 @@ impl CartesianOptions {
 
 /// Moves the tool of an arm with `N` joints; see the [module](self).
 ///
-/// Its thread moves the arm only while a motion is under way. Dropping it ends the motion; the arm holds.
+/// Its thread moves the arm only during a motion. Dropping it ends the motion; the arm holds.
 ///
 /// ```
 /// use std::sync::Arc;
@@ -104,27 +104,27 @@ impl<const N: usize> std::fmt::Debug for Shared<N> {
     }
 }
 
-/// What orders and the thread share.
+/// State shared by callers and the thread.
 #[derive(Debug)]
 pub(super) struct State<const N: usize> {
     pub(super) settings: Settings<N>,
     contexts: BTreeMap<i32, Settings<N>>,
     next_context: i32,
     pub(super) motion: Option<Motion<N>>,
-    /// What the last target came down to; before it, where the arm stood when it was asked first.
+    /// Solution for the last target; before the first target, the pose at which the arm was when it was first read.
     desired: Option<(Pose, Joints<N>)>,
-    /// What the arm was told last.
+    /// The last command sent to the arm.
     commanded: Option<Joints<N>>,
     pub(super) checkpoints: Vec<f64>,
     listeners: Vec<SyncSender<CartesianEvent>>,
 }
 
 impl<const N: usize> CartesianController<N> {
-    /// Starts the thread of a controller; the arm stays where it is, and need not be within reach yet.
+    /// Starts the thread of a controller; the arm stays at rest, and need not be connected yet.
     ///
-    /// * `chain`: what the arm is built like; its tool is where the tip begins.
-    /// * Errors: [`DeviceError::NotSupported`] where the device has no encoders, control modes, limits or positions step
-    ///   by step, [`DeviceError::WrongCount`] where it has not `N` axes, [`DeviceError::Start`].
+    /// * `chain`: the geometry of the arm; its tool is the frame at which the tip begins.
+    /// * Errors: [`DeviceError::NotSupported`] if the device has no encoders, control modes, limits or direct
+    ///   positions, [`DeviceError::WrongCount`] if it does not have `N` axes, [`DeviceError::Start`].
     pub fn start(
         device: Arc<dyn Device>,
         chain: Chain<N>,
@@ -199,12 +199,12 @@ impl<const N: usize> Shared<N> {
     fn run(&self, period: Duration) {
         let mut pace = PeriodicTimer::without_catch_up(period);
         while pace.wait(|| self.ending.load(Ordering::Acquire)) {
-            // After a pause of the machine a motion goes on from where it was: it does not jump.
+            // After a pause of the machine a motion continues from where it was: it does not jump.
             self.lock().cycle(self, period.as_secs_f64());
         }
     }
 
-    /// Where a motion begins: what was told last to an arm under way or by reference, else what is measured.
+    /// Returns the start of a motion: the last command for an arm that moves or tracks, else the measured positions.
     pub(super) fn stand(&self) -> Result<Joints<N>, DeviceError> {
         let told = {
             let state = self.lock();
@@ -217,7 +217,7 @@ impl<const N: usize> Shared<N> {
         told.map_or_else(|| Ok(self.arm.measured()?.joints), Ok)
     }
 
-    /// Where the last target leads; before the first one, where the arm stands.
+    /// Returns the goal of the last target; before the first one, the present pose.
     pub(super) fn desired(&self) -> Result<(Pose, Joints<N>), DeviceError> {
         if let Some(desired) = self.lock().desired {
             return Ok(desired);
@@ -264,7 +264,7 @@ impl<const N: usize> Shared<N> {
         Ok(())
     }
 
-    /// Ends the motion; an arm that is behind what it was told last stops too.
+    /// Ends the motion; an arm that lags behind its last command stops too.
     pub(super) fn stop(&self) -> Result<(), DeviceError> {
         let mut state = self.lock();
         match state.end() {
@@ -292,7 +292,7 @@ impl<const N: usize> Shared<N> {
         Ok(())
     }
 
-    /// Changes settings; a target that is kept is gone to anew.
+    /// Changes settings; a held target is approached again.
     pub(super) fn change(&self, change: impl FnOnce(&mut Settings<N>)) -> Result<(), DeviceError> {
         let kept = {
             let mut state = self.lock();
@@ -351,12 +351,12 @@ impl<const N: usize> State<N> {
         }
     }
 
-    /// Whether nothing is under way.
+    /// Returns whether no motion is in progress.
     pub(super) fn is_done(&self) -> bool {
         self.motion.as_ref().is_none_or(Motion::holds)
     }
 
-    /// Ends what is under way, and gives it back.
+    /// Ends the current motion and returns it.
     fn end(&mut self) -> Option<Motion<N>> {
         let ended = self.motion.take().filter(|motion| !motion.holds());
         if ended.is_some() {
@@ -366,7 +366,7 @@ impl<const N: usize> State<N> {
         ended
     }
 
-    /// Tells who listens; those who do not look miss it, those who are gone are forgotten.
+    /// Notifies listeners; full queues miss the event, closed ones are removed.
     fn tell(&mut self, event: CartesianEvent) {
         self.listeners.retain(|listener| {
             !matches!(listener.try_send(event), Err(TrySendError::Disconnected(_)))

@@ -1,4 +1,4 @@
-//! The interface, said in orders.
+//! Implements the interface on the controller.
 
 use std::sync::mpsc::Receiver;
 
@@ -12,7 +12,7 @@ use crate::{
     Priority, StampedPose, Target, TaskPose, TaskVelocity, TweakChange, Tweaks,
 };
 
-/// Paths are straight, and no joint passes its limit: facts, not knobs.
+/// Paths are straight, and no joint exceeds its limit: properties, not settings.
 const STRAIGHTNESS: f64 = 1.0;
 const CONSTRAINT_TOLERANCE: f64 = 0.0;
 /// Of motions, s.
@@ -40,7 +40,7 @@ fn all<const N: usize>(what: &'static str, numbers: &[f64]) -> Result<Joints<N>,
     Ok(Joints::from_column_slice(numbers))
 }
 
-/// What a target asks for.
+/// Returns the pose and task of a target.
 fn asked(target: &Target) -> Result<(Pose, Task), DeviceError> {
     match target {
         Target::Pose(pose) => Ok((to_pose(pose)?, Task::Pose)),
@@ -64,7 +64,7 @@ impl<const N: usize> CartesianController<N> {
         Ok(axis.index())
     }
 
-    /// The arm with its tip as it is now, where the joints are and when.
+    /// Returns the arm with its present tip, the joint positions and their time.
     fn now(&self) -> Result<(Chain<N>, Joints<N>, f64), DeviceError> {
         let measured = self.shared.arm.measured()?;
         let settings = self.shared.lock().settings.clone();
@@ -206,7 +206,7 @@ impl<const N: usize> CartesianControl for CartesianController<N> {
     fn set_joint_limits(&self, axis: AxisIndex, limits: Limits) -> Result<(), DeviceError> {
         let joint = self.joint(axis)?;
         let widest = self.shared.chain.limits()[joint];
-        // A hair more, so that what was answered may be said again.
+        // A margin, so that a reported value may be sent back.
         let hair = 1e-9;
         let range = (
             widest.min.to_degrees() - hair,

@@ -1,9 +1,9 @@
-//! What can be set on a controller, and kept as a context.
+//! Settings of a controller, which can be stored as a context.
 
 use crate::kinematics::{Chain, Joints, Pose, Redundancy, Solution, Solver, SolverOptions, Task};
 use crate::{Limits, Priority};
 
-/// How many starts are tried for a target, and for each step on the way to it.
+/// Number of starts tried for a target, and for each step on the way to it.
 const SOLVER_ATTEMPTS: usize = 30;
 /// Stock's defaults: 2 s, and 1 cm.
 const DEFAULT_TRAJECTORY_TIME: f64 = 2.0;
@@ -27,7 +27,8 @@ pub(super) struct Settings<const N: usize> {
 }
 
 impl<const N: usize> Settings<N> {
-    /// All joints are used, and drawn to the middle of their limits where there is a choice, as iKin does by default.
+    /// All joints are used, and drawn to the middle of their limits where the target leaves a choice, as iKin does by
+    /// default.
     pub(super) fn new(limits: [Limits; N]) -> Self {
         let solver = SolverOptions::<N>::default();
         Self {
@@ -46,7 +47,7 @@ impl<const N: usize> Settings<N> {
         }
     }
 
-    /// The arm with its tip; joints that are not used are fixed where they stand.
+    /// Returns the arm with its tip; unused joints are fixed at their present positions.
     pub(super) fn chain(&self, bare: &Chain<N>, stand: &Joints<N>) -> Chain<N> {
         let limits = std::array::from_fn(|joint| match self.dof[joint] {
             true => self.limits[joint],
@@ -76,7 +77,7 @@ impl<const N: usize> Settings<N> {
         )
     }
 
-    /// How the joints shall stand for a target. Out of reach: what has priority as near as it gets, then the rest.
+    /// Computes the joint positions for a target. Out of reach: what has priority as near as it gets, then the rest.
     pub(super) fn reach(
         &self,
         chain: &Chain<N>,
@@ -102,8 +103,8 @@ impl<const N: usize> Settings<N> {
         either(found.map_err(|unsolved| unsolved.nearest)).joints
     }
 
-    /// The next step on a way: the joints nearest to `guess` that bring the tool to `target`, or as near as it gets;
-    /// and whether it gets there.
+    /// Returns the next step on a path: the joints nearest to `guess` that move the tool to `target`, or as near as
+    /// possible; and whether it is reached.
     pub(super) fn step(
         &self,
         chain: &Chain<N>,

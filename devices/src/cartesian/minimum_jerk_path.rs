@@ -6,7 +6,7 @@ use crate::kinematics::{Joints, Pose, rotation_vector};
 
 /// For velocities of the path that is left, s.
 const DIFFERENCE_STEP: f64 = 1e-3;
-/// Two turns that differ by more within [`DIFFERENCE_STEP`] are one turn, told from its other side.
+/// Two rotations that differ by more within [`DIFFERENCE_STEP`] are one rotation with the axis flipped.
 const ROTATION_FLIP_THRESHOLD: f64 = 1.0;
 
 /// The polynomial of least jerk from a moving start to rest.
@@ -48,10 +48,10 @@ impl<const D: usize> Quintic<D> {
     }
 }
 
-/// A straight line to a pose, the turn along the shortest way; beside it a way of the joints to the same end.
+/// A straight line to a pose, the rotation along the shortest way; beside it a path of the joints to the same end.
 ///
-/// From rest it is the straight line with the time law of minimum jerk; a path that begins on another one goes on with
-/// its velocity and acceleration, so that targets may follow one another quickly.
+/// From rest it is a straight line with minimum jerk; a path that replaces another one continues with its velocity
+/// and acceleration, so that targets may follow one another quickly.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Path<const N: usize> {
     place: Quintic<3>,
@@ -62,7 +62,7 @@ pub(super) struct Path<const N: usize> {
     duration: f64,
 }
 
-/// A pose of the tool and where the joints stand, about.
+/// A pose of the tool and approximate joint positions.
 pub(super) type PathPoint<const N: usize> = (Pose, Joints<N>);
 
 impl<const N: usize> Path<N> {
@@ -99,7 +99,7 @@ impl<const N: usize> Path<N> {
         }
     }
 
-    /// Where the tool shall be, `time` seconds from the beginning.
+    /// Returns the pose of the tool `time` seconds after the start.
     pub(super) fn at(&self, time: f64) -> PathPoint<N> {
         if time >= self.duration {
             return self.goal();
@@ -109,12 +109,12 @@ impl<const N: usize> Path<N> {
         (pose, self.joints.at(time))
     }
 
-    /// Where it ends.
+    /// Returns the end of the path.
     pub(super) fn goal(&self) -> PathPoint<N> {
         (self.goal, self.goal_joints)
     }
 
-    /// Which part of the way is covered, from rest.
+    /// Returns the fraction of the path that is covered, from rest.
     pub(super) fn fraction(&self, time: f64) -> f64 {
         let t = (time / self.duration).clamp(0.0, 1.0);
         t * t * t * (10.0 + t * (6.0 * t - 15.0))

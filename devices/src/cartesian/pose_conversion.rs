@@ -16,7 +16,7 @@ fn unsuitable(what: &'static str, asked: String, expected: &str) -> DeviceError 
     }
 }
 
-/// Refuses what is not finite.
+/// Refuses values that are not finite.
 pub(super) fn finite(what: &'static str, numbers: &[f64]) -> Result<(), DeviceError> {
     if numbers.iter().all(|number| number.is_finite()) {
         Ok(())
@@ -25,7 +25,7 @@ pub(super) fn finite(what: &'static str, numbers: &[f64]) -> Result<(), DeviceEr
     }
 }
 
-/// A number between two others.
+/// Checks that a number lies between two others.
 pub(super) fn within(
     what: &'static str,
     asked: f64,
@@ -39,7 +39,7 @@ pub(super) fn within(
     }
 }
 
-/// A turn by `angle` about an axis of any length; no axis will do where there is no turn.
+/// Returns a rotation by `angle` about an axis of any length; no axis is needed for an angle of 0.
 pub(super) fn turn(axis: [f64; 3], angle: f64) -> Result<Vector3<f64>, DeviceError> {
     finite("axis and angle", &[axis[0], axis[1], axis[2], angle])?;
     match Unit::try_new(Vector3::from(axis), MIN_AXIS_LENGTH) {

@@ -1,4 +1,4 @@
-//! What is under way, and what a cycle makes of it.
+//! The motion in progress, and its computation in each cycle.
 
 use nalgebra::{Rotation3, Translation3, Vector3};
 
@@ -9,36 +9,37 @@ use crate::DeviceError;
 use crate::kinematics::{Chain, Joints, Pose, Task, distances};
 use crate::trajectory::MAX_TOOL_SPEED;
 
-/// How long an arm may take to follow positions after it was told to, s.
+/// Maximum time that an arm may take to begin following positions, s.
 const ENGAGE_TIMEOUT: f64 = 2.0;
-/// An arm that is told to be there and has not moved for so long has arrived as far as it can, s.
+/// An arm that was commanded to the target and has not moved for so long has arrived as far as it can, s.
 const SETTLE_TIMEOUT: f64 = 1.0;
-/// Who moves less has not moved, rad.
+/// Change of a joint below which it counts as at rest, rad.
 const STANDSTILL_ANGLE: f64 = 1e-4;
-/// An arm is told no more while it is farther than this from where it was told to be, m. After a pause of its control it
-/// catches up in a jump: 2 cm make the simulated arm 0.8 m/s fast, 3 cm 1.03 m/s, which trips the safety module.
+/// An arm gets no further commands while it is farther than this from its last command, m. After a pause of its
+/// control it catches up in a jump: 2 cm make the simulated arm 0.8 m/s fast, 3 cm 1.03 m/s, which trips the safety
+/// module.
 const MAX_LAG: f64 = 0.015;
 /// The highest speed on a way of minimum jerk from rest to rest, as a multiple of the mean one.
 const PEAK_TO_MEAN_SPEED: f64 = 1.875;
 
-/// A motion, from its order to its end.
+/// A motion, from its command to its end.
 #[derive(Debug)]
 pub(super) struct Motion<const N: usize> {
-    /// As they were when it was ordered.
+    /// Settings at the time of the command.
     pub(super) settings: Settings<N>,
     pub(super) chain: Chain<N>,
     kind: Kind<N>,
     /// The target it began with: for keeping it.
     pub(super) target: Option<(Pose, Task)>,
-    /// What the arm was told last, rad.
+    /// The last command sent to the arm, rad.
     pub(super) commanded: Joints<N>,
-    /// How fast that is, rad/s.
+    /// Velocity of that command, rad/s.
     pub(super) velocity: Joints<N>,
     max_velocities: Joints<N>,
     /// None before the arm follows.
     engaged: bool,
     waited: f64,
-    /// Where an arm stands that is waited for because it is far behind.
+    /// Measured state of an arm that is too far behind, so that the motion waits for it.
     behind: Option<Measured<N>>,
 }
 
@@ -62,7 +63,7 @@ enum Kind<const N: usize> {
     Hold,
 }
 
-/// What a cycle has to tell.
+/// Result of a cycle.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Progress {
     /// The motion begins.
@@ -73,12 +74,12 @@ pub(super) struct Progress {
     pub(super) there: bool,
 }
 
-/// Why a motion ends before its time.
+/// Reasons why a motion ends early.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum MotionFailure {
     #[error("its joints were set to another mode, or have a fault")]
     ModeChanged,
-    #[error("the arm does not follow positions although it was told to")]
+    #[error("the arm does not follow positions although it was commanded to")]
     NotFollowing,
     #[error("{0}")]
     Device(#[from] DeviceError),
@@ -106,7 +107,7 @@ impl<const N: usize> Motion<N> {
         })
     }
 
-    /// To `goal`, from `start`; goes on from the path of `before`, if it has one.
+    /// Plans a path to `goal` from `start`; continues the path of `before`, if it has one.
     pub(super) fn to(
         arm: &ArmAdapter<N>,
         settings: Settings<N>,
@@ -153,12 +154,12 @@ impl<const N: usize> Motion<N> {
         Self::new(arm, settings, chain, start, kind)
     }
 
-    /// Whether it has reached its target and only keeps it.
+    /// Returns whether it has reached its target and only holds it.
     pub(super) fn holds(&self) -> bool {
         matches!(self.kind, Kind::Hold)
     }
 
-    /// Does what is due after `passed` seconds.
+    /// Advances the motion by `passed` seconds.
     pub(super) fn cycle(
         &mut self,
         arm: &ArmAdapter<N>,
@@ -197,7 +198,8 @@ impl<const N: usize> Motion<N> {
         Ok(progress)
     }
 
-    /// Whether the arm is so far behind that time stands still for it. One that stands, and still tells that, does not follow.
+    /// Returns whether the arm is so far behind that the motion is suspended. An arm at rest that still reports
+    /// positions does not follow.
     fn is_behind(&mut self, measured: &Measured<N>, passed: f64) -> Result<bool, MotionFailure> {
         let left = Joints::from_fn(|joint, _| match self.settings.dof[joint] {
             true => measured.joints[joint] - self.commanded[joint],
@@ -224,7 +226,7 @@ impl<const N: usize> Motion<N> {
         }
     }
 
-    /// Where the joints should be now.
+    /// Returns the desired joint positions.
     fn wish(&mut self, passed: f64, progress: &mut Progress) -> Joints<N> {
         match &mut self.kind {
             Kind::Hold => self.commanded,
@@ -284,7 +286,7 @@ impl<const N: usize> Motion<N> {
         }
     }
 
-    /// How far the elbow, the wrist or the tool goes by a step, whichever goes farthest, m.
+    /// Returns the largest displacement of elbow, wrist or tool in a step, m.
     fn swept(&self, step: &Joints<N>) -> f64 {
         let places = |joints: &Joints<N>| {
             let frames = self.chain.frames(joints);
@@ -302,7 +304,7 @@ impl<const N: usize> Motion<N> {
             .fold(tool, f64::max)
     }
 
-    /// Whether the target is reached, or as near as the arm gets.
+    /// Returns whether the target is reached, or the arm is as near as it gets.
     fn is_there(&mut self, measured: &Measured<N>) -> bool {
         let Kind::Path {
             path,

@@ -1,4 +1,4 @@
-//! What the checks have in common: the interfaces at hand, and waiting.
+//! Support for the checks: interfaces under test, and waiting.
 
 use std::thread;
 use std::time::{Duration, Instant};
@@ -8,9 +8,9 @@ use crate::{
     Limits, Mode, PositionControl, VelocityControl,
 };
 
-/// How far, in the unit of the axis, a simulated joint at rest may be from where it should be.
+/// Tolerance of the position of a simulated joint at rest, in the unit of the axis.
 pub(super) const POSITION_TOLERANCE: f64 = 1e-6;
-/// How far the joints are moved.
+/// Distance of test moves.
 pub(super) const DISTANCE: f64 = 3.0;
 
 /// A device with the interfaces that most checks need, every joint in position mode.
@@ -137,7 +137,7 @@ impl<'a> Board<'a> {
         });
     }
 
-    /// Waits until the device itself says that a fifth of a second has gone by.
+    /// Waits until a fifth of a second has passed by the device's clock.
     pub(super) fn time_passes(&self) {
         let start = self.reading(0.into()).time;
         self.eventually("newer readings", || {

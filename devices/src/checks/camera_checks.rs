@@ -10,9 +10,9 @@ use crate::{
 
 /// Every check of cameras with its name.
 ///
-/// The camera must have all interfaces of one, take several images a second, have every knob of
-/// [`SimulatedCamera`](crate::camera::SimulatedCamera) where it changes nothing, and show a
-/// [`Grid`](crate::camera::Pattern::Grid) of a size that can be changed. A check leaves it as it was.
+/// The camera must have all camera interfaces, take several images a second, support every feature of
+/// [`SimulatedCamera`](crate::camera::SimulatedCamera) with neutral values, and show a
+/// [`Grid`](crate::camera::Pattern::Grid) of a size that can be changed. A check restores the initial state.
 pub const CAMERA: &[(&str, Check)] = &[
     (
         "images_have_the_reported_size",
@@ -79,7 +79,7 @@ fn is_white(frame: &Frame) -> bool {
     frame.image.pixels().iter().all(|byte| *byte == 255)
 }
 
-/// Images are in colour, and as wide and high as the camera says.
+/// Images are in colour, and have the reported width and height.
 pub fn images_have_the_reported_size(device: &dyn Device, timeout: Duration) {
     let image = any(device, timeout).image;
     assert_eq!(image.format(), PixelFormat::Rgb);
@@ -131,7 +131,7 @@ pub fn raw_images_are_grey(device: &dyn Device, timeout: Duration) {
     assert_eq!(part.expect("there is a corner").image.pixels().len(), 1);
 }
 
-/// A part of an image has the pixels that stand there: red to the right, green downwards.
+/// A part of an image has the pixels of that place: red to the right, green downwards.
 pub fn a_crop_is_a_part(device: &dyn Device, timeout: Duration) {
     let whole = any(device, timeout).image;
     let crop = Crop::Rectangle((5, 4), (2, 3));
@@ -191,7 +191,7 @@ pub fn features_are_reported(device: &dyn Device, _: Duration) {
     }
 }
 
-/// What a knob is set to is what it says.
+/// A feature reports the value that it was set to.
 pub fn features_keep_their_values(device: &dyn Device, _: Duration) {
     let knobs = knobs(device);
     for feature in [Feature::Brightness, Feature::Gain, Feature::Gamma] {
@@ -247,7 +247,7 @@ pub fn brightness_is_seen(device: &dyn Device, timeout: Duration) {
     });
 }
 
-/// Switched off, a knob changes nothing, and remembers.
+/// Switched off, a feature changes nothing, and keeps its value.
 pub fn an_inactive_feature_does_nothing(device: &dyn Device, timeout: Duration) {
     let knobs = knobs(device);
     let before = knobs.feature(Feature::Brightness).expect("it is there");
@@ -274,7 +274,7 @@ pub fn an_inactive_feature_does_nothing(device: &dyn Device, timeout: Duration) 
         .expect("it can be switched on");
 }
 
-/// Values out of range, knobs that are not there, and modes that nobody offers are refused, and change nothing.
+/// Values out of range, unsupported features, and unsupported modes are refused, and change nothing.
 pub fn unsupported_features_are_refused(device: &dyn Device, _: Duration) {
     let knobs = knobs(device);
     let before = knobs.feature(Feature::Brightness).expect("it is there");
@@ -331,7 +331,7 @@ pub fn the_resolution_changes(device: &dyn Device, timeout: Duration) {
     });
 }
 
-/// Angles of view are kept, and the lens is told.
+/// Angles of view are kept, and the lens is reported.
 pub fn the_view_is_kept(device: &dyn Device, _: Duration) {
     let view = view(device);
     let before = view.field_of_view().expect("it has one");

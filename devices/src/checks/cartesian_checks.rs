@@ -33,7 +33,7 @@ pub const TOOL: &[(&str, Check)] = &[
 
 /// Two places in front of the arm.
 const PLACES: [[f64; 3]; 2] = [[0.4, 0.1, 0.4], [0.45, -0.1, 0.5]];
-/// A motion that does not end by itself while somebody looks.
+/// Duration of a motion that does not end during a check.
 const LONG_MOTION_SECONDS: f64 = 300.0;
 
 fn tool(device: &dyn Device) -> &dyn CartesianControl {
@@ -68,7 +68,7 @@ fn arrive(tool: &dyn CartesianControl, target: Target, timeout: Duration) {
     assert!(tool.wait_motion_done(period, timeout).expect("it answers"));
 }
 
-/// Where the tool comes to rest: it has not moved for a while.
+/// Waits until the tool is at rest and returns its position.
 fn rest(tool: &dyn CartesianControl, timeout: Duration) -> [f64; 3] {
     let deadline = Instant::now() + timeout;
     eventually("a pose", timeout, || tool.pose().is_ok());
@@ -91,7 +91,7 @@ fn next(events: &Receiver<CartesianEvent>, timeout: Duration) -> CartesianEvent 
     events.recv_timeout(timeout).expect("an event")
 }
 
-/// A place and a pose that can be reached are reached, within the tolerance.
+/// A reachable position and a reachable pose are reached, within the tolerance.
 pub fn a_target_is_reached(device: &dyn Device, timeout: Duration) {
     let tool = tool(device);
     for at in PLACES {
@@ -130,7 +130,7 @@ pub fn a_target_is_reached(device: &dyn Device, timeout: Duration) {
     });
 }
 
-/// The beginning, the parts of the way asked for, and the end are told in this order.
+/// The start, the requested fractions of the way, and the end are reported in this order.
 pub fn events_tell_of_the_way(device: &dyn Device, timeout: Duration) {
     let tool = tool(device);
     arrive(tool, Target::Position(PLACES[0]), timeout);
@@ -164,7 +164,7 @@ pub fn events_tell_of_the_way(device: &dyn Device, timeout: Duration) {
     tool.unregister_checkpoint(0.5).expect("it is known");
 }
 
-/// A stop ends a motion on the way; it does not go on.
+/// A stop ends a motion on the way; it does not resume.
 pub fn a_stopped_tool_stays(device: &dyn Device, timeout: Duration) {
     let tool = tool(device);
     arrive(tool, Target::Position(PLACES[0]), timeout);
@@ -172,7 +172,7 @@ pub fn a_stopped_tool_stays(device: &dyn Device, timeout: Duration) {
     tool.go_to_sync(Target::Position(PLACES[1]), Some(LONG_MOTION_SECONDS))
         .expect("it goes");
     assert!(!tool.motion_done().expect("it answers"));
-    // Speeds up what is under way.
+    // Shortens the duration of the motion.
     tool.go_to_sync(Target::Position(PLACES[1]), Some(20.0))
         .expect("it goes");
     eventually("a motion", timeout, || {
@@ -186,13 +186,13 @@ pub fn a_stopped_tool_stays(device: &dyn Device, timeout: Duration) {
             .iter()
             .all(|&speed| speed == 0.0)
     );
-    // One that went on would not come to rest before its target.
+    // A motion that continued would not come to rest before its target.
     let resting = rest(tool, timeout);
     assert!(distance(resting, PLACES[1]) > 0.02, "{resting:?}");
     assert!(tool.motion_done().expect("it answers"));
 }
 
-/// Asking how a target would be reached leaves tool and settings alone.
+/// Solving for a target does not change tool and settings.
 pub fn asking_moves_nothing(device: &dyn Device, timeout: Duration) {
     let tool = tool(device);
     arrive(tool, Target::Position(PLACES[0]), timeout);
@@ -210,7 +210,7 @@ pub fn asking_moves_nothing(device: &dyn Device, timeout: Duration) {
     assert!(tool.ask(Target::Position(PLACES[1]), Some(&[0.0])).is_err());
 }
 
-/// The nearest pose that is found is gone to.
+/// The tool moves to the nearest pose that is found.
 pub fn what_is_out_of_reach_is_approached(device: &dyn Device, timeout: Duration) {
     let tool = tool(device);
     arrive(tool, Target::Position(PLACES[0]), timeout);
@@ -337,7 +337,7 @@ pub fn settings_are_kept(device: &dyn Device, _patience: Duration) {
     assert!(!info.part.is_empty() && !info.part_type.is_empty());
 }
 
-/// What makes no sense is refused, and nothing moves or changes.
+/// Invalid requests are refused, and nothing moves or changes.
 pub fn nonsense_is_refused(device: &dyn Device, _patience: Duration) {
     let tool = tool(device);
     let desired = tool.desired().expect("it answers");

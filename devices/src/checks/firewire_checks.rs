@@ -8,8 +8,8 @@ use crate::{Device, FirewireControls, Window};
 
 /// Every check of such cameras with its name.
 ///
-/// The camera must have what those of [`CAMERA`](super::CAMERA) need, be no larger than 160 x 120 at its start, and have
-/// the video modes of [`SimulatedCamera`](crate::camera::SimulatedCamera). A check leaves it as it was at its start.
+/// The camera must have what those of [`CAMERA`](super::CAMERA) need, be no larger than 160 x 120 at its start, and
+/// have the video modes of [`SimulatedCamera`](crate::camera::SimulatedCamera). A check restores the initial state.
 pub const FIREWIRE: &[(&str, Check)] = &[
     ("video_modes_change_the_size", video_modes_change_the_size),
     (
@@ -61,7 +61,7 @@ pub fn video_modes_change_the_size(device: &dyn Device, timeout: Duration) {
     size_becomes(device, timeout, (before.width(), before.height()));
 }
 
-/// In format 7 images are the part of the sensor that was asked for; what is not inside is refused.
+/// In format 7 images are the requested part of the sensor; windows outside are refused.
 pub fn a_window_is_a_part_of_the_sensor(device: &dyn Device, timeout: Duration) {
     let wire = firewire(device);
     let before = until(device, timeout, "an image", |_| true).image;
@@ -107,7 +107,7 @@ pub fn a_window_is_a_part_of_the_sensor(device: &dyn Device, timeout: Duration) 
     size_becomes(device, timeout, (before.width(), before.height()));
 }
 
-/// The rate is the one that was set, and what the camera offers; one that is not there is refused.
+/// The rate is the one that was set, and one that the camera offers; others are refused.
 pub fn rates_are_kept(device: &dyn Device, _: Duration) {
     let wire = firewire(device);
     let there = wire.rates().expect("it says");
@@ -126,7 +126,7 @@ pub fn rates_are_kept(device: &dyn Device, _: Duration) {
     wire.set_defaults().expect("it had some");
 }
 
-/// What is set on the bus is told; what no bus has is refused.
+/// Settings of the bus are reported back; values that no bus has are refused.
 pub fn the_bus_keeps_what_it_is_told(device: &dyn Device, _: Duration) {
     let wire = firewire(device);
     for speed in [3, 2] {
@@ -152,7 +152,7 @@ pub fn the_bus_keeps_what_it_is_told(device: &dyn Device, _: Duration) {
     wire.reset().expect("it can start anew");
 }
 
-/// Switched off and on again, in any of three ways, the camera goes on.
+/// Switched off and on again, in any of three ways, the camera continues.
 pub fn images_go_on_when_switched_on(device: &dyn Device, timeout: Duration) {
     let wire = firewire(device);
     assert!(wire.is_transmitting().expect("it says"));

@@ -1,12 +1,13 @@
-//! Behaviours that every control board must show, in [`camera`] every camera, in [`firewire`] every one on IEEE 1394, and in [`tool`] every controller of a tool, to be run against any implementation.
+//! Behaviours of devices, to be run against any implementation: every control board, every camera ([`camera_checks`]), every
+//! camera on IEEE 1394 ([`firewire_checks`]), and every Cartesian controller ([`cartesian_checks`]).
 //!
 //! Each check is a function that takes a [`Device`] and panics, as an assertion does, when the device behaves
 //! otherwise. The device must have the interfaces that the check is about and those of motion, at least two joints with
 //! more than ten degrees of room each, and be at rest. A check moves joints and leaves them elsewhere; it ends with everything at rest.
 //!
-//! A device may be at the far end of a network: its readings may be late and its refusals come without a reason. So
-//! a check waits until something becomes true, for at most `timeout`, and never asks how long it took or
-//! which error it got.
+//! A device may be at the far end of a network: its readings may be late and its refusals come without a reason. So a
+//! check waits until a condition becomes true, for at most `timeout`, and never asserts how long it took or which
+//! error occurred.
 //!
 //! ```
 //! use std::time::Duration;
@@ -41,7 +42,7 @@ pub use self::motor_checks::{
 };
 use crate::{Axes, AxisIndex, Device, EncoderReading, Limits, Mode};
 
-/// A check: a device, and how long it may take until something becomes true.
+/// A check: a device, and the timeout of its waits.
 pub type Check = fn(&dyn Device, Duration);
 
 /// Every check with its name, for running all of them; those of [`SINCE_4`] are apart.
@@ -122,7 +123,7 @@ pub const ALL: &[(&str, Check)] = &[
     ),
 ];
 
-/// What only devices show that are here, or behind a network that speaks as YARP 4.0 does: 3.x has no words for it.
+/// Checks for devices that are local, or behind a network that speaks YARP 4.0: 3.x has no messages for them.
 pub const SINCE_4: &[(&str, Check)] = &[
     (
         "direct_velocities_are_followed",
@@ -133,9 +134,9 @@ pub const SINCE_4: &[(&str, Check)] = &[
     ("gains_have_units", gains_have_units),
 ];
 
-/// Hands the names in [`ALL`](crate::checks::ALL) to a macro, for tests that have one function per check.
+/// Passes the names in [`ALL`](crate::checks::ALL) to a macro, for tests that have one function per check.
 ///
-/// `each_check_of_a_board! { my_macro! { its, first, words, } }`; more names may stand behind the inner braces.
+/// `each_check_of_a_board! { my_macro! { its, first, words, } }`; more names may follow the inner braces.
 #[macro_export]
 macro_rules! each_check_of_a_board {
     ($each:ident! { $($before:tt)* } $($after:ident),* $(,)?) => {
@@ -178,7 +179,7 @@ macro_rules! each_check_of_a_board {
     };
 }
 
-/// The same with those in [`SINCE_4`](crate::checks::SINCE_4) behind them.
+/// The same with those in [`SINCE_4`](crate::checks::SINCE_4) appended.
 #[macro_export]
 macro_rules! each_check_of_a_board_of_4 {
     ($each:ident! { $($before:tt)* }) => {
@@ -190,7 +191,7 @@ macro_rules! each_check_of_a_board_of_4 {
     };
 }
 
-/// There is at least one axis, each has a name of its own and a kind, and none comes after the last.
+/// There is at least one axis, each has a unique name and a type, and there is none after the last.
 pub fn axes_have_names(device: &dyn Device, timeout: Duration) {
     let board = Board::new(device, timeout);
     let mut names: Vec<String> = board
@@ -207,7 +208,7 @@ pub fn axes_have_names(device: &dyn Device, timeout: Duration) {
     assert!(board.info.axis_name(board.total.into()).is_err());
 }
 
-/// Readings come one per axis, and their times go on.
+/// Readings have one value per axis, and their times increase.
 pub fn readings_carry_fresh_times(device: &dyn Device, timeout: Duration) {
     let board = Board::new(device, timeout);
     let first = board.readings();
@@ -222,7 +223,7 @@ pub fn readings_carry_fresh_times(device: &dyn Device, timeout: Duration) {
     assert!(board.encoders.read_encoders(Axes::All, &mut short).is_err());
 }
 
-/// A joint told to go somewhere arrives there, stays, and says so.
+/// A joint arrives at its target, stays there, and reports it.
 pub fn a_move_ends_at_its_target(device: &dyn Device, timeout: Duration) {
     let board = Board::new(device, timeout);
     for axis in board.indices() {
@@ -241,7 +242,7 @@ pub fn a_move_ends_at_its_target(device: &dyn Device, timeout: Duration) {
     assert!(board.position.motion_done(Axes::All).expect("it answers"));
 }
 
-/// A relative move ends that far from where the joint was.
+/// A relative move ends at that distance from the start.
 pub fn a_relative_move_adds_up(device: &dyn Device, timeout: Duration) {
     let board = Board::new(device, timeout);
     let axis = AxisIndex::from(0);
@@ -275,7 +276,7 @@ pub fn a_group_move_leaves_the_others_alone(device: &dyn Device, timeout: Durati
     }
 }
 
-/// A target given during a move takes the place of the one before.
+/// A target given during a move replaces the previous one.
 pub fn a_new_target_replaces_the_old(device: &dyn Device, timeout: Duration) {
     let board = Board::new(device, timeout);
     let axis = AxisIndex::from(0);
@@ -294,7 +295,7 @@ pub fn a_new_target_replaces_the_old(device: &dyn Device, timeout: Duration) {
     board.arrives(axis, start);
 }
 
-/// A stopped joint comes to rest where it is, and that becomes its target.
+/// A stopped joint comes to rest, and its position becomes its target.
 pub fn a_stop_ends_a_move(device: &dyn Device, timeout: Duration) {
     let board = Board::new(device, timeout);
     let axis = AxisIndex::from(0);
@@ -322,7 +323,7 @@ pub fn a_stop_ends_a_move(device: &dyn Device, timeout: Duration) {
     );
 }
 
-/// When one target of several is not allowed, no joint moves.
+/// If one target of several is not allowed, no joint moves.
 pub fn a_bad_target_for_one_moves_none(device: &dyn Device, timeout: Duration) {
     let board = Board::new(device, timeout);
     let last = AxisIndex::from(board.total - 1);
@@ -368,7 +369,7 @@ pub fn a_malformed_command_is_refused(device: &dyn Device, timeout: Duration) {
     assert!(board.limits.position_limits(missing).is_err());
 }
 
-/// Reference speeds and accelerations come back as set; impossible ones are refused.
+/// Reference speeds and accelerations are reported as set; impossible ones are refused.
 pub fn references_are_kept(device: &dyn Device, timeout: Duration) {
     let board = Board::new(device, timeout);
     let position = board.position;
@@ -429,7 +430,7 @@ pub fn references_are_kept(device: &dyn Device, timeout: Duration) {
     );
 }
 
-/// An acceleration that no joint has is as hard as the joint can, which it tells.
+/// An acceleration above a joint's maximum means the maximum, which the joint reports.
 pub fn too_hard_is_as_hard_as_it_can(device: &dyn Device, timeout: Duration) {
     let board = Board::new(device, timeout);
     let in_force = |asked: f64| {
@@ -441,7 +442,7 @@ pub fn too_hard_is_as_hard_as_it_can(device: &dyn Device, timeout: Duration) {
         let told = board.velocity().reference_accelerations(axis);
         told.expect("known")[0]
     };
-    // What stock's windows ask for before a velocity.
+    // Stock's windows send this before a velocity.
     let most = in_force(1e5);
     assert!(most < 1e5, "{most} is no limit");
     for more in [1e6, 2.0 * most] {
@@ -450,7 +451,7 @@ pub fn too_hard_is_as_hard_as_it_can(device: &dyn Device, timeout: Duration) {
     assert_eq!(in_force(most / 2.0), most / 2.0);
 }
 
-/// As hard as it can, a joint gets to the velocity asked for, and no faster.
+/// At maximum acceleration a joint reaches the commanded velocity and does not exceed it.
 pub fn the_hardest_start_ends_at_the_velocity(device: &dyn Device, timeout: Duration) {
     let board = Board::new(device, timeout);
     let axis = AxisIndex::from(0);
@@ -475,7 +476,7 @@ pub fn the_hardest_start_ends_at_the_velocity(device: &dyn Device, timeout: Dura
     board.velocity_ends(axis.into());
 }
 
-/// Modes come back as set, joint by joint; one nobody can command is refused for all.
+/// Modes are reported as set, joint by joint; a mode that cannot be commanded is refused for all.
 pub fn modes_are_kept(device: &dyn Device, timeout: Duration) {
     let board = Board::new(device, timeout);
     let group = [AxisIndex::from(1), AxisIndex::from(0)];
@@ -524,13 +525,13 @@ pub fn position_moves_need_position_mode(device: &dyn Device, timeout: Duration)
     board.set_mode(Mode::Position);
 }
 
-/// A joint goes on at the velocity asked for until it is stopped; in position mode it does not begin.
+/// A joint keeps the commanded velocity until it is stopped; in position mode it does not start.
 pub fn a_velocity_holds_until_told_otherwise(device: &dyn Device, timeout: Duration) {
     let board = Board::new(device, timeout);
     let axis = AxisIndex::from(0);
     let speed = 4.0_f64.copysign(board.inward(axis) - board.at(axis));
 
-    // Not asserted to be an error: a device behind a network may not hear of the refusal.
+    // Not asserted to be an error: a device behind a network may not get the refusal.
     let start = board.at(axis);
     let _ = board.velocity().velocity_move(axis.into(), &[speed]);
     board.time_passes();

@@ -1,4 +1,4 @@
-//! Behaviours of motors, forces and what is beside the motion.
+//! Behaviours of motors and forces, and of further interfaces.
 
 use std::time::Duration;
 
@@ -41,14 +41,14 @@ pub fn direct_positions_are_followed(device: &dyn Device, timeout: Duration) {
     direct
         .set_direct_positions(Axes::All, &all)
         .expect("they are allowed");
-    // Not asserted to be an error: a device behind a network may not hear of the refusal.
+    // Not asserted to be an error: a device behind a network may not get the refusal.
     let _ = direct.set_direct_positions(FIRST.into(), &[board.far_end(FIRST) * 10.0 + 1e4]);
     board.time_passes();
     assert!(close(board.at(FIRST), all[0]));
     board.set_mode(Mode::Position);
 }
 
-/// What one kind of force is asked for and measured with.
+/// A kind of force, with its commands and measurements.
 struct Force<'a> {
     mode: Mode,
     largest: f64,
@@ -61,7 +61,7 @@ struct Force<'a> {
 fn pushes(board: &Board<'_>, force: &Force<'_>) {
     let towards = (board.far_end(FIRST) - board.at(FIRST)).signum();
     let push = TEST_FORCE_SHARE * force.largest * towards;
-    // Not asserted to be an error: a device behind a network may not hear of the refusal.
+    // Not asserted to be an error: a device behind a network may not get the refusal.
     let _ = (force.set)(FIRST.into(), &[push]);
     board.time_passes();
     let start = board.at(FIRST);
@@ -87,7 +87,7 @@ fn pushes(board: &Board<'_>, force: &Force<'_>) {
     board.set_mode(Mode::Position);
 }
 
-/// Torques push joints, are told and measured, and stay within their range.
+/// Torques push joints, are reported and measured, and stay within their range.
 pub fn torques_push_joints(device: &dyn Device, timeout: Duration) {
     let board = Board::new(device, timeout);
     let torque = device.torque_control().expect("it has torques");
@@ -104,7 +104,7 @@ pub fn torques_push_joints(device: &dyn Device, timeout: Duration) {
     pushes(&board, &force);
 }
 
-/// What the torque loop assumes of a motor comes back as set, as far as it is four numbers.
+/// The torque loop's parameters of a motor are returned as set, if they are four numbers.
 pub fn motor_torque_parameters_are_kept(device: &dyn Device, timeout: Duration) {
     let board = Board::new(device, timeout);
     let torque = device.torque_control().expect("it has torques");
@@ -124,7 +124,7 @@ pub fn motor_torque_parameters_are_kept(device: &dyn Device, timeout: Duration) 
     assert!(torque.motor_torque_parameters(board.total.into()).is_err());
 }
 
-/// Currents push joints, are told and measured, and stay within their range.
+/// Currents push joints, are reported and measured, and stay within their range.
 pub fn currents_push_joints(device: &dyn Device, timeout: Duration) {
     let board = Board::new(device, timeout);
     let current = device.current_control().expect("it has currents");
@@ -141,7 +141,7 @@ pub fn currents_push_joints(device: &dyn Device, timeout: Duration) {
     pushes(&board, &force);
 }
 
-/// Duty cycles push joints, are told and measured, and stay within 100 percent.
+/// Duty cycles push joints, are reported and measured, and stay within 100 percent.
 pub fn duty_cycles_push_joints(device: &dyn Device, timeout: Duration) {
     let board = Board::new(device, timeout);
     let pwm = device.pwm_control().expect("it has duty cycles");
@@ -164,7 +164,7 @@ pub fn duty_cycles_push_joints(device: &dyn Device, timeout: Duration) {
     pushes(&board, &force);
 }
 
-/// Joints are stiff or compliant as told, and nothing else.
+/// Joints are stiff or compliant as commanded; other modes are refused.
 pub fn interactions_are_kept(device: &dyn Device, timeout: Duration) {
     let board = Board::new(device, timeout);
     let interaction = device.interaction_mode().expect("it has interaction modes");
@@ -344,7 +344,7 @@ pub fn motor_encoders_follow_the_joints(device: &dyn Device, timeout: Duration) 
     assert!(motors.counts_per_revolution(board.total.into()).is_err());
 }
 
-/// MotorSet tell their temperatures; limits and gears come back as set.
+/// MotorSet report their temperatures; limits and gear ratios are kept as set.
 pub fn motors_tell_what_they_are(device: &dyn Device, timeout: Duration) {
     let board = Board::new(device, timeout);
     let motor = device.motor().expect("it has motors");
@@ -369,7 +369,7 @@ pub fn motors_tell_what_they_are(device: &dyn Device, timeout: Duration) {
     assert!(motor.temperature_limit(board.total.into()).is_err());
 }
 
-/// A joint whose amplifier is off is idle and stays so; limits come back as set.
+/// A joint whose amplifier is off is idle and stays so; limits are reported as set.
 pub fn amplifiers_switch_joints_off(device: &dyn Device, timeout: Duration) {
     let board = Board::new(device, timeout);
     let amplifiers = device.amplifier_control().expect("it has amplifiers");
@@ -415,7 +415,7 @@ pub fn amplifiers_switch_joints_off(device: &dyn Device, timeout: Duration) {
     assert!(amplifiers.supply_voltage(board.total.into()).is_err());
 }
 
-/// A joint is calibrated at rest, and then says that it is.
+/// A joint is calibrated at rest, and then reports it.
 pub fn calibration_is_done(device: &dyn Device, timeout: Duration) {
     let board = Board::new(device, timeout);
     let calibration = device.control_calibration().expect("it has calibration");
@@ -439,7 +439,7 @@ pub fn calibration_is_done(device: &dyn Device, timeout: Duration) {
     calibration.abort_calibration().expect("it answers");
 }
 
-/// Homing brings joints to one place from wherever they are; parking can be ended on the way.
+/// Homing moves joints to one place from anywhere; parking can be aborted on the way.
 pub fn homing_brings_joints_home(device: &dyn Device, timeout: Duration) {
     let board = Board::new(device, timeout);
     let calibrator = device.remote_calibrator().expect("it has a calibrator");
@@ -485,7 +485,7 @@ pub fn homing_brings_joints_home(device: &dyn Device, timeout: Duration) {
     board.arrives(FIRST, home);
 }
 
-/// Variables are listed, told and set by name.
+/// Variables are listed, read and set by name.
 pub fn variables_are_kept(device: &dyn Device, timeout: Duration) {
     let board = Board::new(device, timeout);
     let remote = device.remote_variables().expect("it has variables");
@@ -515,7 +515,7 @@ pub fn variables_are_kept(device: &dyn Device, timeout: Duration) {
     }
 }
 
-/// A joint that works says that it has no fault.
+/// A working joint reports no fault.
 pub fn a_joint_that_works_has_no_fault(device: &dyn Device, timeout: Duration) {
     let board = Board::new(device, timeout);
     let faults = device.joint_fault().expect("it tells faults");
@@ -550,7 +550,7 @@ pub fn direct_velocities_are_followed(device: &dyn Device, timeout: Duration) {
     board.set_mode(Mode::Position);
 }
 
-/// A joint whose brake was put on refuses to move; an automatic brake holds an idle joint.
+/// A braked joint refuses to move; an automatic brake holds an idle joint.
 pub fn brakes_hold(device: &dyn Device, timeout: Duration) {
     let board = Board::new(device, timeout);
     let brakes = device.joint_brake().expect("it has brakes");
@@ -580,7 +580,7 @@ pub fn brakes_hold(device: &dyn Device, timeout: Duration) {
     assert!(brakes.is_braked(board.total.into()).is_err());
 }
 
-/// Each loop that a joint lists says what its gains mean, joint by joint, and one that it does not have says nothing.
+/// Each loop that a joint lists describes its gains, joint by joint; a loop that it does not have describes nothing.
 pub fn gains_have_units(device: &dyn Device, timeout: Duration) {
     let board = Board::new(device, timeout);
     let control = device.pid_control().expect("it has control loops");
@@ -609,7 +609,7 @@ pub fn gains_have_units(device: &dyn Device, timeout: Duration) {
     assert!(control.pid_info(odd, FIRST.into()).is_err());
 }
 
-/// The modes and loops that a joint lists are those it has, and offsets and feed-forwards come back as set.
+/// The listed modes and loops of a joint are those it has, and offsets and feed-forwards are reported as set.
 pub fn modes_and_loops_are_listed(device: &dyn Device, timeout: Duration) {
     let board = Board::new(device, timeout);
     let modes = board

@@ -1,4 +1,4 @@
-//! What torques the joints need, and how they move under them.
+//! Torques of the joints, and the motion that results from them.
 //!
 //! * [`Body`]: mass, centre of mass and inertia of a link or a load.
 //! * [`Dynamics`]: inverse dynamics by the recursive Newton-Euler method, mass matrix, gravity, energy, and

@@ -10,8 +10,9 @@ pub type MassMatrix<const N: usize> = SMatrix<f64, N, N>;
 
 /// The equations of motion of an arm: links, motors' rotors, and gravity.
 ///
-/// `torques = M(q) q̈ + C(q, q̇) + g(q)`, without friction. Rotor inertias are those seen at the joints; they add to the
-/// diagonal of M and are not coupled to the links' motion otherwise, which is what high gear ratios come to.
+/// `torques = M(q) q̈ + C(q, q̇) + g(q)`, without friction. Rotor inertias are those seen at the joints; they add to
+/// the diagonal of M and are not coupled to the links' motion otherwise, which is a good approximation for high gear
+/// ratios.
 ///
 /// ```
 /// use yarp_devices::kinematics::Joints;
@@ -50,8 +51,8 @@ impl<const N: usize> Dynamics<N> {
         &self.chain
     }
 
-    /// The torques that give the joints these accelerations: the recursive Newton-Euler method (Luh, Walker and
-    /// Paul 1980), in the links' own frames.
+    /// Returns the torques for these joint accelerations: the recursive Newton-Euler method (Luh, Walker and Paul
+    /// 1980), in the links' own frames.
     pub fn inverse(
         &self,
         joints: &Joints<N>,
@@ -130,8 +131,8 @@ impl<const N: usize> Dynamics<N> {
         let z = Vector3::z();
         let mut forces = [Vector3::zeros(); N];
         let mut moments = [Vector3::zeros(); N];
-        // Outward: velocities and accelerations of each link in its own frame. That the base accelerates upward
-        // stands for gravity.
+        // Outward: velocities and accelerations of each link in its own frame. Gravity is modelled as an upward
+        // acceleration of the base.
         let mut spin = Vector3::zeros();
         let mut spin_change = Vector3::zeros();
         let mut acceleration = Vector3::new(0.0, 0.0, gravity);

@@ -1,4 +1,4 @@
-//! What a rigid body weighs, and where.
+//! Mass, centre of mass and inertia of a rigid body.
 
 use nalgebra::{Matrix3, Vector3};
 

@@ -1,9 +1,9 @@
-//! Doing something at a fixed rate, and counting how often that was missed.
+//! A timer with a fixed rate, which counts missed deadlines.
 
 use std::time::{Duration, Instant};
 
-/// Deadlines at equal distances. A cycle that ends behind the next deadline has missed it; missed cycles are left out, not
-/// made up for in a burst.
+/// Deadlines at equal distances. A cycle that ends after the next deadline has missed it; missed cycles are skipped,
+/// not run in a burst.
 ///
 /// ```
 /// use std::time::{Duration, Instant};
@@ -25,19 +25,19 @@ pub struct PeriodicTimer {
     timing: CycleStatistics,
 }
 
-/// How a [`PeriodicTimer`] was kept.
+/// Statistics of a [`PeriodicTimer`].
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub struct CycleStatistics {
     /// Cycles that were carried out.
     pub cycles: u64,
-    /// Cycles that were left out because the one before was not done in time.
+    /// Cycles that were skipped because the previous one had not ended in time.
     pub missed: u64,
     /// The longest time from when a cycle was due until it was done.
     pub longest: Duration,
 }
 
 impl PeriodicTimer {
-    /// A pace whose first cycle is due one period after `start`; a period is at least 100 µs.
+    /// Creates a timer whose first cycle is due one period after `start`; a period is at least 100 µs.
     pub fn new(start: Instant, period: Duration) -> Self {
         let period = period.max(Duration::from_micros(100));
         Self {
@@ -47,12 +47,12 @@ impl PeriodicTimer {
         }
     }
 
-    /// When the next cycle is due.
+    /// Returns the start of the next cycle.
     pub fn next(&self) -> Instant {
         self.next
     }
 
-    /// The cycle that was due is done; how many were missed because of it.
+    /// Ends the current cycle; returns the number of cycles that were missed because of it.
     pub fn done(&mut self, now: Instant) -> u64 {
         let taken = now.saturating_duration_since(self.next);
         let missed = u64::try_from(taken.as_nanos() / self.period.as_nanos()).unwrap_or(u64::MAX);
@@ -68,7 +68,7 @@ impl PeriodicTimer {
         missed
     }
 
-    /// How it was kept until now.
+    /// Returns the statistics so far.
     pub fn timing(&self) -> CycleStatistics {
         self.timing
     }

@@ -1,4 +1,4 @@
-//! What ends a connection.
+//! Errors that end a connection.
 
 use std::fmt;
 use std::io;
@@ -6,20 +6,20 @@ use std::time::Duration;
 
 use super::protocol::ProtocolError;
 
-/// Why nothing more can be had from a connection.
+/// Reasons why a connection is unusable.
 #[derive(Clone, Debug, thiserror::Error)]
 pub(super) enum LinkErrorKind {
     #[error("the connection is broken: {0}")]
     Broken(String),
     #[error("the other end closed the connection")]
     Closed,
-    #[error("nothing came for {0:?}")]
+    #[error("no data for {0:?}")]
     Silent(Duration),
     #[error(transparent)]
     Protocol(#[from] ProtocolError),
-    #[error("joint {joint} is said to be at {angle} rad, which no arm can be")]
+    #[error("joint {joint} reports {angle} rad, which no arm can reach")]
     Impossible { joint: usize, angle: f64 },
-    #[error("it refused what every arm must do")]
+    #[error("it refused a mandatory request")]
     Refused,
 }
 

@@ -1,4 +1,4 @@
-//! Which end listens, and how the two connections come about.
+//! Setup of the two connections: which end listens, accepting and connecting.
 
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
@@ -13,12 +13,12 @@ pub const ARM_PORT: u16 = 4321;
 /// The TCP port for asynchronous packets.
 pub const PACKET_PORT: u16 = 4323;
 
-/// How often a listener looks, as long as nobody is connected.
+/// Interval between checks for new connections while nobody is connected.
 const ACCEPT_POLL_INTERVAL: Duration = Duration::from_millis(5);
-/// How long one attempt to connect may take.
+/// Timeout of one attempt to connect.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// Where the two connections are accepted.
+/// Addresses of the two connections.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub struct LinkAddresses {
     /// For commands.
@@ -27,7 +27,7 @@ pub struct LinkAddresses {
     pub packets: SocketAddr,
 }
 
-/// Which end this is.
+/// Whether this end listens or connects.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum LinkMode {
     /// Waits for the other end; port 0 is any that is free.
@@ -65,7 +65,7 @@ pub(super) enum LinkConnector {
 }
 
 impl LinkConnector {
-    /// Takes the ports, if it is to listen; answers also where it listens, or connects to.
+    /// Binds the ports, if it listens; also returns the addresses at which it listens, or to which it connects.
     pub(super) fn start(link_mode: LinkMode) -> io::Result<(Self, LinkAddresses)> {
         let listen = |place: SocketAddr| {
             let listener = TcpListener::bind(place).map_err(|error| {
@@ -89,7 +89,7 @@ impl LinkConnector {
 
     /// Both connections; `None` when it is to end.
     ///
-    /// A listener waits for as long as it takes. Who connects tries once.
+    /// A listener waits for as long as it takes. The connecting end tries once.
     pub(super) fn connect(&self, ending: &AtomicBool) -> io::Result<Option<SocketPair>> {
         let pair = match self {
             Self::Listening { arm, packets } => accept_both(arm, packets, ending)?,
@@ -125,7 +125,7 @@ impl LinkConnector {
     }
 }
 
-/// Waits for one connection at each. Where several have come the newest counts: the others are of a peer that gave up.
+/// Waits for one connection at each. Of several connections the newest counts: the others are of a peer that gave up.
 fn accept_both(
     arm: &TcpListener,
     packets: &TcpListener,
@@ -147,7 +147,7 @@ fn accept_both(
 /// The last of the connections that wait, if any does.
 fn accept_newest(listener: &TcpListener) -> io::Result<Option<TcpStream>> {
     let mut newest = None;
-    // As many as a listener keeps; somebody who connects without end does not hold us up.
+    // The length of the listen queue; a peer that keeps connecting does not block the driver.
     for _ in 0..128 {
         match listener.accept() {
             Ok((stream, _)) => {

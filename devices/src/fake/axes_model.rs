@@ -8,8 +8,8 @@ use crate::{Axes, AxisIndex, DeviceError, JointType, Limits, Mode};
 
 /// A set of axes that takes the commands of the device interfaces and moves when it is stepped.
 ///
-/// The methods are those of the interfaces in [`iface`](crate::iface) and keep their contracts. The model starts
-/// in position mode, as the stock `fakeMotionControl` does; what its motors are like is told in `motor`. It is
+/// The methods are those of the interfaces in [`iface`](crate::iface) and keep their contracts. The model starts in
+/// position mode, as the stock `fakeMotionControl` does; its motors are described in `axis_motor`. It is
 /// deterministic: the same commands and steps give the same numbers.
 ///
 /// ```
@@ -52,12 +52,12 @@ impl AxesModel {
         }
     }
 
-    /// Where an axis is and how it moves.
+    /// Returns position and motion of an axis.
     pub fn state(&self, axis: AxisIndex) -> Result<MotionState, DeviceError> {
         Ok(self.axis(axis)?.state())
     }
 
-    /// Puts an axis to rest at the nearest place inside its limits, whatever it does: as by hand.
+    /// Puts an axis at rest at the nearest position inside its limits, in any state: as by hand.
     ///
     /// Errors: [`DeviceError::NoSuchAxis`].
     pub fn place(&mut self, axis: AxisIndex, position: f64) -> Result<(), DeviceError> {
@@ -65,22 +65,22 @@ impl AxesModel {
         Ok(())
     }
 
-    /// As [`AxisInfo::axes`](crate::AxisInfo::axes).
+    /// Same as [`AxisInfo::axes`](crate::AxisInfo::axes).
     pub fn axes(&self) -> usize {
         self.axes.len()
     }
 
-    /// As [`AxisInfo::axis_name`](crate::AxisInfo::axis_name).
+    /// Same as [`AxisInfo::axis_name`](crate::AxisInfo::axis_name).
     pub fn axis_name(&self, axis: AxisIndex) -> Result<&str, DeviceError> {
         Ok(&self.axis(axis)?.built().name)
     }
 
-    /// As [`AxisInfo::joint_type`](crate::AxisInfo::joint_type).
+    /// Same as [`AxisInfo::joint_type`](crate::AxisInfo::joint_type).
     pub fn joint_type(&self, axis: AxisIndex) -> Result<JointType, DeviceError> {
         Ok(self.axis(axis)?.built().joint_type)
     }
 
-    /// As [`MotionControl::stop`](crate::MotionControl::stop).
+    /// Same as [`MotionControl::stop`](crate::MotionControl::stop).
     pub fn stop(&mut self, axes: Axes<'_>) -> Result<(), DeviceError> {
         let total = self.axes();
         axes.check(total)?;
@@ -90,7 +90,7 @@ impl AxesModel {
         Ok(())
     }
 
-    /// As [`MotionControl::set_reference_accelerations`](crate::MotionControl::set_reference_accelerations).
+    /// Same as [`MotionControl::set_reference_accelerations`](crate::MotionControl::set_reference_accelerations).
     pub fn set_reference_accelerations(
         &mut self,
         axes: Axes<'_>,
@@ -105,7 +105,7 @@ impl AxesModel {
         )
     }
 
-    /// As [`MotionControl::reference_accelerations`](crate::MotionControl::reference_accelerations).
+    /// Same as [`MotionControl::reference_accelerations`](crate::MotionControl::reference_accelerations).
     pub fn reference_accelerations(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
         Ok(self
             .selected(axes)?
@@ -113,7 +113,7 @@ impl AxesModel {
             .collect())
     }
 
-    /// As [`PositionControl::position_move`](crate::PositionControl::position_move).
+    /// Same as [`PositionControl::position_move`](crate::PositionControl::position_move).
     pub fn position_move(&mut self, axes: Axes<'_>, targets: &[f64]) -> Result<(), DeviceError> {
         self.command(
             axes,
@@ -124,7 +124,7 @@ impl AxesModel {
         )
     }
 
-    /// As [`PositionControl::relative_move`](crate::PositionControl::relative_move).
+    /// Same as [`PositionControl::relative_move`](crate::PositionControl::relative_move).
     pub fn relative_move(&mut self, axes: Axes<'_>, distances: &[f64]) -> Result<(), DeviceError> {
         self.command(
             axes,
@@ -135,17 +135,17 @@ impl AxesModel {
         )
     }
 
-    /// As [`PositionControl::motion_done`](crate::PositionControl::motion_done).
+    /// Same as [`PositionControl::motion_done`](crate::PositionControl::motion_done).
     pub fn motion_done(&self, axes: Axes<'_>) -> Result<bool, DeviceError> {
         Ok(self.selected(axes)?.all(Axis::is_done))
     }
 
-    /// As [`PositionControl::target_positions`](crate::PositionControl::target_positions).
+    /// Same as [`PositionControl::target_positions`](crate::PositionControl::target_positions).
     pub fn target_positions(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
         Ok(self.selected(axes)?.map(Axis::target).collect())
     }
 
-    /// As [`PositionControl::set_reference_speeds`](crate::PositionControl::set_reference_speeds).
+    /// Same as [`PositionControl::set_reference_speeds`](crate::PositionControl::set_reference_speeds).
     pub fn set_reference_speeds(
         &mut self,
         axes: Axes<'_>,
@@ -160,12 +160,12 @@ impl AxesModel {
         )
     }
 
-    /// As [`PositionControl::reference_speeds`](crate::PositionControl::reference_speeds).
+    /// Same as [`PositionControl::reference_speeds`](crate::PositionControl::reference_speeds).
     pub fn reference_speeds(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
         Ok(self.selected(axes)?.map(Axis::reference_speed).collect())
     }
 
-    /// As [`VelocityControl::velocity_move`](crate::VelocityControl::velocity_move).
+    /// Same as [`VelocityControl::velocity_move`](crate::VelocityControl::velocity_move).
     pub fn velocity_move(&mut self, axes: Axes<'_>, velocities: &[f64]) -> Result<(), DeviceError> {
         self.command(
             axes,
@@ -176,7 +176,7 @@ impl AxesModel {
         )
     }
 
-    /// As [`VelocityControl::reference_velocities`](crate::VelocityControl::reference_velocities).
+    /// Same as [`VelocityControl::reference_velocities`](crate::VelocityControl::reference_velocities).
     pub fn reference_velocities(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
         Ok(self.selected(axes)?.map(Axis::velocity).collect())
     }
@@ -191,7 +191,7 @@ impl AxesModel {
         Ok(())
     }
 
-    /// As [`Encoders::set_encoders`](crate::Encoders::set_encoders).
+    /// Same as [`Encoders::set_encoders`](crate::Encoders::set_encoders).
     pub fn set_encoders(&mut self, axes: Axes<'_>, positions: &[f64]) -> Result<(), DeviceError> {
         self.command(
             axes,
@@ -202,12 +202,12 @@ impl AxesModel {
         )
     }
 
-    /// As [`ControlMode::available_control_modes`](crate::ControlMode::available_control_modes).
+    /// Same as [`ControlMode::available_control_modes`](crate::ControlMode::available_control_modes).
     pub fn available_control_modes(&self, axis: AxisIndex) -> Result<Vec<Mode>, DeviceError> {
         self.axis(axis).map(|_| MODES.to_vec())
     }
 
-    /// As [`ControlMode::read_control_modes`](crate::ControlMode::read_control_modes).
+    /// Same as [`ControlMode::read_control_modes`](crate::ControlMode::read_control_modes).
     pub fn read_control_modes(&self, axes: Axes<'_>, out: &mut [Mode]) -> Result<(), DeviceError> {
         axes.check_count(self.axes(), "slots for modes", out.len())?;
         for (slot, axis) in out.iter_mut().zip(self.selected(axes)?) {
@@ -216,7 +216,7 @@ impl AxesModel {
         Ok(())
     }
 
-    /// As [`ControlMode::set_control_modes`](crate::ControlMode::set_control_modes).
+    /// Same as [`ControlMode::set_control_modes`](crate::ControlMode::set_control_modes).
     pub fn set_control_modes(&mut self, axes: Axes<'_>, modes: &[Mode]) -> Result<(), DeviceError> {
         self.command(
             axes,
@@ -227,12 +227,12 @@ impl AxesModel {
         )
     }
 
-    /// As [`ControlLimits::position_limits`](crate::ControlLimits::position_limits).
+    /// Same as [`ControlLimits::position_limits`](crate::ControlLimits::position_limits).
     pub fn position_limits(&self, axis: AxisIndex) -> Result<Limits, DeviceError> {
         Ok(self.axis(axis)?.limits())
     }
 
-    /// As [`ControlLimits::set_position_limits`](crate::ControlLimits::set_position_limits).
+    /// Same as [`ControlLimits::set_position_limits`](crate::ControlLimits::set_position_limits).
     pub fn set_position_limits(
         &mut self,
         axis: AxisIndex,
@@ -241,12 +241,12 @@ impl AxesModel {
         self.axis_mut(axis)?.set_limits(limits)
     }
 
-    /// As [`ControlLimits::velocity_limits`](crate::ControlLimits::velocity_limits).
+    /// Same as [`ControlLimits::velocity_limits`](crate::ControlLimits::velocity_limits).
     pub fn velocity_limits(&self, axis: AxisIndex) -> Result<Limits, DeviceError> {
         Ok(self.axis(axis)?.velocity_limits())
     }
 
-    /// As [`ControlLimits::set_velocity_limits`](crate::ControlLimits::set_velocity_limits).
+    /// Same as [`ControlLimits::set_velocity_limits`](crate::ControlLimits::set_velocity_limits).
     pub fn set_velocity_limits(
         &mut self,
         axis: AxisIndex,
@@ -331,7 +331,8 @@ mod tests {
         }
     }
 
-    /// Joints that followed a stream went on for a hundred degrees after a stop: they braked as gently as a move does.
+    /// Joints that followed a stream moved on for a hundred degrees after a stop: they braked as gently as a move
+    /// does.
     #[test]
     fn a_stop_of_a_stream_is_as_hard_as_the_stream() {
         for mode in [Mode::PositionDirect, Mode::VelocityDirect] {
@@ -356,7 +357,7 @@ mod tests {
         }
     }
 
-    /// What stock's windows ask for before a velocity.
+    /// Stock's windows ask for this before a velocity.
     #[test]
     fn a_hundred_thousand_degrees_a_second_squared_is_the_most_the_axis_can() {
         let mut model = lone_axis();

@@ -1,4 +1,4 @@
-//! The calls of the interfaces that concern motors, forces and what is beside the motion.
+//! The calls of the interfaces of motors and forces, and of further interfaces.
 //!
 //! Each is as the method of the same name in [`iface`](crate::iface).
 #![allow(missing_docs, reason = "documented where the interfaces are")]
@@ -16,9 +16,9 @@ use crate::{
 
 /// Pulls down what moves: per second, one for each axis.
 const FRICTION: &str = "friction";
-/// What the device is, in words.
+/// Description of the device, in words.
 const DESCRIPTION: &str = "description";
-/// What friction may be, per second.
+/// Range of friction, per second.
 const FRICTION_RANGE: Limits = Limits::new(0.01, 1e3);
 
 type Outcome<T> = Result<T, DeviceError>;
@@ -383,7 +383,7 @@ impl AxesModel {
         self.axis(axis).map(|_| SUPPLY_VOLTAGE)
     }
 
-    /// The encoders are exact, so a calibration has nothing to do but to see that the joint rests.
+    /// The encoders are exact, so a calibration only checks that the joint is at rest.
     pub fn calibrate(&mut self, axes: Axes<'_>) -> Outcome<()> {
         for axis in self.selected(axes)? {
             axis.check_at_rest("calibrate it")?;
@@ -530,7 +530,7 @@ fn place(kind: PidKind) -> Outcome<usize> {
     })
 }
 
-/// What a loop steers to, and what it measures.
+/// Returns the reference and the measurement of a loop.
 fn steering(axis: &Axis, kind: PidKind) -> (f64, f64) {
     let state = axis.state();
     match kind {

@@ -1,9 +1,9 @@
-//! The motor side of a simulated axis: what is asked for, measured and kept there.
+//! The motor side of a simulated axis: commanded, measured and stored values.
 //!
-//! The numbers are invented, but hang together: full torque gives the largest acceleration at first and the
-//! largest speed in the end, current is torque over a constant, and the duty cycle is the share of the largest
-//! current. What only a real motor would feel, such as gains, impedance and temperature limits, is kept and told,
-//! and changes nothing.
+//! The numbers are invented, but hang together: full torque gives the largest acceleration at first and the largest
+//! speed in the end, current is torque over a constant, and the duty cycle is the share of the largest current.
+//! Values that only a real motor would use, such as gains, impedance and temperature limits, are stored and reported,
+//! and change nothing.
 
 use crate::{
     CalibrationParameters, Impedance, ImpedanceLimits, Interaction, Limits, MotorTorqueParameters,
@@ -14,9 +14,9 @@ use crate::{
 pub(super) const TORQUE_CONSTANT: f64 = 0.5;
 /// It is never warmer than the room, °C.
 pub(super) const ROOM_TEMPERATURE: f64 = 25.0;
-/// What feeds the amplifiers, V.
+/// Supply voltage of the amplifiers, V.
 pub(super) const SUPPLY_VOLTAGE: f64 = 48.0;
-/// What stiffness and damping may be.
+/// Ranges of stiffness and damping.
 pub(super) const IMPEDANCE_LIMITS: ImpedanceLimits = ImpedanceLimits {
     stiffness: Limits::new(0.0, 100.0),
     damping: Limits::new(0.0, 10.0),
@@ -30,7 +30,7 @@ pub(super) const COUNTS: Limits = Limits::new(1.0, 1e9);
 pub(super) struct Motor {
     pub(super) gearbox_ratio: f64,
     pub(super) counts: f64,
-    /// What is added to the position of the joint times the ratio.
+    /// Offset added to the position of the joint times the ratio.
     pub(super) offset: f64,
     pub(super) temperature_limit: f64,
     pub(super) amplifier_on: bool,
@@ -47,11 +47,11 @@ pub(super) struct Motor {
     pub(super) auto_brake: bool,
 }
 
-/// A control loop, as far as it can be asked about.
+/// A control loop, as far as it can be queried.
 #[derive(Clone, Debug)]
 pub(super) struct Loop {
     pub(super) pid: Pid,
-    /// As set, in the place of what the axis steers to.
+    /// The reference that was set, in place of the axis's own.
     pub(super) reference: Option<f64>,
     pub(super) error_limit: f64,
     pub(super) feedforward: f64,
@@ -59,7 +59,7 @@ pub(super) struct Loop {
 }
 
 impl Motor {
-    /// A motor whose largest current is `current`, A.
+    /// Creates a motor with a maximum current of `current`, A.
     pub(super) fn new(current: f64) -> Self {
         let pid = Pid {
             kp: 1.0,

@@ -1,4 +1,4 @@
-//! A microphone that hears one tone.
+//! A microphone that records one tone.
 
 use std::f64::consts::TAU;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
@@ -11,14 +11,14 @@ use crate::{Device, DeviceError};
 const RATE: u32 = 16_000;
 /// The tone, hertz.
 const TONE: f64 = 440.0;
-/// How loud it is, of 32767.
+/// Loudness, of 32767.
 const LOUDNESS: f64 = 8_000.0;
 /// Moments that it holds: ten seconds.
 const CAPACITY: usize = 10 * RATE as usize;
 
-/// A microphone with one channel that hears a tone of 440 Hz, in real time, for as long as it records.
+/// A microphone with one channel that records a tone of 440 Hz, in real time.
 ///
-/// What is not fetched within ten seconds is forgotten, the oldest first.
+/// Samples that are not fetched within ten seconds are dropped, the oldest first.
 #[derive(Debug, Default)]
 pub struct FakeMicrophone {
     state: Mutex<State>,
@@ -30,7 +30,7 @@ pub struct FakeMicrophone {
 struct State {
     /// Since when it records.
     since: Option<Instant>,
-    /// Moments that were heard before that.
+    /// Samples that were recorded before that.
     heard: u64,
     /// Moments that were fetched or forgotten.
     gone: u64,
@@ -49,7 +49,7 @@ impl Default for State {
 }
 
 impl State {
-    /// Moments heard so far; forgets what there is no room for.
+    /// Records samples up to now; drops those that exceed the capacity.
     fn advance(&mut self, now: Instant) -> u64 {
         let recording = self.since.map_or(Duration::ZERO, |since| now - since);
         let heard = self.heard + (recording.as_secs_f64() * f64::from(RATE)) as u64;

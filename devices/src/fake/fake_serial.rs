@@ -1,4 +1,4 @@
-//! A serial line whose far end is its near end.
+//! A serial line in loopback.
 
 use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
@@ -7,10 +7,10 @@ use std::time::{Duration, Instant};
 use crate::iface::SerialDevice;
 use crate::{Device, DeviceError};
 
-/// Bytes that may be under way.
+/// Capacity of the line, bytes.
 const CAPACITY: usize = 4096;
 
-/// A serial line with its two ends wired together: what is sent comes back.
+/// A serial line with its two ends wired together: it receives what it sends.
 #[derive(Debug, Default)]
 pub struct FakeSerial {
     line: Mutex<VecDeque<u8>>,

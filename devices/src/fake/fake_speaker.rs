@@ -1,4 +1,4 @@
-//! A loudspeaker that nobody hears.
+//! A loudspeaker without output.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
@@ -9,7 +9,7 @@ use crate::{Device, DeviceError};
 /// Moments that it holds.
 const CAPACITY: usize = 160_000;
 
-/// A loudspeaker that takes the time that playing takes, and makes no noise.
+/// A loudspeaker that takes as long as playing takes, without output.
 #[derive(Debug)]
 pub struct FakeSpeaker {
     channels: usize,
@@ -39,7 +39,7 @@ impl State {
 }
 
 impl FakeSpeaker {
-    /// A loudspeaker for so many channels, and so many moments a second. It does not play yet.
+    /// Creates a loudspeaker with so many channels, and so many samples a second. It does not play yet.
     pub fn new(channels: usize, rate: u32) -> Self {
         Self {
             channels,

@@ -3,7 +3,7 @@
 use super::MotionState;
 use crate::Limits;
 
-/// Slower than this, per second, an axis that nothing pushes stands.
+/// Speed below which an axis without a force is at rest, per second.
 const STANDSTILL_SPEED: f64 = 0.01;
 
 /// Motion under a constant force, solved exactly.
@@ -78,12 +78,12 @@ impl Drive {
         }
     }
 
-    /// Whether it stands, and nothing is about to move it.
+    /// Returns whether it is at rest and nothing is about to move it.
     pub(super) fn is_done(&self) -> bool {
         self.velocity == 0.0 && (self.push == 0.0 || self.is_held())
     }
 
-    /// Whether it is pushed against a limit.
+    /// Returns whether it is pushed against a limit.
     fn is_held(&self) -> bool {
         self.velocity == 0.0
             && (self.push > 0.0 && self.position >= self.limits.max

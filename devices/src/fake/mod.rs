@@ -4,7 +4,7 @@
 //! limits and references, which takes the commands of the device interfaces and is stepped by its owner.
 //! [`SimulatedWam`](crate::wam::SimulatedWam) runs one in real time; a test can step one as it likes.
 //!
-//! [`FakeMicrophone`], [`FakeSpeaker`] and [`FakeSerial`] stand for devices that this project has no driver for.
+//! [`FakeMicrophone`], [`FakeSpeaker`] and [`FakeSerial`] replace devices that this project has no driver for.
 
 mod axes_model;
 mod axes_model_motors;

@@ -22,24 +22,24 @@ pub(super) const MODES: [Mode; 8] = [
     Mode::Pwm,
 ];
 
-/// What an axis was built like. Degrees or metres, and seconds.
+/// Parameters of an axis by construction. Degrees or metres, and seconds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AxisParameters {
     /// Distinct among the axes of one device.
     pub name: String,
-    /// Whether it turns or slides.
+    /// Revolute or prismatic.
     pub joint_type: JointType,
-    /// Where it may be; the limits in force can be drawn closer, not widened beyond these.
+    /// Range of positions; the limits in force can be narrowed, not widened beyond these.
     pub limits: Limits,
-    /// How fast it may move.
+    /// Maximum speed.
     pub max_speed: f64,
-    /// How hard it may accelerate.
+    /// Maximum acceleration.
     pub max_acceleration: f64,
-    /// How fast point-to-point moves become unless told otherwise.
+    /// Speed of point-to-point moves unless set otherwise.
     pub reference_speed: f64,
-    /// How hard it accelerates unless told otherwise.
+    /// Acceleration unless set otherwise.
     pub reference_acceleration: f64,
-    /// Where it is at the start.
+    /// Position at the start.
     pub home: f64,
 }
 
@@ -53,17 +53,17 @@ pub(super) struct Axis {
     max_speed: f64,
     mode: Mode,
     path: VelocityProfile,
-    /// In the place of the path where the axis is pushed.
+    /// Used instead of the path while a force drives the axis.
     drive: Option<Drive>,
     /// Per second.
     friction: f64,
     target: f64,
     velocity: f64,
-    /// Torque, current or duty cycle asked for, as the mode says.
+    /// Commanded torque, current or duty cycle, depending on the mode.
     effort: f64,
     reference_speed: f64,
     reference_acceleration: f64,
-    /// Whether more was asked for before.
+    /// True if an earlier request exceeded the maximum.
     was_bounded: bool,
     motor: Motor,
 }
@@ -111,7 +111,7 @@ impl Axis {
         &mut self.motor
     }
 
-    /// The torque at the joint, Nm or N: what is asked for, or what the path takes.
+    /// Returns the torque at the joint, Nm or N: the commanded one, or that of the path.
     pub(super) fn torque(&self) -> f64 {
         let push = match &self.drive {
             Some(drive) => drive.pushed(),
@@ -140,12 +140,12 @@ impl Axis {
         100.0 * self.current() / self.largest_current()
     }
 
-    /// What was asked for in `mode`; 0 in another.
+    /// Returns the commanded effort in `mode`; 0 in another.
     pub(super) fn effort(&self, mode: Mode) -> f64 {
         if self.mode == mode { self.effort } else { 0.0 }
     }
 
-    /// `asked`: torque, current or duty cycle, as `mode` says.
+    /// `asked`: torque, current or duty cycle, depending on `mode`.
     pub(super) fn check_effort(&self, mode: Mode, asked: f64) -> Result<(), DeviceError> {
         let (command, quantity, largest, unit) = match mode {
             Mode::Torque => (
@@ -197,7 +197,7 @@ impl Axis {
         self.motor.manual_brake || self.motor.auto_brake && self.mode == Mode::Idle
     }
 
-    /// A brake that goes on brings the axis to rest.
+    /// Applying the brake stops the axis.
     pub(super) fn set_manual_brake(&mut self, active: bool) {
         if active && !self.motor.manual_brake {
             self.stop();
@@ -284,7 +284,7 @@ impl Axis {
         self.check_inside("position", position, self.limits, "")
     }
 
-    /// As fast as the axis can.
+    /// Moves as fast as the axis can.
     pub(super) fn direct_position(&mut self, position: f64) {
         self.target = position;
         self.path = VelocityProfile::towards(
@@ -302,7 +302,7 @@ impl Axis {
         self.check_inside("velocity", velocity, allowed, "/s")
     }
 
-    /// As hard as the axis can.
+    /// Accelerates as hard as the axis can.
     pub(super) fn direct_velocity(&mut self, velocity: f64) {
         self.move_at(velocity, self.built.max_acceleration);
     }
@@ -340,7 +340,7 @@ impl Axis {
         }
     }
 
-    /// What was as hard as the axis can brakes so, too.
+    /// A move at maximum acceleration also brakes at the maximum.
     fn braking(&self) -> f64 {
         match self.mode {
             Mode::PositionDirect | Mode::VelocityDirect => self.built.max_acceleration,
@@ -362,7 +362,7 @@ impl Axis {
         }
     }
 
-    /// Idle brakes as hard as the axis can, as shorted windings do; where it is pushed it coasts; the other modes
+    /// Idle brakes as hard as the axis can, as shorted windings do; an axis driven by a force coasts; the other modes
     /// brake as in a stop.
     pub(super) fn change_mode(&mut self, mode: Mode) {
         let mode = match mode {
@@ -435,7 +435,7 @@ impl Axis {
         }
     }
 
-    /// Puts the axis to rest at a place inside its limits, whatever it does: as by hand.
+    /// Puts the axis at rest at a position inside its limits, in any state: as by hand.
     pub(super) fn place(&mut self, position: f64) {
         self.set_encoder(self.limits.clamp(position));
     }
@@ -508,7 +508,7 @@ impl Axis {
         })
     }
 
-    /// `per`: what follows the unit of position, `/s` for a velocity.
+    /// `per`: suffix of the unit of position, `/s` for a velocity.
     fn check_inside(
         &self,
         quantity: &'static str,
@@ -519,7 +519,7 @@ impl Axis {
         self.check_allowed(quantity, asked, allowed, self.unit(per))
     }
 
-    /// `per`: what follows the unit of position, `/s` for a velocity.
+    /// `per`: suffix of the unit of position, `/s` for a velocity.
     pub(super) fn unit(&self, per: &str) -> &'static str {
         unit(self.built.joint_type, per)
     }
@@ -551,7 +551,7 @@ fn unit(joint_type: JointType, per: &str) -> &'static str {
     }
 }
 
-/// The acceleration that one newton metre, or newton, gives to a joint of one unit of inertia.
+/// Returns the acceleration of a joint of one unit of inertia by one newton metre, or newton.
 fn push_per_torque(joint_type: JointType) -> f64 {
     match joint_type {
         JointType::Revolute => 1_f64.to_degrees(),

@@ -1,14 +1,14 @@
-//! The path of one axis from where it is, moving or not, to rest.
+//! The path of one axis from its present state, moving or not, to rest.
 
 use crate::Limits;
 
-/// What rounding may add up to, in degrees or metres: differences below it are taken for none.
+/// Tolerance of rounding, in degrees or metres: smaller differences count as none.
 const ROUNDING_TOLERANCE: f64 = 1e-10;
 
 /// At most: brake at a limit, reach the cruising speed, cruise, brake.
 const MAX_PHASES: usize = 4;
 
-/// Where an axis is and how it moves, in its own unit and seconds.
+/// Position and motion of an axis, in its own unit and seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MotionState {
     /// Degrees or metres.
@@ -19,7 +19,7 @@ pub struct MotionState {
     pub acceleration: f64,
 }
 
-/// A path of constant accelerations ending at rest, and how much of it has passed.
+/// A path of constant accelerations ending at rest, and the time elapsed on it.
 ///
 /// It is planned from the present position **and** velocity, so a new one can take the place of a running one at
 /// any time without a jump in either:
@@ -31,9 +31,9 @@ pub struct MotionState {
 ///                             \______ target
 /// ```
 ///
-/// * Acceleration is the given one throughout, with one exception: an axis that would pass a limit with it
-///   brakes just hard enough to come to rest there. That happens only after the given acceleration was lowered
-///   while moving, and never asks for more than the acceleration it came up with.
+/// * Acceleration is the given one throughout, with one exception: an axis that would pass a limit with it brakes
+///   just hard enough to come to rest there. That happens only after the given acceleration was lowered while moving,
+///   and never needs more than the acceleration it came up with.
 /// * Speed is at most the larger of the given one and that of the start.
 /// * A target too near to brake in time is overshot, inside the limits, and approached from the other side.
 /// * At the end the position is exactly the target.
@@ -130,7 +130,7 @@ impl VelocityProfile {
         }
     }
 
-    /// Where the axis is and how it moves now.
+    /// Returns position and motion of the axis now.
     pub fn state(&self) -> MotionState {
         if self.is_done() {
             return MotionState {
@@ -143,18 +143,18 @@ impl VelocityProfile {
         state
     }
 
-    /// Whether the axis is at rest at the target.
+    /// Returns whether the axis is at rest at the target.
     pub fn is_done(&self) -> bool {
         self.current >= self.count
     }
 
-    /// Where the path ends.
+    /// Returns the end of the path.
     pub fn target(&self) -> f64 {
         self.target
     }
 
-    /// If `acceleration` is too weak to stay inside the limits, adds a harder phase that ends on the limit;
-    /// answers where the rest of the path begins.
+    /// If `acceleration` is too weak to stay inside the limits, adds a harder phase that ends on the limit; returns
+    /// where the rest of the path begins.
     fn brake_at_limit(&mut self, start: MotionState, acceleration: f64) -> MotionState {
         let place = stopping_place(start, acceleration);
         let edge = self.limits.clamp(place);
@@ -183,7 +183,7 @@ impl VelocityProfile {
         let velocity = direction * start.velocity;
         let distance = direction * (self.target - start.position);
 
-        // Getting to the peak p and from there to rest takes (2 p² - v²) / 2a, whichever sign v has, if v <= p.
+        // Getting to the peak p and from there to rest takes (2 p² - v²) / 2a, for either sign of v, if v <= p.
         let reachable = (acceleration * distance + velocity * velocity / 2.0)
             .max(0.0)
             .sqrt();
@@ -225,7 +225,7 @@ impl VelocityProfile {
     }
 }
 
-/// Where an axis comes to rest if it brakes at once.
+/// Returns the position at which an axis comes to rest if it brakes at once.
 fn stopping_place(state: MotionState, acceleration: f64) -> f64 {
     state.position + state.velocity * state.velocity.abs() / (2.0 * acceleration)
 }
@@ -280,7 +280,7 @@ mod tests {
     #[test]
     fn brakes_harder_than_asked_only_to_stay_inside() {
         let mut path = VelocityProfile::towards(moving(90.0, 20.0), 95.0, 20.0, 1.0, LIMITS);
-        // 20² / (2 * 10) = 20 brings it to rest on the limit.
+        // 20² / (2 * 10) = 20 stops it on the limit.
         assert_eq!(path.state().acceleration, -20.0);
         path.advance(1.0);
         assert!((path.state().position - 100.0).abs() < 1e-9);
@@ -313,7 +313,7 @@ mod tests {
         }
     }
 
-    /// A new order in the middle of a move: after some time, go there, so fast, so hard; or stop.
+    /// A new command in the middle of a move: after some time, a target, a speed and an acceleration; or stop.
     #[derive(Clone, Copy, Debug)]
     struct Segment {
         after: f64,
@@ -395,7 +395,7 @@ mod tests {
         let gained = after.velocity - before.velocity;
         prop_assert!(limits.contains(after.position), "outside: {:?}", after);
         prop_assert!(after.velocity.abs() <= fastest + 1e-6);
-        // A tenth of a per mille more than the hardest ordered so far, for rounding at the limits.
+        // A tenth of a per mille more than the largest commanded so far, for rounding at the limits.
         prop_assert!(after.acceleration.abs() <= hardest * 1.0001, "{:?}", after);
         prop_assert!(
             gained.abs() <= hardest * 1.0001 * dt + 1e-6,
@@ -403,7 +403,7 @@ mod tests {
             gained
         );
         prop_assert!(moved.abs() <= fastest * dt + 1e-6, "jump {}", moved);
-        // Position and velocity tell the same error chain, also where a limit cuts the position off.
+        // Position and velocity agree, also where a limit cuts the position off.
         let expected = (before.velocity + after.velocity) / 2.0 * dt;
         prop_assert!(
             (moved - expected).abs() <= hardest * 1.0001 * dt * dt + 1e-6,

@@ -8,27 +8,28 @@ use super::watchdog::Watchdog;
 use super::{JointLimits, RateLimits, TorqueLimits};
 use crate::{Axes, Device, DeviceError};
 
-/// Which guards a [`Guarded`] device has; without any it passes everything on.
+/// Guards of a [`Guarded`] device; without any it passes everything on.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct GuardedOptions {
-    /// Where joints may be.
+    /// Allowed positions of the joints.
     pub joint_limits: JointLimits,
-    /// How fast they may be told to move.
+    /// Allowed speeds and accelerations.
     pub rate_limits: RateLimits,
-    /// How hard they may be told to push.
+    /// Allowed torques.
     pub torque_limits: TorqueLimits,
-    /// How long a joint goes on with a velocity or a torque when no new one comes; `None` is for ever, as the device itself does.
+    /// Maximum time for which a joint continues with a velocity or torque without a new command; `None` is unlimited,
+    /// as in the device itself.
     ///
-    /// When the time is over the joint is stopped and holds. Whoever streams sends several commands within it.
+    /// After it the joint is stopped and holds. A client that streams sends several commands within it.
     pub watchdog: Option<Duration>,
 }
 
-/// A driver behind guards: it has the interfaces of the driver that the guards know, and refuses by name what
-/// they forbid.
+/// A driver behind guards: it has the interfaces of the driver that the guards support, and refuses forbidden
+/// commands with the name of the guard.
 ///
-/// Reference speeds and accelerations above the rate limits are brought down to them at the start. Interfaces that no
-/// guard knows are not offered, so that nothing gets past the guards. A thread of its own looks after joints that
-/// move at a velocity; it ends when the device is dropped.
+/// Reference speeds and accelerations above the rate limits are reduced to them at the start. Interfaces that no
+/// guard knows are not offered, so that nothing gets past the guards. A dedicated thread monitors joints that move at
+/// a velocity; it ends when the device is dropped.
 ///
 /// ```
 /// use std::sync::Arc;
@@ -61,8 +62,8 @@ pub struct Guarded {
 impl Guarded {
     /// Puts guards around a device.
     ///
-    /// Errors: [`DeviceError::Start`] when the machine has no thread left, or what the device says to being asked
-    /// for its limits and references.
+    /// Errors: [`DeviceError::Start`] if no thread can be started, or the device's error when its limits and
+    /// references are read.
     pub fn around(device: Arc<dyn Device>, options: GuardedOptions) -> Result<Self, DeviceError> {
         slow_down(device.as_ref(), &options.rate_limits)?;
         let axes = device.axis_info().map_or(0, |info| info.axes());
@@ -87,7 +88,7 @@ impl Guarded {
 
     /// Checks torques before they are given to the device.
     ///
-    /// Errors: [`DeviceError::Guarded`], or what is wrong with the selection.
+    /// Errors: [`DeviceError::Guarded`], or an error of the selection.
     pub fn check_torques(&self, axes: Axes<'_>, torques: &[f64]) -> Result<(), DeviceError> {
         let total = self.total();
         axes.check_command(total, "torques", torques.len())?;
@@ -141,7 +142,7 @@ fn slow_down(device: &dyn Device, rates: &RateLimits) -> Result<(), DeviceError>
     Ok(())
 }
 
-/// The limits a joint must be stopped at by us: those the device does not keep itself, the others wide open.
+/// Limits at which the guard must stop a joint: those that the device does not enforce itself, the others unlimited.
 fn closer(
     device: &dyn Device,
     limits: &JointLimits,

@@ -72,7 +72,7 @@ impl Guarded {
         unit(kind.unwrap_or(JointType::Unknown), order)
     }
 
-    /// Where a joint is, if it has limits here: a driver without encoders can be guarded without.
+    /// Returns the position of a joint that has limits here: a driver without encoders can be guarded without.
     fn where_limited(&self, joint: AxisIndex) -> Result<Option<f64>, DeviceError> {
         if self.joint_limits.of(joint).is_none() {
             return Ok(None);
@@ -80,14 +80,14 @@ impl Guarded {
         self.place(joint).map(Some)
     }
 
-    /// Where a joint is.
+    /// Returns the position of a joint.
     pub(super) fn place(&self, joint: AxisIndex) -> Result<f64, DeviceError> {
         let mut now = [EncoderReading::default()];
         self.measured()?.read_encoders(joint.into(), &mut now)?;
         Ok(now[0].position)
     }
 
-    /// Either of the two, for what both can do.
+    /// Returns either of the two, for their common methods.
     fn motion<T>(
         &self,
         by_position: impl FnOnce(&dyn PositionControl) -> Result<T, DeviceError>,
@@ -232,7 +232,7 @@ impl Encoders for Guarded {
 
 impl ControlMode for Guarded {
     fn available_control_modes(&self, axis: AxisIndex) -> Result<Vec<Mode>, DeviceError> {
-        // Nothing can be commanded in the others from here.
+        // No commands pass through here in the other modes.
         let commanded = [
             Mode::Idle,
             Mode::Position,
@@ -258,7 +258,7 @@ impl ControlMode for Guarded {
             }
         }
         self.modes()?.set_control_modes(axes, modes)?;
-        // A joint that is already in velocity mode goes on with what it does, and stays watched.
+        // A joint that is already in velocity mode continues, and stays monitored.
         for (joint, mode) in axes.iter(total).zip(modes) {
             if !matches!(mode, Mode::Velocity | Mode::Torque) {
                 self.watch.end_streams(joint.into(), total);

@@ -5,10 +5,10 @@ use crate::{AxisIndex, DeviceError, Limits};
 
 const NAME: &str = "joint limits";
 
-/// Where each joint may be, degrees or metres; joints beyond the end of the list are free.
+/// Position range of each joint, degrees or metres; joints beyond the end of the list are unlimited.
 ///
 /// A target outside is refused. A joint that moves at a velocity is stopped in time to come to rest inside, and a
-/// velocity that leads further out of them is refused.
+/// velocity that leads further outside is refused.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct JointLimits(pub Vec<Limits>);
 

@@ -1,13 +1,13 @@
-//! Safety around any driver: a device that passes on what is safe and refuses the rest by name.
+//! Safety around any driver: a device that passes on safe commands and refuses others with a reason.
 //!
 //! * [`Guarded`]: a [`Device`](crate::Device) around another one, with any of the guards below.
 //! * [`JointLimits`]: joints stay inside limits that may be closer than the device's own.
-//! * [`RateLimits`]: joints are not told to move or speed up faster than this.
-//! * [`TorqueLimits`]: joints are not told to push harder than this.
-//! * A watchdog: joints whose stream of velocities stops hold where they are.
+//! * [`RateLimits`]: maximum commanded speed and acceleration of joints.
+//! * [`TorqueLimits`]: maximum commanded torque of joints.
+//! * A watchdog: joints whose stream of velocities stops hold their positions.
 //!
-//! A refusal is a [`DeviceError::Guarded`](crate::DeviceError::Guarded): it names the guard, the joint, what
-//! was asked and what is allowed. A refused command does not reach the device.
+//! A refusal is a [`DeviceError::Guarded`](crate::DeviceError::Guarded): it names the guard, the joint, the requested
+//! and the allowed value. A refused command does not reach the device.
 
 mod guarded_device;
 mod interfaces;
@@ -39,7 +39,7 @@ fn unit(kind: JointType, order: u8) -> &'static str {
 
 /// Checks a value against what a guard allows; `None` allows everything.
 ///
-/// What is no number is left to the device, which refuses it.
+/// Values that are not numbers are left to the device, which refuses them.
 fn check(
     guard: &'static str,
     joint: AxisIndex,

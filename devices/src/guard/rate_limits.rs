@@ -1,14 +1,14 @@
-//! Joints are not told to move or speed up too fast.
+//! Limits of commanded speeds and accelerations.
 
 use super::check;
 use crate::{AxisIndex, DeviceError, Limits};
 
 const NAME: &str = "rate limits";
-/// How long a joint may take to a place it is sent to at once, s: what networks delay and more.
+/// Assumed duration of a step to a direct position, s: network delays and more.
 const STEP_TIME: f64 = 0.1;
 
-/// How fast each joint may be told to move and to speed up, per second and per second squared; joints beyond
-/// the end of a list are free.
+/// Maximum commanded speed and acceleration of each joint, per second and per second squared; joints beyond the end
+/// of a list are unlimited.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RateLimits {
     /// The largest speed, deg/s or m/s.
@@ -62,8 +62,9 @@ impl RateLimits {
         check(NAME, joint, "speed", asked, allowed, unit)
     }
 
-    /// A reference acceleration, brought down to the largest of the joint: more is not refused, as
-    /// [`MotionControl`](crate::MotionControl) has it. What is no finite number is left as it is, for the device to refuse.
+    /// Returns a reference acceleration, reduced to the joint's maximum: more is not refused, as
+    /// [`MotionControl`](crate::MotionControl) has it. Values that are not finite are passed on, for the device to
+    /// refuse.
     pub fn bound_acceleration(&self, joint: AxisIndex, asked: f64) -> f64 {
         match self.acceleration(joint) {
             Some(most) if asked.is_finite() => asked.min(most),

@@ -1,4 +1,4 @@
-//! The interfaces of a guarded device for commands given step by step.
+//! The interfaces of a guarded device for streamed commands.
 
 use super::interfaces::has;
 use super::{Guarded, pairs};
@@ -38,7 +38,7 @@ impl PositionDirect for Guarded {
 }
 
 impl TorqueControl for Guarded {
-    /// When the stream of torques stops, the joint is put into position mode and holds.
+    /// Sets torques; when their stream stops, the joint is put into position mode and holds.
     fn set_reference_torques(&self, axes: Axes<'_>, torques: &[f64]) -> Result<(), DeviceError> {
         self.check_torques(axes, torques)?;
         self.forces()?.set_reference_torques(axes, torques)?;

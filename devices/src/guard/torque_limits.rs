@@ -1,11 +1,11 @@
-//! Joints are not told to push too hard.
+//! Limits of commanded torques.
 
 use super::{check, pairs};
 use crate::{Axes, AxisIndex, DeviceError, Limits};
 
 const NAME: &str = "torque limits";
 
-/// How hard each joint may be told to push, Nm or N; joints beyond the end of the list are free.
+/// Maximum commanded torque of each joint, Nm or N; joints beyond the end of the list are unlimited.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TorqueLimits(pub Vec<f64>);
 

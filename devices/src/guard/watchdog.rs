@@ -1,4 +1,4 @@
-//! The thread that looks after joints in motion.
+//! The thread that monitors moving joints.
 
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -8,13 +8,13 @@ use tracing::{error, warn};
 use super::JointLimits;
 use crate::{Axes, AxisIndex, Device, DeviceError, Mode};
 
-/// How often joints in motion are looked at.
+/// Interval between checks of moving joints.
 const CHECK_INTERVAL: Duration = Duration::from_millis(10);
 
-/// What the thread and the callers share.
+/// State shared by the thread and the callers.
 pub(super) struct Watchdog {
     pub(super) device: Arc<dyn Device>,
-    /// Only limits that are closer than the device's own: it keeps those itself.
+    /// Only limits that are narrower than the device's own, which it enforces itself.
     pub(super) limits: JointLimits,
     pub(super) timeout: Option<Duration>,
     state: Mutex<State>,
@@ -22,16 +22,16 @@ pub(super) struct Watchdog {
 }
 
 struct State {
-    /// One per axis: the velocity it was told last, if that is not 0.
+    /// One per axis: the last commanded velocity, if that is not 0.
     streams: Vec<Option<Stream>>,
     ending: bool,
 }
 
 #[derive(Clone, Copy)]
 struct Stream {
-    /// When the command came.
+    /// Time of the command.
     told: Instant,
-    /// How hard the joint can brake, per second squared.
+    /// Maximum deceleration of the joint, per second squared.
     acceleration: f64,
     /// Pushed by torques: it takes another mode to make it hold.
     pushed: bool,
@@ -56,7 +56,7 @@ impl Watchdog {
         }
     }
 
-    /// Takes note of a velocity that a joint was told; 0 ends its stream.
+    /// Records a commanded velocity of a joint; 0 ends its stream.
     pub(super) fn record_velocity(&self, joint: AxisIndex, velocity: f64, acceleration: f64) {
         let stream = Stream {
             told: Instant::now(),
@@ -66,7 +66,7 @@ impl Watchdog {
         self.note(joint, (velocity != 0.0).then_some(stream));
     }
 
-    /// Takes note of a torque that a joint was told; 0 does not end its stream, for the joint may coast.
+    /// Records a commanded torque of a joint; 0 does not end its stream, for the joint may coast.
     pub(super) fn record_torque(&self, joint: AxisIndex) {
         let stream = Stream {
             told: Instant::now(),
@@ -99,7 +99,7 @@ impl Watchdog {
         self.woken.notify_all();
     }
 
-    /// What the thread does until [`end`](Self::end).
+    /// Runs the watchdog until [`end`](Self::end).
     pub(super) fn run(&self) {
         let mut state = self.lock();
         while !state.ending {
@@ -142,7 +142,7 @@ impl Watchdog {
         let Ok(now) = reading else {
             return Some("its position is not known");
         };
-        // It goes on for two periods before a stop can take effect, and then brakes.
+        // It continues for two periods before a stop can take effect, and then brakes.
         let going_on = now.speed * 2.0 * CHECK_INTERVAL.as_secs_f64();
         let braking = now.speed * now.speed.abs() / (2.0 * stream.acceleration);
         let rest = now.position + going_on + braking;
@@ -179,7 +179,8 @@ impl Watchdog {
         }
     }
 
-    /// Takes a joint out of torque mode: in position mode it comes to rest and holds, idle where there is none.
+    /// Takes a joint out of torque mode: in position mode it comes to rest and holds; in idle mode if there is no
+    /// position mode.
     fn hold(&self, joint: AxisIndex) -> Result<(), DeviceError> {
         match self.device.control_mode() {
             Some(modes) => {

@@ -1,8 +1,8 @@
-//! One motor, two links: how a finger's motor moves both of them, and what the clutch does.
+//! Coupling of one motor to two links, and the clutch of a finger.
 //!
-//! While the clutch holds, the outer link turns a third as far as the inner one. When the inner link meets more torque
-//! than the clutch bears, the clutch lets go (TorqueSwitch): the inner link stays, and the motor turns the outer one
-//! alone, four times as far per count. Opening goes the same way back.
+//! While the clutch holds, the outer link turns a third as far as the inner one. When the torque on the inner link
+//! exceeds that of the clutch, the clutch releases (TorqueSwitch): the inner link stays, and the motor turns the
+//! outer one alone, four times as far per count. Opening goes the same way back.
 //!
 //! ```text
 //! engaged:    inner = P / 125      outer = P / 375                       degrees
@@ -16,14 +16,14 @@ use std::f64::consts::PI;
 use super::gcl::Motor;
 use super::units;
 
-/// How far the outer link turns per turn of the inner one, while the clutch holds.
+/// Rotation of the outer link per rotation of the inner one, while the clutch is engaged.
 pub const RATIO: f64 = 1.0 / 3.0;
-/// How far the inner link turns, rad: 140 degrees.
+/// Range of the inner link, rad: 140 degrees.
 pub const INNER_LIMIT: f64 = 140.0 * PI / 180.0;
-/// How far the outer link turns against the inner one, rad: 46.7 degrees, which the data sheet rounds to 45.
+/// Range of the outer link against the inner one, rad: 46.7 degrees, which the data sheet rounds to 45.
 pub const OUTER_LIMIT: f64 = INNER_LIMIT * RATIO;
 
-/// Counts per degree of the outer link, once the clutch has let go.
+/// Counts per degree of the outer link, once the clutch has released.
 pub(super) const OUTER_COUNTS: f64 = 93.75;
 
 /// The two links of a finger, rad; 0 is open.
@@ -40,13 +40,13 @@ pub struct Links {
 pub struct MotorPosition {
     /// Counts of the motor.
     pub counts: f64,
-    /// Where the inner link must be held for it, in counts; `None` while the clutch holds.
+    /// Position at which the inner link must be held for it, in counts; `None` while the clutch is engaged.
     pub breakaway: Option<f64>,
 }
 
-/// Where the links are when the motor is at `counts`, with the clutch let go at `breakaway` or not.
+/// Returns the link angles for a motor position of `counts`, with the clutch released at `breakaway` or engaged.
 ///
-/// A clutch that let go at a place beyond the motor's is engaged again.
+/// A clutch that released at a place beyond the motor's is engaged again.
 pub fn links(counts: f64, breakaway: Option<f64>) -> Links {
     let engaged = breakaway.map_or(counts, |place| place.min(counts));
     let inner = units::degrees(Motor::F1, engaged).to_radians();
@@ -57,9 +57,9 @@ pub fn links(counts: f64, breakaway: Option<f64>) -> Links {
     }
 }
 
-/// Where the motor must be for these links; `None` where it cannot bring them.
+/// Returns the motor position for these links; `None` if it is not reachable.
 ///
-/// The outer link cannot stand more open than the inner one turns it, nor either beyond its limit.
+/// The outer link cannot be more open than the inner one turns it, nor either beyond its limit.
 pub fn motor(links: Links) -> Option<MotorPosition> {
     const TOLERANCE: f64 = 1e-9;
     let Links { inner, outer } = links;

@@ -1,4 +1,4 @@
-//! Where a fingertip is, and how a finger must stand to bring it there.
+//! Forward and inverse kinematics of a finger.
 //!
 //! The form is Craig's (modified) one of Denavit and Hartenberg, unlike the arm's:
 //! `T(i-1 -> i) = Rx(alpha) Tx(a) Rz(theta) Tz(d)`, from the palm's frame.
@@ -34,9 +34,9 @@ const A2: f64 = 0.070;
 const A3: f64 = 0.050;
 /// The fingertip beside the outer link, m.
 const D3: f64 = 0.0095;
-/// How far the inner link leans when it is open.
+/// Angle of the inner link when it is open.
 const PHI2: f64 = 2.46 * PI / 180.0;
-/// How far the outer link leans against the inner one when both are open.
+/// Angle of the outer link against the inner one when both are open.
 const PHI3: f64 = 42.0 * PI / 180.0;
 
 /// The spread's limit, rad: 180 degrees.
@@ -51,12 +51,12 @@ pub struct FingerJoints {
     pub links: Links,
 }
 
-/// How a finger stands to bring its tip to a point, and how far from it the tip stays.
+/// Joint positions of a finger for a tip position, and the remaining distance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FingerSolution {
     /// The joints, inside their limits.
     pub joints: FingerJoints,
-    /// From the tip to the point asked for, m.
+    /// From the tip to the requested point, m.
     pub distance: f64,
 }
 
@@ -83,7 +83,7 @@ pub fn outer_joint(finger: Finger, joints: &FingerJoints) -> Vector3<f64> {
     frames(finger, joints).2.translation.vector
 }
 
-/// How the tip moves with spread, inner and outer joint, m per rad; a column each.
+/// Returns the Jacobian of the tip with respect to spread, inner and outer joint, m per rad; a column each.
 pub fn jacobian(finger: Finger, joints: &FingerJoints) -> Matrix3<f64> {
     let (spread, inner, outer) = frames(finger, joints);
     let tip = tip(finger, joints).translation.vector;
@@ -98,15 +98,15 @@ pub fn jacobian(finger: Finger, joints: &FingerJoints) -> Matrix3<f64> {
     ])
 }
 
-/// How a finger must stand to bring its tip to `point`, with the clutch let go where that is needed.
+/// Computes the joints that bring the tip to `point`, with the clutch released if needed.
 ///
-/// In closed form. If the point cannot be reached, the nearest of what the limits leave of each way of standing.
+/// In closed form. If the point cannot be reached, the nearest of the configurations inside the limits.
 pub fn inverse(finger: Finger, point: &Vector3<f64>) -> FingerSolution {
     nearest(finger, point, |reach, height| {
         let elbows = elbows(reach, height);
         elbows.into_iter().map(|links| {
             let inner = links.inner.clamp(0.0, INNER_LIMIT);
-            // The motor cannot bring the outer link further open than the inner one turns it.
+            // The motor cannot open the outer link further than the inner one turns it.
             let outer = links
                 .outer
                 .clamp(inner * finger_coupling::RATIO, OUTER_LIMIT);
@@ -115,7 +115,7 @@ pub fn inverse(finger: Finger, point: &Vector3<f64>) -> FingerSolution {
     })
 }
 
-/// How a finger must stand to bring its tip as near to `point` as it comes with the clutch engaged.
+/// Computes the joints that bring the tip nearest to `point` with the clutch engaged.
 ///
 /// The tip then moves on a surface, so most points are only neared.
 pub fn inverse_engaged(finger: Finger, point: &Vector3<f64>) -> FingerSolution {
@@ -178,7 +178,7 @@ fn planar(links: Links) -> Vector2<f64> {
     Vector2::new(A1 + A2 * inner.cos(), A2 * inner.sin()) + along * A3 + beside * D3
 }
 
-/// Both ways two links reach a point of the plane; the nearest stretch where it is too far.
+/// Returns both solutions of two links for a point of the plane; the nearest stretched one if it is too far.
 fn elbows(reach: f64, height: f64) -> [Links; 2] {
     let (x, y) = (reach - A1, height);
     let length = A3.hypot(D3);
@@ -194,7 +194,7 @@ fn elbows(reach: f64, height: f64) -> [Links; 2] {
     })
 }
 
-/// The place of the smallest value of a smooth function from 0 to `end`: samples, then golden sections.
+/// Returns the position of the minimum of a smooth function from 0 to `end`: samples, then golden sections.
 fn minimum(value: impl Fn(f64) -> f64, end: f64) -> f64 {
     const SAMPLES: usize = 64;
     const SECTIONS: usize = 60;

@@ -1,4 +1,4 @@
-//! What a hand can do, made of commands: the same for a hand on a serial line and one behind a server.
+//! Operations of a hand in terms of commands: the same for a hand on a serial line and one behind a server.
 
 use super::gcl::{Command, Motor, MotorSet, Parameter, Reply, Verb};
 use super::hand_error::HandError;
@@ -11,24 +11,24 @@ pub trait GclConnection: Send + Sync {
     /// The path or the address of the hand, for messages.
     fn peer(&self) -> &str;
 
-    /// Carries out lines one after the other, up to the first that fails; nobody else's come in between.
+    /// Executes lines one after the other, up to the first that fails; no other caller's come in between.
     ///
     /// Errors: [`HandError`].
     fn run(&self, lines: &[String]) -> Result<Vec<Reply>, HandError>;
 
-    /// Stops the hand, whoever uses it.
+    /// Stops the hand, for any user of it.
     ///
     /// Errors: [`HandError`].
     fn abort(&self) -> Result<(), HandError>;
 
-    /// Whether the line was there when it was last used.
+    /// Returns whether the line was there when it was last used.
     fn is_connected(&self) -> bool;
 }
 
-/// How often a question is asked whose answer does not read.
+/// Maximum number of attempts of a query whose reply cannot be parsed.
 const MAX_ATTEMPTS: usize = 4;
 
-/// What every motor says to a parameter, in the order 1, 2, 3, 4.
+/// Reads a parameter of every motor, in the order 1, 2, 3, 4.
 ///
 /// Asked again if noise spoiled the answer: asking moves nothing.
 ///
@@ -52,14 +52,14 @@ pub fn read(line: &dyn GclConnection, parameter: Parameter) -> Result<[i32; 4], 
     })
 }
 
-/// Whether motors can be moved to these angles in degrees, as far as can be said without a hand.
+/// Checks that motors can be moved to these angles in degrees, as far as this is known without a hand.
 ///
-/// Errors: what is wrong with the selection or with an angle, as [`Hand::move_fingers`] tells it.
+/// Errors: a wrong selection or angle, as [`Hand::move_fingers`] describes them.
 pub fn check_move(axes: Axes<'_>, angles: &[f64]) -> Result<(), DeviceError> {
     moves(axes, angles).map(drop)
 }
 
-/// The commands that move motors to angles in degrees: one per place, since a command has one target.
+/// Returns the commands that move motors to angles in degrees: one per target, since a command has one target.
 fn moves(axes: Axes<'_>, angles: &[f64]) -> Result<Vec<Command>, DeviceError> {
     axes.check_command(4, "angles", angles.len())?;
     let mut commands: Vec<Command> = Vec::new();
@@ -95,7 +95,7 @@ fn moves(axes: Axes<'_>, angles: &[f64]) -> Result<Vec<Command>, DeviceError> {
     Ok(commands)
 }
 
-/// Runs commands and says whose hand it was if that fails.
+/// Runs commands and names the hand in errors.
 fn run<L: GclConnection + ?Sized>(line: &L, commands: &[Command]) -> Result<(), DeviceError> {
     let lines: Vec<String> = commands.iter().map(Command::to_string).collect();
     match line.run(&lines) {

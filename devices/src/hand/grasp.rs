@@ -4,20 +4,20 @@ use super::gcl::{Command, Motor, MotorSet, Verb};
 use super::units;
 use crate::GraspKind;
 
-/// What the fingers close to in a needle or peg grasp, counts.
+/// Target of the fingers in a needle or peg grasp, counts.
 const NEARLY_CLOSED: i32 = 8000;
-/// The spread that puts all fingers equally far from each other, counts.
+/// Spread at equal angles between all fingers, counts.
 const ISOMETRIC: i32 = 1200;
-/// The spread that puts the first two fingers at a right angle to the third: 1500 in the thesis; 1575 counts are
-/// exactly 90 degrees by the data sheet.
+/// Spread with the first two fingers at a right angle to the third: 1500 in the thesis; 1575 counts are exactly 90
+/// degrees by the data sheet.
 const RECTANGULAR: i32 = 1500;
 
 const PEG: MotorSet = MotorSet::NONE.with(Motor::F1).with(Motor::F2);
 
-/// The commands that make up a grasp, to be given one after the other.
+/// Returns the commands of a grasp, to be executed one after the other.
 ///
-/// Source: tables 3 and 18 and figure 9 of the thesis; `peg close` has no command there and closes fingers 1 and 2 as
-/// its words say.
+/// Source: tables 3 and 18 and figure 9 of the thesis; `peg close` has no command there and closes fingers 1 and 2,
+/// as its name suggests.
 pub fn commands(kind: GraspKind) -> Vec<Command> {
     let spread = |counts| Command::new(MotorSet::SPREAD, Verb::Move(Some(counts)));
     match kind {
@@ -37,7 +37,7 @@ pub fn commands(kind: GraspKind) -> Vec<Command> {
     }
 }
 
-/// Where a grasp of an empty hand ends, degrees; `None` for what it does not move.
+/// Returns the final positions of a grasp by an empty hand, degrees; `None` for motors that it does not move.
 pub fn expected(kind: GraspKind) -> [Option<f64>; 4] {
     let mut expected = [None; 4];
     for command in commands(kind) {

@@ -1,4 +1,4 @@
-//! What can go wrong with a hand.
+//! Errors of a hand.
 
 use std::io;
 use std::time::Duration;
@@ -6,49 +6,49 @@ use std::time::Duration;
 use super::gcl::{BlockError, ReplyError, Status, StatusBits};
 use crate::DeviceError;
 
-/// Why the hand did not do, or did not answer, what it was told.
+/// Reasons why the hand did not execute a command or did not answer.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum HandError {
     /// The line could not be opened.
     #[error("opening the line failed")]
     Open {
-        /// Why not.
+        /// The cause.
         #[source]
         source: io::Error,
     },
     /// The line broke: hung up, unplugged, or closed at the other end.
     #[error("the line broke while {step}")]
     LineLost {
-        /// What was being done.
+        /// The step that failed.
         step: String,
-        /// What the system says.
+        /// The error of the operating system.
         #[source]
         source: io::Error,
     },
-    /// The line is there, and nobody speaks as a hand does.
+    /// The line exists, and no hand answers on it.
     #[error("no hand answers, expected a prompt within {waited:?}, got \"{got}\"")]
     NoHand {
-        /// How long it was waited for.
+        /// Time waited.
         waited: Duration,
         /// The last bytes that came, escaped.
         got: String,
     },
-    /// The hand did not repeat the command as it was sent; it was not carried out.
+    /// The echo of the hand differed from the command; it was not executed.
     #[error("`{command}` did not reach the hand as it was sent")]
     Garbled {
         /// The command.
         command: String,
-        /// What came back.
+        /// The bytes received instead.
         #[source]
         source: ReplyError,
     },
-    /// The hand did not come back to its prompt in time; it was stopped.
-    #[error("`{command}` has not ended after {waited:?}, the hand was told to stop; got \"{got}\"")]
+    /// The hand did not return to its prompt in time; it was stopped.
+    #[error("`{command}` has not ended after {waited:?}, the hand was stopped; got \"{got}\"")]
     NoPrompt {
         /// The command.
         command: String,
-        /// How long it was waited for.
+        /// Time waited.
         waited: Duration,
         /// The last bytes that came, escaped.
         got: String,
@@ -58,7 +58,7 @@ pub enum HandError {
     Status {
         /// The command.
         command: String,
-        /// What the hand complains of.
+        /// The status code of the hand.
         status: Status,
         /// Its whole answer.
         answer: String,
@@ -69,22 +69,22 @@ pub enum HandError {
         /// The command.
         command: String,
     },
-    /// An answer is not what was asked for.
+    /// A reply does not match the request.
     #[error("`{command}` was answered with \"{answer}\", expected {expected}")]
     Unreadable {
         /// The command.
         command: String,
         /// The answer.
         answer: String,
-        /// What it should have been.
+        /// The expected reply.
         expected: &'static str,
     },
     /// A block of RealTime went wrong.
     #[error("RealTime ended while {step}")]
     RealTime {
-        /// What was being done.
+        /// The step that failed.
         step: &'static str,
-        /// What came instead of feedback.
+        /// The bytes received instead of feedback.
         #[source]
         source: BlockError,
     },
@@ -99,7 +99,7 @@ pub enum HandError {
     NotSent {
         /// The command.
         command: String,
-        /// Why not.
+        /// The reason.
         why: &'static str,
     },
     /// The server in front of the hand refused.
@@ -107,20 +107,20 @@ pub enum HandError {
     Refused {
         /// The command.
         command: String,
-        /// What it said.
+        /// The reply.
         answer: String,
     },
-    /// The program that has the hand says what happened to it.
+    /// The error of the program that drives the hand.
     #[error("{words}")]
     Elsewhere {
-        /// What kind of thing went wrong there.
+        /// Kind of the error on the other side.
         kind: HandErrorKind,
-        /// How it is told there.
+        /// Text of the error on the other side.
         words: String,
     },
 }
 
-/// What kind of thing went wrong, with a name on the network.
+/// Kind of an error, with a name on the network.
 ///
 /// ```
 /// use yarp_devices::hand::HandErrorKind;
@@ -160,7 +160,7 @@ pub enum HandErrorKind {
 }
 
 impl HandErrorKind {
-    /// Those that need nothing else to be told.
+    /// Kinds without further data.
     const PLAIN: [HandErrorKind; 11] = [
         HandErrorKind::Open,
         HandErrorKind::LineLost,
@@ -203,7 +203,7 @@ impl HandErrorKind {
 }
 
 impl HandError {
-    /// What kind of thing went wrong, also if another program has the hand.
+    /// Returns the kind of the error, also if another program drives the hand.
     pub fn kind(&self) -> HandErrorKind {
         match self {
             HandError::Open { .. } => HandErrorKind::Open,
@@ -222,7 +222,8 @@ impl HandError {
         }
     }
 
-    /// The status that the hand answered with, if it did; also for what was aborted before it came to that.
+    /// Returns the status of the hand's reply, if there was one; also for a command that was aborted before the
+    /// reply.
     pub fn status(&self) -> Option<Status> {
         match self.kind() {
             HandErrorKind::Status(status) => Some(status),
@@ -231,12 +232,12 @@ impl HandError {
         }
     }
 
-    /// Whether the line must be opened again.
+    /// Returns whether the line must be opened again.
     pub fn is_loss(&self) -> bool {
         matches!(self.kind(), HandErrorKind::LineLost | HandErrorKind::Open)
     }
 
-    /// What to try next.
+    /// Returns advice on what to try next.
     pub fn advice(&self) -> &'static str {
         match self.kind() {
             HandErrorKind::Open => "whether the hand is plugged in, its path, and the rights to it",

@@ -1,14 +1,14 @@
 //! The BarrettHand BH8-262: three fingers, a spread, and a language of its own on a serial line.
 //!
-//! | file | what it is about |
+//! | file | content |
 //! | --- | --- |
-//! | `gcl/` | the language: commands, answers, blocks; no line, no clock |
-//! | `serial_line`, `driver`, `session` | the serial line; commands over it; RealTime over it |
-//! | `gcl_connection`, `grasp` | the interfaces [`Hand`](crate::Hand) and [`Grasp`](crate::Grasp), made of commands |
+//! | `gcl/` | the language: commands, replies, blocks; no serial line, no clock |
+//! | `serial_line`, `serial_driver`, `realtime_session` | the serial line; commands over it; RealTime over it |
+//! | `gcl_connection`, `grasp` | the interfaces [`Hand`](crate::Hand) and [`Grasp`](crate::Grasp), in terms of commands |
 //! | `board/` | the hand as a control board of four axes, in RealTime mode |
 //! | `node/` | a hand behind a server, over TCP: both sides |
-//! | `units`, `coupling`, `kinematics` | counts and degrees; what a motor does to two links; where fingertips are |
-//! | `simulated/` | a hand without the hand, at the other end of a pseudo-terminal |
+//! | `units`, `finger_coupling`, `finger_kinematics` | counts and degrees; coupling of a motor to two links; positions of fingertips |
+//! | `simulated/` | a simulated hand, at the other end of a pseudo-terminal |
 //!
 //! Source: Barrett's manuals of the BH8 series; tables 3, 4 and 17 to 23, section 5.5.1 and annex B.3.1 of the thesis.
 

@@ -10,7 +10,7 @@ use super::serial_driver::{BarrettHand, LineState};
 
 /// RealTime mode: one block to the hand, one back, as fast as the line allows.
 ///
-/// MotorSet keep the speed they were last told. Dropping the session leaves RealTime, which stops them; that takes a few
+/// MotorSet keep their last commanded speed. Dropping the session leaves RealTime, which stops them; that takes a few
 /// seconds at the most.
 pub struct RealTimeSession<'h> {
     hand: &'h BarrettHand,
@@ -36,7 +36,7 @@ impl<'h> RealTimeSession<'h> {
         }
     }
 
-    /// What the blocks hold.
+    /// Returns the layout of the blocks.
     pub fn layout(&self) -> &Layout {
         &self.layout
     }
@@ -44,12 +44,12 @@ impl<'h> RealTimeSession<'h> {
     /// Tells the motors their speeds and gains and gets what they measure.
     ///
     /// Errors: [`HandError::RealTime`] when the hand left RealTimeSession or answers something else, [`HandError::NoPrompt`]
-    /// when it answers nothing, [`HandError::LineLost`]; then the session is over.
+    /// when it does not answer, [`HandError::LineLost`]; then the session has ended.
     pub fn control(&mut self, control: &Control) -> Result<Feedback, HandError> {
         self.exchange(Header::Control, control)
     }
 
-    /// Gets what the motors measure.
+    /// Reads the measurements of the motors.
     ///
     /// Errors: as [`control`](Self::control).
     pub fn ask(&mut self) -> Result<Feedback, HandError> {
@@ -112,7 +112,7 @@ impl Drop for RealTimeSession<'_> {
     fn drop(&mut self) {
         let open = self.line.port().is_some();
         if !std::mem::replace(&mut self.over, true) || open {
-            // What cannot be said now is said before the next command.
+            // An error that cannot be reported now is reported before the next command.
             let _ = self.hand.leave(&mut self.line);
         }
     }

@@ -4,9 +4,9 @@
 //! sent does the line end follow that makes the hand do it. So noise on the line, or a stranger at its other end, never
 //! moves anything: what did not come back whole is called off.
 //!
-//! Calling off is `^C`, then `!` and a line end. If the hand had already forgotten its line, `!` is an unknown
-//! command; if not, `!` spoils what stands there. Either way an error is answered, and that answer proves that a
-//! hand listens and both ends are in step again.
+//! Calling off is `^C`, then `!` and a line end. If the hand had already discarded its line, `!` is an unknown
+//! command; if not, `!` invalidates it. Either way an error is answered, and that answer proves that a hand listens
+//! and both ends are in step again.
 
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -22,19 +22,19 @@ use super::hand_error::HandError;
 use super::realtime_session::RealTimeSession;
 use super::serial_line::SerialLine;
 
-/// What the hand speaks after power-up, bits per second.
+/// Baud rate of the hand after power-up.
 const POWER_UP_BAUD: u32 = 9600;
-/// What makes any line an error instead of a command.
+/// Characters that turn any line into an error instead of a command.
 const INVALIDATE_LINE: &[u8] = b"!\r";
-/// What completes any block of RealTime that was cut off: speeds and gains of zero. A whole block leads to RealTime's end
-/// by way of an error; a hand that listens to commands gets a line that is called off.
+/// Completes any RealTime block that was cut off: speeds and gains of zero. A whole block leads to RealTime's end by
+/// way of an error; a hand that listens to commands gets a line that is called off.
 const BLOCK_PADDING: [u8; 8] = [0; 8];
-/// How often a command is sent before noise on the line is reported.
+/// Maximum number of attempts of a command before noise on the line is reported.
 const MAX_COMMAND_ATTEMPTS: usize = 4;
-/// How often both ends are brought in step before no hand is reported.
+/// Maximum number of attempts to synchronise both ends before no hand is reported.
 const MAX_SYNC_ATTEMPTS: u32 = 4;
 
-/// How a hand is driven.
+/// Options of a hand on a serial line.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct HandOptions {
@@ -59,25 +59,25 @@ impl HandOptions {
         }
     }
 
-    /// The speed of the line when it is opened, bits per second. A hand that was reset speaks 9600.
+    /// The speed of the line when it is opened, bits per second. A hand that was reset uses 9600.
     pub fn baud(mut self, baud: u32) -> Self {
         self.baud = baud;
         self
     }
 
-    /// How long a command may take; initialising may take twice as long.
+    /// Sets the timeout of a command; initialising may take twice as long.
     pub fn motion_timeout(mut self, motion_timeout: Duration) -> Self {
         self.motion_timeout = motion_timeout;
         self
     }
 
-    /// How long the hand may take to repeat a command, and to answer when it is called off.
+    /// Sets the timeout of the echo of a command, and of the answer to an abort.
     pub fn echo_timeout(mut self, echo_timeout: Duration) -> Self {
         self.echo_timeout = echo_timeout;
         self
     }
 
-    /// How long the hand may take to answer a block of RealTime.
+    /// Sets the timeout of the answer to a RealTime block.
     pub fn block_timeout(mut self, block_timeout: Duration) -> Self {
         self.block_timeout = block_timeout;
         self
@@ -87,11 +87,11 @@ impl HandOptions {
 /// A BarrettHand BH8-262 at the end of a serial line.
 ///
 /// * Calls block until the hand's prompt is back, which is when the motion has ended, and never longer than
-///   [`HandOptions::motion_timeout`]. A hand that takes longer is told to stop.
+///   [`HandOptions::motion_timeout`]. A hand that takes longer is stopped.
 /// * One command at a time: a second one is refused as [`HandError::Busy`], not queued.
 ///   [`abort`](super::GclConnection::abort) works at any time.
 /// * A line that breaks is reported with what was being done; the next command opens it again. A hand that had lost
-///   its power as well then says that it is not initialised. Nothing is sent again by itself that may move.
+///   its power as well then reports that it is not initialised. Nothing is sent again by itself that may move.
 ///
 /// ```no_run
 /// use yarp_devices::hand::{BarrettHand, HandOptions};
@@ -114,20 +114,21 @@ pub struct BarrettHand {
     doing: Mutex<String>,
 }
 
-/// The line and what is known about it.
+/// The line and its known state.
 pub(super) struct LineState {
     port: Option<SerialLine>,
     baud: u32,
-    /// Whether the hand waits for a command, as far as is known.
+    /// True if the hand waits for a command, as far as is known.
     is_synchronised: bool,
-    /// Whether it may be in RealTime mode, in the middle of a block.
+    /// True if it may be in RealTime mode, in the middle of a block.
     in_realtime: bool,
-    /// Whether it was aborted since somebody began to use the line: then nothing more is done for them.
+    /// True if it was aborted since the present caller began to use the line: then nothing more is done for that
+    /// caller.
     aborted: bool,
 }
 
 impl BarrettHand {
-    /// Opens the line and makes sure that a hand answers; what it did before ends.
+    /// Opens the line and checks that a hand answers; any action in progress ends.
     ///
     /// Errors: [`HandError::Open`], [`HandError::LineLost`], [`HandError::NoHand`].
     pub fn open(options: HandOptions) -> Result<Self, HandError> {
@@ -172,7 +173,7 @@ impl BarrettHand {
         self.send_characters(&mut line, &text)?;
         line.is_synchronised = false;
         line.baud = u32::from(hundreds) * 100;
-        // The answer may come at either speed: it is not read, both ends are brought in step instead. The line end
+        // The reply may come at either baud rate: it is not read, both ends are synchronised instead. The line end
         // still went out at the old speed.
         let baud = line.baud;
         let changed = line.port().map_or(Ok(()), |port| port.set_baud(baud));
@@ -205,7 +206,7 @@ impl BarrettHand {
         ))
     }
 
-    /// Waits for the `*` that says that RealTime has begun.
+    /// Waits for the `*` that marks the start of RealTime.
     fn enter(&self, line: &mut LineState, text: &str) -> Result<(), HandError> {
         let mut complaint = ReplyReader::new("");
         let deadline = Instant::now() + self.options.echo_timeout;
@@ -245,7 +246,7 @@ impl BarrettHand {
         self.transact(&mut line, text)
     }
 
-    /// The line, if nobody else uses it.
+    /// Locks the line, if no other caller uses it.
     fn hold(&self, text: &str) -> Result<MutexGuard<'_, LineState>, HandError> {
         let mut line = match self.line.try_lock() {
             Ok(line) => line,
@@ -284,7 +285,7 @@ impl BarrettHand {
             let bytes = self.receive_or_abort(line, &mut buffer, step)?;
             if let Some(reply) = reader.push(bytes) {
                 let reply = reply.map_err(|source| garbled(text, source))?;
-                // ^C to a hand that had just ended brings another prompt.
+                // ^C to a hand that had just ended causes another prompt.
                 line.is_synchronised = !line.aborted;
                 debug!(command = text, answer = %reply, "hand answered");
                 return judge(text, reply);
@@ -328,7 +329,7 @@ impl BarrettHand {
         Err(garbled(text, source))
     }
 
-    /// Whether the letters came back.
+    /// Returns whether the characters were echoed.
     fn echo(&self, line: &mut LineState, text: &str) -> Result<Result<(), ReplyError>, HandError> {
         let mut reader = ReplyReader::new(text);
         let deadline = Instant::now() + self.options.echo_timeout;
@@ -350,7 +351,7 @@ impl BarrettHand {
         Ok(Ok(()))
     }
 
-    /// Opens the line if it is not, and brings both ends in step if they are not.
+    /// Opens the line if needed, and synchronises both ends if needed.
     fn connect(&self, line: &mut LineState) -> Result<(), HandError> {
         if line.port.is_none() {
             let opened = SerialLine::open(&self.options.path, line.baud);
@@ -363,7 +364,7 @@ impl BarrettHand {
         }
         let mut seen = Vec::new();
         for attempt in 0..MAX_SYNC_ATTEMPTS {
-            // A hand that was reset speaks as after power-up.
+            // A hand that was reset uses the baud rate of power-up.
             if line.baud != POWER_UP_BAUD && attempt > 0 {
                 let baud = if attempt % 2 == 0 {
                     line.baud
@@ -386,12 +387,13 @@ impl BarrettHand {
         })
     }
 
-    /// How long a hand may take to come back to its prompt when it is called off; an idle one may say nothing.
+    /// Returns the maximum time that a hand takes to return to its prompt when it is aborted; an idle one may send
+    /// nothing.
     fn idle(&self) -> Duration {
         self.options.echo_timeout / 4
     }
 
-    /// Ends whatever the hand does and empties its line; whether it answered.
+    /// Ends any action of the hand and empties its line; returns whether it answered.
     fn cancel_command(&self, line: &mut LineState, seen: &mut Vec<u8>) -> Result<bool, HandError> {
         const STEP: &str = "calling the hand off";
         seen.clear();
@@ -446,12 +448,12 @@ impl BarrettHand {
         }
     }
 
-    /// Wishes that whoever uses the line, or will next, is stopped; or takes that back.
+    /// Sets or clears the request to stop the present or next user of the line.
     pub(super) fn set_abort(&self, wish: bool) {
         self.abort.store(wish, Ordering::Release);
     }
 
-    /// Whether that has not come about yet.
+    /// Returns whether an abort is pending.
     pub(super) fn is_abort_set(&self) -> bool {
         self.abort.load(Ordering::Acquire)
     }
@@ -468,7 +470,7 @@ impl BarrettHand {
         Err(HandError::Aborted { command })
     }
 
-    /// Some bytes from a hand that carries something out; passes on the wish to abort.
+    /// Receives some bytes during a command; passes an abort request on.
     pub(super) fn receive_or_abort<'b>(
         &self,
         line: &mut LineState,
@@ -528,14 +530,14 @@ impl BarrettHand {
     fn lose(&self, line: &mut LineState, step: String, source: std::io::Error) -> HandError {
         line.port = None;
         line.is_synchronised = false;
-        // A hand that comes back may have lost its power, and with it the speed it had been told.
+        // A reconnected hand may have lost its power, and with it the baud rate that was set.
         line.baud = self.options.baud;
         self.connected.store(false, Ordering::Release);
         warn!(path = %self.options.path, step, %source, "the line to the hand broke");
         HandError::LineLost { step, source }
     }
 
-    /// Leaves RealTime; both ends are brought in step, if necessary by force.
+    /// Leaves RealTime; both ends are synchronised, if necessary by force.
     pub(super) fn leave(&self, line: &mut LineState) -> Result<(), HandError> {
         self.connect(line)
     }
@@ -565,7 +567,7 @@ impl GclConnection for BarrettHand {
         let deadline = Instant::now() + 2 * self.options.motion_timeout;
         while self.is_abort_set() {
             match self.hold("^C") {
-                // Nobody is there to pass it on.
+                // There is no caller to pass it on to.
                 Ok(mut line) => {
                     if self.abort.swap(false, Ordering::AcqRel) {
                         line.is_synchronised = false;
@@ -592,7 +594,7 @@ impl fmt::Debug for BarrettHand {
     }
 }
 
-/// Whether these bytes are the answer to the spoiled line: its echo, an error, and the prompt.
+/// Returns whether these bytes are the answer to the invalidated line: its echo, an error, and the prompt.
 fn is_spoiled(seen: &[u8]) -> bool {
     let Some(echo) = seen.iter().position(|&byte| byte == INVALIDATE_LINE[0]) else {
         return false;
@@ -620,9 +622,10 @@ pub(super) fn judge(text: &str, reply: Reply) -> Result<Reply, HandError> {
     }
 }
 
-/// Whether a line typed by a person may be passed on.
+/// Checks that a line typed by a person may be passed on.
 ///
-/// Errors: [`HandError::NotSent`] for what is no single line of text, and for what changes how the line is used.
+/// Errors: [`HandError::NotSent`] for text that is not a single line, and for commands that change the use of the
+/// line.
 pub(super) fn check_characters(text: &str) -> Result<(), HandError> {
     let refuse = |why| {
         Err(HandError::NotSent {

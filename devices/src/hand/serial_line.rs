@@ -5,12 +5,12 @@ use std::time::{Duration, Instant};
 
 use serialport::{ClearBuffer, DataBits, FlowControl, Parity, SerialPort, StopBits};
 
-/// How long one look at the line takes at most: as long as an abort may have to wait.
+/// Timeout of one read on the line: the maximum delay of an abort.
 const POLL_INTERVAL: Duration = Duration::from_millis(5);
-/// How long the system may take to accept some bytes.
+/// Timeout of writing to the serial port.
 const WRITE_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// An open serial line: 8 data bits, no parity, 1 stop bit, no flow control. Nobody else can open it meanwhile.
+/// An open serial line: 8 data bits, no parity, 1 stop bit, no flow control. No other process can open it meanwhile.
 pub(super) struct SerialLine {
     port: Box<dyn SerialPort>,
 }
@@ -55,7 +55,7 @@ impl SerialLine {
         Ok(())
     }
 
-    /// What has come, at most as much as fits; empty after 5 ms without anything.
+    /// Receives at most as many bytes as fit; empty after 5 ms without any.
     pub(super) fn receive<'b>(&mut self, buffer: &'b mut [u8]) -> io::Result<&'b [u8]> {
         match self.port.read(buffer) {
             Ok(0) => Err(io::ErrorKind::UnexpectedEof.into()),
@@ -66,7 +66,7 @@ impl SerialLine {
     }
 }
 
-/// Whether nothing has come yet, and nothing is wrong.
+/// Returns whether the error only means that nothing has been received yet.
 pub(super) fn is_pause(error: &io::Error) -> bool {
     use io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
     matches!(error.kind(), Interrupted | TimedOut | WouldBlock)

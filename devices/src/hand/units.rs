@@ -1,6 +1,6 @@
 //! The border between the hand's counts and the degrees of the interfaces.
 //!
-//! | motor | whole way | counts per degree |
+//! | motor | range | counts per degree |
 //! | --- | --- | --- |
 //! | finger, inner link | 17500 counts, 140 degrees | 125 |
 //! | spread, each of two fingers | 3150 counts, 180 degrees | 17.5 |

@@ -31,7 +31,7 @@ pub trait AmplifierControl: AxisInfo {
         value: f64,
     ) -> Result<(), DeviceError>;
 
-    /// The duty cycle that an amplifier gives out now, percent (`getPWM`).
+    /// Returns the present duty cycle of an amplifier, percent (`getPWM`).
     ///
     /// Errors: [`DeviceError::NoSuchAxis`].
     fn amplifier_duty_cycle(&self, axis: AxisIndex) -> Result<f64, DeviceError>;
@@ -42,7 +42,7 @@ pub trait AmplifierControl: AxisInfo {
     fn supply_voltage(&self, axis: AxisIndex) -> Result<f64, DeviceError>;
 }
 
-/// What an amplifier is limited to.
+/// Limits of an amplifier.
 #[derive(Clone, Copy, Debug, Eq, Hash, PartialEq)]
 pub enum AmplifierLimit {
     /// The current at which it switches off, A.

@@ -1,9 +1,9 @@
-//! Sound, as the interfaces for it speak of it.
+//! Sound, as used by the audio interfaces.
 
 /// A piece of sound: samples of 16 bits, the channels of one moment side by side.
 #[derive(Clone, Debug, Default, Eq, PartialEq)]
 pub struct Audio {
-    /// How many channels there are.
+    /// Number of channels.
     pub channels: usize,
     /// Moments a second.
     pub rate: u32,
@@ -12,18 +12,18 @@ pub struct Audio {
 }
 
 impl Audio {
-    /// How many moments there are.
+    /// Returns the number of samples per channel.
     pub fn len(&self) -> usize {
         self.samples.len().checked_div(self.channels).unwrap_or(0)
     }
 
-    /// Whether there is nothing to hear.
+    /// Returns whether there are no samples.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 }
 
-/// How much sound a buffer holds (stock: `AudioBufferSize`).
+/// Size of a sound buffer (stock: `AudioBufferSize`).
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub struct AudioBufferSize {
     /// Moments.

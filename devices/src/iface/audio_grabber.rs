@@ -7,7 +7,7 @@ use crate::DeviceError;
 
 /// A microphone (stock: `IAudioGrabberSound`).
 pub trait AudioGrabber: Send + Sync {
-    /// What was recorded and not fetched yet: at least `at_least` moments and at most `at_most` (`getSound`).
+    /// Takes recorded sound that was not fetched yet: at least `at_least` samples and at most `at_most` (`getSound`).
     ///
     /// Blocks until there is enough, for `timeout` at the most, and then gives what there is.
     ///
@@ -22,13 +22,13 @@ pub trait AudioGrabber: Send + Sync {
     /// Begins to record, or ends it (`startRecording`, `stopRecording`).
     fn set_recording(&self, recording: bool) -> Result<(), DeviceError>;
 
-    /// Whether it records (`isRecording`).
+    /// Returns whether it records (`isRecording`).
     fn is_recording(&self) -> Result<bool, DeviceError>;
 
-    /// How much it can hold (`getRecordingAudioBufferMaxSize`).
+    /// Returns the capacity of the recording buffer (`getRecordingAudioBufferMaxSize`).
     fn recording_capacity(&self) -> Result<AudioBufferSize, DeviceError>;
 
-    /// How much it holds (`getRecordingAudioBufferCurrentSize`).
+    /// Returns the amount of recorded sound (`getRecordingAudioBufferCurrentSize`).
     fn recorded(&self) -> Result<AudioBufferSize, DeviceError>;
 
     /// Forgets what was recorded (`resetRecordingAudioBuffer`).
@@ -37,6 +37,6 @@ pub trait AudioGrabber: Send + Sync {
     /// By how much samples are multiplied (`setSWGain`).
     fn set_software_gain(&self, gain: f64) -> Result<(), DeviceError>;
 
-    /// How sensitive the microphone is (`setHWGain`).
+    /// Sets the sensitivity of the microphone (`setHWGain`).
     fn set_hardware_gain(&self, gain: f64) -> Result<(), DeviceError>;
 }

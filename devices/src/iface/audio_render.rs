@@ -5,7 +5,7 @@ use crate::DeviceError;
 
 /// A loudspeaker (stock: `IAudioRender`).
 pub trait AudioRender: Send + Sync {
-    /// Appends sound to what is to be played; returns at once (`renderSound`).
+    /// Queues sound for playback; returns at once (`renderSound`).
     ///
     /// Errors: [`DeviceError::Unsuitable`] for another number of channels, another rate, or more than there is room for.
     fn render(&self, sound: &Audio) -> Result<(), DeviceError>;
@@ -13,13 +13,13 @@ pub trait AudioRender: Send + Sync {
     /// Begins to play, or ends it (`startPlayback`, `stopPlayback`).
     fn set_playing(&self, playing: bool) -> Result<(), DeviceError>;
 
-    /// Whether it plays (`isPlaying`).
+    /// Returns whether it plays (`isPlaying`).
     fn is_playing(&self) -> Result<bool, DeviceError>;
 
-    /// How much it can hold (`getPlaybackAudioBufferMaxSize`).
+    /// Returns the capacity of the playback buffer (`getPlaybackAudioBufferMaxSize`).
     fn playback_capacity(&self) -> Result<AudioBufferSize, DeviceError>;
 
-    /// How much is still to be played (`getPlaybackAudioBufferCurrentSize`).
+    /// Returns the amount of sound still to be played (`getPlaybackAudioBufferCurrentSize`).
     fn unplayed(&self) -> Result<AudioBufferSize, DeviceError>;
 
     /// Forgets what was to be played (`resetPlaybackAudioBuffer`).

@@ -2,7 +2,7 @@
 
 use crate::{AxisIndex, DeviceError};
 
-/// How many axes a device has and what they are (stock: `IAxisInfo`, and `getAxes` of every other interface).
+/// Number, names and types of the axes of a device (stock: `IAxisInfo`, and `getAxes` of every other interface).
 ///
 /// Every other interface extends this one, since none makes sense without the number of axes.
 pub trait AxisInfo: Send + Sync {
@@ -14,13 +14,13 @@ pub trait AxisInfo: Send + Sync {
     /// Errors: [`DeviceError::NoSuchAxis`].
     fn axis_name(&self, axis: AxisIndex) -> Result<String, DeviceError>;
 
-    /// Whether an axis turns or slides (`getJointType`), and so which units its values have.
+    /// Returns whether an axis is revolute or prismatic (`getJointType`), which determines the units of its values.
     ///
     /// Errors: [`DeviceError::NoSuchAxis`].
     fn joint_type(&self, axis: AxisIndex) -> Result<JointType, DeviceError>;
 }
 
-/// Whether a joint turns or slides (stock: `JointTypeEnum`).
+/// Type of a joint: revolute or prismatic (stock: `JointTypeEnum`).
 #[derive(Clone, Copy, Debug, Default, Eq, Hash, PartialEq)]
 #[non_exhaustive]
 pub enum JointType {

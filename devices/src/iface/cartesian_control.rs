@@ -1,4 +1,4 @@
-//! Where the tool of an arm goes in space.
+//! Cartesian control of the tool of an arm.
 
 use std::sync::mpsc::Receiver;
 use std::thread;
@@ -15,30 +15,30 @@ use crate::{AxisIndex, DeviceError, Limits};
 /// nothing changes then; those of the arm itself; for a device behind a network [`DeviceError::Refused`] and
 /// [`DeviceError::Remote`].
 pub trait CartesianControl: Send + Sync {
-    /// Keeps the target after it was reached, instead of leaving the arm to others (`setTrackingMode`).
+    /// Holds the target after it was reached, instead of releasing the arm (`setTrackingMode`).
     fn set_tracking(&self, tracking: bool) -> Result<(), DeviceError>;
 
-    /// Whether a target is kept (`getTrackingMode`).
+    /// Returns whether a target is held (`getTrackingMode`).
     fn tracking(&self) -> Result<bool, DeviceError>;
 
-    /// Takes what was ordered for where the joints are, instead of what is measured (`setReferenceMode`).
+    /// Uses the commanded joint positions instead of the measured ones (`setReferenceMode`).
     fn set_reference_mode(&self, reference: bool) -> Result<(), DeviceError>;
 
     /// See [`set_reference_mode`](Self::set_reference_mode) (`getReferenceMode`).
     fn reference_mode(&self) -> Result<bool, DeviceError>;
 
-    /// What comes first where a whole pose is out of reach (`setPosePriority`).
+    /// Sets the priority where a whole pose is out of reach (`setPosePriority`).
     fn set_priority(&self, priority: Priority) -> Result<(), DeviceError>;
 
     /// See [`set_priority`](Self::set_priority) (`getPosePriority`).
     fn priority(&self) -> Result<Priority, DeviceError>;
 
-    /// Where the tool is (`getPose`).
+    /// Returns the pose of the tool (`getPose`).
     ///
     /// Errors: for a device behind a network also [`DeviceError::NoDataYet`] and [`DeviceError::Stale`].
     fn pose(&self) -> Result<StampedPose, DeviceError>;
 
-    /// Where the frame of a link is (`getPose` with an axis); that of the last is without the tool.
+    /// Returns the pose of the frame of a link (`getPose` with an axis); that of the last is without the tool.
     ///
     /// Errors: also [`DeviceError::NoSuchAxis`].
     fn link_pose(&self, axis: AxisIndex) -> Result<StampedPose, DeviceError>;
@@ -46,72 +46,72 @@ pub trait CartesianControl: Send + Sync {
     /// Goes there in about `time` seconds, and returns at once (`goToPose`, `goToPosition`).
     ///
     /// * `time`: none, or none above 0, for the trajectory time that is set.
-    /// * A target out of reach is not refused: the tool goes to the nearest that is found, see
+    /// * A target out of reach is not refused: the tool moves to the nearest pose that is found, see
     ///   [`ask`](Self::ask) and [`desired`](Self::desired).
-    /// * A device behind a network does not hear of a refusal; [`go_to_sync`](Self::go_to_sync) does.
+    /// * A device behind a network does not get a refusal; [`go_to_sync`](Self::go_to_sync) does.
     fn go_to(&self, target: Target, time: Option<f64>) -> Result<(), DeviceError>;
 
-    /// As [`go_to`](Self::go_to), but returns when it is known how the joints shall stand, and the motion has been
-    /// ordered (`goToPoseSync`, `goToPositionSync`).
+    /// Commands a motion like [`go_to`](Self::go_to), but returns when the joint positions are known and the motion
+    /// has been commanded (`goToPoseSync`, `goToPositionSync`).
     fn go_to_sync(&self, target: Target, time: Option<f64>) -> Result<(), DeviceError>;
 
-    /// The pose last gone to, as far as it can be reached, and its joints (`getDesired`).
+    /// Returns the last target pose, as far as it can be reached, and its joints (`getDesired`).
     fn desired(&self) -> Result<PoseSolution, DeviceError>;
 
-    /// How a target would be reached; nothing moves (`askForPose`, `askForPosition`).
+    /// Solves for a target without moving (`askForPose`, `askForPosition`).
     ///
-    /// * `start`: where the joints begin, degrees; where they are if there is none.
+    /// * `start`: start positions of the joints, degrees; the present ones if there is none.
     /// * Answers the nearest that was found, with its pose: how far that is away is for the caller to judge.
     fn ask(&self, target: Target, start: Option<&[f64]>) -> Result<PoseSolution, DeviceError>;
 
-    /// Which joints are used (`getDOF`).
+    /// Returns which joints are used (`getDOF`).
     fn dof(&self) -> Result<Vec<bool>, DeviceError>;
 
-    /// Chooses the joints that are used; the others stay (`setDOF`). Answers what is in force.
+    /// Chooses the joints that are used; the others stay (`setDOF`). Returns the value in force.
     ///
-    /// `None` leaves a joint as it is; a list may be shorter than the joints.
+    /// `None` leaves a joint unchanged; a list may be shorter than the number of joints.
     fn set_dof(&self, dof: &[Option<bool>]) -> Result<Vec<bool>, DeviceError>;
 
-    /// The posture preferred where the target leaves a choice, degrees (`getRestPos`).
+    /// Returns the preferred posture where the target leaves a choice, degrees (`getRestPos`).
     fn rest_positions(&self) -> Result<Vec<f64>, DeviceError>;
 
-    /// Sets the preferred posture, degrees; what lies outside the limits is put onto them (`setRestPos`). Answers what
-    /// is in force.
+    /// Sets the preferred posture, degrees; what lies outside the limits is put onto them (`setRestPos`). Returns the
+    /// value in force.
     fn set_rest_positions(&self, positions: &[f64]) -> Result<Vec<f64>, DeviceError>;
 
-    /// How much each joint is drawn to its rest position, 0 for not at all (`getRestWeights`).
+    /// Returns the weight with which each joint is drawn to its rest position, 0 for none (`getRestWeights`).
     fn rest_weights(&self) -> Result<Vec<f64>, DeviceError>;
 
-    /// Sets the weights, 0 or more (`setRestWeights`). Answers what is in force.
+    /// Sets the weights, 0 or more (`setRestWeights`). Returns the value in force.
     fn set_rest_weights(&self, weights: &[f64]) -> Result<Vec<f64>, DeviceError>;
 
-    /// Where a joint may be, degrees (`getLimits`).
+    /// Returns the range of a joint, degrees (`getLimits`).
     fn joint_limits(&self, axis: AxisIndex) -> Result<Limits, DeviceError>;
 
-    /// Sets where a joint may be, degrees, inside what the arm allows (`setLimits`).
+    /// Sets the range of a joint, degrees, inside the range of the arm (`setLimits`).
     fn set_joint_limits(&self, axis: AxisIndex, limits: Limits) -> Result<(), DeviceError>;
 
-    /// How long motions take, s (`getTrajTime`).
+    /// Returns the duration of motions, s (`getTrajTime`).
     fn trajectory_time(&self) -> Result<f64, DeviceError>;
 
     /// Sets how long motions take, s (`setTrajTime`).
     fn set_trajectory_time(&self, time: f64) -> Result<(), DeviceError>;
 
-    /// How near is there: metres, and radians (`getInTargetTol`).
+    /// Returns the tolerance of targets: metres, and radians (`getInTargetTol`).
     fn tolerance(&self) -> Result<f64, DeviceError>;
 
     /// Sets how near is there (`setInTargetTol`).
     fn set_tolerance(&self, tolerance: f64) -> Result<(), DeviceError>;
 
-    /// How fast the joints are told to move, deg/s (`getJointsVelocities`).
+    /// Returns the commanded joint velocities, deg/s (`getJointsVelocities`).
     fn joint_velocities(&self) -> Result<Vec<f64>, DeviceError>;
 
-    /// How fast the tool is told to move (`getTaskVelocities`).
+    /// Returns the commanded velocity of the tool (`getTaskVelocities`).
     fn task_velocity(&self) -> Result<TaskVelocity, DeviceError>;
 
-    /// Moves the tool at a velocity until told otherwise; nothing but zeros ends it (`setTaskVelocities`).
+    /// Moves the tool at a velocity until the next command; zeros end it (`setTaskVelocities`).
     ///
-    /// A device behind a network does not hear of a refusal.
+    /// A device behind a network does not get a refusal.
     fn set_task_velocity(&self, velocity: TaskVelocity) -> Result<(), DeviceError>;
 
     /// Puts a tool onto the last link, given by its frame there (`attachTipFrame`).
@@ -125,7 +125,7 @@ pub trait CartesianControl: Send + Sync {
         self.attach_tip(TaskPose::default())
     }
 
-    /// Whether nothing is under way (`checkMotionDone`).
+    /// Returns whether no motion is in progress (`checkMotionDone`).
     fn motion_done(&self) -> Result<bool, DeviceError>;
 
     /// Asks every `period` whether the motion is done, until `timeout` (`waitMotionDone`). Blocks.
@@ -143,7 +143,7 @@ pub trait CartesianControl: Send + Sync {
         }
     }
 
-    /// Ends the motion where it is; the arm holds (`stopControl`).
+    /// Ends the motion; the arm holds (`stopControl`).
     fn stop(&self) -> Result<(), DeviceError>;
 
     /// Keeps all settings under a number (`storeContext`). Number 0 is there from the beginning.
@@ -159,13 +159,13 @@ pub trait CartesianControl: Send + Sync {
     /// Errors: as [`restore_context`](Self::restore_context); then none is forgotten.
     fn delete_contexts(&self, ids: &[i32]) -> Result<(), DeviceError>;
 
-    /// What arm this is (`getInfo`).
+    /// Returns information about the controller and its arm (`getInfo`).
     fn cartesian_info(&self) -> Result<CartesianInfo, DeviceError>;
 
-    /// The knobs of the solver (`tweakGet`).
+    /// Returns the settings of the solver (`tweakGet`).
     fn tweaks(&self) -> Result<Tweaks, DeviceError>;
 
-    /// Turns knobs of the solver; those that are `None` stay (`tweakSet`).
+    /// Changes settings of the solver; those that are `None` stay (`tweakSet`).
     fn tweak(&self, change: TweakChange) -> Result<(), DeviceError>;
 
     /// Has the controller announce when this fraction of a path is covered, 0 to 1 (`registerEvent`).
@@ -179,14 +179,14 @@ pub trait CartesianControl: Send + Sync {
     /// The fractions that are announced.
     fn checkpoints(&self) -> Result<Vec<f64>, DeviceError>;
 
-    /// What happens from now on. Who does not look for long misses what is newest.
+    /// Subscribes to the events from now on. A receiver that does not read for long misses the newest events.
     fn events(&self) -> Result<Receiver<CartesianEvent>, DeviceError>;
 }
 
-/// How many events wait for somebody who does not look.
+/// Maximum number of queued events for a receiver that does not read.
 pub(crate) const EVENTS_KEPT: usize = 256;
 
-/// A place and an orientation: metres, an axis of any length above 0, and an angle in rad.
+/// A position and an orientation: metres, an axis of any length above 0, and an angle in rad.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TaskPose {
     /// Metres.
@@ -218,22 +218,22 @@ impl TaskPose {
 /// A pose, and when it was measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StampedPose {
-    /// Where it is.
+    /// The pose.
     pub pose: TaskPose,
-    /// When: seconds since the start of 1970.
+    /// Time of the measurement: seconds since the start of 1970.
     pub time: f64,
 }
 
-/// Where to go.
+/// The target of a motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Target {
     /// A place and an orientation.
     Pose(TaskPose),
-    /// A place, whatever the orientation; metres.
+    /// A position, with any orientation; metres.
     Position([f64; 3]),
 }
 
-/// What comes first where a whole pose is out of reach.
+/// Priority where a whole pose is out of reach.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub enum Priority {
     /// The place.
@@ -252,7 +252,7 @@ pub struct PoseSolution {
     pub joints: Vec<f64>,
 }
 
-/// How the tool moves.
+/// Velocity of the tool.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TaskVelocity {
     /// m/s.
@@ -263,27 +263,27 @@ pub struct TaskVelocity {
     pub speed: f64,
 }
 
-/// What arm a controller is for.
+/// Information about a controller and its arm.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CartesianInfo {
     /// The version of the protocol, `2.0`.
     pub server_version: String,
-    /// What the part is called, for instance `arm`.
+    /// Name of the part, for instance `arm`.
     pub part: String,
     /// The version of its kinematics.
     pub part_version: String,
-    /// Which of its kind it is, for instance `wam7`.
+    /// Type of the part, for instance `wam7`.
     pub part_type: String,
 }
 
-/// The knobs of a solver.
+/// Settings of a solver.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Tweaks {
-    /// How straight paths are.
+    /// Straightness of paths.
     pub straightness: f64,
-    /// How near a solution is a solution, metres and rad.
+    /// Tolerance of a solution, metres and rad.
     pub tolerance: f64,
-    /// How far a joint may be beyond its limit.
+    /// Tolerance of joint limits.
     pub constraint_tolerance: f64,
     /// The most iterations.
     pub iterations: usize,
@@ -302,29 +302,29 @@ pub struct TweakChange {
     pub iterations: Option<usize>,
 }
 
-/// What happens on the way. Times are seconds since the start of 1970.
+/// An event during a motion. Times are seconds since the start of 1970.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CartesianEvent {
     /// A motion begins (`motion-onset`).
     Onset {
-        /// When.
+        /// Time of the event.
         time: f64,
     },
     /// A registered fraction of the path is covered (`motion-ongoing`).
     Ongoing {
-        /// When.
+        /// Time of the event.
         time: f64,
         /// The fraction, 0 to 1.
         checkpoint: f64,
     },
     /// The motion has ended, there or elsewhere (`motion-done`).
     Done {
-        /// When.
+        /// Time of the event.
         time: f64,
     },
     /// The controller ends (`closing`).
     Closing {
-        /// When.
+        /// Time of the event.
         time: f64,
     },
 }

@@ -2,7 +2,7 @@
 
 use crate::{AxisIndex, AxisInfo, DeviceError};
 
-/// Finding out where the joints are (stock: `IControlCalibration`).
+/// Calibration of joint positions (stock: `IControlCalibration`).
 pub trait ControlCalibration: AxisInfo {
     /// Starts to calibrate a joint (`calibrateAxisWithParams`).
     ///
@@ -24,7 +24,7 @@ pub trait ControlCalibration: AxisInfo {
         parameters: CalibrationParameters,
     ) -> Result<(), DeviceError>;
 
-    /// Whether a joint has been calibrated (`calibrationDone`).
+    /// Returns whether a joint has been calibrated (`calibrationDone`).
     ///
     /// Errors: [`DeviceError::NoSuchAxis`].
     fn calibration_done(&self, axis: AxisIndex) -> Result<bool, DeviceError>;
@@ -41,20 +41,20 @@ pub trait ControlCalibration: AxisInfo {
     /// Errors: [`DeviceError::WrongMode`] of a joint that does not take moves.
     fn park_robot(&self, wait: bool) -> Result<(), DeviceError>;
 
-    /// Ends a calibration that is under way (`abortCalibration`).
+    /// Ends a calibration in progress (`abortCalibration`).
     fn abort_calibration(&self) -> Result<(), DeviceError>;
 
     /// Ends parking: the joints stop (`abortPark`).
     fn abort_park(&self) -> Result<(), DeviceError>;
 }
 
-/// How a joint is calibrated, in the device's own terms (stock: `CalibrationParameters`).
+/// Calibration of a joint, in the device's own terms (stock: `CalibrationParameters`).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CalibrationParameters {
     /// The method.
     pub method: u32,
     /// Its parameters.
     pub parameters: [f64; 5],
-    /// Where zero is.
+    /// Position of zero.
     pub zero: f64,
 }

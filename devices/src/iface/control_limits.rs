@@ -1,26 +1,26 @@
-//! How far and how fast each joint may go.
+//! Position and velocity limits of each joint.
 
 use std::fmt;
 
 use crate::{AxisIndex, AxisInfo, DeviceError};
 
-/// The limits commands are judged by (stock: `IControlLimits`, which speaks of one axis at a time).
+/// The limits commands are judged by (stock: `IControlLimits`, which addresses one axis at a time).
 pub trait ControlLimits: AxisInfo {
-    /// Where a joint may be, degrees or metres (`getLimits`, in 4.0 `getPosLimits`).
+    /// Returns the range of a joint, degrees or metres (`getLimits`, in 4.0 `getPosLimits`).
     ///
     /// Errors: [`DeviceError::NoSuchAxis`].
     fn position_limits(&self, axis: AxisIndex) -> Result<Limits, DeviceError>;
 
     /// Sets where a joint may be, degrees or metres (`setLimits`, in 4.0 `setPosLimits`).
     ///
-    /// The joint must be at rest, and where it is must lie inside. Limits can be drawn closer, and widened again
-    /// as far as the device was built for.
+    /// The joint must be at rest, inside the new limits. Limits can be narrowed, and widened again up to those the
+    /// device was built for.
     ///
     /// Errors: [`DeviceError::NoSuchAxis`], [`DeviceError::NotFinite`], [`DeviceError::OutOfRange`],
     /// [`DeviceError::Moving`]; then the limits stay.
     fn set_position_limits(&self, axis: AxisIndex, limits: Limits) -> Result<(), DeviceError>;
 
-    /// How fast a joint may move in either direction, deg/s or m/s (`getVelLimits`).
+    /// Returns the maximum speed of a joint in either direction, deg/s or m/s (`getVelLimits`).
     ///
     /// These bound the magnitude of a velocity: `min` is usually 0.
     ///
@@ -29,7 +29,7 @@ pub trait ControlLimits: AxisInfo {
 
     /// Sets how fast a joint may move in either direction, deg/s or m/s (`setVelLimits`).
     ///
-    /// The joint must be at rest. A reference speed above the new limit is brought down to it.
+    /// The joint must be at rest. A reference speed above the new limit is reduced to it.
     ///
     /// Errors: as [`set_position_limits`](Self::set_position_limits).
     fn set_velocity_limits(&self, axis: AxisIndex, limits: Limits) -> Result<(), DeviceError>;
@@ -50,12 +50,12 @@ impl Limits {
         Self { min, max }
     }
 
-    /// Whether `value` lies inside; never true for NaN.
+    /// Returns whether `value` lies inside; never true for NaN.
     pub fn contains(self, value: f64) -> bool {
         self.min <= value && value <= self.max
     }
 
-    /// Checks a value that a joint is asked for; `quantity` and `unit` are for the error.
+    /// Checks a commanded value of a joint; `quantity` and `unit` are for the error.
     ///
     /// Errors: [`DeviceError::NotFinite`], [`DeviceError::OutOfRange`].
     pub fn check(

@@ -1,10 +1,10 @@
-//! What kind of orders each joint takes.
+//! Control modes of the joints.
 
 use std::fmt;
 
 use crate::{Axes, AxisIndex, AxisInfo, DeviceError};
 
-/// Which kind of command each joint follows (stock: `IControlMode`).
+/// Reads and sets the kind of command that each joint follows (stock: `IControlMode`).
 pub trait ControlMode: AxisInfo {
     /// The modes a joint can be set to (4.0: `getAvailableControlModes`).
     ///
@@ -29,14 +29,13 @@ pub trait ControlMode: AxisInfo {
 
     /// Sets the mode of each selected axis (`setControlMode(s)`).
     ///
-    /// A joint that changes its mode comes to rest first, smoothly; one already in that mode goes on with what
-    /// it does.
+    /// A joint that changes its mode comes to rest first, smoothly; one already in that mode continues.
     ///
-    /// Errors: [`DeviceError::NoSuchMode`], or what is wrong with the selection; then no mode changes.
+    /// Errors: [`DeviceError::NoSuchMode`], or an error of the selection; then no mode changes.
     fn set_control_modes(&self, axes: Axes<'_>, modes: &[Mode]) -> Result<(), DeviceError>;
 }
 
-/// What a joint does with commands.
+/// Control mode of a joint.
 ///
 /// On the wire a mode is a 32-bit word of up to four characters, the first in the lowest byte. A word we do not
 /// know is kept in [`Mode::Unknown`], to be shown and forwarded.
@@ -51,17 +50,17 @@ pub trait ControlMode: AxisInfo {
 #[derive(Clone, Copy, Debug, Eq, Hash, PartialEq)]
 #[non_exhaustive]
 pub enum Mode {
-    /// `[idl]`: takes no orders, the drive is off or holds.
+    /// `[idl]`: accepts no commands, the drive is off or holds.
     Idle,
     /// `[torq]`: follows torques.
     Torque,
     /// `[pos]`: moves from point to point on its own path.
     Position,
-    /// `[posd]`: follows positions given by the caller step by step.
+    /// `[posd]`: follows streamed positions of the caller.
     PositionDirect,
     /// `[vel]`: follows velocities.
     Velocity,
-    /// `[veld]`: follows velocities given by the caller step by step (4.0).
+    /// `[veld]`: follows streamed velocities of the caller (4.0).
     VelocityDirect,
     /// `[icur]`: follows motor currents.
     Current,
@@ -81,7 +80,7 @@ pub enum Mode {
     NotConfigured,
     /// `[cfgy]`: is configured and not yet calibrated. Reported only.
     Configured,
-    /// Any other word, kept as it came; among them `[unkw]`, see [`Mode::UNKNOWN`].
+    /// Any other word, as received; among them `[unkw]`, see [`Mode::UNKNOWN`].
     Unknown(u32),
 }
 
@@ -140,7 +139,7 @@ impl From<Mode> for u32 {
     }
 }
 
-/// As in `position`; a word we do not know as in `unknown [impo]`.
+/// Formats the mode as in `position`; an unknown word as in `unknown [impo]`.
 impl fmt::Display for Mode {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

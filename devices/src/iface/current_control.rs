@@ -2,7 +2,7 @@
 
 use crate::{Axes, AxisInfo, DeviceError, Limits};
 
-/// Currents measured and asked for, A (stock: `ICurrentControl`).
+/// Measured and commanded currents, A (stock: `ICurrentControl`).
 ///
 /// References need [`Mode::Current`](crate::Mode::Current).
 pub trait CurrentControl: AxisInfo {
@@ -17,13 +17,13 @@ pub trait CurrentControl: AxisInfo {
     /// Errors: [`DeviceError::NoSuchAxis`].
     fn current_ranges(&self, axes: Axes<'_>) -> Result<Vec<Limits>, DeviceError>;
 
-    /// Feeds the motors these currents until told otherwise, and returns at once (`setRefCurrent(s)`).
+    /// Commands these currents until the next command, and returns at once (`setRefCurrent(s)`).
     ///
-    /// Errors: [`DeviceError::OutOfRange`], [`DeviceError::NotFinite`], [`DeviceError::WrongMode`], or what is wrong
-    /// with the selection; then every motor goes on as before. A device behind a network may not hear of a refusal.
+    /// Errors: [`DeviceError::OutOfRange`], [`DeviceError::NotFinite`], [`DeviceError::WrongMode`], or an error of
+    /// the selection; then every motor continues as before. A device behind a network may not get a refusal.
     fn set_reference_currents(&self, axes: Axes<'_>, currents: &[f64]) -> Result<(), DeviceError>;
 
-    /// The currents last asked for; 0 after a change of mode (`getRefCurrent(s)`).
+    /// Returns the last commanded currents; 0 after a change of mode (`getRefCurrent(s)`).
     ///
     /// Errors: [`DeviceError::NoSuchAxis`].
     fn reference_currents(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError>;

@@ -1,4 +1,4 @@
-//! Where the joints are, and when.
+//! Joint positions and their times.
 
 use crate::{Axes, AxisInfo, DeviceError};
 
@@ -29,8 +29,8 @@ pub trait Encoders: AxisInfo {
     /// Nothing moves, only the numbers change. The joints must be at rest.
     ///
     /// Errors: [`DeviceError::Moving`], [`DeviceError::OutOfRange`], [`DeviceError::NotFinite`],
-    /// [`DeviceError::NotSupported`] by a device that knows its positions better, or what is wrong with the selection;
-    /// then none is set.
+    /// [`DeviceError::NotSupported`] by a device that knows its positions better, or an error of the selection; then
+    /// none is set.
     fn set_encoders(&self, axes: Axes<'_>, positions: &[f64]) -> Result<(), DeviceError>;
 
     /// Declares that the joints are now at 0 (`resetEncoder(s)`).
@@ -42,7 +42,7 @@ pub trait Encoders: AxisInfo {
     }
 }
 
-/// What is known about one joint at one time.
+/// State of one joint at one time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct EncoderReading {
     /// Degrees or metres.
@@ -51,6 +51,6 @@ pub struct EncoderReading {
     pub speed: f64,
     /// Acceleration, signed: deg/s² or m/s².
     pub acceleration: f64,
-    /// When it was measured: seconds since the start of 1970, UTC.
+    /// Time of the measurement: seconds since the start of 1970, UTC.
     pub time: f64,
 }

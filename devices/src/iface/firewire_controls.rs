@@ -1,4 +1,4 @@
-//! What cameras on IEEE 1394 have beside knobs.
+//! Controls of cameras on IEEE 1394, beside the features.
 
 use crate::DeviceError;
 
@@ -9,13 +9,13 @@ pub struct Window {
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// How far from the left of the sensor it begins.
+    /// Distance from the left of the sensor.
     pub x: u32,
-    /// How far from the top.
+    /// Distance from the top.
     pub y: u32,
 }
 
-/// What windows there can be, in pixels.
+/// Limits of windows, in pixels.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub struct WindowLimits {
     /// The widest: the width of the sensor.
@@ -32,23 +32,23 @@ pub struct WindowLimits {
     pub y_step: u32,
 }
 
-/// What cameras on IEEE 1394 have beside knobs (stock: `IFrameGrabberControlsDC1394`).
+/// Controls of cameras on IEEE 1394, beside the features (stock: `IFrameGrabberControlsDC1394`).
 ///
-/// Modes, rates, speeds and codings are numbers: places in the lists of the IIDC specification, as libdc1394 counts them,
-/// from 0. A mask has the bit `1 << NUMBER` for each that there is. Source of that: iCub's driver of such cameras,
-/// `FirewireCameraDC1394-DR2_2.cpp` in `icub-main`; stock's interface does not say.
+/// Modes, rates, speeds and codings are numbers: places in the lists of the IIDC specification, as libdc1394 counts
+/// them, from 0. A mask has the bit `1 << NUMBER` for each that there is. Source of that: iCub's driver of such
+/// cameras, `FirewireCameraDC1394-DR2_2.cpp` in `icub-main`; stock's interface does not specify it.
 ///
 /// | list | numbers |
 /// | --- | --- |
-/// | video modes | 0: 160 x 120, 1: 320 x 240, 2 to 6: 640 x 480, and so on; 24 to 31: format 7, whose window can be chosen |
-/// | rates | 0: 1.875 images a second, and each twice the one before |
-/// | speeds of the bus | 0: 100 Mbit/s, and each twice the one before |
+/// | video modes | 0: 160 x 120, 1: 320 x 240, 2 to 6: 640 x 480, and so on; 24 to 31: format 7, with a selectable window |
+/// | rates | 0: 1.875 images a second, and each twice the previous one |
+/// | bus speeds | 0: 100 Mbit/s, and each twice the previous one |
 /// | colour codings | 0: grey, 1 to 3: YUV 4:1:1, 4:2:2, 4:4:4, 4: RGB, and so on |
 ///
-/// Errors: what the camera does not have is [`DeviceError::Unsuitable`], and changes nothing; what it cannot change at all
-/// is [`DeviceError::NotSupported`].
+/// Errors: [`DeviceError::Unsuitable`] for values that the camera does not have, which change nothing;
+/// [`DeviceError::NotSupported`] for settings that it cannot change at all.
 pub trait FirewireControls: Send + Sync {
-    /// The video modes there are, a mask (`getVideoModeMaskDC1394`).
+    /// Returns the supported video modes, a mask (`getVideoModeMaskDC1394`).
     fn video_modes(&self) -> Result<u32, DeviceError>;
 
     /// The video mode (`getVideoModeDC1394`).
@@ -81,7 +81,7 @@ pub trait FirewireControls: Send + Sync {
     /// Sets the colour coding on the bus (`setColorCodingDC1394`).
     fn set_color_coding(&self, coding: u32) -> Result<(), DeviceError>;
 
-    /// What windows of the sensor there can be (`getFormat7MaxWindowDC1394`).
+    /// Returns the limits of windows of the sensor (`getFormat7MaxWindowDC1394`).
     fn window_limits(&self) -> Result<WindowLimits, DeviceError>;
 
     /// The part of the sensor that images show (`getFormat7WindowDC1394`).
@@ -90,22 +90,22 @@ pub trait FirewireControls: Send + Sync {
     /// Sets the part of the sensor that images show; in format 7 only (`setFormat7WindowDC1394`).
     fn set_window(&self, window: Window) -> Result<(), DeviceError>;
 
-    /// Whether the bus is driven as IEEE 1394b has it (`getOperationModeDC1394`).
+    /// Returns whether the bus runs in IEEE 1394b mode (`getOperationModeDC1394`).
     fn is_1394b(&self) -> Result<bool, DeviceError>;
 
     /// Sets whether the bus is driven as IEEE 1394b has it (`setOperationModeDC1394`).
     fn set_1394b(&self, is_1394b: bool) -> Result<(), DeviceError>;
 
-    /// Whether images are sent (`getTransmissionDC1394`).
+    /// Returns whether images are sent (`getTransmissionDC1394`).
     fn is_transmitting(&self) -> Result<bool, DeviceError>;
 
     /// Starts or stops sending images (`setTransmissionDC1394`).
     fn set_transmission(&self, on: bool) -> Result<(), DeviceError>;
 
-    /// Whether what this camera is told is told to all on its bus (`setBroadcastDC1394`).
+    /// Sets whether commands to this camera are sent to all cameras on its bus (`setBroadcastDC1394`).
     fn set_broadcast(&self, on: bool) -> Result<(), DeviceError>;
 
-    /// Sets everything as it was at the start (`setDefaultsDC1394`).
+    /// Restores the initial settings (`setDefaultsDC1394`).
     fn set_defaults(&self) -> Result<(), DeviceError>;
 
     /// Starts the camera anew (`setResetDC1394`).
@@ -117,7 +117,7 @@ pub trait FirewireControls: Send + Sync {
     /// Starts or stops taking images (`setCaptureDC1394`).
     fn set_capture(&self, on: bool) -> Result<(), DeviceError>;
 
-    /// How much of an image is in a packet on the bus, bytes (`getBytesPerPacketDC1394`).
+    /// Returns the bytes of an image in each packet on the bus (`getBytesPerPacketDC1394`).
     fn bytes_per_packet(&self) -> Result<u32, DeviceError>;
 
     /// Sets how much of an image is in a packet on the bus, bytes (`setBytesPerPacketDC1394`).

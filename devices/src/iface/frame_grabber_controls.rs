@@ -1,8 +1,8 @@
-//! The knobs of a camera.
+//! Features of a camera.
 
 use crate::DeviceError;
 
-/// A knob of a camera (stock: `cameraFeature_id_t`).
+/// A feature of a camera (stock: `cameraFeature_id_t`).
 #[derive(Clone, Copy, Debug, Eq, Hash, PartialEq)]
 #[allow(missing_docs, reason = "the names say it")]
 pub enum Feature {
@@ -32,7 +32,7 @@ pub enum Feature {
 }
 
 impl Feature {
-    /// All of them, each at the place that is its number on the wire.
+    /// All of them, each at the index of its number on the wire.
     pub const ALL: [Self; 23] = [
         Self::Brightness,
         Self::Exposure,
@@ -70,13 +70,13 @@ impl Feature {
     }
 }
 
-/// Who turns a knob (stock: `FeatureMode`).
+/// Control of a feature (stock: `FeatureMode`).
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub enum FeatureMode {
-    /// Nobody knows.
+    /// Not known.
     #[default]
     Unknown,
-    /// Whoever sets it.
+    /// Set by callers.
     Manual,
     /// The camera.
     Automatic,
@@ -96,10 +96,10 @@ impl FeatureMode {
     }
 }
 
-/// How a camera is connected (stock: `BusType`).
+/// Connection of a camera (stock: `BusType`).
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub enum Bus {
-    /// Nobody knows, or not at all.
+    /// Not known, or not connected.
     #[default]
     Unknown,
     /// IEEE 1394.
@@ -122,67 +122,67 @@ impl Bus {
     }
 }
 
-/// What a camera is (stock: `CameraDescriptor`).
+/// Description of a camera (stock: `CameraDescriptor`).
 #[derive(Clone, Debug, Default, Eq, PartialEq)]
 pub struct CameraDescription {
-    /// How it is connected.
+    /// Its connection.
     pub bus: Bus,
     /// Its name and make.
     pub description: String,
 }
 
-/// The knobs of a camera (stock: `IFrameGrabberControls`).
+/// Features of a camera (stock: `IFrameGrabberControls`).
 ///
-/// Values run from 0 to 1. Questions and orders about a feature that the camera does not have are refused with
+/// Values run from 0 to 1. Queries and commands for a feature that the camera does not have are refused with
 /// [`DeviceError::NotSupported`]; only [`has_feature`](Self::has_feature) and its like answer `false`.
 pub trait FrameGrabberControls: Send + Sync {
-    /// What it is (`getCameraDescription`).
+    /// Returns the description of the camera (`getCameraDescription`).
     fn camera_description(&self) -> Result<CameraDescription, DeviceError>;
 
-    /// Whether there is such a knob (`hasFeature`).
+    /// Returns whether the camera has the feature (`hasFeature`).
     fn has_feature(&self, feature: Feature) -> Result<bool, DeviceError>;
 
-    /// Where a knob stands (`getFeature`).
+    /// Returns the value of a feature (`getFeature`).
     fn feature(&self, feature: Feature) -> Result<f64, DeviceError>;
 
-    /// Turns a knob (`setFeature`).
+    /// Sets a feature (`setFeature`).
     ///
     /// Errors: [`DeviceError::NotSupported`], [`DeviceError::Unsuitable`].
     fn set_feature(&self, feature: Feature, value: f64) -> Result<(), DeviceError>;
 
-    /// Where a knob of two values stands (`getFeature`): for the white balance blue and red.
+    /// Returns the two values of a feature (`getFeature`): for the white balance blue and red.
     fn feature_pair(&self, feature: Feature) -> Result<(f64, f64), DeviceError>;
 
-    /// Turns a knob of two values (`setFeature`).
+    /// Sets a feature with two values (`setFeature`).
     ///
     /// Errors: [`DeviceError::NotSupported`], [`DeviceError::Unsuitable`].
     fn set_feature_pair(&self, feature: Feature, values: (f64, f64)) -> Result<(), DeviceError>;
 
-    /// Whether a knob can be switched off (`hasOnOff`).
+    /// Returns whether a feature can be switched off (`hasOnOff`).
     fn has_on_off(&self, feature: Feature) -> Result<bool, DeviceError>;
 
-    /// Whether a knob has an effect (`getActive`).
+    /// Returns whether a feature is switched on (`getActive`).
     fn is_active(&self, feature: Feature) -> Result<bool, DeviceError>;
 
-    /// Switches a knob on or off (`setActive`).
+    /// Switches a feature on or off (`setActive`).
     fn set_active(&self, feature: Feature, active: bool) -> Result<(), DeviceError>;
 
-    /// Whether the camera can turn the knob by itself (`hasAuto`).
+    /// Returns whether the camera can control the feature by itself (`hasAuto`).
     fn has_auto(&self, feature: Feature) -> Result<bool, DeviceError>;
 
-    /// Whether the knob can be turned from outside (`hasManual`).
+    /// Returns whether the feature can be set by callers (`hasManual`).
     fn has_manual(&self, feature: Feature) -> Result<bool, DeviceError>;
 
-    /// Whether the camera can turn the knob once (`hasOnePush`).
+    /// Returns whether the camera can adjust the feature once (`hasOnePush`).
     fn has_one_push(&self, feature: Feature) -> Result<bool, DeviceError>;
 
-    /// Who turns the knob (`getMode`).
+    /// Returns the mode of a feature (`getMode`).
     fn mode(&self, feature: Feature) -> Result<FeatureMode, DeviceError>;
 
-    /// Says who turns the knob (`setMode`).
+    /// Sets the mode of a feature (`setMode`).
     fn set_mode(&self, feature: Feature, mode: FeatureMode) -> Result<(), DeviceError>;
 
-    /// Lets the camera turn the knob once (`setOnePush`).
+    /// Lets the camera adjust the feature once (`setOnePush`).
     fn one_push(&self, feature: Feature) -> Result<(), DeviceError>;
 }
 

@@ -11,7 +11,7 @@ pub trait FrameGrabberImage: Send + Sync {
     fn image_size(&self) -> Result<(usize, usize), DeviceError>;
 
     /// The newest image, in red, green and blue, with its time (`getImage`, and `getLastInputStamp` of
-    /// `IPreciselyTimed`). Never waits for the next; asked twice within a frame it gives the same again.
+    /// `IPreciselyTimed`). Never waits for the next; two calls within a frame return the same image.
     ///
     /// Errors: [`DeviceError::NoDataYet`].
     fn image(&self) -> Result<Frame, DeviceError>;
@@ -26,13 +26,13 @@ pub trait FrameGrabberImage: Send + Sync {
 
 /// Images in one channel: grey, or from behind a Bayer filter (stock: `IFrameGrabberImageRaw`).
 pub trait FrameGrabberImageRaw: Send + Sync {
-    /// As [`FrameGrabberImage::image_size`].
+    /// Returns the size of raw images; see [`FrameGrabberImage::image_size`].
     fn raw_image_size(&self) -> Result<(usize, usize), DeviceError>;
 
-    /// As [`FrameGrabberImage::image`], with one byte per pixel.
+    /// Returns a raw image, with one byte per pixel; see [`FrameGrabberImage::image`].
     fn raw_image(&self) -> Result<Frame, DeviceError>;
 
-    /// As [`FrameGrabberImage::image_crop`].
+    /// Returns a part of a raw image; see [`FrameGrabberImage::image_crop`].
     fn raw_image_crop(&self, crop: &Crop) -> Result<Frame, DeviceError> {
         self.raw_image()?.cropped(crop)
     }

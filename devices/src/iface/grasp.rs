@@ -13,16 +13,17 @@ pub trait Grasp: Send + Sync {
     /// Errors: [`DeviceError::Remote`], as of all calls here, with the hand's own complaint as its source.
     fn open_fingers(&self) -> Result<(), DeviceError>;
 
-    /// Closes the fingers until they meet something (`gclose`).
+    /// Closes the fingers until they are blocked (`gclose`).
     fn close_fingers(&self) -> Result<(), DeviceError>;
 
-    /// Closes the fingers and ends with controlled torque where they meet something (`torquegclose`).
+    /// Closes the fingers and ends with controlled torque where they are blocked (`torquegclose`).
     fn close_fingers_with_torque(&self) -> Result<(), DeviceError>;
 
     /// Goes through the motions of a grasp.
     fn grasp(&self, kind: GraspKind) -> Result<(), DeviceError>;
 
-    /// How far each motor is from where it is expected, degrees; 0 for a motor without expectation (`checkGrasp`).
+    /// Returns the distance of each motor from its expected position, degrees; 0 for a motor without expectation
+    /// (`checkGrasp`).
     ///
     /// A finger that holds something stays behind: its difference is negative.
     fn check_grasp(&self, expected: [Option<f64>; 4]) -> Result<[f64; 4], DeviceError>;

@@ -12,26 +12,26 @@ pub trait Hand: Send + Sync {
     /// Errors: [`DeviceError::Remote`], as of all calls here, with the hand's own complaint as its source.
     fn initialise(&self) -> Result<(), DeviceError>;
 
-    /// Stops all motors at once; a call under way ends with an error that says so.
+    /// Stops all motors at once; a call in progress ends with an error that reports it.
     ///
-    /// With nothing under way it does no harm.
+    /// Without a motion it has no effect.
     fn abort(&self) -> Result<(), DeviceError>;
 
-    /// Whether the line to the hand was there when it was last used.
+    /// Returns whether the line to the hand was there when it was last used.
     fn is_connected(&self) -> bool;
 
     /// Sends a command in the hand's own language; answers its text.
     ///
     /// * `command`: one line of printable ASCII, up to 255 characters.
-    /// * Errors: also for commands that would change how the line itself is used.
+    /// * Errors: also for commands that would change the use of the line itself.
     fn send_command(&self, command: &str) -> Result<String, DeviceError>;
 
     /// Moves motors to these angles, degrees, and returns when they are there.
     ///
-    /// Errors: also [`DeviceError::OutOfRange`], [`DeviceError::NotFinite`], or what is wrong with the selection; then
+    /// Errors: also [`DeviceError::OutOfRange`], [`DeviceError::NotFinite`], or an error of the selection; then
     /// nothing moves.
     fn move_fingers(&self, axes: Axes<'_>, angles: &[f64]) -> Result<(), DeviceError>;
 
-    /// Where the motors are, degrees.
+    /// Returns the positions of the motors, degrees.
     fn finger_positions(&self) -> Result<[f64; 4], DeviceError>;
 }

@@ -1,4 +1,4 @@
-//! How a compliant joint yields.
+//! Impedance of compliant joints.
 
 use crate::{AxisIndex, AxisInfo, DeviceError, Limits};
 
@@ -24,7 +24,7 @@ pub trait ImpedanceControl: AxisInfo {
     /// Errors: as [`set_impedance`](Self::set_impedance).
     fn set_impedance_offset(&self, axis: AxisIndex, offset: f64) -> Result<(), DeviceError>;
 
-    /// What stiffness and damping may be (`getCurrentImpedanceLimit`).
+    /// Returns the ranges of stiffness and damping (`getCurrentImpedanceLimit`).
     ///
     /// Errors: [`DeviceError::NoSuchAxis`].
     fn impedance_limits(&self, axis: AxisIndex) -> Result<ImpedanceLimits, DeviceError>;
@@ -39,7 +39,7 @@ pub struct Impedance {
     pub damping: f64,
 }
 
-/// What an [`Impedance`] may be.
+/// Ranges of an [`Impedance`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ImpedanceLimits {
     /// Nm/deg, N/m.

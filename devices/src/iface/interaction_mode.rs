@@ -1,10 +1,10 @@
-//! Whether joints yield to a push.
+//! Interaction modes of joints: stiff or compliant.
 
 use crate::{Axes, AxisInfo, DeviceError};
 
-/// How joints meet the world (stock: `IInteractionMode`).
+/// Reads and sets the interaction modes of joints (stock: `IInteractionMode`).
 pub trait InteractionMode: AxisInfo {
-    /// Whether the joints are stiff or compliant (`getInteractionMode(s)`).
+    /// Returns whether the joints are stiff or compliant (`getInteractionMode(s)`).
     ///
     /// Errors: [`DeviceError::NoSuchAxis`]; behind a network also [`DeviceError::NoDataYet`] and
     /// [`DeviceError::Stale`].
@@ -12,8 +12,8 @@ pub trait InteractionMode: AxisInfo {
 
     /// Makes the joints stiff or compliant (`setInteractionMode(s)`).
     ///
-    /// Errors: [`DeviceError::NotSupported`] for [`Interaction::Unknown`], or what is wrong with the selection; then
-    /// none changes.
+    /// Errors: [`DeviceError::NotSupported`] for [`Interaction::Unknown`], or an error of the selection; then none
+    /// changes.
     fn set_interactions(
         &self,
         axes: Axes<'_>,
@@ -21,14 +21,14 @@ pub trait InteractionMode: AxisInfo {
     ) -> Result<(), DeviceError>;
 }
 
-/// How a joint meets the world (stock: `InteractionModeEnum`).
+/// Interaction mode of a joint (stock: `InteractionModeEnum`).
 #[derive(Clone, Copy, Debug, Eq, Hash, PartialEq)]
 pub enum Interaction {
     /// `[stif]`: holds its place.
     Stiff,
-    /// `[comp]`: yields as its impedance says.
+    /// `[comp]`: yields according to its impedance.
     Compliant,
-    /// Any other word, kept as it came.
+    /// Any other word, as received.
     Unknown(u32),
 }
 

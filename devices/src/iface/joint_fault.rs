@@ -1,4 +1,4 @@
-//! Why a joint is out of order.
+//! Faults of joints.
 
 use crate::{AxisIndex, AxisInfo, DeviceError};
 
@@ -15,6 +15,6 @@ pub trait JointFault: AxisInfo {
 pub struct Fault {
     /// The code.
     pub code: i32,
-    /// What it means.
+    /// Its meaning.
     pub message: String,
 }

@@ -1,12 +1,11 @@
-//! The device interfaces, one file each: a trait and the values it speaks of.
+//! The device interfaces, one file each: a trait and its value types.
 //!
-//! All traits are object safe, take `&self` and are meant to be called from several threads. Calls return
-//! at once; a device behind a network may take as long as its own time-out, and says so. Those of [`Hand`] and [`Grasp`]
-//! return when the motion has ended. Values are in the
-//! unit of the axis (degrees or metres, and per second; radians in [`CartesianControl`] alone, for the orientation of a
-//! tool). The stock overloads for one, several and all joints
-//! are one method with an [`Axes`](crate::Axes) selector. A command for several joints is checked completely
-//! before anything moves: all of it happens, or none.
+//! All traits are object safe, take `&self` and are meant to be called from several threads. Calls return at once; a
+//! device behind a network may take as long as its own timeout, which it documents. Those of [`Hand`] and [`Grasp`]
+//! return when the motion has ended. Values are in the unit of the axis (degrees or metres, and per second; radians
+//! in [`CartesianControl`] alone, for the orientation of a tool). The stock overloads for one, several and all joints
+//! are one method with an [`Axes`](crate::Axes) selector. A command for several joints is checked completely before
+//! anything moves: all of it happens, or none.
 
 mod amplifier_control;
 mod audio;

@@ -9,7 +9,7 @@ pub trait Motor: AxisInfo {
     /// Errors: [`DeviceError::NoSuchAxis`].
     fn temperatures(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError>;
 
-    /// How hot a motor may become, °C (`getTemperatureLimit`).
+    /// Returns the maximum temperature of a motor, °C (`getTemperatureLimit`).
     ///
     /// Errors: [`DeviceError::NoSuchAxis`].
     fn temperature_limit(&self, axis: AxisIndex) -> Result<f64, DeviceError>;

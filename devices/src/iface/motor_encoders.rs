@@ -1,4 +1,4 @@
-//! Where the motors are.
+//! Motor positions.
 
 use crate::{Axes, AxisIndex, AxisInfo, DeviceError, EncoderReading};
 
@@ -13,7 +13,7 @@ pub trait MotorEncoders: AxisInfo {
 
     /// Declares that the motors are now at `positions`; nothing moves (`setMotorEncoder(s)`).
     ///
-    /// Errors: [`DeviceError::NotFinite`], or what is wrong with the selection; then none is set.
+    /// Errors: [`DeviceError::NotFinite`], or an error of the selection; then none is set.
     fn set_motor_encoders(&self, axes: Axes<'_>, positions: &[f64]) -> Result<(), DeviceError>;
 
     /// Declares that the motors are now at 0 (`resetMotorEncoder(s)`).

@@ -17,15 +17,15 @@ pub trait PidControl: AxisInfo {
     /// Errors: [`DeviceError::NoSuchAxis`], [`DeviceError::NotSupported`].
     fn pids(&self, kind: PidKind, axes: Axes<'_>) -> Result<Vec<Pid>, DeviceError>;
 
-    /// What the gains mean, in words for people (4.0: `getPidExtraInfo(s)`; 3.x has no question for it).
+    /// Returns the meaning of the gains, in words for people (4.0: `getPidExtraInfo(s)`; 3.x has no message for it).
     ///
     /// Errors: as [`pids`](Self::pids).
     fn pid_info(&self, kind: PidKind, axes: Axes<'_>) -> Result<Vec<PidInfo>, DeviceError>;
 
     /// Sets the gains (`setPid(s)`).
     ///
-    /// Errors: [`DeviceError::NotSupported`], [`DeviceError::NotFinite`], or what is wrong with the selection; then
-    /// none changes.
+    /// Errors: [`DeviceError::NotSupported`], [`DeviceError::NotFinite`], or an error of the selection; then none
+    /// changes.
     fn set_pids(&self, kind: PidKind, axes: Axes<'_>, pids: &[Pid]) -> Result<(), DeviceError>;
 
     /// A number of each loop, in the unit of the loop (`getPidReference(s)`, `getPidErrorLimit(s)`, `getPidError(s)`,
@@ -50,7 +50,7 @@ pub trait PidControl: AxisInfo {
         values: &[f64],
     ) -> Result<(), DeviceError>;
 
-    /// Whether the loops are closed (`isPidEnabled`).
+    /// Returns whether the loops are closed (`isPidEnabled`).
     ///
     /// Errors: as [`pids`](Self::pids).
     fn pids_enabled(&self, kind: PidKind, axes: Axes<'_>) -> Result<Vec<bool>, DeviceError>;
@@ -66,7 +66,7 @@ pub trait PidControl: AxisInfo {
     fn reset_pids(&self, kind: PidKind, axes: Axes<'_>) -> Result<(), DeviceError>;
 }
 
-/// What a loop controls (stock: `PidControlTypeEnum`).
+/// The quantity that a loop controls (stock: `PidControlTypeEnum`).
 #[derive(Clone, Copy, Debug, Eq, Hash, PartialEq)]
 pub enum PidKind {
     /// `[pos]`, in 4.0 `[pos1]`.
@@ -77,24 +77,24 @@ pub enum PidKind {
     Torque,
     /// `[cur]`, in 4.0 `[cur1]`.
     Current,
-    /// Any other word, as it came: the second and third loops of 4.0.
+    /// Any other word, as received: the second and third loops of 4.0.
     Other(u32),
 }
 
 /// A number of a loop.
 #[derive(Clone, Copy, Debug, Eq, Hash, PartialEq)]
 pub enum PidValue {
-    /// What it steers to.
+    /// The reference.
     Reference,
-    /// How large the error may become.
+    /// The maximum error.
     ErrorLimit,
     /// Reference minus measurement. Read only.
     Error,
-    /// What it gives out. Read only.
+    /// The output. Read only.
     Output,
-    /// What is added to the output.
+    /// The offset of the output.
     Offset,
-    /// What is added to the output, as the caller foresees it.
+    /// The feedforward term of the output, set by the caller.
     Feedforward,
 }
 
@@ -113,7 +113,7 @@ pub struct Pid {
     pub scale: f64,
     /// The largest output.
     pub max_output: f64,
-    /// What is added to the output.
+    /// Offset of the output.
     pub offset: f64,
     /// Friction overcome when moving up.
     pub stiction_up: f64,
@@ -123,16 +123,16 @@ pub struct Pid {
     pub kff: f64,
 }
 
-/// What a loop does, and the units of its gains, in words for people (4.0: `PidExtraInfo`).
+/// Description of a loop and the units of its gains, in words for people (4.0: `PidExtraInfo`).
 #[derive(Clone, Debug, Default, Eq, PartialEq)]
 pub struct PidInfo {
-    /// What the loop does.
+    /// Description of the loop.
     pub description: String,
-    /// What it measures.
+    /// The measured quantity.
     pub input: String,
-    /// What it gives out.
+    /// The output quantity.
     pub output: String,
-    /// Units of the gains. Those of what the loop does not have are empty.
+    /// Units of the gains. Those of parameters that the loop does not have are empty.
     pub units: PidUnits,
 }
 
@@ -151,7 +151,7 @@ pub struct PidUnits {
     pub scale: String,
     /// Of the largest output.
     pub max_output: String,
-    /// Of what is added to the output.
+    /// Of the offset of the output.
     pub offset: String,
     /// Of the friction when moving up.
     pub stiction_up: String,
@@ -162,9 +162,9 @@ pub struct PidUnits {
 }
 
 impl PidUnits {
-    /// The units of a plain loop, from those of what it measures and of what it gives out.
+    /// Returns the units of a plain loop, from those of its input and of its output.
     ///
-    /// What scales is a number without a unit. Friction, offset and feed-forward, which not every loop has, are empty.
+    /// Scale factors have no unit. Friction, offset and feed-forward, which not every loop has, are empty.
     pub fn plain(input: &str, output: &str) -> Self {
         let input = match input.contains('/') {
             true => format!("({input})"),

@@ -1,4 +1,4 @@
-//! Moves from where a joint is to where it shall be.
+//! Moves from the present position of a joint to a target.
 
 use crate::{Axes, DeviceError, MotionControl};
 
@@ -11,8 +11,8 @@ pub trait PositionControl: MotionControl {
     /// Starts moving the joints to `targets` and returns at once (`positionMove`).
     ///
     /// * `targets`: degrees or metres, inside [`ControlLimits::position_limits`](crate::ControlLimits::position_limits).
-    /// * Errors: [`DeviceError::OutOfRange`], [`DeviceError::NotFinite`], [`DeviceError::WrongMode`], or what is
-    ///   wrong with the selection; then no joint moves.
+    /// * Errors: [`DeviceError::OutOfRange`], [`DeviceError::NotFinite`], [`DeviceError::WrongMode`], or an error of
+    ///   the selection; then no joint moves.
     fn position_move(&self, axes: Axes<'_>, targets: &[f64]) -> Result<(), DeviceError>;
 
     /// Starts moving the joints by `distances` from where they are now, and returns at once (`relativeMove`).
@@ -21,16 +21,16 @@ pub trait PositionControl: MotionControl {
     /// judged by the place to arrive at.
     fn relative_move(&self, axes: Axes<'_>, distances: &[f64]) -> Result<(), DeviceError>;
 
-    /// Whether all these joints are at rest, their moves and stops ended (`checkMotionDone`).
+    /// Returns whether all these joints are at rest, their moves and stops ended (`checkMotionDone`).
     ///
-    /// True for an empty selection. A joint in velocity mode is done when it stands, be it at a limit.
+    /// True for an empty selection. A joint in velocity mode is done when it is at rest, also at a limit.
     ///
     /// Errors: [`DeviceError::NoSuchAxis`].
     fn motion_done(&self, axes: Axes<'_>) -> Result<bool, DeviceError>;
 
-    /// Where the joints were last told to go, degrees or metres (`getTargetPosition(s)`).
+    /// Returns the last targets of the joints, degrees or metres (`getTargetPosition(s)`).
     ///
-    /// After a stop or a change to position mode, the place where the joint comes to rest.
+    /// After a stop or a change to position mode, the position at which the joint comes to rest.
     ///
     /// Errors: [`DeviceError::NoSuchAxis`].
     fn target_positions(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError>;
@@ -38,11 +38,11 @@ pub trait PositionControl: MotionControl {
     /// Sets how fast moves may become (`setRefSpeed(s)`, in 4.0 `setTrajSpeed(s)`).
     ///
     /// * `speeds`: deg/s or m/s, above zero, up to the velocity limit; they apply from the next move on.
-    /// * Errors: [`DeviceError::OutOfRange`], [`DeviceError::NotFinite`], or what is wrong with the
-    ///   selection; then none is set.
+    /// * Errors: [`DeviceError::OutOfRange`], [`DeviceError::NotFinite`], or an error of the selection; then none is
+    ///   set.
     fn set_reference_speeds(&self, axes: Axes<'_>, speeds: &[f64]) -> Result<(), DeviceError>;
 
-    /// How fast moves may become, deg/s or m/s (`getRefSpeed(s)`, in 4.0 `getTrajSpeed(s)`).
+    /// Returns the speeds of point-to-point moves, deg/s or m/s (`getRefSpeed(s)`, in 4.0 `getTrajSpeed(s)`).
     ///
     /// Errors: [`DeviceError::NoSuchAxis`].
     fn reference_speeds(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError>;

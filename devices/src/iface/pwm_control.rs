@@ -2,7 +2,7 @@
 
 use crate::{Axes, AxisInfo, DeviceError};
 
-/// Duty cycles given out and asked for, percent, -100 to 100 (stock: `IPWMControl`).
+/// Measured and commanded duty cycles, percent, -100 to 100 (stock: `IPWMControl`).
 ///
 /// References need [`Mode::Pwm`](crate::Mode::Pwm).
 pub trait PwmControl: AxisInfo {
@@ -12,17 +12,17 @@ pub trait PwmControl: AxisInfo {
     /// [`DeviceError::Stale`].
     fn duty_cycles(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError>;
 
-    /// Gives the motors these duty cycles until told otherwise, and returns at once (`setRefDutyCycle(s)`).
+    /// Commands these duty cycles until the next command, and returns at once (`setRefDutyCycle(s)`).
     ///
-    /// Errors: [`DeviceError::OutOfRange`], [`DeviceError::NotFinite`], [`DeviceError::WrongMode`], or what is wrong
-    /// with the selection; then every motor goes on as before. A device behind a network may not hear of a refusal.
+    /// Errors: [`DeviceError::OutOfRange`], [`DeviceError::NotFinite`], [`DeviceError::WrongMode`], or an error of
+    /// the selection; then every motor continues as before. A device behind a network may not get a refusal.
     fn set_reference_duty_cycles(
         &self,
         axes: Axes<'_>,
         duty_cycles: &[f64],
     ) -> Result<(), DeviceError>;
 
-    /// The duty cycles last asked for; 0 after a change of mode (`getRefDutyCycle(s)`).
+    /// Returns the last commanded duty cycles; 0 after a change of mode (`getRefDutyCycle(s)`).
     ///
     /// Errors: [`DeviceError::NoSuchAxis`].
     fn reference_duty_cycles(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError>;

@@ -2,21 +2,21 @@
 
 use crate::{Axes, AxisInfo, DeviceError};
 
-/// Calibration, homing and parking as a person orders them (stock: `IRemoteCalibrator`).
+/// Calibration, homing and parking as a person commands them (stock: `IRemoteCalibrator`).
 ///
 /// Calls start something and return at once. Stock has them for one joint and for the whole part.
 pub trait RemoteCalibrator: AxisInfo {
-    /// Whether there is a calibrator (`isCalibratorDevicePresent`).
+    /// Returns whether there is a calibrator (`isCalibratorDevicePresent`).
     fn calibrator_present(&self) -> Result<bool, DeviceError>;
 
     /// Starts to calibrate (`calibrateSingleJoint`, `calibrateWholePart`).
     ///
-    /// Errors: [`DeviceError::Moving`], or what is wrong with the selection.
+    /// Errors: [`DeviceError::Moving`], or an error of the selection.
     fn calibrate(&self, axes: Axes<'_>) -> Result<(), DeviceError>;
 
     /// Sends joints to their home positions (`homingSingleJoint`, `homingWholePart`).
     ///
-    /// Errors: [`DeviceError::WrongMode`], or what is wrong with the selection.
+    /// Errors: [`DeviceError::WrongMode`], or an error of the selection.
     fn home(&self, axes: Axes<'_>) -> Result<(), DeviceError>;
 
     /// Sends joints to where they are parked (`parkSingleJoint`, `parkWholePart`).

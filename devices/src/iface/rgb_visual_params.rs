@@ -1,4 +1,4 @@
-//! What a camera's pictures are like.
+//! Optical parameters of a camera.
 
 use crate::DeviceError;
 use crate::image::PixelFormat;
@@ -12,26 +12,26 @@ pub struct CameraConfiguration {
     pub height: usize,
     /// Images a second.
     pub rate: f64,
-    /// What the pixels are.
+    /// Pixel format.
     pub format: PixelFormat,
 }
 
-/// How lines of sight become pixels (stock: the properties of `IntrinsicParams`).
+/// Projection from lines of sight to pixels (stock: the properties of `IntrinsicParams`).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Intrinsics {
     /// Focal length of the lens, metres; 0 if it is not known.
     pub physical_focal_length: f64,
     /// Focal lengths in pixels, across and down.
     pub focal_length: (f64, f64),
-    /// Where the axis of the lens goes through the image, in pixels from the left and the top.
+    /// Intersection of the lens axis with the image, in pixels from the left and the top.
     pub principal_point: (f64, f64),
-    /// How the lens distorts, for instance `plumb_bob`; `none` if it does not.
+    /// Model of the lens distortion, for instance `plumb_bob`; `none` if there is none.
     pub distortion_model: String,
     /// Radial distortion: k1, k2, k3.
     pub radial: [f64; 3],
     /// Tangential distortion: t1, t2.
     pub tangential: [f64; 2],
-    /// The rotation that makes the rows of two cameras agree, row by row.
+    /// The rotation that aligns the rows of two cameras.
     pub rectification: [f64; 9],
 }
 
@@ -50,7 +50,7 @@ impl Default for Intrinsics {
     }
 }
 
-/// What a camera's pictures are like (stock: `IRgbVisualParams`).
+/// Optical parameters of a camera (stock: `IRgbVisualParams`).
 pub trait RgbVisualParams: Send + Sync {
     /// Sizes and rates it can run at (`getRgbSupportedConfigurations`).
     fn supported_configurations(&self) -> Result<Vec<CameraConfiguration>, DeviceError>;
@@ -60,7 +60,7 @@ pub trait RgbVisualParams: Send + Sync {
 
     /// Sets width and height, in pixels, from the next image on (`setRgbResolution`).
     ///
-    /// Errors: [`DeviceError::Unsuitable`], [`DeviceError::NotSupported`] where the pictures have a size of their own.
+    /// Errors: [`DeviceError::Unsuitable`], [`DeviceError::NotSupported`] where the images have a size of their own.
     fn set_resolution(&self, width: usize, height: usize) -> Result<(), DeviceError>;
 
     /// Angles of view across and down, degrees (`getRgbFOV`).
@@ -71,10 +71,10 @@ pub trait RgbVisualParams: Send + Sync {
     /// Errors: [`DeviceError::Unsuitable`].
     fn set_field_of_view(&self, across: f64, down: f64) -> Result<(), DeviceError>;
 
-    /// How lines of sight become pixels (`getRgbIntrinsicParam`).
+    /// Returns the projection from lines of sight to pixels (`getRgbIntrinsicParam`).
     fn intrinsics(&self) -> Result<Intrinsics, DeviceError>;
 
-    /// Whether left and right are swapped (`getRgbMirroring`).
+    /// Returns whether left and right are swapped (`getRgbMirroring`).
     fn mirroring(&self) -> Result<bool, DeviceError>;
 
     /// Swaps left and right, from the next image on (`setRgbMirroring`).

@@ -11,12 +11,12 @@ pub trait SerialDevice: Send + Sync {
     /// Errors: [`DeviceError::Unsuitable`] where there is no room for them.
     fn send(&self, bytes: &[u8]) -> Result<(), DeviceError>;
 
-    /// What has come, at most so many bytes (`receiveBytes`, `receiveChar`).
+    /// Receives at most so many bytes (`receiveBytes`, `receiveChar`).
     ///
     /// Blocks until there is something, for `timeout` at the most; nothing then is no error.
     fn receive(&self, at_most: usize, timeout: Duration) -> Result<Vec<u8>, DeviceError>;
 
-    /// What has come up to the next line feed, with it, at most so many bytes (`receiveLine`).
+    /// Receives at most so many bytes up to and including the next line feed (`receiveLine`).
     ///
     /// Blocks until a line is there, for `timeout` at the most, and then gives nothing: a line that is not whole stays.
     fn receive_line(&self, at_most: usize, timeout: Duration) -> Result<Vec<u8>, DeviceError>;
@@ -24,6 +24,6 @@ pub trait SerialDevice: Send + Sync {
     /// Raises or lowers the line "data terminal ready" (`setDTR`).
     fn set_data_terminal_ready(&self, ready: bool) -> Result<(), DeviceError>;
 
-    /// Throws away what has come, and tells how many bytes that were (`flush`).
+    /// Discards received bytes, and returns their number (`flush`).
     fn flush(&self) -> Result<usize, DeviceError>;
 }

@@ -2,18 +2,18 @@
 
 use crate::{Axes, AxisIndex, AxisInfo, DeviceError, Limits};
 
-/// Torques measured and asked for (stock: `ITorqueControl`).
+/// Measured and commanded torques (stock: `ITorqueControl`).
 ///
 /// Newton metres for joints that turn, newton for those that slide. References need
 /// [`Mode::Torque`](crate::Mode::Torque).
 pub trait TorqueControl: AxisInfo {
-    /// Makes the joints push with `torques` until told otherwise, and returns at once (`setRefTorque(s)`).
+    /// Commands `torques` until the next command, and returns at once (`setRefTorque(s)`).
     ///
-    /// Errors: [`DeviceError::OutOfRange`], [`DeviceError::NotFinite`], [`DeviceError::WrongMode`], or what is wrong
-    /// with the selection; then every joint goes on as before. A device behind a network may not hear of a refusal.
+    /// Errors: [`DeviceError::OutOfRange`], [`DeviceError::NotFinite`], [`DeviceError::WrongMode`], or an error of
+    /// the selection; then every joint continues as before. A device behind a network may not get a refusal.
     fn set_reference_torques(&self, axes: Axes<'_>, torques: &[f64]) -> Result<(), DeviceError>;
 
-    /// The torques last asked for; 0 after a change of mode (`getRefTorque(s)`).
+    /// Returns the last commanded torques; 0 after a change of mode (`getRefTorque(s)`).
     ///
     /// Errors: [`DeviceError::NoSuchAxis`].
     fn reference_torques(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError>;
@@ -29,7 +29,7 @@ pub trait TorqueControl: AxisInfo {
     /// Errors: [`DeviceError::NoSuchAxis`].
     fn torque_ranges(&self, axes: Axes<'_>) -> Result<Vec<Limits>, DeviceError>;
 
-    /// What the torque loop assumes of a motor (`getMotorTorqueParams`).
+    /// Returns the torque loop's parameters of a motor (`getMotorTorqueParams`).
     ///
     /// Errors: [`DeviceError::NoSuchAxis`].
     fn motor_torque_parameters(
@@ -37,7 +37,7 @@ pub trait TorqueControl: AxisInfo {
         axis: AxisIndex,
     ) -> Result<MotorTorqueParameters, DeviceError>;
 
-    /// Sets what the torque loop assumes of a motor (`setMotorTorqueParams`).
+    /// Sets the motor parameters of the torque loop (`setMotorTorqueParams`).
     ///
     /// Errors: [`DeviceError::NoSuchAxis`], [`DeviceError::NotFinite`].
     fn set_motor_torque_parameters(
@@ -47,7 +47,7 @@ pub trait TorqueControl: AxisInfo {
     ) -> Result<(), DeviceError>;
 }
 
-/// What a torque loop assumes of its motor, in the device's own units (stock: `MotorTorqueParameters`).
+/// Motor parameters of a torque loop, in the device's own units (stock: `MotorTorqueParameters`).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MotorTorqueParameters {
     /// Back electromotive force.

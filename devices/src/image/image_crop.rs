@@ -3,7 +3,7 @@
 use super::Image;
 use crate::DeviceError;
 
-/// Which part of an image is asked for (stock: `cropType_id_t` and its vertices). Places are column and row from 0.
+/// A part of an image (stock: `cropType_id_t` and its vertices). Places are column and row from 0.
 #[derive(Clone, Debug, Eq, PartialEq)]
 pub enum Crop {
     /// The rectangle between two corners, both in it.
@@ -15,7 +15,7 @@ pub enum Crop {
 impl Crop {
     /// The part of `image`.
     ///
-    /// Errors: [`DeviceError::Unsuitable`] for what lies outside.
+    /// Errors: [`DeviceError::Unsuitable`] for parts outside the image.
     pub fn of(&self, image: &Image) -> Result<Image, DeviceError> {
         match self {
             Self::Rectangle(one, other) => {

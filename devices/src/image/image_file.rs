@@ -1,7 +1,7 @@
 //! Images in files: PPM and PGM (the binary forms P6 and P5), PNG, JPEG.
 //!
-//! What a file claims is compared with what it holds, or bounded, before it takes memory.
-//! Source: netpbm's `ppm(5)` and `pgm(5)`.
+//! The size in a file's header is compared with the file's content, or bounded, before memory is allocated. Source:
+//! netpbm's `ppm(5)` and `pgm(5)`.
 
 use std::error::Error;
 use std::io::Cursor;
@@ -15,17 +15,17 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 use super::{Image, MAX_IMAGE_SIDE, PixelFormat};
 use crate::DeviceError;
 
-/// The most bytes of a picture in memory: 256 MiB.
+/// Maximum size of an image in memory, bytes: 256 MiB.
 const MAX_FILE_BYTES: usize = 1 << 28;
 
-/// What is wrong with a picture.
+/// A defect of an image file.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 struct Malformed(String);
 
 type Reading = Result<Image, Box<dyn Error + Send + Sync>>;
 
-/// Reads a picture from a file, by what it begins with and not by its name.
+/// Reads an image from a file; its first bytes determine the format, not its name.
 ///
 /// Errors: [`DeviceError::File`].
 pub fn read(path: &Path) -> Result<Image, DeviceError> {
@@ -38,7 +38,7 @@ pub fn read(path: &Path) -> Result<Image, DeviceError> {
     decode(&bytes).map_err(failed)
 }
 
-/// Reads a picture: PPM, PGM, PNG or JPEG.
+/// Decodes an image: PPM, PGM, PNG or JPEG.
 pub fn decode(bytes: &[u8]) -> Result<Image, Box<dyn Error + Send + Sync>> {
     match bytes {
         [b'P', b'5' | b'6', ..] => netpbm(bytes),

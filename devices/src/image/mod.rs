@@ -1,14 +1,14 @@
 //! Images as devices have them: pixels row after row from the top, without padding.
 //!
-//! | file | what it is about |
+//! | file | content |
 //! | --- | --- |
 //! | `mod` | [`Image`] and [`PixelFormat`] |
 //! | `stamped_image` | [`Frame`]: an image with its number and time |
 //! | `image_crop` | [`Crop`]: a part of an image |
 //! | `image_file` | PPM, PNG and JPEG |
 //!
-//! Pixels are shared, never copied by cloning. How an image travels is not known here: network wrappers turn it into a
-//! message, and share the pixels where the message lays them out the same.
+//! Pixels are shared, never copied by cloning. This module does not encode images: network wrappers turn them into
+//! messages, and share the pixels where the message has the same layout.
 
 mod image_crop;
 pub mod image_file;
@@ -21,10 +21,10 @@ pub use stamped_image::Frame;
 
 use crate::DeviceError;
 
-/// The longest side of an image that devices make or read, in pixels.
+/// Maximum length of a side of an image that devices make or read, in pixels.
 pub const MAX_IMAGE_SIDE: usize = 16_384;
 
-/// What the bytes of a pixel are.
+/// Format of a pixel.
 #[derive(Clone, Copy, Debug, Eq, Hash, PartialEq)]
 pub enum PixelFormat {
     /// Grey.
@@ -71,7 +71,7 @@ pub struct Image {
 impl Image {
     /// An image of pixels that are there, which it shares.
     ///
-    /// Errors: [`DeviceError::Unsuitable`] when there are not as many bytes as width, height and format ask for.
+    /// Errors: [`DeviceError::Unsuitable`] if the number of bytes does not match width, height and format.
     pub fn new(
         format: PixelFormat,
         width: usize,
@@ -100,7 +100,7 @@ impl Image {
         })
     }
 
-    /// What the pixels are.
+    /// Returns the pixel format.
     pub fn format(&self) -> PixelFormat {
         self.format
     }
@@ -127,7 +127,8 @@ impl Image {
         (x < self.width && y < self.height).then(|| &self.pixels[start..start + bytes])
     }
 
-    /// The image in grey, as stock makes it: the mean of red, green and blue, rounded down. Shares what is grey already.
+    /// Converts the image to grey, as stock does: the mean of red, green and blue, rounded down. Shares the pixels if
+    /// it is grey already.
     pub fn to_mono(&self) -> Result<Self, DeviceError> {
         if self.format == PixelFormat::Mono {
             return Ok(self.clone());
@@ -138,7 +139,7 @@ impl Image {
         Self::new(PixelFormat::Mono, self.width, self.height, pixels)
     }
 
-    /// The image in red, green and blue. Shares what is so already.
+    /// The image in red, green and blue. Shares the pixels if it is in this format already.
     pub fn to_rgb(&self) -> Result<Self, DeviceError> {
         let pixels: Vec<u8> = match self.format {
             PixelFormat::Rgb => return Ok(self.clone()),

@@ -3,21 +3,21 @@
 use super::{Crop, Image};
 use crate::DeviceError;
 
-/// What a camera took at one moment. Cloning shares the pixels.
+/// An image of a camera, with its number and time. Cloning shares the pixels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
-    /// What it saw.
+    /// The image.
     pub image: Image,
     /// Goes up by one from frame to frame, as long as the camera is not opened anew.
     pub number: u64,
-    /// When it was taken, in seconds since the start of 1970.
+    /// Time of the image, in seconds since the start of 1970.
     pub time: f64,
 }
 
 impl Frame {
-    /// The part of it that `crop` tells.
+    /// Returns the part of it that `crop` selects.
     ///
-    /// Errors: [`DeviceError::Unsuitable`] for what lies outside the image.
+    /// Errors: [`DeviceError::Unsuitable`] for parts outside the image.
     pub fn cropped(&self, crop: &Crop) -> Result<Self, DeviceError> {
         let image = crop.of(&self.image)?;
         Ok(Self { image, ..*self })

@@ -6,54 +6,54 @@ use super::task_space::distances;
 use super::{Chain, Jacobian, Joints, Pose, Task};
 use crate::pseudo_random::Random;
 
-/// What a turn of one rad weighs beside a way of one metre: about the size of the arm's wrist and forearm, so that
-/// neither drowns the other.
+/// Weight of a rotation of one rad relative to a distance of one metre: about the size of the arm's wrist and
+/// forearm, so that neither dominates the other.
 const METRES_PER_RADIAN: f64 = 0.3;
 /// Damping that stays when the error vanishes: below the square of a tenth of a per mille, hardly felt, and enough
 /// that the matrix of a singular pose is inverted safely.
 const MIN_DAMPING: f64 = 1e-9;
-/// How much of the error must go within [`STALL_WINDOW`] iterations, or the attempt is given up.
+/// Fraction of the error that must disappear within [`STALL_WINDOW`] iterations, or the attempt is given up.
 const MIN_STALL_PROGRESS: f64 = 0.7;
 /// See [`MIN_STALL_PROGRESS`].
 const STALL_WINDOW: usize = 6;
 /// The damping of the projector that moves joints without the tool.
 const PROJECTOR_DAMPING: f64 = 1e-8;
 
-/// How the solver uses what a target leaves open: seven joints have one freedom more than a pose needs.
+/// Use of the freedom that a target leaves: seven joints have one freedom more than a pose needs.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Redundancy<const N: usize> {
-    /// Not at all: the solution is near the start if there is one near it.
+    /// Not used: the solution is near the start if there is one near it.
     #[default]
     Free,
     /// Joints stay away from their limits, towards the middle of their ranges.
     AwayFromLimits,
     /// Joints stay near these angles, rad.
     Near(Joints<N>),
-    /// Each joint is drawn to an angle, rad, as strongly as its weight says, 0 for not at all.
+    /// Each joint is drawn to an angle, rad, according to its weight, 0 for not at all.
     PreferPosture {
         /// To where, rad.
         to: Joints<N>,
-        /// How strongly, 0 or more.
+        /// Weight, 0 or more.
         weights: Joints<N>,
     },
 }
 
-/// What a [`Solver`] shall reach, how precisely, and how long it may try.
+/// Task, tolerances and limits of a [`Solver`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolverOptions<const N: usize> {
-    /// What to reach.
+    /// The task.
     pub task: Task,
-    /// How far the place may be off, m.
+    /// Tolerance of the position, m.
     pub position_tolerance: f64,
-    /// How far the orientation may be off, rad.
+    /// Tolerance of the orientation, rad.
     pub angle_tolerance: f64,
     /// The most iterations from one start.
     pub iterations: usize,
     /// The most starts: the given one, then random ones. 1 for a solution near the start or none.
     pub attempts: usize,
-    /// What to do with the freedom left.
+    /// Use of the remaining freedom.
     pub redundancy: Redundancy<N>,
-    /// What the random starts depend on: the same seed gives the same solutions.
+    /// Seed of the random starts: the same seed gives the same solutions.
     pub seed: u64,
 }
 
@@ -77,13 +77,13 @@ impl<const N: usize> Default for SolverOptions<N> {
 pub struct Solution<const N: usize> {
     /// The angles, rad, inside the limits.
     pub joints: Joints<N>,
-    /// How far the place is off, m.
+    /// Error of the position, m.
     pub position_error: f64,
-    /// How far the orientation is off, rad; 0 if the task does not ask for it.
+    /// Error of the orientation, rad; 0 if the task does not include it.
     pub angle_error: f64,
-    /// How many iterations it took, those of all attempts together.
+    /// Number of iterations of all attempts together.
     pub iterations: usize,
-    /// How many starts were tried.
+    /// Number of starts tried.
     pub attempts: usize,
 }
 
@@ -102,12 +102,12 @@ pub struct Unsolved<const N: usize> {
 
 /// Inverse kinematics by damped least squares, with joint limits, redundancy and restarts.
 ///
-/// Each iteration solves `(Jᵀ W J + λ) Δq = Jᵀ W e` with a damping λ that is the weighted error itself: large
-/// far away and at targets out of reach, vanishing at the solution, where convergence is quadratic (the
-/// Levenberg-Marquardt form of T. Sugihara, *Solvability-unconcerned inverse kinematics by the
-/// Levenberg-Marquardt method*, IEEE Transactions on Robotics 27, 2011). A joint that would pass its limit is put onto it
-/// and taken out of the equation as long as it is pushed outward. When an attempt stalls, the next begins at random
-/// angles. Nothing allocates.
+/// Each iteration solves `(Jᵀ W J + λ) Δq = Jᵀ W e` with a damping λ that is the weighted error itself: large far
+/// away and at targets out of reach, vanishing at the solution, where convergence is quadratic (the
+/// Levenberg-Marquardt form of T. Sugihara, *Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt
+/// method*, IEEE Transactions on Robotics 27, 2011). A joint that would pass its limit is fixed at it and taken out
+/// of the equation as long as it is pushed outward. When an attempt stalls, the next begins at random angles. Nothing
+/// allocates.
 ///
 /// ```
 /// use yarp_devices::kinematics::{Joints, Solver};
@@ -148,7 +148,7 @@ impl<const N: usize> Solver<N> {
         &self.chain
     }
 
-    /// Joint angles inside the limits that bring the tool to `target`, tried first from `start`.
+    /// Returns joint angles inside the limits that move the tool to `target`, tried first from `start`.
     ///
     /// Errors: [`Unsolved`] with the nearest that was found.
     pub fn solve(&self, target: &Pose, start: &Joints<N>) -> Result<Solution<N>, Unsolved<N>> {
@@ -249,7 +249,7 @@ impl<const N: usize> Solver<N> {
         solve_positive(system, right).unwrap_or_else(Joints::zeros)
     }
 
-    /// Moves the joints of a solution towards what is preferred while the tool stays; never makes it worse.
+    /// Moves the joints of a solution towards the preference while the tool stays; never makes it worse.
     fn resolve_redundancy(&self, target: &Pose, solution: Solution<N>) -> Solution<N> {
         const STEPS: usize = 8;
         let (preferred, scale): (Joints<N>, Joints<N>) = match self.options.redundancy {

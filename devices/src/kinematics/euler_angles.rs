@@ -8,8 +8,8 @@ const SINGULARITY_THRESHOLD: f64 = 1e-12;
 /// Three angles in rad about **fixed** axes: first x, then y, then z, `R = Rz(yaw) Ry(pitch) Rx(roll)`.
 ///
 /// This is the XYZ convention of the thesis (annex A.1, equations 33 to 37), where roll, pitch and yaw are also
-/// called ψ, θ and φ. [`from_rotation`](Self::from_rotation) answers a pitch within ±π/2; where the pitch is ±π/2
-/// itself, roll and yaw are not determined one by one and the yaw is answered as 0.
+/// called ψ, θ and φ. [`from_rotation`](Self::from_rotation) returns a pitch within ±π/2; where the pitch is ±π/2
+/// itself, roll and yaw are not determined separately and the yaw is 0.
 ///
 /// ```
 /// use yarp_devices::kinematics::EulerXyz;
@@ -29,7 +29,7 @@ pub struct EulerXyz {
 }
 
 impl EulerXyz {
-    /// Angles in the order in which they are carried out.
+    /// Angles in the order in which they are applied.
     pub const fn new(roll: f64, pitch: f64, yaw: f64) -> Self {
         Self { roll, pitch, yaw }
     }

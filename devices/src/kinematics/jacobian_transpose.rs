@@ -5,9 +5,9 @@ use super::{Chain, Joints, Pose, Solution, Task, Unsolved};
 
 /// The transposed Jacobian method of the thesis, section 3.1, equations 1 to 3.
 ///
-/// Where `e = J Δθ` (1) is the way to go, it steps by `Δθ = α Jᵀ e` (2) instead of `J⁻¹ e` (3), with the α that
-/// brings `J Δθ` nearest to `e`: `α = <e, J Jᵀ e> / <J Jᵀ e, J Jᵀ e>`. No matrix is inverted, so singular poses do
-/// no harm; but it is steepest descent and needs thousands of steps to be precise, and joint limits only cut
+/// Where `e = J Δθ` (1) is the required displacement, it steps by `Δθ = α Jᵀ e` (2) instead of `J⁻¹ e` (3), with the
+/// α for which `J Δθ` is nearest to `e`: `α = <e, J Jᵀ e> / <J Jᵀ e, J Jᵀ e>`. No matrix is inverted, so singular
+/// poses do no harm; but it is steepest descent and needs thousands of steps to be precise, and joint limits only cut
 /// its steps short. [`Solver`](super::Solver) is the one for use.
 ///
 /// ```
@@ -22,11 +22,11 @@ use super::{Chain, Joints, Pose, Solution, Task, Unsolved};
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct JacobianTranspose {
-    /// What to reach.
+    /// The task.
     pub task: Task,
-    /// How far the place may be off, m.
+    /// Tolerance of the position, m.
     pub position_tolerance: f64,
-    /// How far the orientation may be off, rad.
+    /// Tolerance of the orientation, rad.
     pub angle_tolerance: f64,
     /// The most steps.
     pub steps: usize,
@@ -45,7 +45,7 @@ impl Default for JacobianTranspose {
 }
 
 impl JacobianTranspose {
-    /// Joint angles near `start` that bring the tool to `target`.
+    /// Returns joint angles near `start` that move the tool to `target`.
     ///
     /// Errors: [`Unsolved`] when the steps are used up.
     pub fn solve<const N: usize>(

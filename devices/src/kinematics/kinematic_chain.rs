@@ -10,7 +10,7 @@ use crate::Limits;
 pub type Joints<const N: usize> = SVector<f64, N>;
 /// The velocity of the tool per velocity of each joint: three rows in metres, three in radians, both in the base frame.
 pub type Jacobian<const N: usize> = SMatrix<f64, 6, N>;
-/// A place and an orientation, as a transform into the base frame.
+/// A position and an orientation, as a transform into the base frame.
 pub type Pose = IsometryMatrix3<f64>;
 
 /// A joint and its link in the standard (distal) form of Denavit and Hartenberg.
@@ -55,7 +55,7 @@ struct Link {
 impl Link {
     fn new(row: DhRow) -> Self {
         let (mut sine, mut cosine) = row.alpha.sin_cos();
-        // A right angle is meant to be one: without this, an arm that stands upright leans by 1e-17.
+        // Right angles are exact: without this, an upright arm leans by 1e-17.
         for value in [&mut sine, &mut cosine] {
             if value.abs() < 1e-15 {
                 *value = 0.0;
@@ -87,17 +87,17 @@ impl<const N: usize> Chain<N> {
         }
     }
 
-    /// The same chain with a tool, given by its frame in the frame of the last link.
+    /// Returns the same chain with a tool, given by its frame in the frame of the last link.
     pub fn with_tool(self, tool: Pose) -> Self {
         Self { tool, ..self }
     }
 
-    /// The same chain with other joint limits, rad; a joint whose limits are one angle stays there.
+    /// Returns the same chain with other joint limits, rad; a joint whose limits are one angle stays there.
     pub fn with_limits(self, limits: [Limits; N]) -> Self {
         Self { limits, ..self }
     }
 
-    /// Where each joint may be, rad.
+    /// Returns the range of each joint, rad.
     pub fn limits(&self) -> &[Limits; N] {
         &self.limits
     }
@@ -107,7 +107,7 @@ impl<const N: usize> Chain<N> {
         &self.tool
     }
 
-    /// Whether every joint is inside its limits.
+    /// Returns whether every joint is inside its limits.
     pub fn contains(&self, joints: &Joints<N>) -> bool {
         (0..N).all(|joint| self.limits[joint].contains(joints[joint]))
     }
@@ -135,7 +135,7 @@ impl<const N: usize> Chain<N> {
         })
     }
 
-    /// The pose of the tool, and how it moves with the joints.
+    /// Returns the pose of the tool, and its Jacobian.
     pub fn forward_and_jacobian(&self, joints: &Joints<N>) -> (Pose, Jacobian<N>) {
         let frames = self.frames(joints);
         let pose = match frames.last() {
@@ -146,7 +146,7 @@ impl<const N: usize> Chain<N> {
         (pose, jacobian)
     }
 
-    /// How a point moves that is fixed to the link of joint number `joints - 1`; `point` is in the base frame.
+    /// Returns the Jacobian of a point fixed to the link of joint number `joints - 1`; `point` is in the base frame.
     pub fn jacobian_of(
         &self,
         frames: &[Pose; N],
@@ -172,7 +172,8 @@ impl<const N: usize> Chain<N> {
         self.links[joint].pose(angle)
     }
 
-    /// From the origin of the frame before link `joint` to the origin of its own, in its own frame: a constant.
+    /// Returns the constant offset from the origin of the frame before link `joint` to the origin of its own, in its
+    /// own frame.
     pub(crate) fn link_offset(&self, joint: usize) -> Vector3<f64> {
         let link = &self.links[joint];
         Vector3::new(link.row.a, link.row.d * link.sine, link.row.d * link.cosine)

@@ -1,4 +1,4 @@
-//! Where the tool is, and how the joints must stand to bring it there.
+//! Forward and inverse kinematics of the arm.
 //!
 //! * [`Chain`]: links, joint limits and a tool; forward kinematics and the Jacobian.
 //! * [`Solver`]: inverse kinematics for use, by damped least squares.

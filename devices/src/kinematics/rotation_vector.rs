@@ -21,7 +21,7 @@ pub fn rotation_vector(rotation: &Rotation3<f64>) -> Vector3<f64> {
         let factor = if sine > 1e-8 { angle / sine } else { 1.0 };
         return turned * (factor / 2.0);
     }
-    // Near π the sine says little about the axis: (R + R^T) / 2 = cos + (1 - cos) axis axis^T says more.
+    // Near π the sine is a poor measure of the axis: (R + R^T) / 2 = cos + (1 - cos) axis axis^T is a better one.
     let symmetric = (r + r.transpose()) / 2.0;
     let squares = symmetric.map_with_location(|row, column, value| {
         let diagonal = if row == column { cosine } else { 0.0 };

@@ -1,16 +1,16 @@
-//! What of a pose is asked for, and how far it is away.
+//! Tasks: the parts of a pose that are required, and the distance from them.
 
 use nalgebra::Vector6;
 
 use super::{Jacobian, Pose, rotation_vector};
 
-/// What of a target pose a solver shall reach.
+/// The part of a target pose that a solver must reach.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub enum Task {
     /// Place and orientation.
     #[default]
     Pose,
-    /// The place alone; all that an arm with four joints can promise.
+    /// The position alone; all that an arm with four joints can reach.
     Position,
     /// The orientation alone.
     Orientation,
@@ -19,7 +19,7 @@ pub enum Task {
 impl Task {
     /// From `pose` to `target`: metres, then an axis times an angle in rad, both in the base frame.
     ///
-    /// What the task does not ask for is 0.
+    /// Components outside the task are 0.
     pub fn error(self, target: &Pose, pose: &Pose) -> Vector6<f64> {
         let place = match self {
             Self::Pose | Self::Position => target.translation.vector - pose.translation.vector,
@@ -34,7 +34,7 @@ impl Task {
         Vector6::new(place.x, place.y, place.z, turn.x, turn.y, turn.z)
     }
 
-    /// The Jacobian without the rows the task does not ask for: they are 0.
+    /// Returns the Jacobian with the rows outside the task set to 0.
     pub(super) fn select<const N: usize>(self, mut jacobian: Jacobian<N>) -> Jacobian<N> {
         match self {
             Self::Pose => {}
@@ -45,7 +45,7 @@ impl Task {
     }
 }
 
-/// How far a place is off, m, and an orientation, rad.
+/// Returns the errors of position, m, and orientation, rad.
 pub(crate) fn distances(error: &Vector6<f64>) -> (f64, f64) {
     (
         error.fixed_rows::<3>(0).norm(),

@@ -1,4 +1,4 @@
-//! Which joint is whose, and how a call falls into one per device.
+//! Maps joints to devices, and splits a call into one per device.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -16,11 +16,11 @@ pub(super) struct RemappedDevice {
     pub(super) theirs: Vec<AxisIndex>,
     /// Their numbers here.
     pub(super) ours: Vec<usize>,
-    /// Whether these are all its joints, in its own order.
+    /// True if these are all its joints, in its own order.
     whole: bool,
 }
 
-/// Where a joint is.
+/// The device and axis of a joint.
 #[derive(Clone, Copy, Eq, Hash, PartialEq)]
 pub(super) struct DeviceAxis {
     /// The number of its part.
@@ -29,7 +29,7 @@ pub(super) struct DeviceAxis {
     pub(super) axis: AxisIndex,
 }
 
-/// What a call says to one device.
+/// The part of a call for one device.
 pub(super) struct DeviceShare<'a> {
     /// The number of the part.
     pub(super) number: usize,
@@ -42,7 +42,7 @@ pub(super) struct DeviceShare<'a> {
 }
 
 impl RemappedDevice {
-    /// Whether all joints of the device are here.
+    /// Returns whether all joints of the device are mapped.
     pub(super) fn is_all_here(&self) -> bool {
         let total = self.device.axis_info().map_or(0, |info| info.axes());
         self.theirs.len() == total
@@ -56,7 +56,7 @@ impl RemappedDevice {
 }
 
 impl DeviceShare<'_> {
-    /// The joints as the device is told.
+    /// The joints as the device numbers them.
     pub(super) fn axes(&self) -> Axes<'_> {
         match &self.theirs[..] {
             _ if self.whole => Axes::All,
@@ -80,7 +80,7 @@ impl DeviceShare<'_> {
 }
 
 impl Remapper {
-    /// One share per device that the call is about; the selection is checked first, as for a question.
+    /// Splits the call into one share per device; the selection is checked first, as for a query.
     pub(super) fn shares<'a>(
         &'a self,
         axes: Axes<'_>,
@@ -148,7 +148,7 @@ fn name_of(part: &str, device: &dyn Device, joint: AxisIndex) -> Result<String, 
     })
 }
 
-/// Where the joints called `names` are.
+/// Finds the joints called `names`.
 pub(super) fn find(
     devices: &[Named],
     theirs: &[Vec<String>],
@@ -177,7 +177,7 @@ pub(super) fn find(
     joints.collect()
 }
 
-/// The parts that have joints here, and the place of each joint.
+/// Returns the devices with mapped joints, and the device and axis of each joint.
 pub(super) fn arrange(
     devices: Vec<Named>,
     joints: &[(usize, AxisIndex)],

@@ -1,4 +1,4 @@
-//! Asking and telling the devices, and what is said when one of them refuses.
+//! Queries and commands to the devices, and the errors when one of them refuses.
 
 use super::Remapper;
 use super::axis_mapping::{DeviceShare, RemappedDevice};
@@ -7,21 +7,21 @@ use crate::{Axes, AxisIndex, Device, DeviceError};
 /// An interface of devices.
 #[derive(Clone, Copy)]
 pub(super) struct Interface {
-    /// What it is called in errors.
+    /// Name in errors.
     pub(super) words: &'static str,
     pub(super) has: fn(&dyn Device) -> bool,
 }
 
 type Outcome<T> = Result<T, DeviceError>;
-/// What a device says; `None` if it lacks the interface.
+/// Result of a device's call; `None` if it lacks the interface.
 type DeviceReply<T> = Option<Outcome<T>>;
 
-/// What happens to the other devices when one refuses.
+/// Treatment of the other devices when one refuses.
 #[derive(Clone, Copy, Eq, PartialEq)]
 pub(super) enum OnRefusal {
     /// They are left as they are.
     StopThere,
-    /// They are told all the same: for what brings joints to rest.
+    /// The command goes to them all the same: for commands that stop joints.
     TellOthers,
 }
 
@@ -31,7 +31,7 @@ impl Remapper {
         devices.any(interface.has)
     }
 
-    /// A question about several joints: one answer per joint, in the order of the selection.
+    /// Queries several joints: one value per joint, in the order of the selection.
     pub(super) fn ask<T>(
         &self,
         interface: Interface,
@@ -58,8 +58,8 @@ impl Remapper {
         Ok(answers.into_iter().flatten().collect())
     }
 
-    /// As [`ask`](Self::ask), into slots of the caller; for one joint, and for all if the joints of a device are next to
-    /// each other, without allocating.
+    /// Queries like [`ask`](Self::ask), into slots of the caller; for one joint, and for all if the joints of a
+    /// device are next to each other, without allocating.
     pub(super) fn fill<T: Copy>(
         &self,
         interface: Interface,
@@ -96,7 +96,7 @@ impl Remapper {
         }
     }
 
-    /// A question to one device about its share as a whole.
+    /// Queries one device for its share as a whole.
     pub(super) fn group<T>(
         &self,
         interface: Interface,
@@ -107,7 +107,7 @@ impl Remapper {
         self.heard(interface, share.part, share.theirs[0], said)
     }
 
-    /// A question or command about one joint.
+    /// A query or command for one joint.
     pub(super) fn one<T>(
         &self,
         interface: Interface,
@@ -123,8 +123,8 @@ impl Remapper {
 
     /// A command with a value per joint.
     ///
-    /// * `what`: what the values are, for the error.
-    /// * `doubtful`: whether a device will probably refuse its share; asked only if there are several devices.
+    /// * `what`: the kind of values, for the error.
+    /// * `doubtful`: whether a device will probably refuse its share; checked only if there are several devices.
     pub(super) fn tell<T: Clone>(
         &self,
         interface: Interface,
@@ -216,7 +216,7 @@ impl Remapper {
         })
     }
 
-    /// What one device said.
+    /// Processes the result of one device.
     fn heard<T>(
         &self,
         interface: Interface,
@@ -230,7 +230,7 @@ impl Remapper {
         }
     }
 
-    /// That the device of a joint, which the device calls `axis`, lacks an interface.
+    /// Returns the error that the device of a joint, which the device calls `axis`, lacks an interface.
     fn lack(&self, interface: Interface, part: &RemappedDevice, axis: AxisIndex) -> DeviceError {
         let joint = part.number_here(axis).unwrap_or(axis);
         DeviceError::PartLacks {
@@ -243,7 +243,7 @@ impl Remapper {
 }
 
 impl RemappedDevice {
-    /// That the device refused a call which went to no other one.
+    /// Returns the error of a device that refused a call which went to no other one.
     pub(super) fn refused(&self, error: DeviceError) -> DeviceError {
         DeviceError::PartRefused {
             part: self.name.clone(),

@@ -1,20 +1,21 @@
-//! Several devices seen as one control board: some or all of their joints, in any order.
+//! Several devices combined into one control board: some or all of their joints, in any order.
 //!
-//! | file | what it is about |
+//! | file | content |
 //! | --- | --- |
-//! | `axis_mapping` | which joint is whose, and how a call falls into one per device |
-//! | `fan_out` | asking and telling the devices, and what is said when one of them refuses |
-//! | `range_checks` | what the devices would refuse, as far as that is known beforehand |
-//! | `motion_interfaces`, `motors` | the interfaces |
+//! | `axis_mapping` | maps joints to devices, and splits a call into one per device |
+//! | `fan_out` | queries and commands to the devices, and the errors when one of them refuses |
+//! | `range_checks` | predicts refusals of devices |
+//! | `motion_interfaces`, `motor_interfaces` | the interfaces |
 //! | `remapped_variables` | variables of several devices |
 //!
-//! A call goes to each device once, with the joints that are its own. Before a command reaches any device, the selection
-//! is checked whole, and each device has to have the interface. Devices judge the values themselves; those that will
-//! probably refuse are asked first, so that a refusal leaves the others as they were wherever that can be foreseen. Where
-//! it cannot, the error says which devices did it and which did not ([`DeviceError::PartRefused`]). Those that did it go on:
-//! to stop them would be a second order that nobody gave, and would take an older one from them too; stock leaves them
-//! as well, without saying which. A caller for whom half a command is worse than none stops the board when it is told.
-//! What brings joints to rest goes to every device, whatever the others say.
+//! A call goes to each device once, with the joints that are its own. Before a command reaches any device, the
+//! selection is checked whole, and each device has to have the interface. Devices check the values themselves; those
+//! that will probably refuse are called first, so that a refusal leaves the others as they were wherever that can be
+//! predicted. Otherwise the error names the devices that executed the command and those that did not
+//! ([`DeviceError::PartRefused`]). Those that executed it continue: to stop them would be a second command that no
+//! caller gave, and would cancel an older one too; stock leaves them as well, without naming them. A caller for whom
+//! half a command is worse than none should stop the board after this error. Commands that stop joints go to every
+//! device, even if others refuse.
 //!
 //! Source: the behaviour of stock's `ControlBoardRemapper.cpp` of YARP 3.5.
 
@@ -38,7 +39,7 @@ use self::axis_mapping::{DeviceAxis, RemappedDevice};
 use self::fan_out::Interface;
 use self::range_checks::Ranges;
 
-/// A device and what it is called among the others.
+/// A device and its name.
 pub type Named = (String, Arc<dyn Device>);
 
 /// Several devices as one control board.
@@ -71,7 +72,7 @@ pub struct Remapper {
     known: Ranges,
 }
 
-/// Why devices could not be made one board.
+/// Reasons why devices could not be combined into one board.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RemapError {
@@ -87,7 +88,7 @@ pub enum RemapError {
     /// Two devices are called the same.
     #[error("two devices are called {part}, expected a name of its own for each")]
     SameName {
-        /// What they are called.
+        /// Their name.
         part: String,
     },
     /// No device has a joint of this name.
@@ -113,9 +114,9 @@ pub enum RemapError {
     NoSuchJoint {
         /// The device.
         part: String,
-        /// The joint asked for.
+        /// The joint.
         asked: AxisIndex,
-        /// How many it has.
+        /// The number of its axes.
         axes: usize,
     },
     /// A joint would have two numbers.
@@ -126,14 +127,14 @@ pub enum RemapError {
         /// The device.
         part: String,
     },
-    /// A device did not tell the names of its joints.
-    #[error("{part} does not tell the name of its joint {joint}")]
+    /// A device did not return the names of its joints.
+    #[error("{part} does not report the name of its joint {joint}")]
     Untold {
         /// The joint, as its device counts.
         joint: AxisIndex,
         /// The device.
         part: String,
-        /// Why not.
+        /// The cause.
         #[source]
         source: Box<DeviceError>,
     },
@@ -150,10 +151,11 @@ impl Remapper {
         Self::of_joints(devices, &joints)
     }
 
-    /// These joints, in this order: the number of the device in `devices`, and the joint as the device counts.
+    /// These joints, in this order: the number of the device in `devices`, and the joint in the device's numbering.
     ///
-    /// Joints whose names are not distinct have the name of their device and `_` in front. A device without a joint here
-    /// is left alone. Errors: [`RemapError`]; a number of a device that is not there counts as a device without joints.
+    /// Joints whose names are not distinct get the name of their device and `_` as prefix. A device without a joint
+    /// here is left alone. Errors: [`RemapError`]; a number of a device that is not there counts as a device without
+    /// joints.
     pub fn of_joints(
         devices: Vec<Named>,
         joints: &[(usize, AxisIndex)],
@@ -169,7 +171,7 @@ impl Remapper {
     }
 }
 
-/// Each interface: the question of [`Device`], the name here, the trait, and what it is called in errors.
+/// Each interface: the method of [`Device`], the name here, the trait, and its name in errors.
 macro_rules! interfaces {
     ($($question:ident, $name:ident, $interface:ident, $words:literal;)*) => {
         $(const $name: Interface = Interface {

@@ -22,7 +22,7 @@ const MOTION: Interface = Interface {
     has: |device| motion(device).is_some(),
 };
 
-/// Either of the two interfaces that have it.
+/// Returns either of the two interfaces that have it.
 fn motion(device: &dyn Device) -> Option<&dyn MotionControl> {
     let position = device.position_control().map(|control| control as _);
     position.or_else(|| device.velocity_control().map(|control| control as _))

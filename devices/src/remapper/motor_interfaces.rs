@@ -221,7 +221,7 @@ impl PidControl for Remapper {
     }
 }
 
-/// Whether a device says that one of its joints has no such loop.
+/// Returns whether a device reports that one of its joints has no such loop.
 fn lacks_loop(device: &dyn Device, kind: PidKind, axes: &[AxisIndex]) -> bool {
     device.pid_control().is_some_and(|control| {
         let known = axes.iter().map(|axis| control.available_pids(*axis));
@@ -309,9 +309,9 @@ impl AmplifierControl for Remapper {
     }
 }
 
-/// Calibrating and parking the whole board means the whole of each device: a device of which only some joints are here
-/// refuses, since the others would move too. Whole parts of it are moved by [`RemoteCalibrator`]. What ends a calibration
-/// or a parking goes to every device.
+/// Calibrating and parking the whole board means the whole of each device: a device of which only some joints are
+/// here refuses, since the others would move too. Whole parts of it are moved by [`RemoteCalibrator`]. Commands that
+/// end a calibration or a parking go to every device.
 impl ControlCalibration for Remapper {
     one_joint! {
         CALIBRATION control_calibration: fn calibrate_axis(method: u32, parameters: [f64; 3]) -> ();
@@ -373,7 +373,7 @@ impl Remapper {
 }
 
 impl RemoteCalibrator for Remapper {
-    /// Whether every device has one.
+    /// Returns whether every device has one.
     fn calibrator_present(&self) -> Outcome<bool> {
         for part in &self.parts {
             let present = match part.device.remote_calibrator() {

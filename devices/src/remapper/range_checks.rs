@@ -1,7 +1,7 @@
-//! What the devices would refuse, as far as that is known beforehand.
+//! Predicts refusals of devices, as far as that is possible beforehand.
 //!
-//! Nothing is refused from here: it only decides which device is asked first. What is known may be old, since others can
-//! change limits too; it is forgotten after every refusal.
+//! It never refuses: it only decides which device is called first. The knowledge may be outdated, since others can
+//! change limits too; it is discarded after every refusal.
 
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
@@ -10,7 +10,7 @@ use super::Remapper;
 use super::axis_mapping::{DeviceAxis, DeviceShare};
 use crate::{Device, Limits, Mode};
 
-/// What values are.
+/// The quantity of values.
 #[derive(Clone, Copy, Eq, Hash, PartialEq)]
 pub(super) enum Quantity {
     Position,
@@ -25,7 +25,7 @@ pub(super) enum Quantity {
     Finite,
 }
 
-/// The ranges that devices told; `None` from one that does not tell.
+/// The ranges that devices reported; `None` from one that does not report it.
 #[derive(Default)]
 pub(super) struct Ranges(Mutex<HashMap<(Quantity, DeviceAxis), Option<Limits>>>);
 
@@ -40,7 +40,7 @@ impl Ranges {
 }
 
 impl Remapper {
-    /// Whether a device has reason to refuse one of these values.
+    /// Returns whether a device has reason to refuse one of these values.
     pub(super) fn beyond(
         &self,
         quantity: Quantity,
@@ -87,7 +87,7 @@ impl Remapper {
         })
     }
 
-    /// Whether one of the joints was last seen in another mode.
+    /// Returns whether one of the joints was last seen in another mode.
     pub(super) fn in_other_mode(&self, share: &DeviceShare<'_>, needed: Mode) -> bool {
         let Some(modes) = share.part.device.control_mode() else {
             return false;
@@ -96,7 +96,7 @@ impl Remapper {
         now.is_ok_and(|now| now.iter().any(|mode| *mode != needed))
     }
 
-    /// Whether a device does not list one of the modes for its joint.
+    /// Returns whether a device does not list one of the modes for its joint.
     pub(super) fn lacks_modes(&self, share: &DeviceShare<'_>, modes: &[Mode]) -> bool {
         let Some(control) = share.part.device.control_mode() else {
             return false;

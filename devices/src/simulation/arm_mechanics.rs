@@ -4,18 +4,18 @@ use crate::Limits;
 use crate::dynamics::{Dynamics, MassMatrix};
 use crate::kinematics::Joints;
 
-/// How many times friction and stops are gone through in one step, at most.
+/// Maximum number of iterations over friction and stops in one step.
 const MAX_CONTACT_SWEEPS: usize = 30;
 /// Sweeps end when no joint's velocity changes more, rad/s.
 const SWEEP_TOLERANCE: f64 = 1e-9;
-/// How much of a joint's way into its stop is pushed back per step.
+/// Fraction of a joint's penetration of its stop that is corrected per step.
 const STOP_CORRECTION: f64 = 0.2;
 
 /// Joint angles and velocities that move under torques.
 ///
-/// A step is semi-implicit: the velocities at its end are such that viscous friction and brakes act with them, Coulomb
-/// friction takes away motion but never adds any (so that a joint sticks, truly, as long as the torque is below
-/// it), and no joint goes on into a stop. What friction and stops do to each other through the masses is solved by
+/// A step is semi-implicit: the velocities at its end are such that viscous friction and brakes act with them,
+/// Coulomb friction takes away motion but never adds any (so that a joint sticks, exactly, as long as the torque is
+/// below it), and no joint moves into a stop. The interaction of friction and stops through the masses is solved by
 /// projected Gauss-Seidel, as in the engines of games and simulators.
 #[derive(Clone, Debug)]
 pub(super) struct Plant<const N: usize> {
@@ -25,7 +25,7 @@ pub(super) struct Plant<const N: usize> {
     pub(super) velocities: Joints<N>,
 }
 
-/// What acts on the joints during a step.
+/// Forces on the joints during a step.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Load<const N: usize> {
     /// MotorSet and outside forces together, Nm.
@@ -58,7 +58,7 @@ impl<const N: usize> Plant<N> {
         let bias = self.dynamics.bias(&self.angles, &self.velocities);
         let mass = self.dynamics.mass_matrix(&self.angles);
         let system = mass + MassMatrix::from_diagonal(&load.viscous) * seconds;
-        // Rotor inertias keep it positive definite; a model without them and without masses stands still.
+        // Rotor inertias keep it positive definite; a model without them and without masses stays at rest.
         let Some(inverse) = system.cholesky().map(|cholesky| cholesky.inverse()) else {
             return;
         };
@@ -105,7 +105,7 @@ impl<const N: usize> Plant<N> {
         }
     }
 
-    /// The velocities that keep a joint between its stops in this step.
+    /// Returns the velocities that keep a joint between its stops in this step.
     fn room(&self, joint: usize, seconds: f64) -> (f64, f64) {
         let angle = self.angles[joint];
         let below = self.stops[joint].min - angle;

@@ -9,10 +9,10 @@ use crate::trajectory::{
 };
 use crate::wam::WamModel;
 
-/// Why a move does not begin.
+/// Reasons why a move does not begin.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum MoveError<const N: usize> {
-    /// A joint would leave its limits, or is told no number.
+    /// A joint would leave its limits, or a target is not a number.
     #[error("joint {joint} asked for {asked:.3} rad, allowed {min} to {max} rad")]
     OutOfRange {
         /// Counted from 0.
@@ -30,9 +30,9 @@ pub enum MoveError<const N: usize> {
     /// The safety module does not let the arm move.
     #[error("the arm is not active ({mode:?}{}); press idle and activate on the pendant", because(*fault))]
     NotActive {
-        /// What it is.
+        /// The mode.
         mode: SafetyMode,
-        /// Why, if a fault was the reason.
+        /// The fault, if one was the reason.
         fault: Option<Fault>,
     },
 }
@@ -44,7 +44,7 @@ fn because(fault: Option<Fault>) -> String {
 /// A simulated arm that holds its pose and moves from pose to pose, stepped by its owner.
 ///
 /// A move begins at the present **set point**, as with libbarrett, and takes the place of a running one. When the
-/// safety module takes the arm out of active the move is dropped; when it is active again the arm holds where it is
+/// safety module takes the arm out of active the move is dropped; when it is active again the arm holds its position
 /// then. Units are rad and m; see [`wam::units`](crate::wam::units) for degrees.
 ///
 /// ```
@@ -103,7 +103,7 @@ impl<const N: usize> SimulatedArm<N> {
 
     /// Starts a move of all joints together.
     ///
-    /// Errors: [`MoveError::OutOfRange`], [`MoveError::NotActive`]; then a running move goes on.
+    /// Errors: [`MoveError::OutOfRange`], [`MoveError::NotActive`]; then a running move continues.
     pub fn move_joints(
         &mut self,
         target: &Joints<N>,
@@ -118,7 +118,7 @@ impl<const N: usize> SimulatedArm<N> {
 
     /// Starts a straight move of the tool; plans it completely before, which takes some milliseconds.
     ///
-    /// Errors: [`MoveError::StraightLine`], [`MoveError::NotActive`]; then a running move goes on.
+    /// Errors: [`MoveError::StraightLine`], [`MoveError::NotActive`]; then a running move continues.
     pub fn move_line(
         &mut self,
         target: &Pose,
@@ -157,7 +157,7 @@ impl<const N: usize> SimulatedArm<N> {
 
     fn hold_here(&mut self) {
         self.path = None;
-        // Rounding can put a joint that stands at its limit a count outside.
+        // Rounding can put a joint at its limit a count outside.
         self.set_point = self.solver.chain().clamp(&self.measured());
         self.controller.reset();
     }
@@ -215,22 +215,22 @@ impl<const N: usize> SimulatedArm<N> {
         self.run(settle);
     }
 
-    /// Whether the set point is on its way.
+    /// Returns whether the set point moves.
     pub fn is_moving(&self) -> bool {
         self.path.is_some()
     }
 
-    /// Where the joints shall be now.
+    /// Returns the desired joint positions.
     pub fn set_point(&self) -> Joints<N> {
         self.set_point
     }
 
-    /// Where the encoders say the joints are.
+    /// Returns the joint positions by the encoders.
     pub fn measured(&self) -> Joints<N> {
         self.controller.measure(&self.counts)
     }
 
-    /// Where the tool is, by the encoders.
+    /// Returns the pose of the tool by the encoders.
     pub fn measured_tool(&self) -> Pose {
         self.solver.chain().forward(&self.measured())
     }

@@ -1,4 +1,4 @@
-//! From counts to torques: what the control computer of an arm does 500 times a second.
+//! Converts counts to torques: the control loop of an arm, 500 times a second.
 
 use std::time::Duration;
 
@@ -7,14 +7,14 @@ use crate::dynamics::GravityCalibration;
 use crate::kinematics::Joints;
 use crate::wam::WamModel;
 
-/// What a joint is told in one period.
+/// Command of a joint for one period.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum JointCommand {
     /// Be here, rad: the PID works on it.
     At(f64),
     /// Drive with this much, Nm, beside gravity.
     Drive(f64),
-    /// Nothing but gravity compensation: the joint can be moved by hand.
+    /// Gravity compensation only: the joint can be moved by hand.
     #[default]
     Float,
 }
@@ -39,7 +39,7 @@ impl<const N: usize> JointControllers<N> {
         }
     }
 
-    /// The torques that follow the orders from these encoder counts, Nm.
+    /// Returns the torques for the commands at these encoder counts, Nm.
     ///
     /// The history of a joint that is not under [`JointCommand::At`] is forgotten.
     pub fn step(&mut self, counts: &[i32; N], orders: &[JointCommand; N]) -> Joints<N> {
@@ -67,7 +67,7 @@ impl<const N: usize> JointControllers<N> {
         self.model.transmission.joints(counts)
     }
 
-    /// What the loops or the caller asked for last, Nm, without gravity.
+    /// Returns the last torques of the loops or the caller, Nm, without gravity.
     pub fn outputs(&self) -> Joints<N> {
         self.outputs
     }
@@ -77,7 +77,7 @@ impl<const N: usize> JointControllers<N> {
         self.loops.map(|pid| pid.gains())
     }
 
-    /// Changes the gains of one joint; one that does not exist is nobody's.
+    /// Changes the gains of one joint; ignores one that does not exist.
     pub fn set_gains(&mut self, joint: usize, gains: Gains) {
         if let Some(pid) = self.loops.get_mut(joint) {
             pid.set_gains(gains);
@@ -89,14 +89,14 @@ impl<const N: usize> JointControllers<N> {
         self.model.calibration = calibration;
     }
 
-    /// Forgets the history of one joint; one that does not exist is nobody's.
+    /// Clears the history of one joint; ignores one that does not exist.
     pub fn reset_joint(&mut self, joint: usize) {
         if let Some(pid) = self.loops.get_mut(joint) {
             pid.reset();
         }
     }
 
-    /// Forgets the history of all joints, as when the arm was moved while nobody controlled it.
+    /// Clears the history of all joints, as when the arm was moved without control.
     pub fn reset(&mut self) {
         self.loops.iter_mut().for_each(Pid::reset);
     }

@@ -60,7 +60,7 @@ impl Pid {
         *self = Self::new(self.gains);
     }
 
-    /// The output for this error (rad), `seconds` after the one before.
+    /// Returns the output for this error (rad), `seconds` after the previous one.
     pub fn step(&mut self, error: f64, seconds: f64) -> f64 {
         let Gains {
             proportional,

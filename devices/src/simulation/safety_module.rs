@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-/// What the arm may do.
+/// Mode of the arm.
 #[derive(Clone, Copy, Debug, Default, Eq, Ord, PartialEq, PartialOrd)]
 pub enum SafetyMode {
     /// Motor power is off. The windings brake, so the arm sinks gently.
@@ -14,17 +14,17 @@ pub enum SafetyMode {
     Active,
 }
 
-/// Why the module took the arm out of active.
+/// Reasons why the module took the arm out of active.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fault {
     /// The arm moved too fast.
     Velocity {
-        /// Of the elbow or the end of the forearm, whichever is faster, m/s.
+        /// Speed of the elbow or the end of the forearm, the faster of the two, m/s.
         speed: f64,
         /// m/s.
         limit: f64,
     },
-    /// A motor was asked for too much.
+    /// The torque command of a motor was too large.
     Torque {
         /// Counted from 0.
         motor: usize,
@@ -74,7 +74,7 @@ impl fmt::Display for Fault {
     }
 }
 
-/// When the module warns and when it takes the arm out of active; 0 is never.
+/// Limits at which the module warns and at which it takes the arm out of active; 0 is never.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SafetyLimits {
     /// `VL1`, m/s.
@@ -85,7 +85,7 @@ pub struct SafetyLimits {
     pub torque_warning: f64,
     /// `TL2`, units of the motors' torque commands.
     pub torque_fault: f64,
-    /// The longest silence, s. Barrett does not publish its own.
+    /// Maximum interval without torques, s. Barrett does not publish its own.
     pub heartbeat: f64,
 }
 
@@ -102,7 +102,7 @@ impl Default for SafetyLimits {
     }
 }
 
-/// How long after a velocity fault the arm may still be too fast, s.
+/// Time after a velocity fault during which the arm may still be too fast, s.
 const RUNAWAY_GRACE_SECONDS: f64 = 0.5;
 
 /// The state of the safety module (Barrett's wiki, `SafetyFeaturesPrecautions`).
@@ -132,17 +132,17 @@ impl SafetyModule {
         }
     }
 
-    /// What the arm may do now.
+    /// Returns the mode of the arm.
     pub fn mode(&self) -> SafetyMode {
         self.mode
     }
 
-    /// Why the arm was taken out of active; forgotten when a button is pressed.
+    /// Returns why the arm was taken out of active; cleared when a button is pressed.
     pub fn fault(&self) -> Option<Fault> {
         self.fault
     }
 
-    /// Whether the last step was above a warning level.
+    /// Returns whether the last step was above a warning level.
     pub fn warns(&self) -> bool {
         self.warning
     }
@@ -176,7 +176,7 @@ impl SafetyModule {
         self.mode = SafetyMode::EmergencyStop;
     }
 
-    /// What software asks for: a lower mode is taken, a higher one ignored.
+    /// Requests a mode by software: a lower mode is taken, a higher one ignored.
     pub fn request(&mut self, mode: SafetyMode) {
         self.mode = self.mode.min(mode);
     }

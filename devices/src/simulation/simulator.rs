@@ -14,18 +14,18 @@ use crate::kinematics::{Joints, Pose};
 use crate::pseudo_random::Random;
 use crate::wam::{Friction, UNITS_PER_AMPERE, WamModel};
 
-/// How far outside the joint limits the stops are, rad. Not published.
+/// Distance of the stops outside the joint limits, rad. Not published.
 const STOP_MARGIN: f64 = 0.03;
-/// The joint whose frame is at the elbow, and how far beyond it the forearm ends, m: where velocity is judged.
+/// The joint whose frame is at the elbow, and the length of the forearm beyond it, m: where velocity is measured.
 const ELBOW: usize = 3;
 const FOREARM: f64 = 0.35;
-/// The largest torque command there is room for on the bus: 13 bits and a sign.
+/// Maximum torque command on the bus: 13 bits and a sign.
 const MAX_COMMAND_UNITS: f64 = 8191.0;
 
-/// What an arm is pushed with at most, N or Nm: a car, so that numbers stay numbers.
+/// Maximum external force on an arm, N or Nm: a car, so that numbers stay finite.
 const MAX_PUSH: f64 = 1e4;
 
-/// The value cut to a magnitude; 0 for what is no number.
+/// Clips the value to a magnitude; returns 0 for a value that is not a number.
 fn within(value: f64, most: f64) -> f64 {
     if value.is_nan() {
         0.0
@@ -34,16 +34,16 @@ fn within(value: f64, most: f64) -> f64 {
     }
 }
 
-/// How a [`Simulator`] runs.
+/// Options of a [`Simulator`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SimulatorOptions {
     /// The control period: from one torque to the next.
     pub period: Duration,
-    /// How many steps of the mechanics a period has, at least 1.
+    /// Number of steps of the mechanics per period, at least 1.
     pub substeps: u32,
-    /// How much Coulomb friction varies from period to period, as a share of itself.
+    /// Variation of Coulomb friction from period to period, as a share of itself.
     pub friction_noise: f64,
-    /// What the variation depends on: the same seed gives the same motion.
+    /// Seed of the variation: the same seed gives the same motion.
     pub seed: u64,
     /// The limits of the safety module.
     pub safety: SafetyLimits,
@@ -138,8 +138,8 @@ impl<const N: usize> Simulator<N> {
 
     /// Lets one control period pass and answers the encoder counts at its end.
     ///
-    /// `torques`: what the joints shall be driven with, Nm; `None` if no command came, then the motors go on
-    /// with the last one, until the safety module misses the heartbeat.
+    /// `torques`: torques that drive the joints, Nm; `None` if no command arrived, then the motors continue with the
+    /// last one, until the safety module misses the heartbeat.
     pub fn step(&mut self, torques: Option<&Joints<N>>) -> [i32; N] {
         if let Some(torques) = torques {
             self.command(torques);
@@ -147,7 +147,7 @@ impl<const N: usize> Simulator<N> {
         self.pass(torques.is_some())
     }
 
-    /// As [`step`](Self::step), with the commands of the motors in their own units, as they come on the bus.
+    /// Steps like [`step`](Self::step), with the commands of the motors in their own units, as on the bus.
     pub fn step_units(&mut self, units: Option<&[i16; N]>) -> [i32; N] {
         if let Some(units) = units {
             self.commands = units.map(f64::from);
@@ -172,47 +172,47 @@ impl<const N: usize> Simulator<N> {
         self.counts()
     }
 
-    /// What the encoders count now.
+    /// Returns the encoder counts.
     pub fn counts(&self) -> [i32; N] {
         self.model.transmission.counts(&self.plant.angles)
     }
 
-    /// How long it has run.
+    /// Returns the simulated time.
     pub fn time(&self) -> Duration {
         Duration::from_secs_f64(self.options.period.as_secs_f64() * self.steps as f64)
     }
 
-    /// How warm the pucks of the motors are, °C: see `thermal.rs` for what is assumed.
+    /// Returns the temperatures of the motors' pucks, °C: see `thermal.rs` for the assumptions.
     pub fn temperatures(&self) -> [f64; N] {
         self.thermal.temperatures()
     }
 
-    /// How it runs.
+    /// Returns the options.
     pub fn options(&self) -> &SimulatorOptions {
         &self.options
     }
 
-    /// What it is built like.
+    /// Returns the model.
     pub fn model(&self) -> &WamModel<N> {
         &self.model
     }
 
-    /// Where the joints truly are, rad: no encoder knows it so well.
+    /// Returns the true joint angles, rad: more exact than any encoder.
     pub fn angles(&self) -> Joints<N> {
         self.plant.angles
     }
 
-    /// How the joints truly move, rad/s.
+    /// Returns the true joint velocities, rad/s.
     pub fn velocities(&self) -> Joints<N> {
         self.plant.velocities
     }
 
-    /// Where the tool truly is.
+    /// Returns the true pose of the tool.
     pub fn tool(&self) -> Pose {
         self.model.chain.forward(&self.plant.angles)
     }
 
-    /// Puts the arm into another pose, at rest, as by hand; what is no number leaves its joint where it is.
+    /// Puts the arm into another pose, at rest, as by hand; a value that is not a number leaves its joint unchanged.
     pub fn place(&mut self, angles: &Joints<N>) {
         let here = self.plant.angles;
         let asked = Joints::from_fn(|joint, _| {
@@ -226,19 +226,19 @@ impl<const N: usize> Simulator<N> {
         self.plant.velocities = Joints::zeros();
     }
 
-    /// What hangs on the last link beside the arm of the model.
+    /// Returns the load on the last link, beside the arm of the model.
     pub fn load(&self) -> &Body {
         &self.load
     }
 
-    /// Hangs something else on the last link, in the frame of which it is described; the controller is not told.
+    /// Changes the load of the last link, in whose frame it is described; the controller does not know.
     pub fn set_load(&mut self, load: Body) {
         self.load = load;
         self.plant
             .set_dynamics(self.model.clone().with_load(load).dynamics());
     }
 
-    /// Makes the joints rub in another way.
+    /// Changes the friction of the joints.
     pub fn set_friction(&mut self, friction: [Friction; N]) {
         self.model.friction = friction;
     }
@@ -255,19 +255,20 @@ impl<const N: usize> Simulator<N> {
 
     /// Shorts the windings of a joint's motors, or ends that: `MODE` 0 or 2 of its pucks.
     ///
-    /// A joint that does not exist is nobody's.
+    /// Ignores a joint that does not exist.
     pub fn set_idle(&mut self, joint: usize, idle: bool) {
         if let Some(slot) = self.idle.get_mut(joint) {
             *slot = idle;
         }
     }
 
-    /// Pushes the tool with a force in the base frame, N, until told otherwise; what is no number does not push.
+    /// Pushes the tool with a force in the base frame, N, until the next call; a value that is not finite does not
+    /// push.
     pub fn push(&mut self, force: Vector3<f64>) {
         self.push = force.map(|value| within(value, MAX_PUSH));
     }
 
-    /// Twists the joints from outside, Nm, until told otherwise; what is no number does not twist.
+    /// Applies external torques to the joints, Nm, until the next call; a value that is not finite does not twist.
     pub fn twist(&mut self, torques: Joints<N>) {
         self.twist = torques.map(|value| within(value, MAX_PUSH));
     }
@@ -298,7 +299,7 @@ impl<const N: usize> Simulator<N> {
         }
     }
 
-    /// The currents in the motors, A: none without power, and where a joint is idle.
+    /// Returns the currents in the motors, A: none without power, and for an idle joint.
     fn drawn(&self) -> [f64; N] {
         let active = self.safety.mode() == SafetyMode::Active;
         std::array::from_fn(|motor| {
@@ -310,13 +311,13 @@ impl<const N: usize> Simulator<N> {
         })
     }
 
-    /// What a motor was told, in units of its puck, as far as the puck lets it.
+    /// Returns a motor's command in units of its puck, within the puck's limit.
     fn limited(&self, motor: usize) -> f64 {
         let limit = self.model.motors[motor].limit;
         self.commands[motor].clamp(-limit, limit)
     }
 
-    /// What motors and friction do in this period.
+    /// Returns the forces of motors and friction in this period.
     fn acting(&mut self) -> Load<N> {
         let active = self.safety.mode() == SafetyMode::Active;
         let motors = Joints::from_fn(|motor, _| {
@@ -342,7 +343,7 @@ impl<const N: usize> Simulator<N> {
         }
     }
 
-    /// The joint torques of what pushes from outside.
+    /// Returns the joint torques of the external forces.
     fn pushed(&self) -> Joints<N> {
         if self.push == Vector3::zeros() {
             return self.twist;

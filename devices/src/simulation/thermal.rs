@@ -1,19 +1,19 @@
-//! How warm the pucks of simulated motors are, and what supplies them.
+//! Temperatures of the pucks of simulated motors, and their supply.
 //!
 //! Each puck with its motor is one body: what flows in the windings heats it with the square of the current, and it gives
 //! the heat off in proportion to how warm it is, `T' = (T₀ + R I² - T) / τ`. Of this Barrett publishes `T₀` alone. `R` and
 //! `τ` are **assumptions**: the shoulder of an arm that is held stretched out for long, with 1.2 A, comes
 //! near what a puck complains about, and it takes minutes. Nothing else depends on it: no motor is weaker when it is warm.
 
-/// How warm a puck is whose motor rests, °C (Barrett's wiki: usually from 40 °C).
+/// Temperature of a puck whose motor is at rest, °C (Barrett's wiki: usually from 40 °C).
 pub(crate) const REST_TEMPERATURE: f64 = 40.0;
-/// How warm a puck may become, °C (btclient).
+/// Maximum temperature of a puck, °C (btclient).
 pub(crate) const MAX_TEMPERATURE: i32 = 60;
 /// Of the bus, V.
 pub(crate) const SUPPLY_VOLTAGE: i32 = 48;
-/// What a current comes to after long, °C/A². Assumed.
+/// Steady-state temperature rise of a current, °C/A². Assumed.
 const CELSIUS_PER_AMPERE_SQUARED: f64 = 10.0;
-/// How long a change takes to be there by 63 %, s. Assumed.
+/// Time after which 63 % of a change is reached, s. Assumed.
 const TIME_CONSTANT: f64 = 300.0;
 
 /// The temperatures of `N` pucks.

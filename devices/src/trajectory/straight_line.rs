@@ -7,10 +7,10 @@ use nalgebra::{Rotation3, Translation3};
 use super::synchronised_joints::share;
 use crate::kinematics::{Joints, Pose, Solver, Unsolved, rotation_vector};
 
-/// The fastest a tool may be told to go, m/s: the speed the thesis counts on (1 cm in 20 ms).
+/// Maximum commanded speed of a tool, m/s: the speed that the thesis assumes (1 cm in 20 ms).
 pub const MAX_TOOL_SPEED: f64 = 0.5;
 
-/// How fast a tool goes and turns.
+/// Speeds and accelerations of the tool.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StraightLineOptions {
     /// m/s, above zero, at most [`MAX_TOOL_SPEED`].
@@ -21,7 +21,7 @@ pub struct StraightLineOptions {
     pub turn_speed: f64,
     /// rad/s², above zero.
     pub turn_acceleration: f64,
-    /// What no joint may exceed on the way, rad/s.
+    /// Maximum speed of any joint on the way, rad/s.
     pub joint_speed: f64,
 }
 
@@ -38,27 +38,27 @@ impl Default for StraightLineOptions {
     }
 }
 
-/// Why a line cannot be followed; found out before anything moves.
+/// Reasons why a line cannot be followed; detected before anything moves.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum StraightLineError<const N: usize> {
     /// An option is out of its range.
     #[error("the line asks for {quantity} {asked}, allowed are values above 0 up to {most}")]
     Option {
-        /// What the value is, with its unit.
+        /// The quantity, with its unit.
         quantity: &'static str,
         /// The value refused.
         asked: f64,
         /// The largest allowed.
         most: f64,
     },
-    /// Some place on the line is out of reach, or can only be reached by a jump into another posture.
+    /// A position on the line is out of reach, or can only be reached by a jump into another posture.
     #[error(
         "the line cannot be followed beyond {percent:.0} % of its way; try another start or another orientation"
     )]
     Unreachable {
-        /// How much of the way can be followed.
+        /// Share of the path that can be followed.
         percent: f64,
-        /// What was tried there.
+        /// The failed solution.
         #[source]
         source: Unsolved<N>,
     },
@@ -73,7 +73,7 @@ pub enum StraightLineError<const N: usize> {
         speed: f64,
         /// rad/s.
         most: f64,
-        /// Where on the way.
+        /// Position on the path.
         percent: f64,
     },
 }
@@ -89,9 +89,9 @@ pub struct StraightLine<const N: usize> {
 }
 
 impl<const N: usize> StraightLine<N> {
-    /// The line from where the tool is with the joints at `start` to `target`, in steps of `period`.
+    /// Plans the line from the tool position with the joints at `start` to `target`, in steps of `period`.
     ///
-    /// `solver`: with one attempt per step, else the joints jump where the way is blocked.
+    /// `solver`: with one attempt per step, otherwise the joints jump where the way is blocked.
     ///
     /// Errors: [`StraightLineError`].
     pub fn plan(
@@ -150,7 +150,7 @@ impl<const N: usize> StraightLine<N> {
         joints
     }
 
-    /// How many periods it takes.
+    /// Returns the number of periods.
     pub fn periods(&self) -> usize {
         self.joints.len()
     }

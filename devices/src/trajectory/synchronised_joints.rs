@@ -4,7 +4,7 @@ use crate::Limits;
 use crate::fake::{MotionState, VelocityProfile};
 use crate::kinematics::Joints;
 
-/// How fast joints may move and change their speed.
+/// Maximum speeds and accelerations of joints.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointLimits<const N: usize> {
     /// rad/s, each above zero.
@@ -68,7 +68,7 @@ impl<const N: usize> SynchronisedMove<N> {
         self.share.advance(seconds);
     }
 
-    /// Where the joints are now.
+    /// Returns the present joint positions.
     pub fn joints(&self) -> Joints<N> {
         if self.is_done() {
             return self.target;
@@ -76,13 +76,14 @@ impl<const N: usize> SynchronisedMove<N> {
         self.start.lerp(&self.target, self.share.state().position)
     }
 
-    /// Whether the joints are at the target.
+    /// Returns whether the joints are at the target.
     pub fn is_done(&self) -> bool {
         self.share.is_done()
     }
 }
 
-/// From 0 to 1 with at most this speed and acceleration; at once if they are infinite, for there is no way to go.
+/// Creates a move from 0 to 1 with at most this speed and acceleration; at once if they are infinite, for there is no
+/// distance.
 pub(super) fn share(speed: f64, acceleration: f64) -> VelocityProfile {
     if !speed.is_finite() || !acceleration.is_finite() {
         return VelocityProfile::at_rest(1.0);

@@ -1,4 +1,4 @@
-//! An arm under control, run by a thread of its own, as a device.
+//! An arm under control, run by a dedicated thread, as a device.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -17,7 +17,7 @@ use crate::{
 
 /// An [`ArmControl`] and the machine under it.
 pub trait ControlledArm: Send + 'static {
-    /// What the arm is, in words.
+    /// Description of the arm, in words.
     const DESCRIPTION: &'static str;
 
     /// The control of the arm.
@@ -26,18 +26,18 @@ pub trait ControlledArm: Send + 'static {
     /// The control of the arm, to command it.
     fn control_mut(&mut self) -> &mut ArmControl;
 
-    /// As [`ControlMode::set_control_modes`].
+    /// Same as [`ControlMode::set_control_modes`].
     fn set_control_modes(&mut self, axes: Axes<'_>, modes: &[Mode]) -> Result<(), DeviceError> {
         self.control_mut().set_control_modes(axes, modes)
     }
 
-    /// Why the motors do not follow, in words; `None` if they do.
+    /// Returns why the motors do not follow, in words; `None` if they do.
     fn fault(&self) -> Option<String>;
 
-    /// How warm the pucks of the motors are, °C.
+    /// Returns the temperatures of the motors' pucks, °C.
     fn temperatures(&self) -> Result<[f64; AXES], DeviceError>;
 
-    /// What the puck of a motor says of itself.
+    /// Reads a property of a motor's puck.
     fn puck_property(
         device: &ArmDevice<Self>,
         motor: AxisIndex,
@@ -46,15 +46,15 @@ pub trait ControlledArm: Send + 'static {
     where
         Self: Sized;
 
-    /// The variables that no other kind of arm has, in a fixed order.
+    /// Returns the variables that only this kind of arm has, in a fixed order.
     fn variables() -> Vec<String>;
 
-    /// As [`RemoteVariables::variable`](crate::RemoteVariables::variable), of those.
+    /// Same as [`RemoteVariables::variable`](crate::RemoteVariables::variable), of those.
     fn variable(device: &ArmDevice<Self>, name: &str) -> Result<Vec<VariableValue>, DeviceError>
     where
         Self: Sized;
 
-    /// As [`RemoteVariables::set_variable`](crate::RemoteVariables::set_variable), of those.
+    /// Same as [`RemoteVariables::set_variable`](crate::RemoteVariables::set_variable), of those.
     fn set_variable(
         device: &ArmDevice<Self>,
         name: &str,
@@ -73,7 +73,7 @@ pub struct ArmDevice<A> {
     thread: Option<JoinHandle<()>>,
 }
 
-/// What the device and its thread share.
+/// State shared by the device and its thread.
 #[derive(Debug)]
 pub(super) struct Shared<A> {
     arm: Mutex<Timed<A>>,
@@ -100,14 +100,14 @@ impl<A> Shared<A> {
         self.arm.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Whether the thread shall end.
+    /// Returns whether the thread has to end.
     pub(super) fn is_ending(&self) -> bool {
         self.ending.load(Ordering::Acquire)
     }
 }
 
 impl<A: ControlledArm> ArmDevice<A> {
-    /// Runs an arm by a thread of this name, which does `control` until it is told to end.
+    /// Runs an arm by a thread of this name, which calls `control` until it is stopped.
     pub(super) fn spawn(
         arm: A,
         name: &'static str,

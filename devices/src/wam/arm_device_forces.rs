@@ -1,8 +1,8 @@
-//! The interfaces of an arm under control that concern how its joints push and yield.
+//! The interfaces of an arm under control for torques, currents and compliance.
 //!
-//! Duty cycles are refused: a puck follows torques, which are currents, and closes the loop about them itself. It has a
-//! mode that takes duty cycles (`MODE` 1), but that mode is the safety module's to set: Barrett warns against switching
-//! the pucks of an arm beside it, and how such a puck is told its duty cycle, or tells it, is not published. The
+//! Duty cycles are refused: a puck follows torques, which are currents, and closes the loop about them itself. It has
+//! a mode that takes duty cycles (`MODE` 1), but that mode is the safety module's to set: Barrett warns against
+//! switching the pucks of an arm individually, and the commands for a puck's duty cycle are not published. The
 //! simulated arm is controlled as the real one, so it refuses them as well.
 
 use super::AXES;
@@ -48,7 +48,7 @@ impl<A: ControlledArm> ImpedanceControl for ArmDevice<A> {
     }
 }
 
-/// Of the motors, beside what gravity takes: see [`ArmControl`](super::ArmControl).
+/// Of the motors, without the part for gravity: see [`ArmControl`](super::ArmControl).
 impl<A: ControlledArm> CurrentControl for ArmDevice<A> {
     fn currents(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
         self.control(|arm| arm.currents(axes))

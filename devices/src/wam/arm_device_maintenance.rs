@@ -1,8 +1,9 @@
 //! The interfaces of an arm under control that concern its motors as machines, their amplifiers, and calibration.
 //!
-//! The safety module switches the amplifiers of all motors at once, so that switching off one is what can be done without it:
-//! its joint goes idle. The limits of the pucks are theirs: told, not set. A WAM is calibrated by hand, folded in its home pose
-//! when it is switched on; an arm that does not know where it is cannot be reached at all.
+//! The safety module switches the amplifiers of all motors at once, so that switching off one is what can be done
+//! without it: its joint goes idle. The limits of the pucks are fixed: readable, not settable. A WAM is calibrated by
+//! hand, folded in its home pose when it is switched on; an arm that does not know its position cannot be reached at
+//! all.
 
 use std::thread;
 use std::time::{Duration, Instant};
@@ -69,7 +70,7 @@ impl<A: ControlledArm> AmplifierControl for ArmDevice<A> {
         self.set_control_modes(axes, &vec![Mode::Idle; axes.len(AXES)])
     }
 
-    /// 0 for a joint that is idle, or that the safety module does not let follow torques; 1 for others.
+    /// 0 for a joint that is idle, or that the safety module does not allow to follow torques; 1 for others.
     fn amplifier_status(&self, axes: Axes<'_>) -> Result<Vec<i32>, DeviceError> {
         let modes = self.control_modes(axes)?;
         let is_on = |mode: &Mode| !matches!(mode, Mode::Idle | Mode::HardwareFault);
@@ -138,7 +139,7 @@ impl<A: ControlledArm> ControlCalibration for ArmDevice<A> {
         by_hand()
     }
 
-    /// Home is where it is parked.
+    /// Home is also the parking position.
     fn park_robot(&self, wait: bool) -> Result<(), DeviceError> {
         let home = self.control(|arm| arm.model().home).map(f64::to_degrees);
         self.position_move(Axes::All, home.as_slice())?;

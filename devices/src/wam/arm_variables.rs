@@ -1,13 +1,13 @@
-//! Variables of an arm under control, by name: so that it can be asked over a network.
+//! Variables of an arm under control, by name, so that they can be read over a network.
 //!
 //! | name | of | value |
 //! | --- | --- | --- |
-//! | `description` | all | what the arm is, in words; read only |
-//! | `compensated_load` | all | what gravity compensation reckons with at the tool plate: kg, and x, y, z of its centre, m |
-//! | `load` | the simulated arm | what hangs there in truth, in the same way |
+//! | `description` | all | description of the arm; read only |
+//! | `compensated_load` | all | load at the tool plate assumed by gravity compensation: kg, and x, y, z of its centre, m |
+//! | `load` | the simulated arm | true load there, in the same form |
 //! | `coulomb_friction` | the simulated arm | of each joint, Nm |
 //! | `viscous_friction` | the simulated arm | of each joint, Nm s/deg |
-//! | `status` | the arm on its bus | how it stands, in words; read only |
+//! | `status` | the arm on its bus | its state, in words; read only |
 //! | `puck.VERS` and others | the arm on its bus | a property of each motor's puck, in its own units; read only |
 //! | `safety.VL2` and others | the arm on its bus | a property of the safety module, in its own units |
 
@@ -17,7 +17,7 @@ use crate::{DeviceError, RemoteVariables, VariableValue};
 
 const DESCRIPTION: &str = "description";
 const COMPENSATED: &str = "compensated_load";
-/// The heaviest load, kg (Barrett's data sheet), and how far from the tool plate its centre can be, m.
+/// Maximum load, kg (Barrett's data sheet), and maximum distance of its centre from the tool plate, m.
 const MAX_LOAD_MASS: f64 = 4.0;
 const MAX_LOAD_DISTANCE: f64 = 1.0;
 
@@ -75,7 +75,7 @@ pub(super) fn numbers<const N: usize>(
         })
 }
 
-/// A load as a variable tells it.
+/// Formats a load as a variable.
 pub(super) fn set_load(load: &Body) -> Vec<VariableValue> {
     let numbers = std::iter::once(load.mass).chain(load.centre.iter().copied());
     numbers.map(VariableValue::Number).collect()

@@ -1,4 +1,4 @@
-//! What the seven-joint arm is built like.
+//! Parameters of the seven-joint arm.
 //!
 //! Sources: D1001 is Barrett's *WAM Arm User's Manual* D1001 AH.00 (2008), tables 4 to 6; libbarrett and owd are the
 //! public drivers of that name. They count in radians, which end in [`parameters`].

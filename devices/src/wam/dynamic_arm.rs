@@ -83,12 +83,13 @@ impl DynamicArm {
         self.simulator.safety_mut()
     }
 
-    /// Pushes the tool with a force in the base frame, N, until told otherwise.
+    /// Pushes the tool with a force in the base frame, N, until the next call.
     pub fn push(&mut self, force: [f64; 3]) {
         self.simulator.push(Vector3::from(force));
     }
 
-    /// As [`ArmControl::set_control_modes`]; [`Mode::ForceIdle`] presses the buttons of the pendant if need be.
+    /// Sets modes like [`ArmControl::set_control_modes`]; [`Mode::ForceIdle`] presses the buttons of the pendant if
+    /// needed.
     pub fn set_control_modes(&mut self, axes: Axes<'_>, modes: &[Mode]) -> Result<(), DeviceError> {
         self.poll_safety_module();
         self.control.set_control_modes(axes, modes)?;
@@ -115,7 +116,7 @@ impl DerefMut for DynamicArm {
     }
 }
 
-/// The machine has motors, and nothing else of what a puck tells.
+/// The machine has motors, and none of the other properties of a puck.
 fn no_pucks<T>(what: &str) -> Result<T, DeviceError> {
     Err(DeviceError::NotSupported {
         what: format!("{what}, which the simulated machine has not,"),

@@ -1,4 +1,4 @@
-//! What can be changed of the simulated machine while it runs, by name.
+//! Variables of the simulated machine that can be changed while it runs, by name.
 
 use super::AXES;
 use super::arm_variables::{get_load, no_variable, numbers, set_load};

@@ -1,8 +1,8 @@
 //! The seven-joint WAM arm.
 //!
-//! [`WamModel`] holds what the arm is built like. [`SimulatedWam`] and [`DynamicWam`] need no hardware: the first moves exactly
-//! as it is told, the second has masses, friction, motors and a controller. [`can::CanWam`] is a real arm on its bus. The
-//! last two have the same control: [`ArmControl`].
+//! [`WamModel`] holds the parameters of the arm. [`SimulatedWam`] and [`DynamicWam`] need no hardware: the first
+//! moves exactly as commanded, the second has masses, friction, motors and a controller. [`can::CanWam`] is a real
+//! arm on its bus. The last two have the same control: [`ArmControl`].
 
 mod arm_control;
 mod arm_device;

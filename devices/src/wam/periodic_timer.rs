@@ -3,7 +3,7 @@
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// Of machines that keep up with time. After a longer pause of the machine the loop goes on from where it was.
+/// Of machines that keep up with time. After a longer pause of the machine the loop continues from where it was.
 const MAX_CATCH_UP: Duration = Duration::from_millis(100);
 /// A period of 0 would never end.
 const MIN_PERIOD: Duration = Duration::from_micros(100);
@@ -14,7 +14,7 @@ pub(crate) struct PeriodicTimer {
     period: Duration,
     deadline: Instant,
     late: u64,
-    /// The most time that is made up for.
+    /// Maximum time that is caught up with.
     max_catch_up: Duration,
 }
 
@@ -29,7 +29,7 @@ impl PeriodicTimer {
         }
     }
 
-    /// Makes up for nothing: for who tells a machine one small step after the other, none of which may come in a hurry.
+    /// Disables catching up: for callers that command a machine in small steps, none of which may come too early.
     pub(crate) fn without_catch_up(period: Duration) -> Self {
         Self {
             max_catch_up: Duration::ZERO,
@@ -64,7 +64,7 @@ impl PeriodicTimer {
         self.deadline += self.period;
     }
 
-    /// How many periods began more than a period late.
+    /// Returns the number of periods that began more than a period late.
     pub(super) fn late(&self) -> u64 {
         self.late
     }

@@ -1,4 +1,4 @@
-//! A WAM arm without the arm: the model, which is given the time that has passed whenever somebody asks.
+//! A WAM arm without hardware: a model that is advanced by the elapsed time at each call.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
@@ -17,13 +17,13 @@ use crate::{
 ///
 /// * It starts at rest in the folded home pose, in position mode, with the limits, speeds and accelerations of
 ///   [`parameters`]. Encoders are exact, and a move ends exactly at its target.
-/// * Whoever calls it first lets the [`AxesModel`] have the time that has passed, which is exact however long that is: so an
-///   arm that nobody asks takes no processor. All axes carry the wall-clock time of the call.
+/// * Each call first advances the [`AxesModel`] by the elapsed time, which is exact for any duration: so an idle arm
+///   takes no processor time. All axes carry the wall-clock time of the call.
 /// * Calls wait for nothing longer than another call, some microseconds.
 /// * It has all modes but mixed, and refuses others by name. Nothing times out: a velocity or a torque stays in
 ///   force until the next command. Pushed by torque, current or duty cycle an axis is a mass with friction: there is
 ///   no gravity and no coupling.
-/// * Gains, impedance, limits of amplifiers and motors are kept and told, and change nothing.
+/// * Gains, impedance, limits of amplifiers and motors are stored and reported, and change nothing.
 ///
 /// ```
 /// use yarp_devices::wam::SimulatedWam;
@@ -70,7 +70,7 @@ impl SimulatedWam {
         }
     }
 
-    /// The arm as it is now.
+    /// Returns the present arm.
     pub(super) fn arm(&self) -> MutexGuard<'_, Arm> {
         // The model is whole between any two calls, so a panic elsewhere does not spoil it.
         let mut arm = self.arm.lock().unwrap_or_else(PoisonError::into_inner);

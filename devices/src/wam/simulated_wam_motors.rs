@@ -1,4 +1,4 @@
-//! The interfaces of the simulated arm that concern its motors and what is beside the motion.
+//! The interfaces of the simulated arm for its motors, and further ones.
 
 use std::thread;
 use std::time::{Duration, Instant};
@@ -169,7 +169,7 @@ impl ControlCalibration for SimulatedWam {
         Ok(())
     }
 
-    /// A calibration of exact encoders is over at once, so there is none to end.
+    /// A calibration of exact encoders ends at once, so there is none to abort.
     fn abort_calibration(&self) -> Result<(), DeviceError> {
         Ok(())
     }
@@ -192,7 +192,7 @@ impl RemoteCalibrator for SimulatedWam {
         self.arm().model.home(axes)
     }
 
-    /// Home is also where the arm is parked.
+    /// Home is also the parking position.
     fn park(&self, axes: Axes<'_>) -> Result<(), DeviceError> {
         self.home(axes)
     }

@@ -11,7 +11,7 @@ pub const MAGNETIC_COUNTS: u32 = 4096;
 /// Counts per turn of the optical wheel the first arms had (thesis, section 3.1).
 pub const OPTICAL_COUNTS: u32 = 40_960;
 
-/// How the motors turn with the joints, and how finely that is measured.
+/// Ratios between motors and joints, and the resolution of the encoders.
 ///
 /// `motors = J2M · joints` in rad. Joints 2 and 3 share two motors through a differential, and so do 5 and 6.
 /// Rounding is libbarrett's: counts are rounded down.
@@ -52,12 +52,12 @@ impl<const N: usize> Transmission<N> {
         self.motors.get((motor, joint)).copied().unwrap_or_default()
     }
 
-    /// Whether a motor turns a joint, alone or with another.
+    /// Returns whether a motor turns a joint, alone or with another.
     pub fn turns(&self, motor: usize, joint: usize) -> bool {
         self.ratio(motor, joint) != 0.0
     }
 
-    /// What the encoders count at these joint angles; saturates at 32 bits.
+    /// Returns the encoder counts at these joint angles; saturates at 32 bits.
     pub fn counts(&self, joints: &Joints<N>) -> [i32; N] {
         let motors = self.motors_of(joints);
         std::array::from_fn(|motor| {
@@ -70,7 +70,7 @@ impl<const N: usize> Transmission<N> {
         self.joints * self.motors_at(counts)
     }
 
-    /// How far the motors turn when the joints turn so far, rad.
+    /// Converts joint rotations to motor rotations, rad.
     pub fn motors_of(&self, joints: &Joints<N>) -> Joints<N> {
         self.motors * joints
     }
@@ -90,7 +90,7 @@ impl<const N: usize> Transmission<N> {
         self.motors.transpose() * motor_torques
     }
 
-    /// What one count of any motor can come to at each joint, rad: how finely the joints are measured.
+    /// Returns the largest change of each joint for one count of any motor, rad: the resolution of the joints.
     pub fn resolution(&self) -> Joints<N> {
         let step = TAU / f64::from(self.counts_per_turn);
         Joints::from_fn(|joint, _| self.joints.row(joint).abs().sum() * step)

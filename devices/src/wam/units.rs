@@ -1,4 +1,4 @@
-//! The border between the degrees of the device interfaces and the radians of the mathematics behind them.
+//! Conversion between the degrees of the device interfaces and the radians of the mathematics behind them.
 //!
 //! Places stay metres on both sides; velocities and accelerations are turned like angles.
 

@@ -13,7 +13,7 @@ use crate::simulation::Gains;
 
 use std::f64::consts::FRAC_PI_2;
 
-/// What a WAM arm with `N` joints is built like: 4 or 7, in metres, kilograms, **radians** and newton metres.
+/// Parameters of a WAM arm with `N` joints: 4 or 7, in metres, kilograms, **radians** and newton metres.
 ///
 /// All of it is open to change; [`WamModel::<7>::new`] and [`WamModel::<4>::new`] are Barrett's arms without a hand.
 ///
@@ -55,21 +55,21 @@ pub struct WamModel<const N: usize> {
 /// Friction of a joint, its cables and its motor together.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Friction {
-    /// What it takes to get the joint moving, and to keep it moving, Nm.
+    /// Torque that gets the joint moving, and keeps it moving, Nm.
     pub coulomb: f64,
-    /// What it takes more per speed, Nm s/rad.
+    /// Additional torque per speed, Nm s/rad.
     pub viscous: f64,
 }
 
-/// What a motor makes of its commands.
+/// Response of a motor to its commands.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Motor {
     /// Units of command per Nm of the motor (puck property `IPNM`).
     pub units_per_newton_metre: f64,
     /// The largest command it follows, in units (puck property `MT`).
     pub limit: f64,
-    /// How hard its shorted windings brake, Nm s/rad of the motor. Not published: chosen so that an arm
-    /// without power sinks gently.
+    /// Braking of its shorted windings, Nm s/rad of the motor. Not published: chosen so that an arm without power
+    /// sinks gently.
     pub braking: f64,
 }
 
@@ -135,7 +135,7 @@ const MOTORS: [Motor; 7] = [
     motor(17474.0, 1600.0, 0.002),
 ];
 
-/// LB `wam7w.conf`: the position loop and the largest torque it may ask for.
+/// LB `wam7w.conf`: the position loop and its maximum torque.
 const GAINS: [Gains; 7] = [
     Gains::new(900.0, 2.5, 10.0, 25.0),
     Gains::new(2500.0, 5.0, 20.0, 20.0),
@@ -269,7 +269,7 @@ impl Default for WamModel<4> {
 }
 
 impl<const N: usize> WamModel<N> {
-    /// The same arm with another tool, given by its frame in the frame of the last link.
+    /// Returns the same arm with another tool, given by its frame in the frame of the last link.
     ///
     /// For seven joints that frame is the tool plate.
     pub fn with_tool(mut self, tool: Pose) -> Self {

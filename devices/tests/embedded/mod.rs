@@ -39,7 +39,7 @@ pub(crate) fn driver_options(link_mode: LinkMode) -> DriverOptions {
     }
 }
 
-/// As [`driver_options`].
+/// Returns the node's options, with the timeouts of [`driver_options`].
 pub(crate) fn node_options(link_mode: LinkMode) -> NodeOptions {
     NodeOptions {
         timeout: Duration::from_secs(20),
@@ -58,7 +58,7 @@ pub(crate) fn ideal_arm() -> Arc<SimulatedWam> {
     Arc::new(SimulatedWam::new())
 }
 
-/// Who listens.
+/// The end that listens.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Listens {
     Driver,
@@ -84,7 +84,7 @@ pub(crate) fn connected(arm: Arc<dyn Device>, listens: Listens) -> (EmbeddedWam,
     (driver, node)
 }
 
-/// Waits until there is a connection and the arm stands.
+/// Waits until there is a connection and the arm is at rest.
 pub(crate) fn at_rest(driver: &EmbeddedWam) {
     eventually("an arm at rest", || {
         matches!(driver.motion_done(Axes::All), Ok(true))
@@ -97,7 +97,7 @@ pub(crate) fn place(arm: &dyn Encoders, joint: usize) -> f64 {
         .position
 }
 
-/// Closes a connection: in order, or with a reset.
+/// Closes a connection: orderly, or with a reset.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Cut {
     Fin,
@@ -129,7 +129,7 @@ pub(crate) fn connect(places: LinkAddresses) -> (TcpStream, TcpStream) {
     (connect(places.arm), connect(places.packets))
 }
 
-/// The end of an embedded PC that does what a test tells it. Answers as an arm at home would.
+/// An embedded PC that a test controls. Answers as an arm at home would.
 pub(crate) struct Peer {
     pub(crate) arm: TcpStream,
     pub(crate) packets: TcpStream,
@@ -147,7 +147,7 @@ impl Peer {
         }
     }
 
-    /// The next whole request; `None` if the driver has gone.
+    /// The next whole request; `None` if the driver has disconnected.
     pub(crate) fn request(&mut self) -> Option<Request> {
         loop {
             let next = self
@@ -166,9 +166,10 @@ impl Peer {
         }
     }
 
-    /// Reads so many bytes of a request that begins with `header`, answering all others; `None` if the driver has gone.
+    /// Reads so many bytes of a request that begins with `header`, answering all other requests; `None` if the driver
+    /// has disconnected.
     ///
-    /// The bytes must tell it from the others that the driver sends.
+    /// The bytes must distinguish it from the driver's other requests.
     pub(crate) fn part_of(&mut self, header: &[u8; 3], length: usize) -> Option<()> {
         loop {
             let mut matched = 0;
@@ -190,7 +191,7 @@ impl Peer {
         }
     }
 
-    /// What an arm that stands at home answers.
+    /// Returns the reply of an arm at home.
     pub(crate) fn reply(request: &Request) -> Reply {
         match request {
             Request::Joints => Reply::Joints(HOME.to_vec()),
@@ -199,7 +200,7 @@ impl Peer {
         }
     }
 
-    /// Answers, and tells the end of a move at once.
+    /// Answers, and reports the end of a move at once.
     pub(crate) fn answer(&mut self, request: &Request) -> std::io::Result<()> {
         self.arm.write_all(&Self::reply(request).to_bytes())?;
         if *request == Request::TellFinish {

@@ -15,7 +15,7 @@ use yarp_devices::hand::{BarrettHand, HandOptions};
 /// Long enough for a machine whose CPU is taken away for seconds.
 pub const TEST_TIMEOUT: Duration = Duration::from_secs(60);
 
-/// How much faster than a real hand the simulated one is.
+/// Speed-up of the simulated hand over a real one.
 pub const SPEED: f64 = 20.0;
 
 /// A hand whose line has a lasting path.

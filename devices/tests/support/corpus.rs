@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-/// Where the files of a target are.
+/// Returns the folder with the files of a target.
 pub fn folder(target: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("fuzz/corpus")

@@ -1,5 +1,4 @@
-//! What every fuzz target does with its bytes: feed them to a parser of messages or pictures,
-//! and check what must hold whatever they are.
+//! Feeds the bytes of each fuzz target to a parser of messages or images, and checks what must hold for any bytes.
 //!
 //! The same functions are replayed over the committed corpora by `tests/fuzz_corpus.rs`.
 
@@ -32,7 +31,7 @@ pub const TARGETS: [Target; 9] = [
 
 const DIALECTS: [WireVersion; 2] = [WireVersion::V3, WireVersion::V4];
 
-/// Questions, orders and replies, in binary: what is understood prints, and is understood again.
+/// Queries, commands and replies, in binary: a parsed message can be printed, and parsed again.
 pub fn request(data: &[u8]) {
     let bytes = Bytes::copy_from_slice(data);
     for wire_version in DIALECTS {
@@ -51,7 +50,7 @@ pub fn request(data: &[u8]) {
     }
 }
 
-/// Words of ours about numbered motions, and what is said of them.
+/// Our own messages about numbered motions, and their replies.
 pub fn numbered(data: &[u8]) {
     for wire_version in DIALECTS {
         let Ok(bottle) =
@@ -123,7 +122,7 @@ pub fn state(data: &[u8]) {
     }
 }
 
-/// Requests to cameras and replies, of both wire versions: what is understood is said again the same way.
+/// Requests to cameras and replies, of both wire versions: a parsed message is encoded the same way.
 pub fn camera(data: &[u8]) {
     let bytes = Bytes::copy_from_slice(data);
     for wire_version in DIALECTS {
@@ -160,7 +159,7 @@ pub fn camera(data: &[u8]) {
     }
 }
 
-/// Requests to hands and replies: what is understood is said again the same way.
+/// Requests to hands and replies: a parsed message is encoded the same way.
 pub fn hand(data: &[u8]) {
     let bytes = Bytes::copy_from_slice(data);
     for wire_version in DIALECTS {
@@ -193,7 +192,7 @@ pub fn hand(data: &[u8]) {
     }
 }
 
-/// Requests to controllers of a tool, and events: what is understood is said again the same way.
+/// Requests to controllers of a tool, and events: a parsed message is encoded the same way.
 pub fn tool(data: &[u8]) {
     let bytes = Bytes::copy_from_slice(data);
     for wire_version in DIALECTS {
@@ -213,7 +212,7 @@ pub fn tool(data: &[u8]) {
     }
 }
 
-/// Files of pictures and films.
+/// Image files and films.
 pub fn picture(data: &[u8]) {
     let _ = yarp_devices::image::image_file::decode(data);
     for place in yarp_devices::camera::mjpeg_splitter::images(data) {

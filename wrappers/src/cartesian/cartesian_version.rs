@@ -2,7 +2,8 @@
 
 use yarp_wire::Value;
 
-/// Which clients a controller is for: the words are the same, but each client insists on the version that it knows.
+/// Version of the protocol that a controller serves: the words are the same, but each client insists on the version
+/// that it knows.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub enum CartesianVersion {
     /// Of icub-main 1.x.
@@ -15,7 +16,7 @@ pub enum CartesianVersion {
 impl CartesianVersion {
     const ALL: [Self; 2] = [Self::V1_1, Self::V2_0];
 
-    /// As people write it.
+    /// Returns the version as people write it.
     pub fn text(self) -> &'static str {
         match self {
             Self::V1_1 => "1.1",
@@ -23,12 +24,12 @@ impl CartesianVersion {
         }
     }
 
-    /// What somebody wrote.
+    /// Parses the version as people write it.
     pub fn from_text(text: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|version| version.text() == text)
     }
 
-    /// As servers say it: a number in the older one, a word in the later.
+    /// Returns the version as servers send it: a number in the older one, a word in the later.
     pub(super) fn value(self) -> Value {
         match self {
             Self::V1_1 => 1.1.into(),

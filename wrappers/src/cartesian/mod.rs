@@ -1,11 +1,11 @@
 //! Tools that move in space, on the ports of iCub's cartesian controller.
 //!
-//! | folder | what it is about |
+//! | folder | content |
 //! | --- | --- |
-//! | `messages` | what is said |
+//! | `messages` | messages |
 //! | `server` | a controller on ports |
 //! | `client` | a controller in another program |
-//! | `cartesian_version` | what the two say which protocol this is |
+//! | `cartesian_version` | the protocol versions |
 //!
 //! **Invariant:** a malformed message is answered `[nack]`, or dropped where nobody waits for an answer, and never moves
 //! anything.

@@ -1,4 +1,4 @@
-//! Why a server or a client could not be opened.
+//! Errors of opening a server or a client.
 
 use std::error::Error;
 use std::io;
@@ -9,11 +9,11 @@ use yarp_ports::PortError;
 
 use super::messages::ProtocolVersion;
 
-/// Why a device, served or remote, could not be opened. Nothing is left registered then.
+/// Reasons why a device, served or remote, could not be opened. Nothing is left registered then.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum OpenError {
-    /// Somebody has a port of this name already, and it answers.
+    /// Another process has a port of this name already, and it answers.
     #[error("there is a port {name} already; choose another name, or end its program")]
     NameTaken {
         /// The port.
@@ -24,14 +24,14 @@ pub enum OpenError {
     Port {
         /// The port.
         name: String,
-        /// Why not.
+        /// The cause.
         #[source]
         source: PortError,
     },
     /// The remote device is not there.
     #[error("there is no port {name}; is its device running?")]
     NoRemote {
-        /// The port looked for.
+        /// The missing port.
         name: String,
     },
     /// Two ports could not be connected.
@@ -43,14 +43,16 @@ pub enum OpenError {
         to: String,
         /// The carrier.
         carrier: String,
-        /// Why not.
+        /// The cause.
         #[source]
         source: Box<dyn Error + Send + Sync>,
     },
-    /// The remote device speaks another protocol.
-    #[error("{peer} speaks protocol {found}, expected {expected}; is it of another generation?")]
+    /// The remote device uses another protocol.
+    #[error(
+        "{peer} speaks protocol {found}, expected {expected}; does it have another wire version?"
+    )]
     ProtocolVersion {
-        /// The port asked.
+        /// The port.
         peer: String,
         /// Ours.
         expected: ProtocolVersion,
@@ -58,15 +60,15 @@ pub enum OpenError {
         found: ProtocolVersion,
     },
     /// The remote device did not answer as it should.
-    #[error("the device did not say {question}")]
+    #[error("the device did not report {question}")]
     Query {
-        /// What it was asked.
+        /// The query.
         question: &'static str,
-        /// Why it is not known.
+        /// The reason why it is not known.
         #[source]
         source: DeviceError,
     },
-    /// The device lacks what it is to be served as.
+    /// The device lacks the interfaces to be served.
     #[error("the device has no {0}")]
     NoInterface(&'static str),
     /// A device without axes is no control board.
@@ -75,7 +77,7 @@ pub enum OpenError {
     /// The period is out of range.
     #[error("period {asked:?} is out of range, expected {min:?} to {max:?}")]
     Period {
-        /// The period asked for.
+        /// The requested period.
         asked: Duration,
         /// The shortest.
         min: Duration,

@@ -11,11 +11,11 @@
 //!   /local/async:i    ◀── ends of moves ──────   /wam/async:o      once each; ours alone, stock has no such port
 //! ```
 //!
-//! | folder | what it is about |
+//! | folder | content |
 //! | --- | --- |
 //! | [`messages`] | the words and bytes, shared by both sides |
 //! | `server` | [`ControlBoardServer`]: a device on ports |
-//! | `client` | [`RemoteControlBoard`]: the device at the other end |
+//! | `client` | [`RemoteControlBoard`]: the remote device |
 
 mod client;
 mod error;

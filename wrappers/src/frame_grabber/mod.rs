@@ -7,11 +7,11 @@
 //!                                                   /grabber        takes questions, too, as in stock
 //! ```
 //!
-//! | folder | what it is about |
+//! | folder | content |
 //! | --- | --- |
 //! | [`messages`] | the words and bytes, shared by both sides |
 //! | `server` | [`FrameGrabberServer`]: a camera on ports |
-//! | `client` | [`RemoteFrameGrabber`]: the camera at the other end |
+//! | `client` | [`RemoteFrameGrabber`]: the remote camera |
 
 mod client;
 pub mod messages;

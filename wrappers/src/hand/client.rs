@@ -15,10 +15,10 @@ use crate::OpenError;
 use crate::open_ports::{close_all, open};
 use crate::reconnect::{PORT_CLOSE_TIMEOUT, RPC_CARRIER, check_exists, connect_supervised};
 
-/// How often it is looked whether a call has ended that was aborted.
+/// Interval between checks whether an aborted call has ended.
 const POLL_INTERVAL: Duration = Duration::from_millis(5);
 
-/// How a [`RemoteHand`] is opened.
+/// Options of a [`RemoteHand`].
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct RemoteHandOptions {
@@ -41,13 +41,13 @@ impl RemoteHandOptions {
         }
     }
 
-    /// How long each step of opening, and whether the hand is connected, is waited for.
+    /// Sets the timeout of each step of opening, and of the query whether the hand is connected.
     pub fn rpc_timeout(mut self, rpc_timeout: Duration) -> Self {
         self.rpc_timeout = rpc_timeout;
         self
     }
 
-    /// How long a call that may move the hand is waited for.
+    /// Sets the timeout of a call that may move the hand.
     pub fn motion_timeout(mut self, motion_timeout: Duration) -> Self {
         self.motion_timeout = motion_timeout;
         self
@@ -59,8 +59,8 @@ impl RemoteHandOptions {
 /// * Calls block until the motion has ended there, and never longer than [`RemoteHandOptions::motion_timeout`].
 /// * One call at a time: a second one from this program is refused as [`HandError::Busy`], one from another program by the
 ///   hand. [`abort`](Hand::abort) works at any time, over a connection of its own.
-/// * What the hand complains of is a [`HandError`] here too, of the same [`kind`](HandError::kind).
-/// * A connection that is lost fails the call under way, which may have been carried out; it is made again when the
+/// * An error of the hand is a [`HandError`] here too, of the same [`kind`](HandError::kind).
+/// * A lost connection fails the call in progress, which may have been executed; it is connected again when the
 ///   server is back. Nothing is sent again by itself.
 ///
 /// Dropping it closes its ports and unregisters their names; that takes a few seconds at the most.
@@ -84,12 +84,12 @@ pub struct RemoteHand {
     calling: Mutex<ActiveCall>,
 }
 
-/// Whether a call is under way.
+/// The call in progress.
 #[derive(Debug, Default)]
 struct ActiveCall {
-    /// How many there have been.
+    /// Number of calls so far.
     count: u64,
-    /// What the one under way asks for.
+    /// The request in progress.
     doing: Option<String>,
 }
 
@@ -163,7 +163,7 @@ impl Link {
         }
     }
 
-    /// Asks or orders, and waits for the answer.
+    /// Sends a request, and waits for the reply.
     async fn ask(
         &self,
         port: &Port,
@@ -264,7 +264,7 @@ impl RemoteHand {
         })
     }
 
-    /// A call that is answered at once, whatever the hand does.
+    /// Sends a call that is answered at once, also during a motion.
     fn call_beside(&self, request: Request, rpc_timeout: Duration) -> Result<Answer, DeviceError> {
         let link = Arc::clone(self.link());
         blocking::wait(async move {
@@ -288,7 +288,7 @@ impl RemoteHand {
 
 impl Drop for RemoteHand {
     fn drop(&mut self) {
-        // Calls borrow the hand, so none is under way.
+        // Calls borrow the hand, so none is in progress.
         if let Some(link) = self.link.take().and_then(Arc::into_inner) {
             blocking::wait(link.close());
         }

@@ -1,16 +1,17 @@
 //! A hand as a whole: [`Hand`](yarp_devices::Hand) and [`Grasp`](yarp_devices::Grasp) over the network.
 //!
-//! | file | what it is about |
+//! | file | content |
 //! | --- | --- |
-//! | [`messages`] | what is said: words that a person can type |
+//! | [`messages`] | messages: words that a person can type |
 //! | `server` | [`HandServer`]: a hand on a port |
-//! | `client` | [`RemoteHand`]: that hand again in another program |
+//! | `client` | [`RemoteHand`]: the remote hand |
 //!
 //! No stock interface is like it (section 5.5.1 of the thesis), so the words are ours. Its motors are also a control board,
 //! which stock's tools can move: that is [`ControlBoardServer`](crate::ControlBoardServer)'s.
 //!
-//! One port, `NAME/hand/rpc:i`. A call lasts as long as its motion, and only its own connection waits for it. So an abort
-//! comes over another connection, and ends every motion that was asked for before it, also one that has not begun.
+//! One port, `NAME/hand/rpc:i`. A call lasts as long as its motion, and only its own connection waits for it. So an
+//! abort comes over another connection, and ends every motion that was requested before it, also one that has not
+//! begun.
 
 mod client;
 pub mod messages;

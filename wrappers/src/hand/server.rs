@@ -18,19 +18,19 @@ use super::port_of;
 use crate::OpenError;
 use crate::open_ports::open;
 
-/// How long the end of motions is waited for when the hand is stopped.
+/// Timeout of the end of motions when the hand is stopped.
 const STOP_TIMEOUT: Duration = Duration::from_secs(30);
-/// How often it is looked whether they have ended.
+/// Interval between checks whether they have ended.
 const POLL_INTERVAL: Duration = Duration::from_millis(5);
 
 /// A hand, served as a whole on `NAME/hand/rpc:i`.
 ///
 /// * Each call lasts as long as its motion; only the connection that it came over waits. Two motions at once are for the
 ///   device to judge: a hand refuses the second.
-/// * An abort ends every motion that was asked for before it, and is answered when they have ended. It is for anybody, and
-///   comes over another connection than the motion.
+/// * An abort ends every motion that was requested before it, and is answered when they have ended. It is for
+///   anybody, and comes over another connection than the motion.
 /// * A client that vanishes leaves its motion to end by itself, as a hand's motions do; closing the server stops it.
-/// * What makes no sense is answered `[fail] malformed` with words, and moves nothing.
+/// * Invalid requests are answered `[fail] malformed` with words, and move nothing.
 ///
 /// ```no_run
 /// # async fn example() -> Result<(), Box<dyn std::error::Error>> {
@@ -48,7 +48,7 @@ const POLL_INTERVAL: Duration = Duration::from_millis(5);
 #[derive(Debug)]
 pub struct HandServer {
     running: Option<Running>,
-    /// Where the port lives, for closing it from anywhere.
+    /// Runtime of the port, for closing it from anywhere.
     runtime: Handle,
 }
 
@@ -94,7 +94,7 @@ impl HandServer {
         })
     }
 
-    /// Stops motions under way, closes the port and unregisters its name. The hand itself goes on.
+    /// Stops motions in progress, closes the port and unregisters its name. The hand itself continues.
     ///
     /// Takes a few seconds at the most, unless the hand cannot be stopped.
     pub async fn close(mut self) {
@@ -105,7 +105,7 @@ impl HandServer {
 }
 
 impl Drop for HandServer {
-    /// As [`close`](Self::close), in the background, as far as the runtime still runs.
+    /// Closes like [`close`](Self::close), in the background, as far as the runtime still runs.
     fn drop(&mut self) {
         if let Some(running) = self.running.take() {
             self.runtime.spawn(running.close());
@@ -127,7 +127,7 @@ impl Running {
     }
 }
 
-/// The hand behind the port, and what is asked of it.
+/// The hand behind the port, and its requests.
 struct ServedHand {
     device: Arc<dyn Device>,
     under_way: Mutex<RunningMotions>,
@@ -142,7 +142,7 @@ struct RunningMotions {
     waiting: BTreeMap<u64, bool>,
 }
 
-/// One of them; it is over when this is dropped.
+/// One of them; it ends when this is dropped.
 struct RunningMotion {
     served: Arc<ServedHand>,
     number: u64,
@@ -161,7 +161,7 @@ impl ServedHand {
             .unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What a message is answered with, once that has been done.
+    /// Executes a message and returns the reply.
     fn answer(self: &Arc<Self>, received: &Received) -> PortAnswer {
         let message = received.bottle().unwrap_or_default();
         let from = Arc::clone(&received.from);
@@ -235,14 +235,14 @@ impl ServedHand {
         })
     }
 
-    /// Whether a request that lasts shall not begin any more.
+    /// Returns whether a pending motion has been aborted.
     fn is_called_off(&self, lasting: Option<&RunningMotion>) -> bool {
         let Some(lasting) = lasting else { return false };
         let aborted = self.under_way().waiting.get(&lasting.number) == Some(&true);
         aborted || self.ending.load(Ordering::Acquire)
     }
 
-    /// Stops the hand, and all that was asked for before; what comes later is carried out.
+    /// Stops the hand, and all earlier requests; later ones are executed.
     fn stop(&self) -> Result<(), Refused> {
         let until = {
             let mut under_way = self.under_way();

@@ -1,4 +1,4 @@
-//! Calls of Thrift services as YARP puts them on the wire, which is what the wrappers of 4.0 speak.
+//! Calls of Thrift services as YARP encodes them, which the wrappers of 4.0 use.
 //!
 //! ```text
 //! call    int32 256  int32 n   string NAME  arguments..
@@ -7,7 +7,7 @@
 //!         [fail]                                                     the call was not understood
 //! ```
 //!
-//! The bytes are those of a bottle, with lists that are specialised only where the type says so. So calls and
+//! The bytes are those of a bottle, with lists that are specialised only where the type requires it. So calls and
 //! replies are read as bottles and written as [`Message`]s.
 //!
 //! Source: `WireWriter.cpp`, `ReturnValue.cpp` and the generated code of YARP 4.0; recorded traffic of 4.0.0.

@@ -1,4 +1,4 @@
-//! How a call of 4.0 went.
+//! Result of a call of 4.0.
 
 use yarp_wire::{Bottle, Value, Vocab32};
 
@@ -15,7 +15,7 @@ pub enum ReturnCode {
     NotImplemented,
     /// `[err3]`: the answer was lost on the network.
     Communication,
-    /// `[err4]`: nobody should call this any more.
+    /// `[err4]`: deprecated.
     Deprecated,
     /// `[err5]`: the device refused.
     Failed,
@@ -23,7 +23,7 @@ pub enum ReturnCode {
     NotReady,
     /// `[err7]`: a value is out of range.
     OutOfBounds,
-    /// Any other word, as it came.
+    /// Any other word, as received.
     Other(Vocab32),
 }
 
@@ -49,7 +49,7 @@ impl ReturnCode {
         }
     }
 
-    /// The code that a word stands for.
+    /// Returns the code of a word.
     pub fn from_word(word: Vocab32) -> Self {
         WORDS
             .iter()
@@ -71,7 +71,8 @@ impl ReturnCode {
 
     /// Reads a reply: the code and the results.
     ///
-    /// `None` for what begins with no word; a call that was not understood is [`ReturnCode::Other`] with `[fail]`.
+    /// `None` if it does not begin with a word; a call that was not understood is [`ReturnCode::Other`] with
+    /// `[fail]`.
     pub fn read(reply: Bottle) -> Option<(Self, Vec<Value>)> {
         let mut items = reply.into_items().into_iter();
         let word = match items.next()? {

@@ -5,7 +5,7 @@ use yarp_wire::WireVersion;
 use yarp_wire::bottle::DecodeError;
 use yarp_wire::message::{ReadObject, WireObject};
 
-/// The call that asks for it.
+/// The call that queries it.
 pub const GET_VERSION: &str = "getRemoteProtocolVersion";
 
 /// The answer to [`GET_VERSION`]: the version of the protocol, and of YARP.
@@ -14,7 +14,7 @@ pub const GET_VERSION: &str = "getRemoteProtocolVersion";
 /// int32 256   int32 1   int16 protocol   int16 major   int16 minor   int16 patch
 /// ```
 ///
-/// It is laid out as no other message: no codes stand before the numbers. Source: bytes written by 4.0.0.
+/// Its layout is unique: no codes precede the numbers. Source: bytes written by 4.0.0.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub struct ServiceVersion {
     /// Must be the same on both sides.
@@ -27,7 +27,7 @@ const LIST: i32 = 256;
 const LENGTH: usize = 16;
 
 impl ServiceVersion {
-    /// What the servers of YARP 4.0.0 say.
+    /// Version of the servers of YARP 4.0.0.
     pub const SERVED: Self = Self {
         protocol: 0,
         yarp: [4, 0, 0],
@@ -42,7 +42,7 @@ impl WireObject for ServiceVersion {
         self.yarp.iter().for_each(|number| out.put_i16_le(*number));
     }
 
-    /// As numbers: the binary form is no bottle, so there is none to print.
+    /// Writes numbers: the binary form is no bottle, so there is none to print.
     fn write_text(&self, out: &mut BytesMut) {
         let [major, minor, patch] = self.yarp;
         let line = format!("{} {major} {minor} {patch}\r\n", self.protocol);

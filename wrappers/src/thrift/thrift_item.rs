@@ -1,4 +1,4 @@
-//! What stands in a call or a reply.
+//! Items of a call or a reply.
 
 use bytes::{BufMut, BytesMut};
 use yarp_wire::float_vector::{float64_list, put_float64s};
@@ -120,7 +120,7 @@ fn put_integers(out: &mut BytesMut, count: usize) {
 }
 
 impl From<Item> for Value {
-    /// As YARP 3.x says the same: enumerations are vocabs there, truth values 0 or 1.
+    /// Converts to the form of YARP 3.x: enumerations are vocabs there, truth values 0 or 1.
     fn from(item: Item) -> Self {
         let word = |code: u32| Value::from(Vocab32::from_code(code));
         match item {

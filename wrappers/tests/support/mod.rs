@@ -1,4 +1,4 @@
-//! A network with nobody on it yet.
+//! A network without ports.
 #![allow(dead_code, reason = "each test file uses a part of it")]
 
 use std::sync::Arc;
@@ -88,7 +88,7 @@ impl Stage {
         self.runtime.block_on(opening).expect("it opens")
     }
 
-    /// The names that somebody registered, sorted.
+    /// Returns the registered names, sorted.
     pub(crate) fn registered(&self) -> Vec<String> {
         let all = self.names.registrations().into_iter();
         let names = all.map(|registration| registration.name);

@@ -4,8 +4,8 @@
 const TORQUE_BITS: u32 = 14;
 const POSITION_BITS: u32 = 22;
 
-/// Four torques as the 56 bits behind the property number: big-endian, no padding. What does not fit into 14 bits
-/// is cut to -8192 or 8191.
+/// Packs four torques into the 56 bits behind the property number: big-endian, no padding. Values that do not fit
+/// into 14 bits are clipped to -8192 or 8191.
 pub fn pack_torques(torques: [i16; 4]) -> [u8; 7] {
     let most = (1 << (TORQUE_BITS - 1)) - 1;
     let bits = torques.iter().fold(0_u64, |bits, &torque| {
@@ -34,7 +34,7 @@ pub fn pack_position(counts: i32) -> [u8; 3] {
     [high, middle, low]
 }
 
-/// The position of three bytes; the upper two bits of the first are nobody's.
+/// Reads a position of three bytes; the upper two bits of the first are unused.
 pub fn unpack_position([high, middle, low]: [u8; 3]) -> i32 {
     sign_extended(u32::from_be_bytes([0, high, middle, low]), POSITION_BITS)
 }

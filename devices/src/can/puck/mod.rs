@@ -3,11 +3,11 @@
 //! After Barrett's support wiki (`WAM/CANbusSpecifications`), the user's manual D1001 (pages 47 and 48) and
 //! libbarrett (`products/puck.h`, `detail/puck-inl.h`, `puck_group.h`, `property_list.cpp`).
 //!
-//! * [`Address`], [`Node`], [`Group`]: who speaks to whom, in the identifier.
-//! * [`PuckProperty`]: what can be asked and set, by number.
-//! * [`PuckMessage`]: what a frame says; [`PuckMessage::read`] takes any bytes.
+//! * [`Address`], [`Node`], [`Group`]: sender and receiver, in the identifier.
+//! * [`PuckProperty`]: properties that can be read and set, by number.
+//! * [`PuckMessage`]: the content of a frame; [`PuckMessage::read`] takes any bytes.
 //! * [`pack_torques`], [`pack_position`]: numbers of 14 and 22 bits.
-//! * [`Pendant`]: what the display of the safety module shows.
+//! * [`Pendant`]: state of the display of the safety module.
 
 mod bit_packing;
 mod pendant_lamps;

@@ -1,4 +1,4 @@
-//! What the pendant of the safety module shows, [`PuckProperty::PEN`](super::PuckProperty::PEN) (Barrett's wiki,
+//! State of the pendant's lamps, [`PuckProperty::PEN`](super::PuckProperty::PEN) (Barrett's wiki,
 //! `SafetyFeaturesPrecautions`).
 
 use std::fmt;
@@ -8,7 +8,7 @@ const NAMES: [&str; 5] = ["velocity", "torque", "voltage", "heartbeat", "other"]
 /// The lamp of a module that is in emergency stop.
 const OTHER: usize = 4;
 
-/// How one of the five things stands that the module watches.
+/// State of one of the five quantities that the safety module monitors.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub enum Lamp {
     /// Green.
@@ -21,7 +21,7 @@ pub enum Lamp {
 }
 
 impl Lamp {
-    /// A group of three bits of which one is set; several or none count as a fault, since nobody promises safety.
+    /// A group of three bits of which one is set; several or none count as a fault, since safety is not confirmed.
     fn of_bits(bits: u32) -> Self {
         match bits & 7 {
             0b001 => Self::Safe,

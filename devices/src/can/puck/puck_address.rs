@@ -1,8 +1,8 @@
-//! Who speaks to whom: the identifier of a frame, `G FFFFF TTTTT`.
+//! Sender and receiver of a frame: the identifier, `G FFFFF TTTTT`.
 
 use std::fmt;
 
-/// The bit of an identifier that says that the receiver is a group.
+/// The bit of an identifier that marks the receiver as a group.
 const GROUP: u16 = 1 << 10;
 /// Nodes and groups have 5 bits.
 const MASK: u16 = 0x1F;
@@ -38,7 +38,7 @@ impl Node {
         self.0
     }
 
-    /// Which motor of the arm it drives, counted from 0, if the arm has so many.
+    /// Returns the motor of the arm that it drives, counted from 0, if the arm has so many.
     pub fn motor(self, motors: usize) -> Option<usize> {
         usize::from(self.0)
             .checked_sub(1)
@@ -72,7 +72,7 @@ impl Group {
     pub const POSITIONS: Self = Self(3);
     /// All pucks of the arm; those of pucks 1 to 4 after older documents.
     pub const ARM: Self = Self(4);
-    /// Answers to questions for properties, to the host.
+    /// Replies to queries for properties, to the host.
     pub const REPLIES: Self = Self(6);
 
     /// A group by its number; `None` above 31.
@@ -90,12 +90,12 @@ impl Group {
     }
 }
 
-/// Who shall hear a frame.
+/// The receiver of a frame.
 #[derive(Clone, Copy, Debug, Eq, Hash, PartialEq)]
 pub enum Target {
     /// One participant.
     Node(Node),
-    /// All who listen to a group.
+    /// All members of a group.
     Group(Group),
 }
 
@@ -114,14 +114,14 @@ impl From<Group> for Target {
 /// Sender and receiver of a frame.
 #[derive(Clone, Copy, Debug, Eq, Hash, PartialEq)]
 pub struct Address {
-    /// Who speaks.
+    /// The sender.
     pub from: Node,
-    /// Who shall hear it.
+    /// The receiver.
     pub to: Target,
 }
 
 impl Address {
-    /// From the host to somebody.
+    /// From the host to a receiver.
     pub fn from_host(to: impl Into<Target>) -> Self {
         Self {
             from: Node::HOST,
@@ -129,7 +129,7 @@ impl Address {
         }
     }
 
-    /// Whether this node speaks, or is spoken to alone.
+    /// Returns whether this node is the sender, or the only receiver.
     pub fn concerns(self, node: Node) -> bool {
         self.from == node || self.to == Target::Node(node)
     }
@@ -143,7 +143,7 @@ impl Address {
         }
     }
 
-    /// The address in an identifier; bits above the eleventh are nobody's.
+    /// Parses an identifier; bits above the eleventh are ignored.
     pub fn of_id(id: u16) -> Self {
         let low = (id & MASK) as u8;
         Self {

@@ -1,4 +1,4 @@
-//! What a frame says.
+//! The content of a frame.
 
 use super::{
     Address, Group, Node, PuckProperty, Target, pack_position, pack_torques, unpack_position,
@@ -6,22 +6,22 @@ use super::{
 };
 use crate::can::CanFrame;
 
-/// The bit beside a property's number that says that a value follows.
+/// The bit beside a property's number that marks a following value.
 const SET: u8 = 0x80;
 
 /// A frame as a value.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum PuckMessage {
-    /// A question for a property.
+    /// A query for a property.
     Get(PuckProperty),
-    /// A property and its value: an order if it goes to a puck, an answer if it goes to [`Group::REPLIES`].
+    /// A property and its value: a command if it goes to a puck, a reply if it goes to [`Group::REPLIES`].
     Value {
-        /// Which.
+        /// The property.
         property: PuckProperty,
         /// Its value; those of 16 bits are sign-extended.
         value: i32,
     },
-    /// Where a motor is, and the joint behind it if that has an encoder; to [`Group::POSITIONS`].
+    /// Position of a motor, and of the joint behind it if that has an encoder; to [`Group::POSITIONS`].
     Position {
         /// Counts of the motor, 22 bits with sign.
         motor: i32,
@@ -32,23 +32,23 @@ pub enum PuckMessage {
     Torques([i16; 4]),
 }
 
-/// Why a frame says nothing.
+/// Reasons why a frame is invalid.
 #[derive(Clone, Copy, Debug, Eq, PartialEq, thiserror::Error)]
 pub enum InvalidFrame {
     /// There is no message of this length to this receiver.
     #[error("{bytes} bytes, expected {expected}")]
     Length {
-        /// How long it is.
+        /// Its length.
         bytes: usize,
-        /// What there is.
+        /// Lengths that are valid.
         expected: &'static str,
     },
-    /// The bit that tells a value from a question does not fit the length.
-    #[error("{bytes} bytes that begin with {first:02X}: neither a question nor a value")]
+    /// The bit that distinguishes a value from a query does not fit the length.
+    #[error("{bytes} bytes that begin with {first:02X}: neither a query nor a value")]
     Kind {
         /// Its first byte.
         first: u8,
-        /// How long it is.
+        /// Its length.
         bytes: usize,
     },
     /// The byte behind the property's number is not 0.
@@ -117,7 +117,8 @@ impl PuckMessage {
         }
     }
 
-    /// The frame that says it. Values of properties of 32 bits, and others that do not fit into 16, take 6 bytes.
+    /// Encodes the message as a frame. Values of properties of 32 bits, and others that do not fit into 16, take 6
+    /// bytes.
     pub fn frame(self, address: Address) -> CanFrame {
         let mut bytes = [0; 8];
         let length = match self {
@@ -244,7 +245,7 @@ mod tests {
         check(
             0x426,
             &[0x85],
-            "1 bytes that begin with 85: neither a question nor a value",
+            "1 bytes that begin with 85: neither a query nor a value",
         );
         check(
             0x426,
@@ -254,7 +255,7 @@ mod tests {
         check(
             0x001,
             &[0xAA, 0, 0, 0, 0, 0, 0, 0],
-            "8 bytes that begin with AA: neither a question nor a value",
+            "8 bytes that begin with AA: neither a query nor a value",
         );
     }
 }

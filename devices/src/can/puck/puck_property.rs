@@ -1,4 +1,4 @@
-//! What a puck can be asked and told, by number.
+//! Properties of a puck that can be read and set, by number.
 
 use std::fmt;
 
@@ -12,15 +12,15 @@ pub struct PuckProperty(u8);
 impl PuckProperty {
     /// Version of the firmware.
     pub const VERS: Self = Self(0);
-    /// What the puck is for, see [`role`].
+    /// Role of the puck, see [`role`].
     pub const ROLE: Self = Self(1);
-    /// What state it is in, see [`status`].
+    /// State of the puck, see [`status`].
     pub const STAT: Self = Self(5);
-    /// What it does, see [`mode`].
+    /// Mode of the puck, see [`mode`].
     pub const MODE: Self = Self(8);
-    /// How warm the puck is, °C.
+    /// Temperature of the puck, °C.
     pub const TEMP: Self = Self(9);
-    /// How warm it may become, °C.
+    /// Maximum temperature of the puck, °C.
     pub const OTEMP: Self = Self(11);
     /// The voltage that feeds it, V.
     pub const VBUS: Self = Self(21);
@@ -34,7 +34,7 @@ impl PuckProperty {
     pub const MT: Self = Self(43);
     /// Position, counts.
     pub const P: Self = Self(48);
-    /// Where the rotor is inside its turn, counts; from firmware 118 on.
+    /// Position of the rotor inside its turn, counts; from firmware 118 on.
     pub const MECH: Self = Self(66);
     /// Counts per turn.
     pub const CTS: Self = Self(68);
@@ -45,7 +45,7 @@ impl PuckProperty {
 
     /// Safety module: whether positions are true.
     pub const ZERO: Self = Self(42);
-    /// Safety module: what the pendant shows.
+    /// Safety module: state of the pendant.
     pub const PEN: Self = Self(43);
     /// Safety module: velocity that it warns of, m/s / 4096.
     pub const VL1: Self = Self(45);
@@ -58,7 +58,7 @@ impl PuckProperty {
     /// Safety module: how many velocity faults to ignore.
     pub const IFAULT: Self = Self(55);
 
-    /// A property by its number; the eighth bit is nobody's.
+    /// A property by its number; the eighth bit is ignored.
     pub const fn new(number: u8) -> Self {
         Self(number & 0x7F)
     }
@@ -68,7 +68,7 @@ impl PuckProperty {
         self.0
     }
 
-    /// Whether a motor's property of this number takes 32 bits.
+    /// Returns whether a motor's property of this number takes 32 bits.
     pub fn is_wide(self) -> bool {
         matches!(
             self.0,

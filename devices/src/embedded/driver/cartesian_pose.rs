@@ -1,9 +1,9 @@
-//! Place and orientation of the tool as callers have them: metres and degrees.
+//! Position and orientation of the tool in the units of callers: metres and degrees.
 
 use crate::DeviceError;
 use crate::embedded::protocol::POSE;
 
-/// Where the tool is, in the base frame.
+/// Pose of the tool in the base frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CartesianPose {
     /// x, y, z in metres.

@@ -17,14 +17,14 @@ use crate::embedded::protocol::{ARM, PacketReader, Reply, ReplyReader, Request, 
 use crate::embedded::{CycleStatistics, PeriodicTimer};
 use crate::{DeviceError, EncoderReading};
 
-/// No joint of any arm turns farther, rad: what says otherwise is noise.
+/// Maximum angle of any joint of an arm, rad: larger values are noise.
 const MAX_JOINT_ANGLE: f64 = 10.0;
-/// How many pieces of packets are read at once, so that a flood of them leaves time for the rest.
+/// Maximum number of reads of packets per cycle, so that a flood of them leaves time for the rest.
 const MAX_READS_PER_CYCLE: usize = 16;
-/// At most so often is said that the rate was not kept.
+/// Minimum interval between warnings that the rate was not kept.
 const WARNING_INTERVAL: Duration = Duration::from_secs(1);
 
-/// How a connection ended.
+/// Reasons why a connection ended.
 #[derive(Debug)]
 pub(super) enum End {
     /// The driver is dropped.
@@ -40,10 +40,10 @@ pub(super) struct Session<'a> {
     arm: TcpStream,
     packets: TcpStream,
     reader: PacketReader,
-    /// How many `trf` were sent.
+    /// Number of `trf` requests sent.
     queries: i32,
     pace: PeriodicTimer,
-    /// How the rate was kept on the connections before.
+    /// Statistics of the earlier connections.
     earlier: CycleStatistics,
     last_warning: Option<Instant>,
     /// Angles in degrees and velocities, and when they came.
@@ -51,7 +51,7 @@ pub(super) struct Session<'a> {
 }
 
 impl<'a> Session<'a> {
-    /// Opens and serves; tells whether the opening succeeded, and the end.
+    /// Opens and serves; returns whether the opening succeeded, and the end.
     pub(super) fn run(
         shared: &'a Shared,
         connector: &'a LinkConnector,
@@ -74,7 +74,7 @@ impl<'a> Session<'a> {
         }
         let end = match session.serve() {
             Ok(()) => {
-                // Whether it is still there to hear it is the same to us.
+                // Delivery of this message does not matter.
                 let _ = session.exchange(&Request::Shutdown);
                 End::Asked
             }
@@ -83,7 +83,7 @@ impl<'a> Session<'a> {
         (true, end)
     }
 
-    /// Gravity compensation, where the joints are, and whether they move.
+    /// Queries gravity compensation, the joint positions, and whether the joints move.
     fn open(&mut self) -> Result<(), LinkError> {
         let options = &self.shared.options;
         let prepare = || {
@@ -179,7 +179,7 @@ impl<'a> Session<'a> {
                     .to_owned(),
             }),
             Err(error) => {
-                // Told as broken before the caller hears of it.
+                // The connection is reported as broken before the caller gets the error.
                 let mut state = self.shared.lock();
                 state.lose(error);
                 Err(state.link.failed(error))
@@ -358,7 +358,7 @@ impl<'a> Session<'a> {
             } else {
                 "waiting for its acknowledgement"
             };
-            // One look also when the time is up: it may be we who stood still.
+            // One more read after the deadline: this process may have been suspended.
             let left = deadline.saturating_duration_since(Instant::now());
             let left = left.max(Duration::from_millis(1));
             let read = self

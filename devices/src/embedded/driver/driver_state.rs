@@ -1,4 +1,4 @@
-//! What callers and the thread of the driver have in common.
+//! State shared by callers and the thread of the driver.
 
 use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -13,26 +13,26 @@ use crate::embedded::link_error::LinkError;
 use crate::fake::AxesModel;
 use crate::{DeviceError, EncoderReading};
 
-/// How the connection to the embedded PC stands.
+/// State of the connection to the embedded PC.
 #[derive(Clone, Debug)]
 pub struct LinkStatus {
-    /// Whether there is one.
+    /// State of the connection.
     pub state: LinkState,
-    /// Who the other end is or was, in words.
+    /// The peer, in words; the last one while there is none.
     pub peer: String,
-    /// How many connections there have been whose opening succeeded.
+    /// Number of connections that were opened successfully.
     pub sessions: u64,
-    /// How often connecting failed or a connection broke.
+    /// Number of failed attempts to connect and of broken connections.
     pub failures: u64,
-    /// Which step that was at last, and why.
+    /// The last step that failed, and why.
     pub last_failure: Option<String>,
-    /// Why the last move ended otherwise than at its target.
+    /// The reason why the last move ended elsewhere than at its target.
     pub last_interruption: Option<String>,
-    /// How many further connections were closed because there was one.
+    /// Number of further connections that were rejected because there was one.
     pub rejected_connections: u64,
 }
 
-/// Whether there is a connection to the embedded PC.
+/// State of the connection to the embedded PC.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum LinkState {
     /// Not now; the driver tries by itself.
@@ -44,12 +44,12 @@ pub enum LinkState {
 }
 
 impl LinkStatus {
-    /// Whether there is a connection.
+    /// Returns whether there is a connection.
     pub fn is_up(&self) -> bool {
         self.state != LinkState::Down
     }
 
-    /// That a step failed, for the caller who asked for it.
+    /// Returns the error of a failed step for the caller.
     pub(super) fn failed(&self, error: &LinkError) -> DeviceError {
         DeviceError::Remote {
             peer: self.peer.clone(),
@@ -62,7 +62,7 @@ impl LinkStatus {
     }
 }
 
-/// Where the joints are after a move that was accepted.
+/// Position of the joints after an accepted move.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Goal {
     /// Not known in joint angles.
@@ -89,9 +89,9 @@ pub(super) struct State {
     /// The newest, and when it came.
     pub(super) readings: Vec<EncoderReading>,
     pub(super) read_at: Option<Instant>,
-    /// Where the joints were told to go on this connection, degrees.
+    /// Commanded positions of the joints on this connection, degrees.
     pub(super) targets: Option<Vec<f64>>,
-    /// Which joints are given their addresses step by step; none on a new connection.
+    /// Joints that receive direct positions; none on a new connection.
     pub(super) direct: Vec<bool>,
     pub(super) moving: bool,
     /// A move is on its way to the arm, which has not answered yet.
@@ -154,13 +154,13 @@ impl State {
         })
     }
 
-    /// Whether a move is under way, or will be.
+    /// Returns whether a move is in progress or pending.
     pub(super) fn is_moving(&self) -> bool {
         self.moving || self.sending || self.pending.has_move()
     }
 
-    /// The connection is gone, or none came about: as [`close`](Self::close), and the log has why, once for each loss and
-    /// once for what keeps a connection from coming about.
+    /// Handles a lost or failed connection: like [`close`](Self::close), and the log has the reason, once for each
+    /// loss and once for a repeated failure to connect.
     pub(super) fn lose(&mut self, error: &LinkError) {
         let failure = error.to_string();
         if self.link.is_up() || self.link.last_failure.as_ref() != Some(&failure) {
@@ -170,7 +170,7 @@ impl State {
         self.close(error);
     }
 
-    /// Nobody is kept waiting for a connection, and nothing is carried out later.
+    /// No caller waits for a connection, and nothing is executed later.
     pub(super) fn close(&mut self, error: &LinkError) {
         self.link.state = LinkState::Down;
         self.targets = None;

@@ -1,10 +1,10 @@
-//! What the driver knows beside its joints, by name: so that it can be asked over a network.
+//! Variables of the driver, by name, so that they can be read over a network.
 
 use super::interfaces::wordless;
 use super::{CartesianPose, EmbeddedWam, LinkState};
 use crate::{DeviceError, RemoteVariables, VariableValue};
 
-/// Names, in their order.
+/// Returns the names, in their order.
 const NAMES: [&str; 4] = ["pose", "link", "failure", "interruption"];
 
 /// * `pose`: x, y, z in metres and the turns about x, y, z in degrees (`gcp`); setting it moves there (`moc`).

@@ -29,7 +29,7 @@ const POSITION_MOVE: (&str, Mode) = ("position move", Mode::Position);
 const DIRECT_POSITION: (&str, Mode) = ("direct position", Mode::PositionDirect);
 const MODES: [Mode; 2] = [Mode::Position, Mode::PositionDirect];
 
-/// What the protocol has no words for.
+/// Returns the error for calls that the protocol does not support.
 pub(super) fn wordless<T>(what: &str) -> Result<T, DeviceError> {
     Err(DeviceError::NotSupported {
         what: format!("{what}, for which the protocol of the embedded PC has no message,"),
@@ -66,7 +66,7 @@ impl State {
         Ok(&self.readings)
     }
 
-    /// Where each joint was told to go, or is if it was not; inside its limits.
+    /// Returns the commanded position of each joint, or the measured one without a command; inside its limits.
     fn goals(&self, total: usize) -> Vec<f64> {
         let goal = |joint: usize| {
             let goal = match &self.targets {
@@ -74,7 +74,7 @@ impl State {
                 None => self.readings[joint].position,
             };
             match self.limits.position_limits(joint.into()) {
-                // Standing at a limit, an encoder may say a count more.
+                // At rest at a limit, an encoder may read a count more.
                 Ok(limits) => limits.clamp(goal),
                 Err(_) => goal,
             }
@@ -251,8 +251,8 @@ impl ControlMode for EmbeddedWam {
         Ok(MODES.to_vec())
     }
 
-    /// Those of positions; idle as long as the arm is without gravity compensation and after a fault ended a move; a hardware
-    /// fault without a connection. Of a fault at rest the protocol does not tell: the next move is refused.
+    /// Those of positions; idle as long as the arm is without gravity compensation and after a fault ended a move; a
+    /// hardware fault without a connection. The protocol does not report a fault at rest: the next move is refused.
     fn read_control_modes(&self, axes: Axes<'_>, out: &mut [Mode]) -> Result<(), DeviceError> {
         axes.check(self.total())?;
         axes.check_count(self.total(), "slots for modes", out.len())?;
@@ -290,7 +290,7 @@ impl ControlLimits for EmbeddedWam {
         self.shared.lock().limits.position_limits(axis)
     }
 
-    /// Kept and watched by the driver: the protocol has no word for limits, and the arm has its own.
+    /// Limits are stored and enforced by the driver: the protocol has no message for limits, and the arm has its own.
     fn set_position_limits(&self, axis: AxisIndex, limits: Limits) -> Result<(), DeviceError> {
         Axes::One(axis).check(self.total())?;
         let mut state = self.shared.lock();

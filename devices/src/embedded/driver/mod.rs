@@ -27,24 +27,25 @@ use super::protocol::{MAX_JOINTS, Reply, Request};
 use crate::DeviceError;
 use crate::fake::AxisParameters;
 
-/// How a driver runs.
+/// Options of a driver.
 #[derive(Clone, Debug)]
 pub struct DriverOptions {
-    /// Who listens, and where. In the thesis the driver.
+    /// Which end listens, and at which addresses. In the thesis the driver.
     pub link_mode: LinkMode,
-    /// How often the joints are read: 50 times a second in the thesis.
+    /// Interval between readings of the joints: 20 ms in the thesis.
     pub period: Duration,
-    /// How long an acknowledgement may take before the connection counts as broken.
+    /// Timeout of an acknowledgement; after it the connection counts as broken.
     pub timeout: Duration,
-    /// How old a reading may be to be told to anybody.
+    /// Maximum age of a reading that is returned to callers.
     pub max_state_age: Duration,
     /// The pause after a connection that failed; it doubles with each that fails in a row.
     pub initial_backoff: Duration,
     /// The longest such pause.
     pub max_backoff: Duration,
-    /// Whether gravity compensation is switched on (`gra`) as soon as a connection is there; otherwise by setting position mode.
+    /// True if gravity compensation is switched on (`gra`) as soon as a connection exists; otherwise setting position
+    /// mode does it.
     pub gravity: bool,
-    /// The joints of the arm, base to tool: the protocol tells neither names nor limits.
+    /// The joints of the arm, base to tool: the protocol transmits neither names nor limits.
     pub joints: Vec<AxisParameters>,
 }
 
@@ -66,19 +67,21 @@ impl DriverOptions {
 
 /// An arm behind the protocol of its embedded PC, as a device.
 ///
-/// * A thread of its own owns the connections, reads the joints at a fixed rate and connects again by itself, with longer and
-///   longer pauses. [`link`](Self::link) tells how it stands.
-/// * Calls that need the arm wait for its acknowledgement, at most some times the timeout of the options, and fail at once while
-///   there is no connection. An error says which step failed. When the connection breaks the arm holds by itself, and
-///   nothing that was asked before is carried out later.
-/// * It offers axis info, encoders, position control, direct positions, control modes, limits, homing and variables. What the
-///   protocol has no words for is refused: speeds and accelerations, modes other than those of positions, setting encoders.
-/// * Each direct position is a move (`moj`) that takes the place of the one before: the arm follows at its own speed and
+/// * A thread of its own owns the connections, reads the joints at a fixed rate and connects again by itself, with
+///   longer and longer pauses. [`link`](Self::link) returns the state of the connection.
+/// * Calls that need the arm wait for its acknowledgement, at most some times the timeout of the options, and fail at
+///   once while there is no connection. An error names the step that failed. When the connection breaks the arm holds
+///   by itself, and no earlier request is executed later.
+/// * It offers axis info, encoders, position control, direct positions, control modes, limits, homing and variables.
+///   Calls that the protocol does not support are refused: speeds and accelerations, modes other than those of
+///   positions, setting encoders.
+/// * Each direct position is a move (`moj`) that replaces the previous one: the arm follows at its own speed and
 ///   acceleration. A move of the whole arm, home or to a pose, puts all joints back into position mode.
-/// * One message moves all joints. A joint that is not named in a command goes on to where it was told to go, or stays.
-/// * [`stop`](crate::MotionControl::stop) sends the arm to where it was measured last: it slows down and comes back to that place.
+/// * One message moves all joints. A joint that is not named in a command continues to its target, or stays.
+/// * [`stop`](crate::MotionControl::stop) sends the arm to its last measured position: it slows down and returns
+///   there.
 /// * Velocities and accelerations are difference quotients of the angles.
-/// * The end of a move is told by the arm as a whole, so [`motion_done`](crate::PositionControl::motion_done) of any
+/// * The arm reports the end of a move as a whole, so [`motion_done`](crate::PositionControl::motion_done) of any
 ///   joint waits for all.
 /// * Dropping it sends `shu`, closes the connections and joins the thread.
 #[derive(Debug)]
@@ -116,22 +119,22 @@ impl EmbeddedWam {
         })
     }
 
-    /// Where it listens or connects to.
+    /// Returns the addresses at which it listens, or to which it connects.
     pub fn addresses(&self) -> LinkAddresses {
         self.addresses
     }
 
-    /// How the connection stands.
+    /// Returns the state of the connection.
     pub fn link(&self) -> LinkStatus {
         self.shared.lock().link.clone()
     }
 
-    /// How the rate of reading was kept, over all connections.
+    /// Returns the statistics of reading, over all connections.
     pub fn timing(&self) -> CycleStatistics {
         self.shared.lock().timing
     }
 
-    /// Where the tool is (`gcp`).
+    /// Reads the pose of the tool (`gcp`).
     ///
     /// Errors: [`DeviceError::Remote`], [`DeviceError::Refused`].
     pub fn pose(&self) -> Result<CartesianPose, DeviceError> {
@@ -159,14 +162,14 @@ impl EmbeddedWam {
         self.ask(Request::Home, Goal::Home).map(drop)
     }
 
-    /// Switches gravity compensation on (`gra`): the arm holds where it is and takes moves.
+    /// Switches gravity compensation on (`gra`): the arm holds its position and accepts moves.
     ///
     /// Errors: [`DeviceError::Remote`], [`DeviceError::Refused`].
     pub fn switch_gravity_on(&self) -> Result<(), DeviceError> {
         self.ask(Request::Gravity, Goal::Unknown).map(drop)
     }
 
-    /// Hands a request to the thread and waits for what becomes of it.
+    /// Passes a request to the thread and waits for its outcome.
     fn ask(&self, request: Request, goal: Goal) -> Result<Reply, DeviceError> {
         let kind = request.kind();
         let (order, answer) = PendingRequest::new(request, goal);

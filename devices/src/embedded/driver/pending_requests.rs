@@ -1,4 +1,4 @@
-//! What waits to be sent: questions in their order, and one move (thesis, 5.4.1: commands are never queued).
+//! Requests to be sent: queries in their order, and one move (thesis, 5.4.1: commands are never queued).
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -11,7 +11,7 @@ use crate::embedded::protocol::{Reply, Request};
 
 type Outcome = Result<Reply, DeviceError>;
 
-/// A request of a caller who waits.
+/// A request of a waiting caller.
 #[derive(Debug)]
 pub(super) struct PendingRequest {
     pub(super) request: Request,
@@ -35,7 +35,7 @@ impl PendingRequest {
 
     /// Tells its caller what became of it.
     pub(super) fn answer(&self, outcome: Outcome) {
-        // A caller who has stopped waiting does not hear it.
+        // A caller that has stopped waiting does not receive it.
         let _ = self.answer.send(outcome);
     }
 
@@ -51,7 +51,7 @@ impl PendingRequest {
     }
 }
 
-/// Requests that wait. Its length is bounded by the number of callers, each of whom waits for one.
+/// Requests that wait. Its length is bounded by the number of callers, each of which waits for one.
 #[derive(Debug, Default)]
 pub(super) struct PendingRequests {
     direct: VecDeque<PendingRequest>,
@@ -79,7 +79,7 @@ impl PendingRequests {
         self.motion.take().filter(wanted)
     }
 
-    /// Whether a move waits.
+    /// Returns whether a move is pending.
     pub(super) fn has_move(&self) -> bool {
         self.motion.is_some()
     }

@@ -1,4 +1,4 @@
-//! The embedded server: what the arm's PC runs.
+//! The embedded server, which runs on the arm's PC.
 
 mod motion_completion;
 mod node_arm;
@@ -17,14 +17,14 @@ use super::backoff::Backoff;
 use super::link_setup::{LinkAddresses, LinkConnector, LinkMode, join};
 use crate::{Device, DeviceError};
 
-/// How a server runs.
+/// Options of a server.
 #[derive(Clone, Copy, Debug)]
 pub struct NodeOptions {
-    /// Who listens, and where. In the thesis the driver does, so that the server connects.
+    /// Which end listens, and at which addresses. In the thesis the driver does, so that the server connects.
     pub link_mode: LinkMode,
-    /// How long the rest of a request that has begun may take, and a client to take an answer.
+    /// Timeout of the rest of a request that has begun, and of writing a reply.
     pub timeout: Duration,
-    /// How long a client may say nothing before it counts as gone. Our driver asks for the joints all the time.
+    /// Timeout after which an idle client counts as gone. Our driver reads the joints all the time.
     pub idle_timeout: Duration,
     /// The pause after a connection that ended; it doubles with each that fails in a row.
     pub initial_backoff: Duration,
@@ -33,7 +33,8 @@ pub struct NodeOptions {
 }
 
 impl NodeOptions {
-    /// A second for the rest of a request, five of silence, and an attempt to connect each second.
+    /// Returns options with a second for the rest of a request, an idle timeout of five seconds, and an attempt to
+    /// connect each second.
     pub fn new(link_mode: LinkMode) -> Self {
         Self {
             link_mode,
@@ -45,26 +46,26 @@ impl NodeOptions {
     }
 }
 
-/// How a server stands.
+/// State of a server.
 #[derive(Clone, Debug, Default)]
 pub struct NodeStatus {
-    /// Whether a client is connected.
+    /// True if a client is connected.
     pub connected: bool,
-    /// How many clients there have been.
+    /// Number of clients so far.
     pub sessions: u64,
     /// Requests that were carried out or answered.
     pub served: u64,
     /// Requests that were answered `q`.
     pub refused: u64,
-    /// How the last connection ended.
+    /// The reason why the last connection ended.
     pub last_end: Option<String>,
 }
 
 /// The server of the protocol, around a device with the seven joints of a WAM.
 ///
 /// * The arm is idle until the first `gra`, which puts its joints into position mode: held, with gravity compensated.
-/// * A command takes the place of the one before; nothing is queued.
-/// * When the client goes away, in whatever way, a move under way is stopped and the arm holds.
+/// * A command replaces the previous one; nothing is queued.
+/// * When the client disconnects, in any way, the server stops the current move and the arm holds.
 /// * A thread of its own does all of it. Dropping the server joins it; the arm holds as long as its device lives.
 #[derive(Debug)]
 pub struct WamNode {
@@ -81,7 +82,7 @@ struct Shared {
 
 impl Shared {
     fn status(&self) -> MutexGuard<'_, NodeStatus> {
-        // Numbers are whole whatever happens.
+        // Numbers are consistent even after a panic.
         self.status.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -111,12 +112,12 @@ impl WamNode {
         })
     }
 
-    /// Where it listens or connects to.
+    /// Returns the addresses at which it listens, or to which it connects.
     pub fn addresses(&self) -> LinkAddresses {
         self.addresses
     }
 
-    /// How it stands.
+    /// Returns the state of the server.
     pub fn status(&self) -> NodeStatus {
         self.shared.status().clone()
     }
@@ -150,7 +151,7 @@ impl Shared {
                         backoff.reset();
                     }
                     match &end {
-                        End::Shutdown => info!("the client said goodbye; the arm holds"),
+                        End::Shutdown => info!("the client closed the session; the arm holds"),
                         End::Lost(error) => warn!(%error, "the client is gone; the arm holds"),
                     }
                     let mut status = self.status();

@@ -1,23 +1,24 @@
-//! The move under way, and who wants to be told its end.
+//! The current move, and the requests for its completion.
 
 use std::time::{Duration, Instant};
 
-/// A joint slower than this stands, rad/s.
+/// Speed below which a joint is at rest, rad/s.
 const STANDSTILL_SPEED: f64 = 0.02;
-/// For so long it must stand. The real arm ends up to 14 mm from its target, so that being there is no measure.
+/// Time for which it must be at rest. The real arm ends up to 14 mm from its target, so that being there is no
+/// measure.
 const SETTLE_TIME: Duration = Duration::from_millis(50);
-/// More questions for one end than anybody has.
+/// Maximum number of pending queries for one end: more than any client has.
 const MAX_PENDING_QUERIES: usize = 100;
 
 /// Questions that are to be answered now, by their numbers.
 #[derive(Clone, Debug, Eq, PartialEq)]
 pub(super) struct Ended {
     pub(super) questions: Vec<i32>,
-    /// Empty when the move came to its end.
+    /// Empty when the move reached its target.
     pub(super) reason: String,
 }
 
-/// Whether the arm moves, and the `trf` that wait for the end of it.
+/// State of the arm's motion, and the `trf` requests that wait for its end.
 #[derive(Debug, Default)]
 pub(super) struct Motion {
     running: bool,
@@ -37,7 +38,7 @@ impl Motion {
         fastest < STANDSTILL_SPEED
     }
 
-    /// A move was accepted; it takes the place of the one before.
+    /// A move was accepted; it replaces the previous one.
     pub(super) fn begin(&mut self) {
         self.running = true;
         self.still_since = None;
@@ -54,14 +55,14 @@ impl Motion {
         true
     }
 
-    /// The connection that asked is gone; the next counts from 1.
+    /// The connection of these queries is closed; the next one counts from 1.
     pub(super) fn drop_pending_queries(&mut self) {
         self.asked = 0;
         self.questions.clear();
         self.replaced.clear();
     }
 
-    /// What is to be told now, `still` being whether the arm has arrived and stands.
+    /// Returns the completion to report now; `still` tells whether the arm has arrived and is at rest.
     pub(super) fn look(&mut self, now: Instant, still: bool) -> Option<Ended> {
         if !self.replaced.is_empty() {
             return Some(Ended {

@@ -1,4 +1,4 @@
-//! What requests do to the arm: radians and poses outside, a [`Device`] in degrees inside.
+//! Executes requests on the arm: radians and poses outside, a [`Device`] in degrees inside.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -14,10 +14,10 @@ use crate::{
     PositionControl,
 };
 
-/// How far a target may be outside a limit because of rounding between radians and degrees.
+/// Tolerance of limits for targets, because of rounding between radians and degrees.
 const LIMIT_TOLERANCE: f64 = 1e-9;
 
-/// Why a request is answered `q`.
+/// Reasons why a request is answered `q`.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum Refusal {
     #[error(transparent)]
@@ -32,7 +32,7 @@ pub(super) enum Refusal {
         "no joint angles bring the tool there: the nearest is {millimetres:.1} mm and {degrees:.2} degrees off"
     )]
     OutOfReach { millimetres: f64, degrees: f64 },
-    #[error("too many questions for the end of one move")]
+    #[error("too many queries for the end of one move")]
     TooManyQueries,
 }
 
@@ -72,7 +72,7 @@ impl Arm {
         })
     }
 
-    // What `new` has looked for.
+    // Checked in `new`.
     fn position(&self) -> &dyn PositionControl {
         self.device.position_control().expect("looked for in new")
     }
@@ -98,7 +98,7 @@ impl Arm {
             .set_control_modes(Axes::All, &[Mode::Idle; AXES])
     }
 
-    /// Stops a move under way. The joints hold; idle ones stay idle.
+    /// Stops the current move. The joints hold; idle ones stay idle.
     pub(super) fn hold(&mut self) {
         self.motion.drop_pending_queries();
         if !self.motion.is_running() {
@@ -110,7 +110,7 @@ impl Arm {
         self.motion.begin();
     }
 
-    /// Carries out a request; what it answers, or why `q`.
+    /// Executes a request; returns the reply, or the reason for `q`.
     pub(super) fn obey(&mut self, request: &Request) -> Result<Reply, Refusal> {
         match request {
             Request::Joints => Ok(Reply::Joints(

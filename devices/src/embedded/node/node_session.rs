@@ -16,10 +16,10 @@ use crate::embedded::link_setup::{LinkConnector, SocketPair};
 use crate::embedded::protocol::{ARM, Packet, Reply, Request, RequestReader, TRAJECTORY};
 use crate::wam::AXES;
 
-/// How long a wait for bytes may last before the move is looked after.
+/// Timeout of a read, after which the motion is checked.
 const READ_INTERVAL: Duration = Duration::from_millis(5);
 
-/// How a client went.
+/// Reasons why a session ended.
 #[derive(Debug)]
 pub(super) enum End {
     /// `shu`, or the server itself ends.
@@ -37,7 +37,7 @@ impl fmt::Display for End {
     }
 }
 
-/// How often further clients are turned away.
+/// Interval between rejections of further clients.
 const REJECT_INTERVAL: Duration = Duration::from_millis(100);
 
 /// A client, in the hands of the server's thread.
@@ -129,7 +129,7 @@ impl<'a> Session<'a> {
                 Ok(Some(request)) => request,
                 Ok(None) => return Ok(false),
                 Err(error) => {
-                    // What follows cannot be told apart any more.
+                    // The rest of the stream cannot be parsed.
                     self.reply("refusing an unknown request", &Reply::Refused)?;
                     return Err(self.error("reading a request", error.into()));
                 }
@@ -149,7 +149,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Half a request may not last for ever, nor may silence.
+    /// Neither an incomplete request nor an idle connection may last for ever.
     fn check_idle_timeout(&mut self) -> Result<(), LinkError> {
         let silence = self.heard.elapsed();
         let unfinished = self.reader.unfinished();

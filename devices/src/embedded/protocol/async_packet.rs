@@ -6,25 +6,25 @@ use super::ProtocolError;
 pub const ARM: i32 = 1;
 /// `sender` of the hand.
 pub const HAND: i32 = 2;
-/// `type` of the end of a trajectory. Others are to be ignored.
+/// `type` of the end of a trajectory. Others must be ignored.
 pub const TRAJECTORY: i32 = 1;
 
 const MAX_TEXT_BYTES: usize = 100;
 
-/// Five ints and 100 characters, sent by the embedded PC when something has come to its end.
+/// Five ints and 100 characters, sent by the embedded PC when an action has ended.
 #[derive(Clone, Debug, Eq, PartialEq)]
 pub struct Packet {
     /// [`ARM`] or [`HAND`].
     pub sender: i32,
-    /// Which `trf` it answers, counted from 1 since the connection was opened.
+    /// Number of the `trf` request that it answers, counted from 1 since the connection was opened.
     pub query: i32,
     /// Packets sent on this connection, counted from 1.
     pub reply: i32,
-    /// What has ended, for instance [`TRAJECTORY`].
+    /// Kind of action that has ended, for instance [`TRAJECTORY`].
     pub kind: i32,
     /// Reached; otherwise interrupted, or ended by a fault.
     pub done: bool,
-    /// Why it did not reach its end: at most 100 characters of ASCII, empty if it did.
+    /// The reason why it did not reach its end: at most 100 characters of ASCII, empty if it did.
     pub reason: String,
 }
 
@@ -32,7 +32,7 @@ impl Packet {
     /// The length of every packet.
     pub const LENGTH: usize = 20 + MAX_TEXT_BYTES;
 
-    /// The fields one behind the other; a reason that is too long is cut, what is not ASCII in it becomes `?`.
+    /// Encodes the fields in order; a reason that is too long is cut, characters other than ASCII become `?`.
     pub fn to_bytes(&self) -> [u8; Self::LENGTH] {
         let mut out = [0; Self::LENGTH];
         let (head, text) = out.split_at_mut(20);

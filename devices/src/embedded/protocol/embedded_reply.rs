@@ -1,4 +1,4 @@
-//! What the embedded PC answers.
+//! Replies of the embedded PC.
 
 use super::{Kind, MAX_JOINTS, POSE, ProtocolError, number_encoding};
 
@@ -43,7 +43,7 @@ pub struct ReplyReader {
 }
 
 impl ReplyReader {
-    /// A reader for the answer to such a request, of an arm with so many joints, at most [`MAX_JOINTS`].
+    /// Creates a reader for the reply to such a request, for an arm with so many joints, at most [`MAX_JOINTS`].
     pub fn new(kind: Kind, joints: usize) -> Self {
         Self {
             kind,
@@ -76,7 +76,7 @@ impl ReplyReader {
         }
     }
 
-    /// Whether anything of the answer has come.
+    /// Returns whether a part of the reply has been received.
     pub fn has_begun(&self) -> bool {
         !self.bytes.is_empty()
     }

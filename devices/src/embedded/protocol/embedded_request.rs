@@ -1,4 +1,4 @@
-//! What the driver asks for (tables 2 and 12).
+//! Requests of the driver (tables 2 and 12).
 
 use super::{MAX_JOINTS, POSE, ProtocolError, number_encoding};
 
@@ -67,17 +67,17 @@ impl Kind {
         self.row().1
     }
 
-    /// What it does, in words, for messages: "moving the joints (moj)".
+    /// Describes the request for messages: "moving the joints (moj)".
     pub fn step(self) -> &'static str {
         self.row().2
     }
 
-    /// Whether the arm moves because of it.
+    /// Returns whether it moves the arm.
     pub fn is_move(self) -> bool {
         matches!(self, Self::MovePose | Self::MoveJoints | Self::Home)
     }
 
-    /// The length of the body behind the header, for an arm with so many joints.
+    /// Returns the length of the body after the header, for an arm with so many joints.
     pub fn body_length(self, joints: usize) -> usize {
         match self {
             Self::MovePose => 8 * POSE,
@@ -86,7 +86,7 @@ impl Kind {
         }
     }
 
-    /// How many bytes follow the acknowledgement `d`.
+    /// Returns the number of bytes after the acknowledgement `d`.
     pub fn answer_length(self, joints: usize) -> usize {
         match self {
             Self::Pose => 8 * POSE,
@@ -104,14 +104,14 @@ impl Kind {
     }
 }
 
-/// What the driver asks for. Numbers are as they came: whether the arm can do it is for the arm to judge.
+/// A request of the driver. Numbers are as they came: whether the arm can do it is for the arm to judge.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Request {
-    /// `moc`: bring the tool to x, y, z (m) and roll, pitch, yaw (rad).
+    /// `moc`: move the tool to x, y, z (m) and roll, pitch, yaw (rad).
     MovePose([f64; POSE]),
     /// `gcp`: where is the tool?
     Pose,
-    /// `moj`: bring the joints to these angles, rad, one for each.
+    /// `moj`: move the joints to these angles, rad, one for each.
     MoveJoints(Vec<f64>),
     /// `gja`: where are the joints?
     Joints,
@@ -121,12 +121,12 @@ pub enum Request {
     Home,
     /// `shu`: close the connections.
     Shutdown,
-    /// `trf`: tell when the trajectory is finished.
+    /// `trf`: report when the trajectory is finished.
     TellFinish,
 }
 
 impl Request {
-    /// Which it is.
+    /// Returns its kind.
     pub fn kind(&self) -> Kind {
         match self {
             Self::MovePose(_) => Kind::MovePose,
@@ -173,7 +173,7 @@ pub struct RequestReader {
 }
 
 impl RequestReader {
-    /// A reader for an arm with so many joints, at most [`MAX_JOINTS`].
+    /// Creates a reader for an arm with so many joints, at most [`MAX_JOINTS`].
     pub fn new(joints: usize) -> Self {
         Self {
             joints: joints.min(MAX_JOINTS),
@@ -203,7 +203,7 @@ impl RequestReader {
         Ok(Some(request))
     }
 
-    /// How many bytes of an unfinished request there are.
+    /// Returns the number of bytes of an unfinished request.
     pub fn unfinished(&self) -> usize {
         self.bytes.len()
     }

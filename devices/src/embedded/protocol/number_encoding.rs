@@ -7,7 +7,7 @@ pub(super) fn put(numbers: &[f64], out: &mut Vec<u8>) {
     }
 }
 
-/// The numbers that fill these bytes; a rest that is no whole number is left out.
+/// Iterates over the numbers in these bytes; an incomplete number at the end is ignored.
 pub(super) fn take(bytes: &[u8]) -> impl Iterator<Item = f64> + '_ {
     bytes
         .as_chunks::<8>()
@@ -16,7 +16,7 @@ pub(super) fn take(bytes: &[u8]) -> impl Iterator<Item = f64> + '_ {
         .map(|bytes| f64::from_le_bytes(*bytes))
 }
 
-/// As [`take`], for a pose.
+/// Reads a pose with [`take`].
 pub(super) fn pose(bytes: &[u8]) -> [f64; super::POSE] {
     let mut pose = [0.0; super::POSE];
     for (slot, number) in pose.iter_mut().zip(take(bytes)) {

@@ -1,26 +1,26 @@
-//! What bytes can be that are no message.
+//! Errors of the protocol.
 
-/// Why a stream cannot be read on; the connection has to end.
+/// Reasons why a stream cannot be parsed further; the connection has to end.
 #[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ProtocolError {
-    /// Three characters that are no header, so that nobody knows where the next one begins.
+    /// Three characters that are not a header, so that the start of the next one is unknown.
     #[error("header \"{}\" is unknown, expected one of moc, gcp, moj, gja, gra, hom, shu, trf", .0.escape_ascii())]
     UnknownHeader([u8; 3]),
     /// Neither `d` nor `q`.
     #[error("answer begins with \"{}\", expected the acknowledgement \"d\" or \"q\"", [*.0].escape_ascii())]
     NotAnAcknowledgement(u8),
     /// More bytes than the answer has.
-    #[error("{0} bytes behind the end of the answer, which nobody asked for")]
+    #[error("{0} unexpected bytes after the end of the reply")]
     Surplus(usize),
     /// A field of an asynchronous packet has a value that it cannot have.
     #[error("asynchronous packet with {field} {value}, expected {expected}")]
     Packet {
         /// The field of table 13.
         field: &'static str,
-        /// What it holds.
+        /// The value found.
         value: i32,
-        /// What it can hold.
+        /// The values allowed.
         expected: &'static str,
     },
 }

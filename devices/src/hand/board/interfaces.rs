@@ -1,4 +1,4 @@
-//! The interfaces of a control board, as far as the hand has them.
+//! The interfaces of a control board, as far as the hand supports them.
 
 use super::{AXES, HandBoard, Readiness, State};
 use crate::{
@@ -6,11 +6,11 @@ use crate::{
     Encoders, JointType, Limits, Mode, MotionControl, PositionControl, VelocityControl,
 };
 
-/// What an axis can be set to.
+/// Modes of an axis.
 const MODES: [Mode; 3] = [Mode::Idle, Mode::Position, Mode::Velocity];
 
 impl State {
-    /// Whether the hand takes orders for motors.
+    /// Checks that the hand accepts motor commands.
     fn check_ready(&self, axes: Axes<'_>) -> Result<(), DeviceError> {
         axes.check(AXES)?;
         let (by, remedy) = match self.readiness {

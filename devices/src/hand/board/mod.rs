@@ -1,8 +1,8 @@
 //! The hand as a control board of four axes: `finger_1`, `finger_2`, `finger_3`, `spread`.
 //!
-//! A thread of its own keeps the hand in RealTime mode: each round it tells the motors their speeds and gets their
-//! positions, some sixty times a second at 9600 bits per second. Paths come from the same [`AxesModel`] as those of the
-//! simulated arm. A grasp, or any other command of the hand's own language, interrupts that until it has ended.
+//! A dedicated thread keeps the hand in RealTime mode: each round it sends the motors their speeds and gets their
+//! positions, some sixty times a second at 9600 bits per second. Paths come from the same [`AxesModel`] as those of
+//! the simulated arm. A grasp, or any other command of the hand's own language, interrupts that until it has ended.
 
 mod interfaces;
 mod position_servo;
@@ -25,24 +25,24 @@ use crate::clock::wall_clock;
 use crate::fake::{AxesModel, AxisParameters};
 use crate::{Axes, DeviceError, JointType, Limits};
 
-/// How many axes it has.
+/// Number of axes.
 const AXES: usize = 4;
-/// How long it waits before it looks again for a hand that is not there, or not initialised.
+/// Interval between checks for a hand that is absent or not initialised.
 const RETRY_INTERVAL: Duration = Duration::from_millis(100);
-/// How often it is looked whether an abort was passed on.
+/// Interval between checks for the end of an abort.
 const ABORT_POLL_INTERVAL: Duration = Duration::from_millis(1);
-/// How long a command of the hand's own language is waited for at most, with all that may go before it.
+/// Timeout of a command in the hand's own language, including the commands before it.
 const COMMAND_TIMEOUT: Duration = Duration::from_secs(120);
 
 /// A hand as a control board, and as a hand.
 ///
-/// * Axes count from 0: fingers 1 to 3 (degrees of the inner link), then the spread (degrees of one finger). Modes: idle,
-///   position, velocity. A finger that meets something for 0.3 s stays there, and that becomes its target.
+/// * Axes count from 0: fingers 1 to 3 (degrees of the inner link), then the spread (degrees of one finger). Modes:
+///   idle, position, velocity. A finger that is blocked for 0.3 s stays there, and that becomes its target.
 /// * Until the hand is initialised its axes are in `NotConfigured` mode, and moves are refused; a line that broke puts
 ///   them into `HardwareFault`. When the line is back the axes are idle: **no move is resumed**.
-/// * [`Hand`](crate::Hand) and [`Grasp`](crate::Grasp) stop moves that are under way.
-/// * The hand itself has no watchdog in RealTime mode: if this process is frozen, fingers go on at their speed until they
-///   meet something.
+/// * [`Hand`](crate::Hand) and [`Grasp`](crate::Grasp) stop moves in progress.
+/// * The hand itself has no watchdog in RealTime mode: if this process is frozen, fingers continue at their speed
+///   until they are blocked.
 ///
 /// ```no_run
 /// use yarp_devices::hand::{BarrettHand, HandBoard, HandOptions};
@@ -71,15 +71,15 @@ struct Shared {
 struct State {
     set_points: AxesModel,
     readiness: Readiness,
-    /// What was measured, degrees and per second.
+    /// Measured positions and speeds, degrees and per second.
     measured: [Measured; AXES],
     /// Seconds since the start of 1970; `None` before the first.
     time: Option<f64>,
-    /// What is to be carried out next.
+    /// The next commands to execute.
     job: Option<QueuedCommands>,
-    /// Whether the hand carries one out.
+    /// True while the hand executes commands.
     running: bool,
-    /// Whether somebody waits for the end of one.
+    /// True while a caller waits for the end of commands.
     at_work: bool,
 }
 
@@ -87,7 +87,7 @@ struct State {
 struct Measured {
     position: f64,
     speed: f64,
-    /// Whether it follows its set point closely.
+    /// True if it follows its set point closely.
     there: bool,
 }
 
@@ -115,7 +115,7 @@ impl Drop for ReplyOnDrop<'_> {
     fn drop(&mut self) {
         self.shared.state().at_work = false;
         if let Some(outcome) = self.outcome.take() {
-            // Whoever asked may have gone.
+            // The caller may have stopped waiting.
             let _ = self.to.try_send(outcome);
         }
     }
@@ -206,7 +206,7 @@ impl Shared {
         }
     }
 
-    /// Carries out what was asked for in the hand's own language.
+    /// Executes commands in the hand's own language.
     fn work(&self) -> Option<ReplyOnDrop<'_>> {
         let job = {
             let mut state = self.state();
@@ -218,7 +218,7 @@ impl Shared {
         {
             let mut state = self.state();
             state.running = false;
-            // An abort that came too late is for nobody else.
+            // A late abort must not affect other callers.
             self.hand.set_abort(false);
         }
         if let Err(error) = &outcome
@@ -233,8 +233,8 @@ impl Shared {
         })
     }
 
-    /// Stays in RealTime mode until there is something else to do. The answer goes out once the axes take orders again, or
-    /// cannot.
+    /// Stays in RealTime mode until there is something else to do. The reply is sent once the axes accept commands
+    /// again, or cannot.
     fn realtime(&self, answer: Option<ReplyOnDrop<'_>>) -> Result<(), HandError> {
         let mut session = self.hand.realtime(layout())?;
         let feedback = session.ask()?;
@@ -287,7 +287,7 @@ impl Shared {
             (false, _) => Readiness::Lost,
         };
         if state.readiness != readiness {
-            warn!(path = self.hand.path(), %error, "the hand takes no orders");
+            warn!(path = self.hand.path(), %error, "the hand accepts no commands");
         }
         state.readiness = readiness;
     }
@@ -336,7 +336,7 @@ impl GclConnection for HandBoard {
             if let Some(job) = state.job.take() {
                 state.at_work = false;
                 let command = job.lines.join(", ");
-                // Whoever asked may have gone.
+                // The caller may have stopped waiting.
                 let _ = job.answers.try_send(Err(HandError::Aborted { command }));
             }
             if !state.running {
@@ -371,7 +371,7 @@ fn layout() -> Layout {
     Layout::same(MotorSet::ALL, motor)
 }
 
-/// What the axes are built like: ranges of the data sheet, speeds up to what a block can say.
+/// Returns the parameters of the axes: ranges of the data sheet, speeds up to the maximum of a block.
 fn parameters() -> [AxisParameters; AXES] {
     let names = ["finger_1", "finger_2", "finger_3", "spread"];
     std::array::from_fn(|axis| {

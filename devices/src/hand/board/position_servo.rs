@@ -8,15 +8,15 @@ use super::{AXES, Measured};
 use crate::fake::AxesModel;
 use crate::{Axes, Mode};
 
-/// How fast a difference is made up for, 1/s: slow beside a round of 15 ms.
+/// Gain of the position loop, 1/s: slow beside a round of 15 ms.
 const POSITION_GAIN: f64 = 8.0;
 /// A unit of speed, counts/s. Not published; what programs of the time found. Positions close the loop, so that an error
 /// here makes motors follow more or less closely, and end at the same place.
 const COUNTS_PER_SPEED_UNIT: f64 = 100.0;
-/// So near is there, counts.
+/// Position tolerance, counts.
 const FINGER_TOLERANCE: f64 = 12.0;
 const SPREAD_TOLERANCE: f64 = 4.0;
-/// So long a motor may push without moving, in time and in rounds.
+/// Maximum time and number of rounds for which a motor may push without moving.
 const STALL_TIME: Duration = Duration::from_millis(300);
 const STALL_ROUNDS: u32 = 10;
 /// The most time one round may make up for.
@@ -32,7 +32,7 @@ struct ServoAxis {
     /// Counts.
     position: f64,
     measured_at: Instant,
-    /// Since when and for how many rounds it has pushed at the same place.
+    /// Start and number of rounds of pushing at the same position.
     pushing: Option<(Instant, u32)>,
     told: i8,
 }
@@ -50,14 +50,14 @@ impl PositionServo {
         }
     }
 
-    /// Puts the set points where the motors are.
+    /// Sets the set points to the positions of the motors.
     pub(super) fn place(&self, set_points: &mut AxesModel) {
         for (motor, followed) in Motor::ALL.into_iter().zip(&self.axes) {
             rest(set_points, motor, followed.position);
         }
     }
 
-    /// What the motors are told next.
+    /// Returns the next speed commands.
     pub(super) fn speeds(&mut self, set_points: &mut AxesModel, now: Instant) -> Control {
         set_points.step((now - self.stepped).min(MAX_ROUND));
         self.stepped = now;
@@ -88,7 +88,7 @@ impl PositionServo {
         })
     }
 
-    /// What the motors answered; one that pushes in vain gets its set point where it is.
+    /// Processes the feedback; a stalled motor takes its position as the new set point.
     pub(super) fn measure(
         &mut self,
         feedback: &Feedback,

@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::{Motor, MotorSet, Parameter, Scope, Status};
 
-/// A command: whom it is for, and what is to be done.
+/// A command: its motors, and its action.
 ///
 /// ```
 /// use yarp_devices::hand::gcl::{Command, Motor, MotorSet, Status, Verb};
@@ -18,11 +18,11 @@ use super::{Motor, MotorSet, Parameter, Scope, Status};
 pub struct Command {
     /// The prefix; without one all enabled motors are meant.
     pub motors: Option<MotorSet>,
-    /// What is to be done.
+    /// The action.
     pub verb: Verb,
 }
 
-/// What the hand is told to do.
+/// An action of the hand.
 ///
 /// Source: the manual, chapter 5; tables 20 to 22 of the thesis.
 #[derive(Clone, Debug, Eq, PartialEq)]
@@ -44,7 +44,7 @@ pub enum Verb {
     Move(Option<i32>),
     /// `HOME`: opens the fingers, then the spread.
     Home,
-    /// `HI`: looks for the motors, runs to the open stops and sets the counters to zero.
+    /// `HI`: searches for the motors, runs to the open stops and sets the counters to zero.
     Initialise,
     /// `T`: no more current.
     Terminate,
@@ -52,18 +52,18 @@ pub enum Verb {
     Loop,
     /// `FSET` or `PSET`: sets parameters, all of one scope.
     Set(Scope, Vec<(Parameter, i32)>),
-    /// `FGET` or `PGET`: asks for parameters, all of one scope.
+    /// `FGET` or `PGET`: reads parameters, all of one scope.
     Get(Scope, Vec<Parameter>),
     /// `FLOAD`, `PSAVE` and the like: all parameters of a scope, or the ones named.
     Keep(Scope, SettingsCommand, Vec<Parameter>),
     /// `FLIST`, `PLISTAV` and the like: names, perhaps with values.
     List(Scope, Listing),
-    /// `?`, or `A?` for what is advanced.
+    /// `?`, or `A?` for advanced ones.
     Help {
         /// With the advanced commands.
         advanced: bool,
     },
-    /// `ERR`: what the status codes mean.
+    /// `ERR`: lists the meaning of the status codes.
     Errors,
     /// `RESET`: starts again as after power-up.
     Reset,
@@ -73,7 +73,7 @@ pub enum Verb {
     Ping,
 }
 
-/// Where values of parameters come from or go to.
+/// Source or destination of parameter values.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum SettingsCommand {
     /// `LOAD`: from the memory that outlasts a reset.
@@ -84,7 +84,7 @@ pub enum SettingsCommand {
     Default,
 }
 
-/// What a list shows.
+/// Content of a list.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub struct Listing {
     /// The advanced ones instead of the common ones.
@@ -115,7 +115,7 @@ impl Command {
         Self::new(MotorSet::ALL, Verb::Get(Scope::Motor, parameters.to_vec()))
     }
 
-    /// Whether it makes something move, or may.
+    /// Returns whether it moves something, or may.
     pub fn moves(&self) -> bool {
         use Verb::*;
         matches!(
@@ -135,7 +135,7 @@ impl Command {
 
     /// Reads a line as the hand does, without its end.
     ///
-    /// Errors: what the hand would answer with `ERR`.
+    /// Errors: the status that the hand would answer with `ERR`.
     pub fn parse(line: &str) -> Result<Command, Status> {
         if !line.is_ascii() || line.len() > MAX_LINE_BYTES {
             return Err(Status::UNKNOWN_COMMAND);
@@ -194,7 +194,7 @@ impl Verb {
         }
     }
 
-    /// Whether it is about motors.
+    /// Returns whether it addresses motors.
     fn takes_prefix(&self) -> bool {
         match self {
             Verb::Set(scope, _)
@@ -239,7 +239,7 @@ fn names<'a>(
         .collect()
 }
 
-/// A question needs something to ask for.
+/// A query needs a parameter.
 fn some(parameters: Vec<Parameter>) -> Result<Vec<Parameter>, Status> {
     match parameters.is_empty() {
         true => Err(Status::UNKNOWN_PARAMETER),

@@ -1,10 +1,10 @@
-//! What can be set and read.
+//! Parameters of the hand that can be read and set.
 
 use std::fmt;
 
 use super::Motor;
 
-/// Whether there is one value per motor, or one for the hand.
+/// Scope of a parameter: per motor, or for the whole hand.
 #[derive(Clone, Copy, Debug, Eq, Hash, PartialEq)]
 pub enum Scope {
     /// One per motor: `FSET`, `FGET`.
@@ -27,7 +27,7 @@ pub enum Scope {
 #[derive(Clone, Copy, Eq, PartialEq)]
 pub struct Parameter(usize);
 
-/// What is known of a parameter: its row in the table below.
+/// Description of a parameter: its row in the table below.
 struct Row {
     scope: Scope,
     name: &'static str,
@@ -36,7 +36,7 @@ struct Row {
     min: i32,
     max: i32,
     writable: bool,
-    /// What the simulated hand starts with: a finger, the spread.
+    /// Defaults of the simulated hand: a finger, the spread.
     ///
     /// The factory's values of most are not published; then these are choices.
     defaults: [i32; 2],
@@ -132,19 +132,19 @@ static TABLE: [Row; 43] = [
 ];
 
 impl Parameter {
-    /// Where a motor is, in counts; 0 is open.
+    /// Position of a motor, in counts; 0 is open.
     pub const POSITION: Parameter = Parameter(0);
     /// The status of a motor.
     pub const STATUS: Parameter = Parameter(1);
     /// The strain gauge of a finger, 0 to 255.
     pub const STRAIN: Parameter = Parameter(2);
-    /// Whether the clutch has let go.
+    /// State of the clutch: 1 if it has released.
     pub const BREAKAWAY: Parameter = Parameter(3);
-    /// Where the clutch let go, in counts.
+    /// Position at which the clutch released, in counts.
     pub const BREAKAWAY_POSITION: Parameter = Parameter(4);
-    /// How fast a motor closes.
+    /// Closing speed of a motor.
     pub const CLOSE_SPEED: Parameter = Parameter(6);
-    /// How fast a motor opens.
+    /// Opening speed of a motor.
     pub const OPEN_SPEED: Parameter = Parameter(7);
     /// The speed of the line, in hundreds of bits per second.
     pub const BAUD: Parameter = Parameter(35);
@@ -162,7 +162,7 @@ impl Parameter {
         Self::all().find(|each| each.scope() == scope && named(each.about()))
     }
 
-    /// All parameters of a scope, advanced ones or the others.
+    /// Lists all parameters of a scope, advanced ones or the others.
     pub fn list(scope: Scope, advanced: bool) -> impl Iterator<Item = Parameter> {
         Self::all().filter(move |each| each.scope() == scope && each.about().advanced == advanced)
     }
@@ -172,22 +172,22 @@ impl Parameter {
         self.about().name
     }
 
-    /// Whether it belongs to a motor or to the hand.
+    /// Returns whether it belongs to a motor or to the hand.
     pub fn scope(self) -> Scope {
         self.about().scope
     }
 
-    /// Whether it can be set at all.
+    /// Returns whether it can be set.
     pub fn is_writable(self) -> bool {
         self.about().writable
     }
 
-    /// Whether this is a value it can have.
+    /// Returns whether the value is in its range.
     pub fn allows(self, value: i32) -> bool {
         (self.about().min..=self.about().max).contains(&value)
     }
 
-    /// What the simulated hand starts with.
+    /// Returns the default of the simulated hand.
     pub fn default(self, motor: Motor) -> i32 {
         self.about().defaults[usize::from(motor == Motor::Spread)]
     }
@@ -201,7 +201,7 @@ impl Parameter {
         self.0
     }
 
-    /// How many rows the table has.
+    /// Number of rows of the table.
     pub(crate) const ROWS: usize = TABLE.len();
 
     /// Every parameter.

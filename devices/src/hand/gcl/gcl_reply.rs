@@ -1,16 +1,16 @@
-//! Where an answer of the hand ends, and what it says.
+//! Parses the replies of the hand: their end and their content.
 
 use std::fmt;
 
 use super::{Status, StatusBits};
 
-/// What the hand prints when it waits for a command.
+/// The prompt of a hand that waits for a command.
 pub const PROMPT: &[u8] = b"=> ";
 
-/// What stops the hand at any time: ^C.
+/// Byte that stops the hand at any time: ^C.
 pub const ABORT: u8 = 3;
 
-/// What the text after power-up contains.
+/// Part of the text after power-up.
 pub const BANNER: &str = "BarrettHand Firmware";
 
 /// The most bytes that an answer may have; the longest list has some thousand.
@@ -30,12 +30,12 @@ pub const MAX_REPLY: usize = 16 * 1024;
 /// Source: derived from how programs of the time cut the answers; "ERR n" and the prompt from the manual.
 #[derive(Clone, Debug, Default, Eq, PartialEq)]
 pub struct Reply {
-    /// What stands between echo and prompt; lines are separated by one LF.
+    /// Text between echo and prompt; lines are separated by one LF.
     pub text: String,
 }
 
 impl Reply {
-    /// What the hand complains of; fine if it does not.
+    /// Returns the hand's status code; fine without an error.
     ///
     /// A line `ERR` with something that is no number counts as a bad value: an answer that is not understood is
     /// never a success.
@@ -74,16 +74,16 @@ impl fmt::Display for Reply {
     }
 }
 
-/// Why bytes are no answer.
+/// Reasons why bytes are not a reply.
 #[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReplyError {
-    /// The hand repeats what it gets; this is not what it was sent.
+    /// The echo of the hand differs from the command.
     #[error("expected the echo \"{sent}\", got \"{got}\"")]
     Echo {
-        /// What it was sent.
+        /// The command that was sent.
         sent: String,
-        /// What came, escaped.
+        /// The bytes received, escaped.
         got: String,
     },
     /// No prompt in as many bytes as no answer has.
@@ -108,18 +108,18 @@ impl ReplyReader {
         }
     }
 
-    /// Whether the whole echo has come; nothing is known before.
+    /// Returns whether the whole echo has been received; nothing is known before.
     pub fn is_echoed(&self) -> bool {
         self.seen.len() >= self.sent.len()
     }
 
-    /// What has come so far, for a report: the last bytes, escaped.
+    /// Returns the last bytes received, escaped, for a report.
     pub fn excerpt(&self) -> String {
         let from = self.seen.len().saturating_sub(40);
         self.seen[from..].escape_ascii().to_string()
     }
 
-    /// Takes bytes; an answer once the prompt is there. What follows the prompt is dropped: nothing may come there.
+    /// Takes bytes; an answer once the prompt is there. Bytes after the prompt are dropped: there must be none.
     ///
     /// Errors: [`ReplyError`]; then the reader is of no further use.
     pub fn push(&mut self, bytes: &[u8]) -> Option<Result<Reply, ReplyError>> {

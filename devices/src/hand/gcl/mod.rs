@@ -1,19 +1,19 @@
-//! The hand's own language, GCL, as text and as bytes: what is said to the hand and what it answers.
+//! The hand's own language, GCL, as text and as bytes: commands and replies.
 //!
-//! | file | what it is about |
+//! | file | content |
 //! | --- | --- |
 //! | `motor_set` | the four motors, and the prefix of a command |
-//! | `gcl_parameter` | what can be set and read, with ranges |
-//! | `gcl_command` | a command as a value, written and read |
+//! | `gcl_parameter` | parameters that can be set and read, with ranges |
+//! | `gcl_command` | commands: encoding and parsing |
 //! | `status_code` | the bits of an error |
-//! | `gcl_reply` | where an answer ends, and what it says |
+//! | `gcl_reply` | parsing replies |
 //! | `realtime_blocks` | the blocks of RealTime mode |
 //!
 //! No line, thread or clock here; the driver and the simulated hand share it. Any split of the bytes gives the same
 //! answer.
 //!
 //! Source: Barrett, *BH8-Series User's Manual*, firmware 4.3x and 4.4.x, chapters 5 to 7; tables 20 to 23 of the
-//! thesis. What they leave open is marked where it is decided.
+//! thesis. Choices that they leave open are marked in the code.
 
 mod gcl_command;
 mod gcl_parameter;

@@ -1,4 +1,4 @@
-//! The four motors, and the prefix that says whom a command is for.
+//! The four motors, and the prefix that selects the motors of a command.
 
 use std::fmt;
 
@@ -43,7 +43,7 @@ impl Finger {
 }
 
 impl Motor {
-    /// All four, in the order in which the hand answers.
+    /// All four, in the order of the hand's replies.
     pub const ALL: [Motor; 4] = [Motor::F1, Motor::F2, Motor::F3, Motor::Spread];
 
     /// Its place in answers, from 0.
@@ -73,7 +73,7 @@ impl MotorSet {
     /// All four: `1234`.
     pub const ALL: MotorSet = MotorSet(0b1111);
 
-    /// Whether this motor is among them.
+    /// Returns whether this motor is in the set.
     pub const fn contains(self, motor: Motor) -> bool {
         self.0 & (1 << motor.index()) != 0
     }
@@ -83,12 +83,12 @@ impl MotorSet {
         MotorSet(self.0 | 1 << motor.index())
     }
 
-    /// Whether there are none.
+    /// Returns whether the set is empty.
     pub const fn is_empty(self) -> bool {
         self.0 == 0
     }
 
-    /// The motors, in the order in which the hand answers.
+    /// The motors, in the order of the hand's replies.
     pub fn iter(self) -> impl Iterator<Item = Motor> {
         Motor::ALL
             .into_iter()
@@ -97,8 +97,8 @@ impl MotorSet {
 
     /// The prefix at the start of a word, and what follows it; `None` if there is none.
     ///
-    /// A letter of the prefix always counts as one, whatever follows: no command begins with `G` or `S`, so that `SAVE`
-    /// is `AVE` for the spread, which is no command.
+    /// A letter of the prefix always counts as one: no command begins with `G` or `S`, so that `SAVE` is `AVE` for
+    /// the spread, which is no command.
     pub(super) fn split(word: &str) -> (Option<MotorSet>, &str) {
         let mut motors = MotorSet::NONE;
         let mut rest = word;
@@ -129,7 +129,7 @@ impl<const N: usize> From<[Motor; N]> for MotorSet {
     }
 }
 
-/// As in a command: `G`, `S`, or the numbers.
+/// Formats the set as in a command: `G`, `S`, or the numbers.
 impl fmt::Display for MotorSet {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {

@@ -5,47 +5,47 @@
 //! feedback:  '*'  [speed] [strain] [position high, low] [change]  ...  [temperature]
 //! ```
 //!
-//! What stands in brackets is there if the parameter says so: `LCV`, `LCPG`; `LFV`, `LFS`, `LFAP`, `LFDP`; `LFT`.
+//! Fields in brackets are present if the parameter enables them: `LCV`, `LCPG`; `LFV`, `LFS`, `LFAP`, `LFDP`; `LFT`.
 //! `LCT`, `LFBP` and `LFAIN` of firmware 4.4 have no published layout and are left off.
 //!
 //! Source: the manual of firmware 4.3x, pages 37 to 43, that of 4.4.x, pages 43 to 45.
 
 use super::{Command, Motor, MotorSet, Parameter, Reply, ReplyReader, Scope, Status, Verb};
 
-/// What is in the blocks, for each motor that takes part.
+/// Content of the blocks, for each motor that takes part.
 #[derive(Clone, Debug, Default, Eq, PartialEq)]
 pub struct Layout {
     /// Per motor in the order 1, 2, 3, 4; `None` for one that does not take part.
     pub motors: [Option<MotorLayout>; 4],
-    /// Whether feedback ends with the temperature, as two bytes (4.3x; in 4.4 it is said to be one).
+    /// True if feedback ends with the temperature, as two bytes (4.3x; in 4.4 it is documented as one).
     pub temperature: bool,
 }
 
-/// What is in the blocks for one motor.
+/// Content of the blocks for one motor.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub struct MotorLayout {
-    /// A speed to go at, and how much one unit of it is worth (`LCV`, `LCVC`).
+    /// A commanded speed, and the value of one unit of it (`LCV`, `LCVC`).
     pub speed: Option<u8>,
     /// A gain (`LCPG`).
     pub gain: bool,
-    /// The speed measured, and how much one unit of it is worth (`LFV`, `LFVC`).
+    /// The measured speed, and the value of one unit of it (`LFV`, `LFVC`).
     pub measured_speed: Option<u8>,
     /// The strain gauge (`LFS`).
     pub strain: bool,
     /// The position (`LFAP`).
     pub position: bool,
-    /// The way since the last feedback, and how much one unit of it is worth (`LFDP`, `LFDPC`).
+    /// The distance since the last feedback, and the value of one unit of it (`LFDP`, `LFDPC`).
     pub change: Option<u8>,
 }
 
 /// The first letter of a control block.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum Header {
-    /// `C`: control data; feedback is asked for.
+    /// `C`: control data; feedback is requested.
     Control,
     /// `c`: control data, no feedback.
     ControlOnly,
-    /// `A`: no control data; feedback is asked for.
+    /// `A`: no control data; feedback is requested.
     Ask,
     /// `a`: neither.
     Nothing,
@@ -62,7 +62,7 @@ impl Header {
         }
     }
 
-    /// What the letter means.
+    /// Decodes the header letter.
     pub const fn from_byte(byte: u8) -> Option<Header> {
         match byte {
             b'C' => Some(Header::Control),
@@ -73,21 +73,21 @@ impl Header {
         }
     }
 
-    /// Whether data for the motors follow.
+    /// Returns whether data for the motors follow.
     pub const fn has_data(self) -> bool {
         matches!(self, Header::Control | Header::ControlOnly)
     }
 
-    /// Whether feedback is asked for.
+    /// Returns whether feedback is requested.
     pub const fn asks(self) -> bool {
         matches!(self, Header::Control | Header::Ask)
     }
 }
 
-/// What the motors are told; only what the layout has is sent.
+/// Commands for the motors; only the fields of the layout are sent.
 pub type Control = [MotorControl; 4];
 
-/// What one motor is told.
+/// Command for one motor.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub struct MotorControl {
     /// Speed in units of the layout; closing is positive.
@@ -96,7 +96,7 @@ pub struct MotorControl {
     pub gain: u8,
 }
 
-/// What the hand tells; what the layout has not is `None`.
+/// Feedback of the hand; fields that are not in the layout are `None`.
 #[derive(Clone, Debug, Default, Eq, PartialEq)]
 pub struct Feedback {
     /// Per motor in the order 1, 2, 3, 4.
@@ -105,7 +105,7 @@ pub struct Feedback {
     pub temperature: Option<i16>,
 }
 
-/// What the hand tells about one motor.
+/// Feedback of one motor.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub struct MotorFeedback {
     /// The speed measured, in units of the layout.
@@ -118,7 +118,7 @@ pub struct MotorFeedback {
     pub change: Option<i8>,
 }
 
-/// Why bytes are no feedback.
+/// Reasons why bytes are not feedback.
 #[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BlockError {
@@ -147,7 +147,7 @@ impl Layout {
             .fold(MotorSet::NONE, |motors, (motor, _)| motors.with(motor))
     }
 
-    /// The layout that these values of parameters make; the hand's way of looking at it.
+    /// Returns the layout for these values of parameters, as the hand interprets them.
     pub fn from_parameters(
         motors: MotorSet,
         value: impl Fn(&str, Motor) -> i32,
@@ -171,7 +171,7 @@ impl Layout {
         }
     }
 
-    /// The commands that bring the hand to this layout and into RealTime; the last one is `LOOP`.
+    /// Returns the commands that select this layout and enter RealTime; the last one is `LOOP`.
     pub fn commands(&self) -> Vec<Command> {
         let mut commands = Vec::new();
         for (motor, layout) in Motor::ALL.into_iter().zip(&self.motors) {
@@ -196,7 +196,7 @@ impl Layout {
         commands
     }
 
-    /// How many bytes follow the header of a control block with data.
+    /// Returns the number of bytes after the header of a control block with data.
     pub fn control_length(&self) -> usize {
         let parts = self.motors.iter().flatten();
         parts
@@ -204,7 +204,7 @@ impl Layout {
             .sum()
     }
 
-    /// How many bytes follow the `*` of a feedback block.
+    /// Returns the number of bytes after the `*` of a feedback block.
     pub fn feedback_length(&self) -> usize {
         let one = |motor: &MotorLayout| {
             usize::from(motor.measured_speed.is_some())
@@ -247,7 +247,7 @@ impl Layout {
         Some(control)
     }
 
-    /// A feedback block; what the layout has and `feedback` has not is zero.
+    /// Encodes a feedback block; fields of the layout that `feedback` lacks are zero.
     pub fn write_feedback(&self, header: Header, feedback: &Feedback) -> Vec<u8> {
         let mut block = vec![b'*'];
         if !header.asks() {

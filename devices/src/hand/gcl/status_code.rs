@@ -1,9 +1,9 @@
-//! What the hand complains of.
+//! Status codes of the hand.
 
 use std::error::Error;
 use std::fmt;
 
-/// The sum of bits that follows `ERR`: several complaints at once.
+/// The sum of bits that follows `ERR`: several errors at once.
 ///
 /// Bits without a meaning are kept and printed.
 ///
@@ -19,7 +19,7 @@ use std::fmt;
 #[derive(Clone, Copy, Debug, Default, Eq, Hash, PartialEq)]
 pub struct Status(StatusBits);
 
-/// As many bits as the hand has; it prints them as one decimal number.
+/// Bits of a status code; the hand prints them as one decimal number.
 pub type StatusBits = u16;
 
 /// Every bit with a meaning.
@@ -79,12 +79,12 @@ impl Status {
         self.0
     }
 
-    /// Whether nothing is wrong.
+    /// Returns whether no error is set.
     pub const fn is_fine(self) -> bool {
         self.0 == 0
     }
 
-    /// Whether all bits of `other` are among these.
+    /// Returns whether all bits of `other` are set.
     pub const fn has(self, other: Status) -> bool {
         self.0 & other.0 == other.0
     }
@@ -94,7 +94,7 @@ impl Status {
         Status(self.0 | other.0)
     }
 
-    /// What to try next.
+    /// Returns advice on what to try next.
     pub fn advice(self) -> &'static str {
         let advices = [
             (Status::ABORTED, "nothing: somebody stopped the hand"),

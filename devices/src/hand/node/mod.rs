@@ -1,4 +1,4 @@
-//! A hand behind a server: three letters a request, over a TCP connection.
+//! A hand behind a server: requests of three letters, over a TCP connection.
 //!
 //! | request | body | what the hand does | answer |
 //! | --- | --- | --- | --- |
@@ -12,14 +12,14 @@
 //! once, also during another request, which then answers `q`. As with the arm, the driver listens and the server
 //! connects.
 //!
-//! | file | what it is about |
+//! | file | content |
 //! | --- | --- |
 //! | `node_protocol` | the bytes; no socket |
-//! | `remote_hand` | [`RemoteHand`]: waits for the server and gives it requests |
-//! | `node_server` | [`HandNode`]: what runs beside the hand |
+//! | `remote_hand` | [`RemoteHand`]: waits for the server and sends it requests |
+//! | `node_server` | [`HandNode`]: the server beside the hand |
 //!
-//! Source: tables 4 and 17 of the thesis. What it leaves open (the end of a line, what a refusal says, how ^C goes
-//! through) is decided here: the 00, the text behind `q`, and the port 4322 are ours.
+//! Source: tables 4 and 17 of the thesis. Details that it leaves open (the end of a line, the text of a refusal, the
+//! transport of ^C) are decided here: the 00, the text after `q`, and the port 4322 are ours.
 
 mod node_protocol;
 mod node_server;

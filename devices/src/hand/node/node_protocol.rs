@@ -5,7 +5,7 @@ use super::super::gcl::{ABORT, MAX_REPLY, Reply};
 /// The most characters of a line.
 pub const MAX_LINE: usize = 255;
 
-/// What the server is asked to do.
+/// A request to the server.
 ///
 /// ```
 /// use yarp_devices::hand::node::Request;
@@ -41,7 +41,7 @@ const HEADERS: [(&[u8; 3], Request); 5] = [
 ];
 
 impl Request {
-    /// As it goes over the connection.
+    /// Encodes the request.
     pub fn to_bytes(&self) -> Vec<u8> {
         let with_body = |body: &[u8]| [b"cmd", body, b"\0"].concat();
         match self {
@@ -55,7 +55,7 @@ impl Request {
         }
     }
 
-    /// The request that has the same effect as a line, a header of its own if there is one.
+    /// Returns the request with the same effect as a line, one with a header of its own if there is one.
     pub fn of_line(line: &str) -> Request {
         match line {
             "HI" => Request::Initialise,
@@ -80,13 +80,13 @@ impl Request {
         lines.iter().map(|line| (*line).to_owned()).collect()
     }
 
-    /// Whether its answer has text.
+    /// Returns whether its reply has text.
     pub fn has_text(&self) -> bool {
         matches!(self, Request::Command(_) | Request::Abort)
     }
 }
 
-/// Why bytes are no request; what follows cannot be told apart any more.
+/// Reasons why bytes are not a request; the rest of the stream cannot be parsed.
 #[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RequestError {
@@ -163,12 +163,12 @@ fn text(bytes: &[u8]) -> Result<String, u8> {
 pub struct NodeReply {
     /// `d`, or `q` for no.
     pub done: bool,
-    /// What the hand said, or why it was not asked; only to `cmd`.
+    /// The reply of the hand, or the reason why it was not asked; only to `cmd`.
     pub text: Option<String>,
 }
 
 impl NodeReply {
-    /// As it goes over the connection.
+    /// Encodes the reply.
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut bytes = vec![if self.done { b'd' } else { b'q' }];
         if let Some(text) = &self.text {

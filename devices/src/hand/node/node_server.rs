@@ -17,20 +17,20 @@ use super::node_protocol::{NodeReply, Request, RequestReader};
 use super::remote_hand::words;
 use crate::DeviceError;
 
-/// How often a driver is looked for.
+/// Interval between attempts to connect to a driver.
 const RECONNECT_INTERVAL: Duration = Duration::from_secs(1);
-/// How long one look at the connection takes at most.
+/// Timeout of one read on the connection.
 const POLL_INTERVAL: Duration = Duration::from_millis(5);
-/// How long a driver may take to accept an answer.
+/// Timeout of writing a reply to the driver.
 const WRITE_TIMEOUT: Duration = Duration::from_secs(5);
-/// How many requests may wait behind the one being carried out. A driver sends one at a time.
+/// Maximum number of requests behind the one being executed. A driver sends one at a time.
 const MAX_QUEUED_REQUESTS: usize = 2;
 
 /// The hand server: connects to a driver and carries out its requests, one after the other.
 ///
-/// * As long as no driver is there it looks for one each second; when one goes away, a motion under way is stopped.
+/// * Without a driver it tries to connect to one each second; when one disconnects, it stops a motion in progress.
 /// * Something that is no request is answered `q`, and the connection is closed.
-/// * Threads of its own do all of it; dropping the server stops a motion under way and joins them.
+/// * Dedicated threads do all of it; dropping the server stops a motion in progress and joins them.
 #[derive(Debug)]
 pub struct HandNode {
     ending: Arc<AtomicBool>,
@@ -65,7 +65,7 @@ impl HandNode {
         })
     }
 
-    /// Whether a driver is connected.
+    /// Returns whether a driver is connected.
     pub fn is_connected(&self) -> bool {
         self.connected.load(Ordering::Acquire)
     }
@@ -133,7 +133,7 @@ impl Node {
                 requests.try_send(request).is_ok()
             });
             drop(requests);
-            // Whoever asked for a motion is gone: it ends.
+            // The client of a motion is gone: it ends.
             while !worker.is_finished() {
                 self.stop_all(&at_work);
                 thread::sleep(POLL_INTERVAL);
@@ -142,7 +142,7 @@ impl Node {
         })
     }
 
-    /// Reads requests; stops the hand as soon as that is asked for.
+    /// Reads requests; stops the hand as soon as an abort arrives.
     fn listen(
         &self,
         stream: &mut TcpStream,
@@ -185,7 +185,7 @@ impl Node {
         }
     }
 
-    /// Carries out requests and answers them, in their order, until there will be no more or nobody takes the answers.
+    /// Executes requests and replies, in their order, until there are no more or replies cannot be sent.
     fn work(&self, requests: Receiver<Request>, mut answers: TcpStream, at_work: &AtomicBool) {
         while let Ok(request) = requests.recv() {
             at_work.store(true, Ordering::Release);
@@ -201,7 +201,7 @@ impl Node {
         let lines = request.lines();
         let outcome = match request {
             Request::Command(line) => check_characters(line).and_then(|()| self.hand.run(&lines)),
-            // What was under way had ended when this came; another program may still use the hand.
+            // The motion had ended when this arrived; another program may still use the hand.
             Request::Abort => self.hand.abort().map(|()| Vec::new()),
             _ => self.hand.run(&lines),
         };

@@ -1,4 +1,4 @@
-//! The driver's side: waits for the server to connect, and gives it requests.
+//! The driver's side: waits for the server to connect, and sends it requests.
 
 use std::io::{self, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs};
@@ -16,10 +16,10 @@ use super::super::serial_driver::judge;
 use super::super::serial_line::is_pause;
 use super::node_protocol::{NodeReply, NodeReplyReader, Request};
 
-/// How long one look at the connection takes at most: as long as an abort may have to wait.
+/// Timeout of one read on the connection: the maximum delay of an abort.
 const POLL_INTERVAL: Duration = Duration::from_millis(5);
 
-/// How a hand behind a server is waited for.
+/// Options of a hand behind a server.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct RemoteHandOptions {
@@ -42,13 +42,13 @@ impl RemoteHandOptions {
         }
     }
 
-    /// How long a call waits for the server to connect, if it is not connected.
+    /// Sets the time that a call waits for the server to connect, if it is not connected.
     pub fn connect_timeout(mut self, connect_timeout: Duration) -> Self {
         self.connect_timeout = connect_timeout;
         self
     }
 
-    /// How long a request may take.
+    /// Sets the timeout of a request.
     pub fn motion_timeout(mut self, motion_timeout: Duration) -> Self {
         self.motion_timeout = motion_timeout;
         self
@@ -58,7 +58,7 @@ impl RemoteHandOptions {
 /// A hand whose server connects to this program.
 ///
 /// It is a [`Hand`](crate::Hand) and a [`Grasp`](crate::Grasp) as [`BarrettHand`](crate::hand::BarrettHand) is, and
-/// calls block as long. Of commands with a header of their own the server tells only that they failed, not why.
+/// calls block as long. For commands with a header of their own the server reports only that they failed, not why.
 #[derive(Debug)]
 pub struct RemoteHand {
     listener: TcpListener,
@@ -96,7 +96,7 @@ impl RemoteHand {
         })
     }
 
-    /// Where it waits.
+    /// Returns the address at which it listens.
     pub fn address(&self) -> SocketAddr {
         self.place
     }
@@ -243,7 +243,7 @@ impl GclConnection for RemoteHand {
         self.abort.store(true, Ordering::Release);
         let deadline = Instant::now() + self.options.motion_timeout;
         while self.abort.load(Ordering::Acquire) {
-            // Nobody waits for an answer: the abort is a request of its own.
+            // No reply is awaited: the abort is a request of its own.
             match self.requests(&[]) {
                 Ok(_) if self.abort.swap(false, Ordering::AcqRel) => {
                     return self.requests(&[Request::Abort]).map(drop);
@@ -276,7 +276,7 @@ fn judged(text: &str, reply: NodeReply) -> Result<Reply, HandError> {
     }
 }
 
-/// What the server says of a complaint: the hand's own words.
+/// Returns the server's text of an error: the hand's own words.
 pub(super) fn words(status: Status) -> String {
     format!("ERR {}", status.bits())
 }

@@ -1,4 +1,4 @@
-//! The interpreter: what comes down the line, and what the hand does and says.
+//! The interpreter: input of the line, actions and output of the hand.
 
 use super::super::gcl::{
     ABORT, BANNER, Command, Control, Feedback, Header, Layout, Motor, MotorFeedback, MotorSet,
@@ -8,22 +8,22 @@ use super::hand_motion::{Motion, Purpose, strain};
 use super::parameter_values::Settings;
 use super::simulated_motor::{Drive, Object, SimulatedMotor};
 
-/// How long the hand needs after power-up until it listens, s.
+/// Start-up time of the hand after power-up, s.
 const BOOT_TIME: f64 = 0.5;
-/// The longest piece of time in which nothing is looked at, s.
+/// Maximum step of the simulation, s.
 const MAX_STEP: f64 = 0.001;
-/// The longest line; what is typed beyond is not repeated.
+/// Maximum length of a line; characters beyond it are not echoed.
 const MAX_LINE_BYTES: usize = 255;
 /// Counts/s of a unit of speed in RealTime.
 const REALTIME_UNIT: f64 = 100.0;
 /// Fingers closed farther than this are in the way of the spread, counts.
 const SPREAD_CLEARANCE: f64 = 14000.0;
-/// Of the room, °C; how fast the hand cools down to it, 1/s; what a pushing and a moving motor add, °C/s.
+/// Temperature of the room, °C; cooling rate towards it, 1/s; heating by a pushing and by a moving motor, °C/s.
 const ROOM_TEMPERATURE: f64 = 35.0;
 const COOLING_RATE: f64 = 1.0 / 300.0;
 const PUSHING_HEAT_RATE: f64 = 2.0;
 const MOVING_HEAT_RATE: f64 = 0.02;
-/// How far below its limit a hot hand must cool before it moves again, °C.
+/// Difference below its limit to which a hot hand must cool before it moves again, °C.
 const COOLING_MARGIN: f64 = 5.0;
 
 /// The hand's processor, motors and all: bytes and time in, bytes out.
@@ -46,11 +46,11 @@ pub struct Firmware {
     /// °C.
     temperature: f64,
     peak: f64,
-    /// Whether it got too hot and has not cooled down since.
+    /// True if it overheated and has not cooled down since.
     hot: bool,
     /// s since power-up.
     up: f64,
-    /// Whether time stands still for the motors.
+    /// True if time is stopped for the motors.
     frozen: bool,
     output: Vec<u8>,
 }
@@ -70,7 +70,7 @@ enum State {
 struct Loop {
     layout: Layout,
     block: Vec<u8>,
-    /// What the other end knows of each position.
+    /// Last position of each motor reported to the other end.
     reported: [i32; 4],
 }
 
@@ -144,12 +144,12 @@ impl Firmware {
         }
     }
 
-    /// What it has said since this was last asked.
+    /// Takes the output since the last call.
     pub fn take_output(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.output)
     }
 
-    /// Whether time changes anything: a motion, RealTime, or starting up.
+    /// Returns whether time changes anything: a motion, RealTime, or starting up.
     pub fn is_busy(&self) -> bool {
         !matches!(self.state, State::Listening(_))
     }
@@ -159,12 +159,12 @@ impl Firmware {
         self.settings.hand("BAUD").cast_unsigned() * 100
     }
 
-    /// Where the motors really are, counts.
+    /// Returns the true positions of the motors, counts.
     pub fn positions(&self) -> [f64; 4] {
         self.motors.each_ref().map(SimulatedMotor::position)
     }
 
-    /// How far each motor has ever gone, counts.
+    /// Returns the total distance of each motor, counts.
     pub fn travelled(&self) -> [f64; 4] {
         self.motors.each_ref().map(SimulatedMotor::travelled)
     }
@@ -179,7 +179,7 @@ impl Firmware {
         self.temperature = celsius;
     }
 
-    /// Lets time stand still for the motors, or go on: motions under way neither move nor end, and can be stopped.
+    /// Stops or resumes time for the motors: motions in progress neither move nor end, and can be stopped.
     pub fn freeze(&mut self, frozen: bool) {
         self.frozen = frozen;
     }
@@ -233,7 +233,7 @@ impl Firmware {
             self.temperature > limit || (self.hot && self.temperature > limit - COOLING_MARGIN);
     }
 
-    /// The motion is over.
+    /// The motion has ended.
     fn end(&mut self, status: Status) {
         let state = std::mem::replace(&mut self.state, State::Listening(Vec::new()));
         self.motors.iter_mut().for_each(SimulatedMotor::stop);
@@ -323,7 +323,7 @@ impl Firmware {
         self.answer(&text);
     }
 
-    /// Begins a motion or RealTime, if nothing speaks against it.
+    /// Starts a motion or RealTime, if nothing prevents it.
     fn set_off(&mut self, motors: MotorSet, verb: &Verb) {
         let ready = motors.iter().all(|motor| self.initialised.contains(motor));
         if !ready && *verb != Verb::Initialise {
@@ -346,7 +346,7 @@ impl Firmware {
             .fold(MotorSet::NONE, MotorSet::with)
     }
 
-    /// What a parameter is now.
+    /// Returns the value of a parameter.
     fn value(&self, parameter: Parameter, motor: Motor) -> i32 {
         let moved = &self.motors[motor.index()];
         match (parameter.scope(), parameter.name()) {
@@ -449,7 +449,7 @@ impl Firmware {
                 let scale = i32::from(scale.max(1));
                 let known = &mut realtime.reported[motor.index()];
                 let steps = ((position - *known) / scale).clamp(-128, 127);
-                // What does not fit is told next time.
+                // The remainder is reported next time.
                 *known += steps * scale;
                 change = Some(steps as i8);
             }

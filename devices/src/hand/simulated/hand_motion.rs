@@ -1,4 +1,4 @@
-//! What a command makes the motors do.
+//! Motions of the motors for a command.
 
 use super::super::gcl::{Motor, MotorSet, Status, Verb};
 use super::parameter_values::Settings;
@@ -8,14 +8,14 @@ use super::simulated_motor::{Drive, SimulatedMotor};
 const FINGER_UNIT: f64 = 175.0;
 const SPREAD_UNIT: f64 = 105.0;
 
-/// A motion under way: some motors now, others when they are done.
+/// A motion in progress: some motors now, others when they are done.
 #[derive(Clone, Debug)]
 pub(super) struct Motion {
-    /// All motors that it is about.
+    /// All its motors.
     pub(super) motors: MotorSet,
     /// The motors that still move.
     going: MotorSet,
-    /// What comes after: the spread goes home after the fingers.
+    /// The next motion: the spread goes home after the fingers.
     then: Option<(MotorSet, Purpose)>,
     pub(super) purpose: Purpose,
     targets: [f64; 4],
@@ -28,7 +28,7 @@ pub(super) enum Purpose {
     Grasp { closing: bool },
     /// To a position, which must be reached; a step is one too.
     Move(Option<i32>),
-    /// From where it is.
+    /// Relative to the present position.
     Step { by: Option<i32>, closing: bool },
     /// To the open end.
     Home,
@@ -37,7 +37,7 @@ pub(super) enum Purpose {
 }
 
 impl Purpose {
-    /// What a verb that moves is for.
+    /// Returns the purpose of a verb that moves.
     pub(super) fn of(verb: &Verb) -> Option<Purpose> {
         Some(match verb {
             Verb::Close | Verb::TorqueClose => Purpose::Grasp { closing: true },
@@ -97,7 +97,7 @@ impl Motion {
         }
     }
 
-    /// Where to, and how fast.
+    /// Returns target and speed.
     fn plan(&self, motor: Motor, from: &SimulatedMotor, settings: &Settings) -> (f64, f64) {
         let value = |name: &str| f64::from(settings.motor(name, motor));
         let target = match self.purpose {
@@ -124,7 +124,7 @@ impl Motion {
         (target, speed * unit)
     }
 
-    /// Looks at the motors after a step of time; whether all is over.
+    /// Checks the motors after a step of time; returns whether the motion has ended.
     ///
     /// Source: the manual, chapter 5.5: a motor ends at its target, when it has pushed for `TSTOP`, or when the strain
     /// passes its limit.
@@ -167,7 +167,7 @@ impl Motion {
     }
 }
 
-/// What the strain gauge of a finger reads; the spread has none.
+/// Returns the reading of a finger's strain gauge; the spread has none.
 pub(super) fn strain(motor: Motor, moved: &SimulatedMotor) -> i32 {
     match motor {
         Motor::Spread => 255,

@@ -2,10 +2,10 @@
 
 use crate::pseudo_random::Random;
 
-/// How bad a line is, in each direction.
+/// Noise of a line, in each direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Noise {
-    /// How likely each byte is changed, lost, or followed by another, 0 to 1.
+    /// Probability that a byte is changed, lost, or followed by another, 0 to 1.
     pub spoiled: f64,
     /// The same seed spoils the same bytes.
     pub seed: u64,
@@ -25,7 +25,7 @@ impl NoisyLine {
         }
     }
 
-    /// What arrives of a byte.
+    /// Returns the bytes that arrive for one byte.
     pub(super) fn pass(&mut self, byte: u8) -> impl Iterator<Item = u8> + use<> {
         let spoiled = self.random.unit() < self.spoiled;
         let kind = if spoiled { self.byte() % 3 } else { 3 };

@@ -1,17 +1,17 @@
 //! A hand without the hand: firmware, motors and a serial line, real enough for a driver not to notice.
 //!
-//! | file | what it is about |
+//! | file | content |
 //! | --- | --- |
-//! | `simulated_motor` | one motor: way, speed, stops, an object in its way, the clutch |
+//! | `simulated_motor` | one motor: range, speed, stops, an object that blocks it, the clutch |
 //! | `parameter_values` | the values of parameters |
-//! | `firmware` | the interpreter: bytes and time in, bytes out; no line, no clock |
-//! | `hand_motion` | what a command makes the motors do, and when that has ended |
-//! | `line_noise` | a bad line |
+//! | `firmware` | the interpreter: bytes and time in, bytes out; no serial line, no clock |
+//! | `hand_motion` | motions of the motors for a command, and their ends |
+//! | `line_noise` | noise on the line |
 //! | `pseudo_terminal` | a pseudo-terminal, to be opened as any serial line |
-//! | `simulated_hand` | a thread that joins them, at the speed of the line |
+//! | `simulated_hand` | the thread that runs them, at the baud rate of the line |
 //!
-//! What no source tells is a choice: the factory's values of most parameters, how fast a unit of speed is, when the
-//! clutch lets go, how hot motors get, and what text stands in banner and lists.
+//! Values without a source are choices: the factory's values of most parameters, the unit of speed, the release of
+//! the clutch, the temperatures of motors, and the texts of banner and lists.
 
 mod firmware;
 mod hand_motion;

@@ -19,7 +19,7 @@ impl Settings {
         }
     }
 
-    /// As after power-up: what was saved.
+    /// Restores the saved values, as after power-up.
     pub(super) fn restart(&mut self) {
         self.used = self.saved;
     }

@@ -13,7 +13,7 @@ use rustix::io::Errno;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, ioctl_tiocnxcl, tcgetattr, tcsetattr};
 
-/// Closing it is hanging up: whoever has the other end open finds the line broken.
+/// Closing it disconnects the line: the other end sees it broken.
 #[derive(Debug)]
 pub(super) struct Terminal {
     ours: OwnedFd,
@@ -24,7 +24,7 @@ pub(super) struct Terminal {
 }
 
 impl Terminal {
-    /// A new line. `link`: a path that is made to lead to it, whatever led there before.
+    /// A new line. `link`: a path that is made to point to it, replacing any earlier link.
     pub(super) fn open(link: Option<&Path>) -> io::Result<Self> {
         let ours = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
         grantpt(&ours)?;
@@ -55,13 +55,13 @@ impl Terminal {
 
     /// Lets the next client in.
     ///
-    /// A real line forgets that somebody wanted it alone when it is closed; this one stays open here, and would refuse
-    /// the next client. Clients that lock the file still keep each other out.
+    /// A real line releases its exclusive lock when it is closed; this one stays open here, and would refuse the next
+    /// client. Clients that lock the file still keep each other out.
     pub(super) fn share(&self) {
         let _ = ioctl_tiocnxcl(&self.theirs);
     }
 
-    /// What has come, at most as much as fits.
+    /// Receives at most as many bytes as fit.
     pub(super) fn receive<'b>(&self, buffer: &'b mut [u8]) -> io::Result<&'b [u8]> {
         match rustix::io::read(&self.ours, &mut *buffer) {
             Ok(count) => Ok(&buffer[..count]),
@@ -70,7 +70,7 @@ impl Terminal {
         }
     }
 
-    /// Sends what the line takes; how much that was.
+    /// Sends as much as the line accepts; returns the number of bytes.
     pub(super) fn send(&self, bytes: &[u8]) -> io::Result<usize> {
         match rustix::io::write(&self.ours, bytes) {
             Ok(count) => Ok(count),
@@ -91,7 +91,7 @@ impl Drop for Terminal {
     }
 }
 
-/// Makes `link` lead to `path`, in one step. What is there and is no link stays, and is an error.
+/// Makes `link` lead to `path`, in one step. An existing file that is not a link stays, and is an error.
 fn lead(link: &Path, path: &Path) -> io::Result<()> {
     if fs::symlink_metadata(link).is_ok_and(|there| !there.is_symlink()) {
         return Err(io::ErrorKind::AlreadyExists.into());

@@ -17,15 +17,15 @@ use crate::DeviceError;
 
 /// Bits on the line per byte: start, eight, stop.
 const BITS_PER_BYTE: f64 = 10.0;
-/// How long it waits between looks: when something goes on, and when nothing does, ms.
+/// Poll intervals of a busy and of an idle hand, ms.
 const BUSY_POLL_MILLIS: u64 = 1;
 const IDLE_POLL_MILLIS: u64 = 2;
-/// What nobody reads is kept up to here.
+/// Maximum number of unread bytes that are kept.
 const MAX_UNREAD_BYTES: usize = 64 * 1024;
-/// The most bytes that may come at once after a pause of the machine.
+/// Maximum number of bytes at once after a pause of the machine.
 const MAX_BURST_BYTES: f64 = 4096.0;
 
-/// How a hand is simulated.
+/// Options of a simulated hand.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct SimulatedHandOptions {
@@ -50,13 +50,13 @@ impl SimulatedHandOptions {
         }
     }
 
-    /// How much faster than a real hand everything goes, the line too.
+    /// Sets the speed-up over a real hand, the line included.
     pub fn speed(mut self, factor: f64) -> Self {
         self.speed = factor;
         self
     }
 
-    /// A path that leads to the line, also after it was hung up and came back.
+    /// Sets a path that leads to the line, also after it was disconnected and reconnected.
     pub fn link(mut self, path: impl Into<PathBuf>) -> Self {
         self.link = Some(path.into());
         self
@@ -109,19 +109,19 @@ struct Simulation {
     line: Line,
 }
 
-/// What is on its way.
+/// Bytes in transit.
 #[derive(Debug)]
 struct Line {
     outgoing: VecDeque<u8>,
     incoming: VecDeque<u8>,
     noise: Option<NoisyLine>,
-    /// What makes the hand deaf when it comes, and what came last of it.
+    /// Bytes that make the hand unresponsive, and the last of them received.
     unresponsive_from: Option<Vec<u8>>,
     heard: Vec<u8>,
     is_unresponsive: bool,
-    /// Instead of the hand something else is there that sends this noise.
+    /// Replaces the hand by a source of this noise.
     random_output: Option<NoisyLine>,
-    /// How many bytes the line could have carried by now in each direction.
+    /// Number of bytes that the line could have carried by now in each direction.
     may_send: f64,
     may_receive: f64,
 }
@@ -129,7 +129,7 @@ struct Line {
 impl SimulatedHand {
     /// Starts a hand that has just got power.
     ///
-    /// Errors: [`DeviceError::Start`] when there is no pseudo-terminal or no thread to be had, or its link cannot be
+    /// Errors: [`DeviceError::Start`] if there is no pseudo-terminal or no thread available, or its link cannot be
     /// made.
     pub fn start(options: SimulatedHandOptions) -> Result<Self, DeviceError> {
         let failed = |what| move |source| DeviceError::Start { what, source };
@@ -166,7 +166,7 @@ impl SimulatedHand {
         })
     }
 
-    /// Where to open the line: the link if there is one; empty while it is hung up without one.
+    /// Returns the path of the line: the link if there is one; empty while it is disconnected without one.
     pub fn path(&self) -> String {
         let path = match &self.shared.link {
             Some(link) => Some(link.clone()),
@@ -178,7 +178,7 @@ impl SimulatedHand {
         path.unwrap_or_default().to_string_lossy().into_owned()
     }
 
-    /// Pulls the plug of the line; the hand goes on with what it does.
+    /// Disconnects the line; the hand continues.
     pub fn disconnect_line(&self) {
         let mut world = self.world();
         world.terminal = None;
@@ -215,7 +215,7 @@ impl SimulatedHand {
         self.world().line.noise = noise.map(NoisyLine::new);
     }
 
-    /// Lets random bytes come instead of the hand's answers, or ends that. The hand still hears what it is sent.
+    /// Lets random bytes come instead of the hand's answers, or ends that. The hand still receives its input.
     pub fn set_random_output(&self, seed: Option<u64>) {
         let noise = |seed| NoisyLine::new(Noise { spoiled: 1.0, seed });
         let mut world = self.world();
@@ -223,8 +223,8 @@ impl SimulatedHand {
         world.line.outgoing.clear();
     }
 
-    /// Makes the hand deaf as soon as it is sent these bytes: it hears the last of them, and all that follows, only once
-    /// it is no longer deaf. Ends that with `None`.
+    /// Makes the hand unresponsive as soon as it is sent these bytes: it receives the last of them, and all that
+    /// follows, only once it is responsive again. Ends that with `None`.
     pub fn set_unresponsive_from(&self, bytes: Option<&[u8]>) {
         let mut world = self.world();
         world.line.unresponsive_from = bytes.map(<[u8]>::to_vec);
@@ -232,28 +232,28 @@ impl SimulatedHand {
         world.line.is_unresponsive = false;
     }
 
-    /// Whether it was sent what makes it deaf.
+    /// Returns whether it received the bytes that make it unresponsive.
     pub fn is_unresponsive(&self) -> bool {
         self.world().line.is_unresponsive
     }
 
-    /// Lets time stand still for the motors, or go on, while the line and the hand's processor go on: a motion under way
-    /// stays under way until it is stopped.
+    /// Stops or resumes time for the motors, while the line and the hand's processor continue: a motion in progress
+    /// stays in progress until it is stopped.
     pub fn freeze(&self, frozen: bool) {
         self.world().firmware.freeze(frozen);
     }
 
-    /// Whether the hand is in a motion or in RealTime mode, or still starts up.
+    /// Returns whether the hand is in a motion or in RealTime mode, or still starts up.
     pub fn is_busy(&self) -> bool {
         self.world().firmware.is_busy()
     }
 
-    /// Where the motors really are, counts.
+    /// Returns the true positions of the motors, counts.
     pub fn positions(&self) -> [f64; 4] {
         self.world().firmware.positions()
     }
 
-    /// How far each motor has ever gone, counts.
+    /// Returns the total distance of each motor, counts.
     pub fn travelled(&self) -> [f64; 4] {
         self.world().firmware.travelled()
     }
@@ -291,7 +291,7 @@ impl Shared {
                 terminal.share();
             }
             drop(world);
-            // Not with the world held: it belongs to others meanwhile.
+            // Without the lock: other threads need it meanwhile.
             thread::sleep(Duration::from_millis(if busy {
                 BUSY_POLL_MILLIS
             } else {
@@ -302,7 +302,7 @@ impl Shared {
 }
 
 impl Line {
-    /// Whether the hand does not hear this byte, which is the next.
+    /// Returns whether the hand ignores the next byte.
     fn ignores_byte(&mut self, byte: u8) -> bool {
         let Some(from) = &self.unresponsive_from else {
             return false;
@@ -318,13 +318,13 @@ impl Line {
 }
 
 impl Simulation {
-    /// Some time passes; whether something goes on.
+    /// Advances the time; returns whether anything is in progress.
     fn pass(&mut self, seconds: f64) -> bool {
         let rate = f64::from(self.firmware.baud()) / BITS_PER_BYTE * seconds;
         self.line.may_send = (self.line.may_send + rate).min(MAX_BURST_BYTES);
         self.line.may_receive = (self.line.may_receive + rate).min(MAX_BURST_BYTES);
         self.hear();
-        // A byte is heard when it has come in whole; time passes for the motors meanwhile.
+        // A byte is processed when it has arrived completely; time advances for the motors meanwhile.
         self.firmware.advance(seconds);
         self.say()
     }

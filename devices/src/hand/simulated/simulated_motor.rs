@@ -1,17 +1,17 @@
-//! One motor and what it moves.
+//! One motor and the links that it moves.
 
 use super::super::finger_coupling::OUTER_COUNTS;
 use super::super::gcl::Motor;
 use super::super::units;
 
-/// The torque at the inner joint at which the clutch lets go, Nm.
+/// Torque at the inner joint at which the clutch releases, Nm.
 ///
 /// Not published; as if 15 N pressed 50 mm from the joint.
 pub const BREAKAWAY_TORQUE: f64 = 0.75;
 
 /// Counts per degree of the outer link, while it holds.
 const OUTER_ENGAGED: f64 = 375.0;
-/// Where a finger's counter ends; the spread's ends with its way.
+/// End of a finger's counter; the spread's ends with its range.
 const FINGER_STOP: f64 = 17800.0;
 /// Counts per s², so that a finger is at its speed after some 50 ms.
 const ACCELERATION: f64 = 350_000.0;
@@ -19,15 +19,15 @@ const ACCELERATION: f64 = 350_000.0;
 /// Something in the way of a finger.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Object {
-    /// Where the inner link meets it, degrees.
+    /// Angle at which the inner link touches it, degrees.
     pub inner: f64,
-    /// How far the outer link then can turn against the inner one, degrees.
+    /// Angle by which the outer link can then turn against the inner one, degrees.
     pub outer: f64,
-    /// How much it bears at the inner joint, Nm. Above [`BREAKAWAY_TORQUE`] the clutch lets go.
+    /// Torque that it withstands at the inner joint, Nm. Above [`BREAKAWAY_TORQUE`] the clutch lets go.
     pub torque: f64,
 }
 
-/// What a motor is driven to.
+/// Command of a motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Drive {
     /// No current. Fingers stay where they are: they cannot be driven back.
@@ -50,9 +50,9 @@ pub(super) struct SimulatedMotor {
     /// Something else holds it, such as closed fingers the spread.
     pub(super) blocked: bool,
     breakaway: Option<f64>,
-    /// How long it has pushed against something, s.
+    /// Time for which it has pushed against something, s.
     pushing: f64,
-    /// All counts ever gone.
+    /// Total distance, counts.
     travelled: f64,
 }
 
@@ -85,7 +85,7 @@ impl SimulatedMotor {
         self.travelled
     }
 
-    /// Where the clutch let go, counts.
+    /// Returns the position at which the clutch released, counts.
     pub(super) fn breakaway(&self) -> Option<f64> {
         self.breakaway
     }
@@ -94,12 +94,12 @@ impl SimulatedMotor {
         self.breakaway = None;
     }
 
-    /// How long it has pushed against something, s.
+    /// Returns the time for which it has pushed against something, s.
     pub(super) fn pushing(&self) -> f64 {
         self.pushing
     }
 
-    /// Whether it is where it is driven to.
+    /// Returns whether it has reached its target.
     pub(super) fn has_arrived(&self) -> bool {
         match self.drive {
             Drive::To { target, .. } => (self.position - target).abs() < 0.5,
@@ -155,7 +155,7 @@ impl SimulatedMotor {
         }
     }
 
-    /// Where it ends when it opens and when it closes, counts.
+    /// Returns the stops in opening and closing direction, counts.
     fn stops(&self) -> (f64, f64) {
         let end = match self.motor {
             Motor::Spread => units::whole_way(Motor::Spread),
@@ -176,7 +176,7 @@ impl SimulatedMotor {
         (0.0, closed)
     }
 
-    /// Where the clutch lets go, counts; infinite if it does not.
+    /// Returns the position at which the clutch releases, counts; infinite if it does not.
     fn letting_go(&self) -> f64 {
         match self.object {
             Some(object) if object.torque > BREAKAWAY_TORQUE && self.motor != Motor::Spread => {

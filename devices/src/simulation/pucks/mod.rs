@@ -1,4 +1,4 @@
-//! An arm as its CAN bus shows it: seven pucks and a safety module, with the mechanics behind them.
+//! An arm as seen on its CAN bus: seven pucks and a safety module, with the mechanics behind them.
 
 mod motor_puck;
 mod puck_bus_server;
@@ -15,19 +15,20 @@ use crate::can::CanFrame;
 use crate::can::puck::{Address, Group, Node, PuckMessage, PuckProperty, Target, mode};
 use crate::wam::{AXES, WamModel};
 
-/// How often the safety module broadcasts something of its own.
+/// Interval between broadcasts of the safety module.
 const BROADCAST_INTERVAL: Duration = Duration::from_secs(1);
-/// To group 0 from node 10; what is in it is not published.
+/// To group 0 from node 10; the content is not published.
 const BROADCAST_ID: u16 = 0x540;
 
 /// The other end of an arm's CAN bus: frames in, frames out, stepped by its owner.
 ///
-/// Pucks behave like their firmware, as far as it is published: switched on they only monitor; awake they answer questions
-/// for properties, follow packed torques when the safety module has set their mode, and count where their rotors are
-/// from where they were told. A question for a property that they do not have stays without answer. The safety module
-/// lets software only lower its mode, judges speeds, torques and silence, and switches the pucks.
+/// Pucks behave like their firmware, as far as it is published: switched on they only monitor; awake they answer
+/// queries for properties, follow packed torques when the safety module has set their mode, and count their rotors'
+/// positions from the position that was written. A query for a property that they do not have is not answered. The
+/// safety module lets software only lower its mode, monitors speeds, torques and missing frames, and switches the
+/// pucks.
 ///
-/// For tests, pucks can fall silent or restart, and the pendant has buttons.
+/// For tests, pucks can stop answering or restart, and the pendant has buttons.
 ///
 /// ```
 /// use yarp_devices::can::CanFrame;
@@ -45,7 +46,7 @@ pub struct SimulatedPucks {
     simulator: Simulator<AXES>,
     motors: [MotorPuck; AXES],
     safety: SafetyPuck,
-    /// What the safety module last switched the pucks for.
+    /// Mode for which the safety module last switched the pucks.
     switched: SafetyMode,
     silent: [bool; 32],
     commanded: bool,
@@ -177,9 +178,9 @@ impl SimulatedPucks {
         }
     }
 
-    /// Whether a frame is the question that a control period begins with: where all motors are.
+    /// Returns whether a frame is the query that begins a control period: the positions of all motors.
     ///
-    /// Whoever wants an arm whose time goes with the traffic, and not with the clock, lets a period pass for each.
+    /// To let the arm's time advance with the traffic instead of the clock, advance one period for each.
     pub fn asks_for_positions(frame: &CanFrame) -> bool {
         matches!(
             PuckMessage::read(frame),

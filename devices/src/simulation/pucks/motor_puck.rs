@@ -13,7 +13,7 @@ const SLOTS: usize = 4;
 pub(super) struct MotorPuck {
     status: i32,
     mode: i32,
-    /// What it counts more than its rotor has turned.
+    /// Offset of the count from the rotor's position.
     offset: i32,
     /// Counts per turn.
     turn: i32,
@@ -72,7 +72,7 @@ impl MotorPuck {
         }
     }
 
-    /// Hears what is for it, with its rotor at `counts`; answers with the group that the answer goes to.
+    /// Handles a message for it, with its rotor at `counts`; returns the reply and its group.
     pub(super) fn handle_message(
         &mut self,
         message: PuckMessage,
@@ -143,7 +143,7 @@ impl MotorPuck {
         self.temperature = temperature as i32;
     }
 
-    /// Sets what the motor does. A motor that is switched off forgets its torque.
+    /// Sets the action of the motor. A motor that is switched off forgets its torque.
     pub(super) fn switch(&mut self, mode: i32) {
         self.mode = mode;
         self.torque = 0;
@@ -153,12 +153,12 @@ impl MotorPuck {
         self.status == status::READY
     }
 
-    /// Whether it follows torques.
+    /// Returns whether it follows torques.
     pub(super) fn follows(&self) -> bool {
         self.is_awake() && self.mode == mode::TORQUE_OR_ACTIVE
     }
 
-    /// What drives the motor, in its units.
+    /// Returns the torque of the motor, in its units.
     pub(super) fn units(&self) -> i16 {
         if !self.follows() {
             return 0;

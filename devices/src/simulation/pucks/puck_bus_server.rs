@@ -9,14 +9,14 @@ use tracing::{info, warn};
 use super::SimulatedPucks;
 use crate::can::{BusError, CanBus};
 
-/// How soon a bus that failed is opened again.
+/// Interval between attempts to open a bus that failed.
 const REOPEN_INTERVAL: Duration = Duration::from_millis(20);
-/// The most time that is made up for after a pause of the machine.
+/// Maximum time that is caught up with after a pause of the machine.
 const MAX_CATCH_UP: Duration = Duration::from_millis(100);
 
-/// Lets pucks take part in a bus until told to end; their time goes with the clock.
+/// Runs the pucks on a bus until stopped; their time advances with the clock.
 ///
-/// The arm goes on while the bus is away, which is opened again as soon as it is there. Blocks; ends within a few
+/// The arm continues while the bus is down, which is opened again as soon as it is up. Blocks; ends within a few
 /// milliseconds once `ending` is set.
 pub fn serve_pucks(
     pucks: &Mutex<SimulatedPucks>,

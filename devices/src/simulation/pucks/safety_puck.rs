@@ -7,7 +7,7 @@ use crate::simulation::{Fault, SafetyLimits, SafetyMode, SafetyModule};
 const VERSION: i32 = 200;
 /// Velocities are in m/s / 4096.
 const VELOCITY_UNITS: f64 = 4096.0;
-/// What a rotor seems to do whose position is written, m/s: more than any limit.
+/// Apparent speed of a rotor whose position is written, m/s: more than any limit.
 const REWRITE_SPEED: f64 = 1e3;
 
 #[derive(Clone, Debug)]
@@ -26,7 +26,7 @@ impl SafetyPuck {
         }
     }
 
-    /// Hears what is for it, and answers questions.
+    /// Handles a message for it, and answers queries.
     pub(super) fn handle_message(
         &mut self,
         message: PuckMessage,
@@ -45,7 +45,7 @@ impl SafetyPuck {
         }
     }
 
-    /// A rotor that is told another position seems to jump.
+    /// A rotor whose position is written seems to jump.
     pub(super) fn see_position_written(&mut self, module: &mut SafetyModule) {
         if self.faults_to_ignore > 0 {
             self.faults_to_ignore -= 1;

@@ -4,18 +4,19 @@
 //! torque = stiffness · (set point − position) + damping · (its speed − speed) + offset
 //! ```
 //!
-//! cut at what the position loop may give out; gravity is compensated beside it. There is no torque sensor: what friction
-//! of joint and cables takes is not felt, so that a joint stays up to friction over stiffness off its set point.
+//! limited to the output of the position loop; gravity is compensated in addition. There is no torque sensor: what
+//! friction of joint and cables takes is not felt, so that a joint stays up to friction over stiffness off its set
+//! point.
 
 use super::{ArmControl, Stream};
 use crate::simulation::JointCommand;
 use crate::wam::AXES;
 use crate::{Axes, AxisIndex, DeviceError, Impedance, ImpedanceLimits, Interaction, Limits, Mode};
 
-/// How soft a joint is that was told nothing, beside its position loop.
+/// Default softness of a joint, relative to its position loop.
 const DEFAULT_SOFTNESS: f64 = 10.0;
 
-/// How a joint meets the world.
+/// Compliance of a joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Compliance {
     yields: bool,
@@ -25,7 +26,7 @@ pub(super) struct Compliance {
 }
 
 impl Compliance {
-    /// A stiff joint, whose impedance is a tenth of what it may be at most.
+    /// Returns a stiff joint, whose impedance is a tenth of the maximum.
     pub(super) fn stiff(limits: ImpedanceLimits) -> Self {
         Self {
             yields: false,
@@ -44,7 +45,7 @@ impl Compliance {
 }
 
 impl ArmControl {
-    /// What brings a joint to a place, degrees, that moves with a speed.
+    /// Returns the command that drives a joint to a position, degrees, that moves with a speed.
     pub(super) fn towards(&self, joint: usize, place: f64, speed: f64) -> JointCommand {
         let compliance = &self.compliance[joint];
         if !compliance.yields {
@@ -58,7 +59,7 @@ impl ArmControl {
         JointCommand::Drive(self.range_of_loop(joint).clamp(torque))
     }
 
-    /// As [`InteractionMode::interactions`](crate::InteractionMode::interactions).
+    /// Same as [`InteractionMode::interactions`](crate::InteractionMode::interactions).
     pub fn interactions(&self, axes: Axes<'_>) -> Result<Vec<Interaction>, DeviceError> {
         axes.check(AXES)?;
         let one = |axis: AxisIndex| match self.compliance[axis.index()].yields {
@@ -68,10 +69,10 @@ impl ArmControl {
         Ok(axes.iter(AXES).map(one).collect())
     }
 
-    /// As [`InteractionMode::set_interactions`](crate::InteractionMode::set_interactions).
+    /// Same as [`InteractionMode::set_interactions`](crate::InteractionMode::set_interactions).
     ///
-    /// It counts where a joint has a set point: in position, position direct and velocity mode. A joint made stiff holds
-    /// where it was pushed to, and does not snap back. While the machine is not ready all joints become stiff.
+    /// It counts where a joint has a set point: in position, position direct and velocity mode. A joint made stiff
+    /// holds its displaced position, and does not snap back. While the machine is not ready all joints become stiff.
     pub fn set_interactions(
         &mut self,
         axes: Axes<'_>,
@@ -97,7 +98,7 @@ impl ArmControl {
         Ok(())
     }
 
-    /// Holds a joint that has a set point where it is.
+    /// Holds a joint that has a set point at its position.
     fn hold_here(&mut self, axis: AxisIndex) {
         match (self.mode(axis), &mut self.streams[axis.index()]) {
             (_, Stream::Position(place)) => {
@@ -113,13 +114,13 @@ impl ArmControl {
         }
     }
 
-    /// As [`ImpedanceControl::impedance`](crate::ImpedanceControl::impedance).
+    /// Same as [`ImpedanceControl::impedance`](crate::ImpedanceControl::impedance).
     pub fn impedance(&self, axis: AxisIndex) -> Result<Impedance, DeviceError> {
         Axes::One(axis).check(AXES)?;
         Ok(self.compliance[axis.index()].impedance)
     }
 
-    /// As [`ImpedanceControl::set_impedance`](crate::ImpedanceControl::set_impedance).
+    /// Same as [`ImpedanceControl::set_impedance`](crate::ImpedanceControl::set_impedance).
     pub fn set_impedance(&mut self, axis: AxisIndex, asked: Impedance) -> Result<(), DeviceError> {
         let limits = self.impedance_limits(axis)?;
         let Impedance { stiffness, damping } = asked;
@@ -131,14 +132,14 @@ impl ArmControl {
         Ok(())
     }
 
-    /// As [`ImpedanceControl::impedance_offset`](crate::ImpedanceControl::impedance_offset).
+    /// Same as [`ImpedanceControl::impedance_offset`](crate::ImpedanceControl::impedance_offset).
     pub fn impedance_offset(&self, axis: AxisIndex) -> Result<f64, DeviceError> {
         Axes::One(axis).check(AXES)?;
         Ok(self.compliance[axis.index()].offset)
     }
 
-    /// As [`ImpedanceControl::set_impedance_offset`](crate::ImpedanceControl::set_impedance_offset), within the joint's
-    /// range of torques.
+    /// Same as [`ImpedanceControl::set_impedance_offset`](crate::ImpedanceControl::set_impedance_offset), within the
+    /// joint's range of torques.
     pub fn set_impedance_offset(
         &mut self,
         axis: AxisIndex,
@@ -150,8 +151,8 @@ impl ArmControl {
         Ok(())
     }
 
-    /// As [`ImpedanceControl::impedance_limits`](crate::ImpedanceControl::impedance_limits): up to the stiffness and damping
-    /// that Barrett's position loop has, with which the arm is known to be steady.
+    /// Same as [`ImpedanceControl::impedance_limits`](crate::ImpedanceControl::impedance_limits): up to the stiffness
+    /// and damping that Barrett's position loop has, with which the arm is known to be steady.
     pub fn impedance_limits(&self, axis: AxisIndex) -> Result<ImpedanceLimits, DeviceError> {
         Axes::One(axis).check(AXES)?;
         Ok(Self::largest_impedance(&self.model, axis.index()))

@@ -1,4 +1,4 @@
-//! What the control computer of an arm does behind the calls of the device interfaces; stepped by its owner.
+//! Arm control behind the calls of the device interfaces; stepped by its owner.
 
 mod compliance;
 mod motor_currents;
@@ -15,7 +15,7 @@ use crate::kinematics::Joints;
 use crate::simulation::{Gains, JointCommand, JointControllers};
 use crate::{Axes, AxisIndex, DeviceError, Limits, Mode};
 
-/// What a joint can be set to.
+/// Modes of a joint.
 const MODES: [Mode; 6] = [
     Mode::Idle,
     Mode::Position,
@@ -24,9 +24,9 @@ const MODES: [Mode; 6] = [
     Mode::Torque,
     Mode::Current,
 ];
-/// The low-pass behind the difference quotient of positions, rad/s (libbarrett, `wam7w.conf`).
+/// The low-pass filter of the difference quotient of positions, rad/s (libbarrett, `wam7w.conf`).
 const SPEED_FILTER: f64 = 180.0;
-/// A joint slower than this stands, deg/s: less than what one count of an encoder makes of it.
+/// Speed below which a joint is at rest, deg/s: less than that of one encoder count.
 const STANDSTILL_SPEED: f64 = 1.0;
 
 /// Moves, streams, loops and modes of a seven-joint arm, from encoder counts to torques, in **degrees**.
@@ -36,7 +36,7 @@ const STANDSTILL_SPEED: f64 = 1.0;
 /// not [ready](Self::set_ready) all joints are in [`Mode::HardwareFault`]. Set points come from the same
 /// [`AxesModel`] as those of [`SimulatedWam`](super::SimulatedWam).
 ///
-/// What turns torques into motion is not in here: [`DynamicArm`](super::DynamicArm) has a simulator for it,
+/// The conversion of torques into motion is not in here: [`DynamicArm`](super::DynamicArm) has a simulator for it,
 /// [`CanWam`](super::can::CanWam) an arm on its bus.
 #[derive(Clone, Debug)]
 pub struct ArmControl {
@@ -45,7 +45,7 @@ pub struct ArmControl {
     controller: JointControllers<AXES>,
     period: Duration,
     counts: [i32; AXES],
-    /// What the last period drove the joints with, Nm.
+    /// Torques of the joints in the last period, Nm.
     driven: Joints<AXES>,
     measured: [MotionState; AXES],
     streams: [Stream; AXES],
@@ -57,14 +57,14 @@ pub struct ArmControl {
     error: Option<ArmError>,
 }
 
-/// Why the machine cannot be reached, for whoever commands it.
+/// The error of an unreachable machine, for callers that command it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ArmError {
-    /// Who should answer, for instance `the arm on can0`.
+    /// The peer that should answer, for instance `the arm on can0`.
     pub peer: String,
-    /// What was being done, and what happened.
+    /// The step, and what happened.
     pub step: String,
-    /// What to try next.
+    /// Advice on what to try next.
     pub advice: String,
 }
 
@@ -88,7 +88,7 @@ enum Stream {
     Position(f64),
     /// Nm.
     Torque(f64),
-    /// What its motors are asked for.
+    /// A current of its motors.
     Current,
 }
 
@@ -144,13 +144,13 @@ impl ArmControl {
         self.driven
     }
 
-    /// Takes what the encoders count at the end of a period.
+    /// Processes the encoder counts at the end of a period.
     pub fn take_counts(&mut self, counts: [i32; AXES]) {
         self.counts = counts;
         self.measure(self.period.as_secs_f64());
     }
 
-    /// Takes the arm as it stands at these counts, without a past: as when nobody looked for a while.
+    /// Starts from the arm at these counts, without history: as after a time without control.
     pub fn forget_motion(&mut self, counts: [i32; AXES]) {
         self.counts = counts;
         let positions = degrees(self.controller.measure(&counts).into());
@@ -161,7 +161,7 @@ impl ArmControl {
         self.controller.reset();
     }
 
-    /// Holds all joints where they are, in position mode; whatever they did is dropped.
+    /// Holds all joints at their positions, in position mode; any motion is dropped.
     pub fn hold(&mut self) {
         for joint in 0..AXES {
             let axis = AxisIndex::from(joint);
@@ -186,7 +186,7 @@ impl ArmControl {
         }
     }
 
-    /// Whether the motors follow torques.
+    /// Returns whether the motors follow torques.
     pub fn is_ready(&self) -> bool {
         self.ready
     }
@@ -196,12 +196,13 @@ impl ArmControl {
         self.error = error;
     }
 
-    /// What the arm is built like.
+    /// Returns the model of the arm.
     pub fn model(&self) -> &WamModel<AXES> {
         &self.model
     }
 
-    /// What gravity compensation reckons with at the last link, beside the arm that it was calibrated with.
+    /// Returns the load that gravity compensation assumes at the last link, beside the arm that it was calibrated
+    /// with.
     pub fn compensated_load(&self) -> &Body {
         &self.load
     }
@@ -233,7 +234,7 @@ impl ArmControl {
         }
     }
 
-    /// What the encoders say of an axis, degrees and per second.
+    /// Returns the state of an axis by the encoders, degrees and per second.
     ///
     /// Errors: [`DeviceError::NoSuchAxis`], [`DeviceError::Remote`] while the machine cannot be reached.
     pub fn state(&self, axis: AxisIndex) -> Result<MotionState, DeviceError> {
@@ -242,7 +243,7 @@ impl ArmControl {
         Ok(self.measured[axis.index()])
     }
 
-    /// The part of it that makes set points for position and velocity mode, to be asked for names, limits and references.
+    /// Returns the set point generator of position and velocity mode, for names, limits and references.
     pub fn set_points(&self) -> &AxesModel {
         &self.set_points
     }
@@ -252,25 +253,26 @@ impl ArmControl {
         &mut self.set_points
     }
 
-    /// As [`PositionControl::position_move`](crate::PositionControl::position_move).
+    /// Same as [`PositionControl::position_move`](crate::PositionControl::position_move).
     pub fn position_move(&mut self, axes: Axes<'_>, targets: &[f64]) -> Result<(), DeviceError> {
         self.check_mode(axes, "position move", Mode::Position)?;
         self.set_points.position_move(axes, targets)
     }
 
-    /// As [`PositionControl::relative_move`](crate::PositionControl::relative_move), from the present set point.
+    /// Same as [`PositionControl::relative_move`](crate::PositionControl::relative_move), from the present set point.
     pub fn relative_move(&mut self, axes: Axes<'_>, distances: &[f64]) -> Result<(), DeviceError> {
         self.check_mode(axes, "position move", Mode::Position)?;
         self.set_points.relative_move(axes, distances)
     }
 
-    /// As [`VelocityControl::velocity_move`](crate::VelocityControl::velocity_move).
+    /// Same as [`VelocityControl::velocity_move`](crate::VelocityControl::velocity_move).
     pub fn velocity_move(&mut self, axes: Axes<'_>, velocities: &[f64]) -> Result<(), DeviceError> {
         self.check_mode(axes, "velocity move", Mode::Velocity)?;
         self.set_points.velocity_move(axes, velocities)
     }
 
-    /// As [`MotionControl::stop`](crate::MotionControl::stop); a joint under torques or direct positions holds where it is.
+    /// Same as [`MotionControl::stop`](crate::MotionControl::stop); a joint under torques or direct positions holds
+    /// its position.
     pub fn stop(&mut self, axes: Axes<'_>) -> Result<(), DeviceError> {
         self.reachable()?;
         self.set_points.stop(axes)?;
@@ -288,7 +290,7 @@ impl ArmControl {
         Ok(())
     }
 
-    /// Whether the set points have arrived and the joints stand.
+    /// Returns whether the set points have arrived and the joints are at rest.
     ///
     /// Errors: [`DeviceError::NoSuchAxis`].
     pub fn motion_done(&self, axes: Axes<'_>) -> Result<bool, DeviceError> {
@@ -300,8 +302,8 @@ impl ArmControl {
 
     /// Sends joints in position direct mode to places, degrees, at once: the caller makes the path.
     ///
-    /// Errors: [`DeviceError::OutOfRange`], [`DeviceError::NotFinite`], [`DeviceError::WrongMode`], or what is wrong
-    /// with the selection; then no joint moves.
+    /// Errors: [`DeviceError::OutOfRange`], [`DeviceError::NotFinite`], [`DeviceError::WrongMode`], or an error of
+    /// the selection; then no joint moves.
     pub fn set_direct_positions(
         &mut self,
         axes: Axes<'_>,
@@ -331,10 +333,10 @@ impl ArmControl {
         Ok(axes.iter(AXES).map(place).collect())
     }
 
-    /// Drives joints in torque mode with torques, Nm, until told otherwise; gravity stays compensated.
+    /// Commands torques of joints in torque mode, Nm, until the next command; gravity stays compensated.
     ///
-    /// Errors: [`DeviceError::OutOfRange`], [`DeviceError::NotFinite`], [`DeviceError::WrongMode`], or what is wrong
-    /// with the selection; then every joint goes on as before.
+    /// Errors: [`DeviceError::OutOfRange`], [`DeviceError::NotFinite`], [`DeviceError::WrongMode`], or an error of
+    /// the selection; then every joint continues as before.
     pub fn set_reference_torques(
         &mut self,
         axes: Axes<'_>,
@@ -352,7 +354,7 @@ impl ArmControl {
         Ok(())
     }
 
-    /// The torques last asked for, Nm; 0 outside torque mode.
+    /// Returns the last commanded torques, Nm; 0 outside torque mode.
     ///
     /// Errors: [`DeviceError::NoSuchAxis`].
     pub fn reference_torques(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
@@ -375,7 +377,7 @@ impl ArmControl {
             .collect())
     }
 
-    /// How hard a joint can be driven, Nm: as hard as its control loop may.
+    /// Returns the range of torques of a joint, Nm: that of its control loop.
     ///
     /// Errors: [`DeviceError::NoSuchAxis`].
     pub fn torque_range(&self, axis: AxisIndex) -> Result<Limits, DeviceError> {
@@ -421,7 +423,7 @@ impl ArmControl {
         Ok(())
     }
 
-    /// What a joint's position loop, or who drives it, asked for in the last period, Nm without gravity.
+    /// Returns the last output of a joint's position loop or driving command, Nm without gravity.
     ///
     /// Errors: [`DeviceError::NoSuchAxis`].
     pub fn loop_output(&self, axis: AxisIndex) -> Result<f64, DeviceError> {
@@ -440,7 +442,7 @@ impl ArmControl {
         Ok(())
     }
 
-    /// What the encoders of the motors count.
+    /// Returns the counts of the motors' encoders.
     pub fn motor_counts(&self) -> [i32; AXES] {
         self.counts
     }
@@ -453,7 +455,7 @@ impl ArmControl {
         Ok(MODES.to_vec())
     }
 
-    /// As [`ControlMode::read_control_modes`](crate::ControlMode::read_control_modes).
+    /// Same as [`ControlMode::read_control_modes`](crate::ControlMode::read_control_modes).
     pub fn read_control_modes(&self, axes: Axes<'_>, out: &mut [Mode]) -> Result<(), DeviceError> {
         axes.check_count(AXES, "slots for modes", out.len())?;
         axes.check(AXES)?;
@@ -463,7 +465,7 @@ impl ArmControl {
         Ok(())
     }
 
-    /// As [`ControlMode::set_control_modes`](crate::ControlMode::set_control_modes).
+    /// Same as [`ControlMode::set_control_modes`](crate::ControlMode::set_control_modes).
     ///
     /// While the machine is not ready only [`Mode::ForceIdle`] is taken.
     pub fn set_control_modes(&mut self, axes: Axes<'_>, modes: &[Mode]) -> Result<(), DeviceError> {
@@ -500,7 +502,7 @@ impl ArmControl {
         })
     }
 
-    /// Takes a joint out of whatever stream drives it.
+    /// Ends any stream that drives a joint.
     fn drop_streams(&mut self, joint: usize) {
         self.forget_currents(joint);
         self.streams[joint] = Stream::None;
@@ -513,7 +515,7 @@ impl ArmControl {
         }
         let joint = axis.index();
         let here = match before {
-            // The joint goes on from where it shall be: no jump.
+            // The joint continues from its set point: no jump.
             Mode::Position | Mode::Velocity => self.set_point(axis).position,
             _ => match self.streams[joint] {
                 Stream::Position(place) => place,
@@ -579,7 +581,7 @@ impl ArmControl {
         }
     }
 
-    /// Takes the set point of an axis out of whatever it does.
+    /// Stops the set point of an axis.
     fn rest(&mut self, axis: AxisIndex) {
         self.set_mode_of_set_point(axis, Mode::Idle);
         self.put_set_point(axis, self.measured[axis.index()].position);

@@ -1,12 +1,13 @@
 //! Currents of the motors.
 //!
-//! A puck follows torques in units of which 1024 are 1 A in its motor's windings, so that a torque told to a puck *is* a
-//! current, and `1024 / IPNM` Nm/A is the motor's constant. No current is measured beside: what is told is what was sent.
+//! A puck follows torques in units of which 1024 are 1 A in its motor's windings, so that a torque command to a puck
+//! *is* a current, and `1024 / IPNM` Nm/A is the motor's constant. No current is measured: the reported value is the
+//! command that was sent.
 //!
-//! Currents count by motors, as motor encoders do. Two motors turn two joints together in the shoulder (1 and 2 from 0) and
-//! in the wrist (4 and 5): either follows a current only while both of its joints are in current mode. Gravity stays
-//! compensated, as always, so that the arm does not fall when it is put into current mode: what flows in a motor is what was
-//! asked for and what gravity takes.
+//! Currents count by motors, as motor encoders do. Two motors turn two joints together in the shoulder (1 and 2 from
+//! 0) and in the wrist (4 and 5): either follows a current only while both of its joints are in current mode. Gravity
+//! stays compensated, as always, so that the arm does not fall when it is put into current mode: the current in a
+//! motor is the commanded one plus that for gravity.
 
 use super::ArmControl;
 use crate::kinematics::Joints;
@@ -17,7 +18,7 @@ use crate::{Axes, AxisIndex, DeviceError, Limits, Mode};
 pub(crate) const UNITS_PER_AMPERE: f64 = 1024.0;
 
 impl ArmControl {
-    /// Takes what the pucks say of their motors for what the model says.
+    /// Replaces the model's motors by the pucks' own description.
     pub fn set_motors(&mut self, motors: [Motor; AXES]) {
         self.model.motors = motors;
     }
@@ -27,7 +28,7 @@ impl ArmControl {
         UNITS_PER_AMPERE / self.model.motors[motor].units_per_newton_metre
     }
 
-    /// What the currents asked for come to at the joints, Nm.
+    /// Returns the joint torques of the commanded currents, Nm.
     pub(super) fn asked_by_current(&self) -> Joints<AXES> {
         let motors = Joints::from_fn(|motor, _| self.asked[motor] * self.torque_constant(motor));
         self.model.transmission.joint_torques(&motors)
@@ -42,7 +43,7 @@ impl ArmControl {
         }
     }
 
-    /// The currents that the motors were sent in the last period, A, with what gravity takes.
+    /// Returns the currents that were sent to the motors in the last period, A, including those for gravity.
     ///
     /// Errors: [`DeviceError::NoSuchAxis`], [`DeviceError::Remote`] while the machine cannot be reached.
     pub fn currents(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
@@ -57,7 +58,7 @@ impl ArmControl {
         Ok(axes.iter(AXES).map(one).collect())
     }
 
-    /// How much current a motor can be asked for, A: what its puck follows, and no more than what takes the joints
+    /// Returns the range of a motor's current, A: as far as its puck follows, and no more than what takes the joints
     /// that it turns to the end of their range of torques, all their motors together.
     ///
     /// Errors: [`DeviceError::NoSuchAxis`].
@@ -79,7 +80,7 @@ impl ArmControl {
         Ok(Limits::new(-most, most))
     }
 
-    /// As [`CurrentControl::set_reference_currents`](crate::CurrentControl::set_reference_currents).
+    /// Same as [`CurrentControl::set_reference_currents`](crate::CurrentControl::set_reference_currents).
     pub fn set_reference_currents(
         &mut self,
         axes: Axes<'_>,
@@ -106,7 +107,7 @@ impl ArmControl {
         Ok(())
     }
 
-    /// As [`CurrentControl::reference_currents`](crate::CurrentControl::reference_currents).
+    /// Same as [`CurrentControl::reference_currents`](crate::CurrentControl::reference_currents).
     pub fn reference_currents(&self, axes: Axes<'_>) -> Result<Vec<f64>, DeviceError> {
         axes.check(AXES)?;
         Ok(axes

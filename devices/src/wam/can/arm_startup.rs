@@ -13,7 +13,7 @@ use crate::wam::{AXES, WamModel};
 
 /// Between messages that configure the safety module (libbarrett).
 const CONFIGURATION_INTERVAL: Duration = Duration::from_millis(10);
-/// How often a puck is asked whether it is awake: it takes up to a second (libbarrett), three questions each.
+/// Maximum number of attempts to find a puck awake: it takes up to a second (libbarrett), three queries each.
 const MAX_WAKE_ATTEMPTS: usize = 10;
 /// The firmware from which on properties have the numbers of [`PuckProperty`].
 const MIN_FIRMWARE_VERSION: i32 = 65;
@@ -21,30 +21,30 @@ const MIN_FIRMWARE_VERSION: i32 = 65;
 const VELOCITY_UNITS: f64 = 4096.0;
 /// The largest property of 16 bits.
 const MAX_PROPERTY_VALUE: f64 = i16::MAX as f64;
-/// How far outside its limits a joint may seem to stand, rad: stops are outside too, and cables stretch.
+/// Distance by which a joint may seem to be outside its limits, rad: stops are outside too, and cables stretch.
 const LIMIT_MARGIN: f64 = 0.2;
-/// How far a position that was written may be off when it is read, in parts of a turn.
+/// Tolerance of a written position when it is read back: a turn divided by this.
 const POSITION_TOLERANCE_DIVISOR: i32 = 4;
 
-/// In which units a puck speaks, and where it listens.
+/// Units of a puck, and its groups.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PuckUnits {
     /// Units of torque per Nm of the motor.
     pub(super) per_newton_metre: f64,
     /// The largest torque it follows, in units.
     pub(super) largest: f64,
-    /// Which frame of torques it follows.
+    /// Group of torque frames that it follows.
     pub(super) torque_group: Group,
     /// Its slot in there, from 0.
     pub(super) slot: usize,
-    /// In which group it is asked for its position.
+    /// Group in which its position is queried.
     pub(super) group: Group,
 }
 
-/// Brings an arm to the point where its control can begin; answers where it stands.
+/// Prepares an arm for control; returns its position.
 ///
-/// `first`: the arm may be told that it stands folded at home. Later it must know by itself where it is, and the
-/// safety module is told to brake, so that nothing moves until the pendant is pressed.
+/// `first`: the arm may be declared to be folded at home. Later it must know its position by itself, and the safety
+/// module is commanded to brake, so that nothing moves until the pendant is pressed.
 pub(super) fn connect(
     open: &mut OpenBus,
     model: &WamModel<AXES>,
@@ -54,8 +54,8 @@ pub(super) fn connect(
     let bus = open().at_step(CanStep::Open)?;
     let mut bus = PuckBus::new(bus, options.property_timeout);
     if !first {
-        // When the arm was lost the order to brake may have been lost as well, and the bus may be back before the safety
-        // module misses anything.
+        // When the arm was lost the command to brake may have been lost as well, and the bus may be back before the
+        // safety module misses a heartbeat.
         bus.set_property(Node::SAFETY, PuckProperty::MODE, mode::SAFETY_IDLE)
             .at_step(CanStep::Find)?;
     }
@@ -73,7 +73,7 @@ pub(super) fn connect(
     Ok((ControlCycle::new(bus, units, options, counts), counts))
 }
 
-/// All whom the arm needs.
+/// All nodes that the arm needs.
 fn arm() -> impl Iterator<Item = Node> {
     (0..AXES).map(Node::of_motor).chain([Node::SAFETY])
 }
@@ -205,7 +205,7 @@ fn group(bus: &mut PuckBus, node: Node, property: PuckProperty) -> Result<Group,
         .ok_or_else(|| unexpected(node, property, "a group from 0 to 31", value))
 }
 
-/// What the safety module shall allow, in its units.
+/// Returns the limits of the safety module, in its units.
 pub(super) fn limits_in_units(options: &CanOptions) -> [(PuckProperty, i32); 4] {
     let limits = options.limits;
     [
@@ -274,7 +274,8 @@ fn zero(
     declare_zeroed(bus)
 }
 
-/// How far a rotor is from where it is at home, by its mark, within half a turn (libbarrett, `low_level_wam`).
+/// Returns the distance of a rotor from its position at home, by its mark, within half a turn (libbarrett,
+/// `low_level_wam`).
 fn off_home(
     bus: &mut PuckBus,
     node: Node,
@@ -307,7 +308,7 @@ fn declare_zeroed(bus: &mut PuckBus) -> Result<(), CanErrorKind> {
     }
 }
 
-/// Where all motors are; the joints must be able to stand there.
+/// Reads the positions of all motors; they must be plausible for the joints.
 fn locate(bus: &mut PuckBus, model: &WamModel<AXES>) -> Result<[i32; AXES], CanErrorKind> {
     let mut counts = [0; AXES];
     for (motor, slot) in counts.iter_mut().enumerate() {

@@ -1,4 +1,4 @@
-//! What can go wrong between the driver and the arm.
+//! Errors between the driver and the arm.
 
 use std::fmt;
 
@@ -6,7 +6,7 @@ use crate::can::BusError;
 use crate::can::puck::{Node, PuckProperty};
 use crate::wam::ArmError;
 
-/// What the driver was doing.
+/// The step of the driver.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum CanStep {
     /// Opening the bus.
@@ -17,13 +17,13 @@ pub enum CanStep {
     Wake,
     /// Reading roles and versions.
     Identify,
-    /// Reading in which units the pucks speak.
+    /// Reading the units of the pucks.
     Units,
     /// Setting limits and reading them back.
     Limits,
-    /// Telling the pucks where the folded arm stands.
+    /// Writing the positions of the folded arm to the pucks.
     Zero,
-    /// Reading where the arm stands, before its control begins.
+    /// Reading the position of the arm, before its control begins.
     Locate,
     /// Reading positions in a control period.
     Positions,
@@ -54,52 +54,52 @@ impl fmt::Display for CanStep {
     }
 }
 
-/// What went wrong.
+/// The error of a step.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CanErrorKind {
     /// The bus.
     #[error(transparent)]
     Bus(#[from] BusError),
-    /// Somebody does not answer.
-    #[error("{node} is silent")]
+    /// A node does not answer.
+    #[error("{node} does not answer")]
     Silent {
-        /// Who.
+        /// The node.
         node: Node,
     },
-    /// Somebody answers something else than can be worked with.
+    /// A node returns a value that the driver does not support.
     #[error("{node} has {got} as {property}, expected {expected}")]
     Unexpected {
-        /// Who.
+        /// The node.
         node: Node,
-        /// What it was asked for.
+        /// The property.
         property: PuckProperty,
         /// In words.
         expected: String,
-        /// What it said.
+        /// The value received.
         got: i32,
     },
-    /// A puck was switched off meanwhile and does not know where it is.
+    /// A puck was switched off meanwhile and does not know its position.
     #[error("{node} has restarted and lost its position")]
     PositionLost {
-        /// Who.
+        /// The node.
         node: Node,
     },
     /// Positions can only be written while nothing moves.
     #[error("the safety module is active while positions are to be written")]
     Active,
-    /// The arm stands where it cannot.
-    #[error("joint {joint} stands at {degrees:.1} deg, outside its limits")]
+    /// The reported position is implausible.
+    #[error("joint {joint} is at {degrees:.1} deg, outside its limits")]
     Implausible {
         /// Counted from 0.
         joint: usize,
-        /// Where it says it is.
+        /// Its reported position.
         degrees: f64,
     },
 }
 
 impl CanErrorKind {
-    /// What to try next.
+    /// Returns advice on what to try next.
     pub fn advice(&self) -> String {
         match self {
             Self::Bus(error) => error.advice().to_owned(),
@@ -125,14 +125,14 @@ impl CanErrorKind {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{step} failed: {kind}; try {}", kind.advice())]
 pub struct CanError {
-    /// What the driver was doing.
+    /// The step.
     pub step: CanStep,
-    /// What went wrong.
+    /// The error.
     pub kind: CanErrorKind,
 }
 
 impl CanError {
-    /// The same for those who command the arm.
+    /// Converts to the error for callers that command the arm.
     pub(super) fn to_arm_error(&self, peer: &str) -> ArmError {
         ArmError {
             peer: peer.to_owned(),
@@ -170,7 +170,7 @@ mod tests {
         };
         assert_eq!(
             error.to_string(),
-            "reading the units of pucks failed: puck 3 is silent; try the power of the arm, and the cable at puck 3 \
+            "reading the units of pucks failed: puck 3 does not answer; try the power of the arm, and the cable at puck 3 \
              and before it"
         );
     }

@@ -1,31 +1,30 @@
-//! How the driver treats its bus.
+//! Options of the driver on its bus.
 
 use std::time::Duration;
 
 use crate::simulation::SafetyLimits;
 use crate::wam::AXES;
 
-/// How an arm is driven over CAN.
+/// Options of an arm on CAN.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CanOptions {
     /// From one torque to the next; 2 ms or less.
     pub period: Duration,
-    /// How long positions of a period are waited for; what comes later is left out. Seven of them take
-    /// 0.6 ms on the wire.
+    /// Timeout of the positions of a period; later replies are ignored. Seven of them take 0.6 ms on the wire.
     pub reply_timeout: Duration,
-    /// How many periods in a row a puck may leave out.
+    /// Maximum number of consecutive periods without a reply of a puck.
     pub max_missed_replies: u32,
-    /// How long an answer to a question takes at most, which is asked three times.
+    /// Timeout of the reply to a query, which is sent three times.
     pub property_timeout: Duration,
-    /// How long each of the 31 nodes is listened for when pucks are looked for.
+    /// Time for which each of the 31 nodes is listened for when pucks are searched.
     pub scan_interval: Duration,
-    /// How soon it is tried again after a failure.
+    /// Interval between attempts after a failure.
     pub retry_interval: Duration,
-    /// What [`MECH`](crate::can::puck::PuckProperty::MECH) of each puck is when the arm stands exactly at home: then it may be
-    /// folded by hand to within half a turn of its rotors, as with libbarrett's `zerocal.conf`. Without
-    /// it, how it was folded is taken for exact.
+    /// Value of [`MECH`](crate::can::puck::PuckProperty::MECH) of each puck when the arm is exactly at home: then it
+    /// may be folded by hand to within half a turn of its rotors, as with libbarrett's `zerocal.conf`. Without it,
+    /// the folded pose is assumed to be exact.
     pub home_marks: Option<[i32; AXES]>,
-    /// What the safety module shall allow; its heartbeat cannot be set.
+    /// Limits of the safety module; its heartbeat cannot be set.
     pub limits: SafetyLimits,
 }
 

@@ -1,8 +1,8 @@
-//! What callers can ask of pucks and safety module, and the little that they can set, by name.
+//! Variables of pucks and safety module that callers can read, and the few that they can set, by name.
 //!
-//! Only what cannot harm: properties of motors are read. Of the safety module the limits can be drawn closer than the
-//! driver was started with, never wider, and not switched off (which 0 does); they go back to the driver's own when
-//! the arm is found again. Values are whole numbers in the units of the bus.
+//! Only what cannot harm: properties of motors are read. The limits of the safety module can be narrowed below those
+//! the driver was started with, never widened, and not switched off (which 0 does); they return to the driver's own
+//! after a reconnection. Values are whole numbers in the units of the bus.
 
 use super::property_request::run;
 use super::{CanOptions, CanWam};

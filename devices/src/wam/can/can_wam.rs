@@ -19,7 +19,7 @@ use crate::wam::periodic_timer::PeriodicTimer;
 use crate::wam::{AXES, ArmControl, WamModel};
 use crate::{AxisIndex, DeviceError, VariableValue};
 
-/// Who it is, for errors and the log.
+/// Name of the peer, for errors and the log.
 pub(super) const PEER: &str = "the arm on the CAN bus";
 
 /// Opens the bus, at the start and after it failed.
@@ -27,12 +27,12 @@ pub type OpenBus = Box<dyn FnMut() -> Result<Box<dyn CanBus>, BusError> + Send>;
 
 /// A seven-joint WAM arm on its CAN bus.
 ///
-/// * It must lie folded in its home pose when the pucks have been switched on and the driver starts; pucks
-///   that have been told where they are keep it as long as they have power.
-/// * The safety module decides: the arm is driven from when Shift and Activate are pressed on the pendant, and holds
-///   where it is then. Until then, and after a fault, all joints are in `Mode::HardwareFault`.
-/// * When the bus fails or a puck falls silent the safety module is told to brake, commands and readings are refused
-///   with the step that failed, and the driver connects again by itself.
+/// * It must be folded in its home pose when the pucks have been switched on and the driver starts; pucks whose
+///   positions have been set keep them as long as they have power.
+/// * The safety module decides: the arm is driven as soon as Shift and Activate are pressed on the pendant, and holds
+///   its position then. Until then, and after a fault, all joints are in `Mode::HardwareFault`.
+/// * When the bus fails or a puck stops answering, the driver commands the safety module to brake, refuses commands
+///   and readings with the step that failed, and reconnects by itself.
 /// * An idle joint is not braked but floats: gravity stays compensated, a hand can lead it. Barrett warns against
 ///   switching single motors beside the safety module.
 /// * Dropping the device has the arm braked.
@@ -51,38 +51,38 @@ pub type OpenBus = Box<dyn FnMut() -> Result<Box<dyn CanBus>, BusError> + Send>;
 /// ```
 pub type CanWam = ArmDevice<CanArm>;
 
-/// Control of an arm on a bus, and how things stand there.
+/// Control of an arm on a bus, and its state.
 #[derive(Clone, Debug)]
 pub struct CanArm {
     control: ArmControl,
     status: CanStatus,
     options: CanOptions,
-    /// What callers want to know of pucks.
+    /// Pending queries of callers to pucks.
     property_requests: VecDeque<PropertyRequest>,
 }
 
-/// How things stand between driver and arm.
+/// State of the connection between driver and arm.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CanStatus {
-    /// Whether control runs, with the arm active or not.
+    /// True if control runs, with the arm active or not.
     pub connected: bool,
-    /// What the safety module lets the arm do; `None` before its first answer.
+    /// Mode that the safety module allows; `None` before its first reply.
     pub safety: Option<SafetyMode>,
-    /// What the pendant shows while the arm is not active.
+    /// State of the pendant while the arm is not active.
     pub pendant: Option<Pendant>,
-    /// What failed last, which may be an attempt to connect again; stays when the arm is there again.
+    /// The last error, which may be of an attempt to reconnect; kept when the arm is connected again.
     pub last_error: Option<CanError>,
-    /// What failed when the arm was lost; stays too.
+    /// The error with which the arm was lost; kept too.
     pub loss: Option<CanError>,
-    /// How often the arm was found.
+    /// Number of successful connections.
     pub connections: u64,
     /// Control periods since then.
     pub periods: u64,
-    /// How many of them began more than a period late: the machine was busy.
+    /// Number of them that began more than a period late: the machine was busy.
     pub late_periods: u64,
-    /// How many positions did not come in time since then.
+    /// Number of positions that did not arrive in time since then.
     pub missed_replies: u64,
-    /// How warm the pucks were when they were last asked, °C: one after the other, some times a second.
+    /// Last temperatures of the pucks, °C: queried one after the other, some times a second.
     pub temperatures: [Option<i32>; AXES],
 }
 
@@ -179,7 +179,7 @@ impl CanArm {
         };
     }
 
-    /// The arm is lost, or still not found; the log has why, once for each loss and once for what keeps it from being found.
+    /// Handles a lost or missing arm; the log has the reason, once for each loss and once for a repeated failure.
     fn failed(&mut self, error: &CanError) {
         self.control.set_ready(false);
         self.control.set_error(Some(error.to_arm_error(PEER)));
@@ -187,14 +187,14 @@ impl CanArm {
             warn!(peer = PEER, %error, "lost the arm; it is braked");
             self.status.loss = Some(error.clone());
         } else if self.status.last_error.as_ref() != Some(error) {
-            warn!(peer = PEER, %error, "the arm is still not found");
+            warn!(peer = PEER, %error, "the arm is still not reachable");
         }
         self.status.safety = None;
         self.status.last_error = Some(error.clone());
         self.property_requests.clear();
     }
 
-    /// Takes a question for the thread of the bus, if the arm is there.
+    /// Queues a query for the thread of the bus, if the arm is connected.
     pub(super) fn queue_property_request(
         &mut self,
         property_request: PropertyRequest,
@@ -267,13 +267,13 @@ impl ArmDevice<CanArm> {
         })
     }
 
-    /// How things stand on the bus.
+    /// Returns the state of the connection.
     pub fn status(&self) -> CanStatus {
         self.with(|arm| arm.status.clone())
     }
 }
 
-/// Drives the arm, and finds it again when it was lost, until told to end.
+/// Drives the arm, and reconnects after a loss, until stopped.
 fn run(shared: &Shared<CanArm>, link: ControlCycle, mut open: OpenBus, options: &CanOptions) {
     let model = shared.lock().arm.control.model().clone();
     let mut link = Some(link);
@@ -303,7 +303,7 @@ fn run(shared: &Shared<CanArm>, link: ControlCycle, mut open: OpenBus, options: 
     }
 }
 
-/// Control periods until told to end, or until something fails.
+/// Runs control periods until stopped, or until a step fails.
 fn drive(
     shared: &Shared<CanArm>,
     link: &mut ControlCycle,

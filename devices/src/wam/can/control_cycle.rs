@@ -1,4 +1,4 @@
-//! What passes over the bus in a control period.
+//! Messages of a control period on the bus.
 
 use std::time::{Duration, Instant};
 
@@ -13,12 +13,12 @@ use crate::kinematics::Joints;
 use crate::simulation::SafetyMode;
 use crate::wam::{AXES, Motor, WamModel};
 
-/// Every so many periods the safety module is asked for its mode, and so many questions may stay without answer.
+/// Number of periods between queries for the mode of the safety module, and maximum number of unanswered queries.
 const SAFETY_POLL_PERIODS: u64 = 10;
 const MAX_UNANSWERED_POLLS: u32 = 10;
-/// Every so many periods one of the pucks is asked for its temperature.
+/// Number of periods between queries for the temperature of one of the pucks.
 const TEMPERATURE_POLL_PERIODS: u64 = 50;
-/// A rotor that seems to have gone on by more than a quarter of a turn in a period is not believed (btclient), counts.
+/// Maximum plausible change of a rotor's position in a period: a quarter of a turn (btclient), counts.
 const MAX_COUNTS_PER_PERIOD: u32 = 1024;
 /// The largest torque there is room for: 13 bits and a sign.
 const MAX_TORQUE_UNITS: f64 = 8191.0;
@@ -27,21 +27,21 @@ const MAX_TORQUE_UNITS: f64 = 8191.0;
 pub(super) struct ControlCycle {
     bus: PuckBus,
     units: Vec<PuckUnits>,
-    /// In which groups positions are asked for, each once.
+    /// Groups in which positions are queried, each once.
     groups: Vec<Group>,
-    /// Which frames of torques there are, each once.
+    /// Groups of torque frames, each once.
     torque_groups: Vec<Group>,
     options: CanOptions,
     counts: [i32; AXES],
     missed: [u32; AXES],
-    /// When each position came that is believed.
+    /// Time of each accepted position.
     seen: [Instant; AXES],
     cycles: u64,
     unanswered: u32,
     safety: Option<SafetyMode>,
     pendant: Option<Pendant>,
     missed_replies: u64,
-    /// What a caller wants to know, and until when it is waited for.
+    /// The query of a caller, and its deadline.
     property_request: Option<(PropertyRequest, Instant)>,
     temperatures: [Option<i32>; AXES],
 }
@@ -72,7 +72,7 @@ impl ControlCycle {
         }
     }
 
-    /// Whether there is no question of a caller under way.
+    /// Returns whether no query of a caller is in progress.
     pub(super) fn is_free(&self) -> bool {
         self.property_request.is_none()
     }
@@ -95,12 +95,12 @@ impl ControlCycle {
         Ok(())
     }
 
-    /// How warm the pucks are, °C; `None` before the first answer.
+    /// Returns the temperatures of the pucks, °C; `None` before the first reply.
     pub(super) fn temperatures(&self) -> [Option<i32>; AXES] {
         self.temperatures
     }
 
-    /// What the pucks say of their motors, in the place of what the model says.
+    /// Returns the motors as the pucks describe them, in place of the model's.
     pub(super) fn motors(&self, model: &WamModel<AXES>) -> [Motor; AXES] {
         let mut motors = model.motors;
         for (motor, units) in motors.iter_mut().zip(&self.units) {
@@ -110,22 +110,22 @@ impl ControlCycle {
         motors
     }
 
-    /// What the safety module lets the arm do; `None` before its first answer.
+    /// Returns the mode that the safety module allows; `None` before its first reply.
     pub(super) fn safety(&self) -> Option<SafetyMode> {
         self.safety
     }
 
-    /// What the pendant shows, since the arm is not active.
+    /// Returns the state of the pendant while the arm is not active.
     pub(super) fn pendant(&self) -> Option<Pendant> {
         self.pendant
     }
 
-    /// How many positions have not come in time so far.
+    /// Returns the number of positions that have not arrived in time so far.
     pub(super) fn missed_replies(&self) -> u64 {
         self.missed_replies
     }
 
-    /// Asks all pucks where they are and waits for them; a puck that leaves it out counts as where it was.
+    /// Queries the positions of all pucks and waits for them; a missing one counts as unchanged.
     pub(super) fn positions(&mut self) -> Result<[i32; AXES], CanError> {
         self.forget_stale().at_step(CanStep::Positions)?;
         self.watch().at_step(CanStep::SafetyPoll)?;
@@ -171,7 +171,7 @@ impl ControlCycle {
         while let Some((from, message)) = self.bus.receive_message(now, &mut left)? {
             self.note(from, message);
         }
-        // Whoever waits for it hears that nobody answers.
+        // The waiting caller learns that no reply arrived.
         self.property_request
             .take_if(|(_, deadline)| now > *deadline);
         Ok(())
@@ -185,8 +185,8 @@ impl ControlCycle {
         f64::from(counts.abs_diff(self.counts[motor])) <= most
     }
 
-    /// Asks the safety module for its mode, and for what the pendant shows when the arm is not active; now and then a puck
-    /// how warm it is.
+    /// Queries the mode of the safety module, and the state of the pendant when the arm is not active; now and then
+    /// the temperature of a puck.
     fn watch(&mut self) -> Result<(), CanErrorKind> {
         if self.cycles % TEMPERATURE_POLL_PERIODS == TEMPERATURE_POLL_PERIODS / 2 {
             let motor = (self.cycles / TEMPERATURE_POLL_PERIODS) as usize % AXES;
@@ -209,7 +209,7 @@ impl ControlCycle {
         Ok(())
     }
 
-    /// Takes note of what the safety module and others say.
+    /// Records messages of the safety module and of other nodes.
     fn note(&mut self, from: Node, message: PuckMessage) {
         let PuckMessage::Value { property, value } = message else {
             return;
@@ -218,7 +218,7 @@ impl ControlCycle {
             (property_request.node, property_request.property) == (from, property)
         };
         if let Some((property_request, _)) = self.property_request.take_if(asked) {
-            // The caller may have gone.
+            // The caller may have stopped waiting.
             let _ = property_request.answer.try_send(value);
         }
         if let Some(motor) = from.motor(AXES)
@@ -269,7 +269,7 @@ impl ControlCycle {
         Ok(())
     }
 
-    /// Has the safety module brake the arm, if it still hears us.
+    /// Commands the safety module to brake the arm, if it is still reachable.
     pub(super) fn brake(&mut self) {
         // Where it does not, it brakes by itself: torques have ended.
         let _ = self

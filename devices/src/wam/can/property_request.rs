@@ -1,4 +1,4 @@
-//! Questions of callers to single pucks, which the thread of the bus asks between periods, one at a time.
+//! Queries of callers to single pucks, which the thread of the bus sends between periods, one at a time.
 
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::time::Duration;
@@ -8,9 +8,9 @@ use super::{CanErrorKind, CanWam};
 use crate::DeviceError;
 use crate::can::puck::{Node, PuckProperty};
 
-/// How often a question is asked.
+/// Maximum number of attempts of a query.
 const MAX_ATTEMPTS: usize = 3;
-/// Longer than a question waits for those before it, on a machine that is busy.
+/// Longer than a query waits for earlier ones, on a busy machine.
 const REPLY_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Reads a property of a puck, after it was set if there is a value.
@@ -19,14 +19,13 @@ pub(super) struct PropertyRequest {
     pub(super) node: Node,
     pub(super) property: PuckProperty,
     pub(super) value: Option<i32>,
-    /// Gone without a word when nobody has answered.
+    /// Dropped without a value when no reply arrived.
     pub(super) answer: SyncSender<i32>,
 }
 
 /// Reads a property, or sets it and reads it back.
 ///
-/// Blocks for some periods, or while the node is silent for as long as three answers may take. Errors:
-/// [`DeviceError::Remote`].
+/// Blocks for some periods, or, if the node does not answer, for three timeouts. Errors: [`DeviceError::Remote`].
 pub(super) fn run(
     device: &CanWam,
     node: Node,

@@ -1,4 +1,4 @@
-//! Questions and orders to single pucks.
+//! Queries and commands to single pucks.
 
 use std::time::{Duration, Instant};
 
@@ -6,13 +6,13 @@ use super::CanErrorKind;
 use crate::can::puck::{Address, Group, Node, PuckMessage, PuckProperty, Target};
 use crate::can::{BusError, CanBus};
 
-/// How often a question is asked.
+/// Maximum number of attempts of a query.
 const MAX_ATTEMPTS: usize = 3;
-/// How many frames an answer is looked for among, so that others who never fall silent do not keep us: more than fit
-/// into a second.
+/// Maximum number of frames among which a reply is searched, so that permanent traffic does not block the driver:
+/// more than fit into a second.
 pub(super) const MAX_FRAMES_PER_REPLY: usize = 10_000;
 
-/// A bus with somebody to talk to.
+/// A bus with pucks on it.
 pub(super) struct PuckBus {
     bus: Box<dyn CanBus>,
     timeout: Duration,
@@ -41,8 +41,8 @@ impl PuckBus {
         self.send(node, PuckMessage::Value { property, value })
     }
 
-    /// The next message to the host; what says nothing, or is for others, is left out. `None` at the deadline, or
-    /// when as many frames have passed as `left` allows, which is counted down.
+    /// Receives the next message to the host; invalid frames, and those for other receivers, are skipped. `None` at
+    /// the deadline, or when as many frames have passed as `left` allows, which is counted down.
     pub(super) fn receive_message(
         &mut self,
         deadline: Instant,
@@ -105,7 +105,7 @@ impl PuckBus {
         })
     }
 
-    /// Where a motor is; insists a few times.
+    /// Reads the position of a motor; tries a few times.
     pub(super) fn get_position(&mut self, node: Node) -> Result<i32, CanErrorKind> {
         for _ in 0..MAX_ATTEMPTS {
             self.send(node, PuckMessage::Get(PuckProperty::P))?;

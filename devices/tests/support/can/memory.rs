@@ -1,5 +1,5 @@
-//! A bus in memory. Time at its other end goes with the traffic: a control period for each question where all motors are, so
-//! that nothing depends on how busy the machine is.
+//! A bus in memory. Time at its other end advances with the traffic: a control period for each query of all
+//! positions, so that nothing depends on how busy the machine is.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use super::{Hook, Plug, Rig, Shared, Switch, run_hook};
 
 const PERIOD: Duration = Duration::from_millis(2);
 
-/// Changes what the host hears.
+/// Changes the frames that the host receives.
 pub type Noise = Box<dyn FnMut(Vec<CanFrame>) -> Vec<CanFrame> + Send>;
 
 pub struct Memory {
@@ -26,7 +26,7 @@ pub struct Memory {
 #[derive(Default)]
 pub struct Wire {
     to_host: VecDeque<CanFrame>,
-    /// What everything on the bus fails with. Time at the other end stands still meanwhile.
+    /// The error of all operations on the bus. Time at the other end stops meanwhile.
     pub failure: Option<BusError>,
     pub noise: Option<Noise>,
 }
@@ -117,7 +117,7 @@ impl Rig for Memory {
             };
             wire.to_host.clear();
             if plug != Plug::PutBack {
-                // Longer than the safety module bears silence.
+                // Longer than the safety module's heartbeat limit.
                 pucks
                     .lock()
                     .advance(Duration::from_secs(1), &mut Vec::new());

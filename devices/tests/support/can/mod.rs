@@ -13,7 +13,7 @@ use yarp_devices::can::{BusError, CanBus, CanFrame};
 use yarp_devices::simulation::SimulatedPucks;
 use yarp_devices::wam::can::OpenBus;
 
-/// What happens before the pucks hear a frame; true ends it.
+/// Called before the pucks receive a frame; true consumes it.
 pub type Hook = Box<dyn FnMut(&CanFrame) -> bool + Send>;
 
 /// A bus with simulated pucks.
@@ -22,19 +22,19 @@ pub trait Rig: Sync {
     fn open(&self) -> OpenBus;
     /// The other end.
     fn pucks(&self) -> &Shared<SimulatedPucks>;
-    /// What happens before pucks hear frames.
+    /// Returns the hook that is called before pucks receive frames.
     fn hook(&self) -> &Shared<Option<Hook>>;
     /// Takes the bus away, as when the plug is pulled, or gives it back. May be called by a hook.
     fn switch(&self) -> Switch;
 }
 
-/// What must hold, by its name.
+/// A behaviour to check, with its name.
 pub type Scenario = (&'static str, fn(&dyn Rig));
 
 /// The plug of the bus.
 pub type Switch = Arc<dyn Fn(Plug) + Send + Sync>;
 
-/// What is done to the plug.
+/// An action on the plug.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Plug {
     Pull,
@@ -94,7 +94,7 @@ impl<B: CanBus> CanBus for Hooked<B> {
     }
 }
 
-/// Whether a frame says this to this receiver.
+/// Returns whether a frame carries this message to this receiver.
 pub fn says(frame: &CanFrame, address: Address, message: PuckMessage) -> bool {
     PuckMessage::read(frame) == Ok((address, message))
 }

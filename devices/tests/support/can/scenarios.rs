@@ -1,4 +1,4 @@
-//! What must hold for an arm on any bus.
+//! Behaviours of an arm on any bus.
 
 use std::time::Duration;
 
@@ -14,7 +14,7 @@ use yarp_devices::{
 use super::{Plug, Rig, Scenario, says, until};
 
 const ELBOW: Axes<'static> = Axes::One(AxisIndex::new(3));
-/// Where the elbow is at home, degrees.
+/// Position of the elbow at home, degrees.
 const FOLDED: f64 = 179.3;
 
 /// The name of each, and what it does.
@@ -76,7 +76,7 @@ pub fn active(rig: &dyn Rig) -> CanWam {
     arm
 }
 
-/// Presses the buttons once the arm is there and stands, as a careful operator.
+/// Presses the buttons once the arm is connected and at rest, as a careful operator.
 pub fn activate(rig: &dyn Rig, arm: &CanWam) {
     until("an arm that stands", || {
         arm.status().connected && rig.pucks().lock().simulator().speed() < 0.05
@@ -95,7 +95,7 @@ pub fn modes(arm: &CanWam) -> [Mode; 7] {
     modes
 }
 
-/// Where the elbow truly is, degrees.
+/// Returns the true position of the elbow, degrees.
 pub fn elbow(rig: &dyn Rig) -> f64 {
     rig.pucks().lock().simulator().angles()[3].to_degrees()
 }
@@ -167,7 +167,7 @@ fn phases(node: Node) -> Vec<(&'static str, PuckMessage)> {
     phases
 }
 
-/// Does something when this is said to a node, before it hears it.
+/// Runs a function when this message is sent to a node, before it is received.
 fn when(rig: &dyn Rig, node: Node, message: PuckMessage, what: impl Fn() + Send + 'static) {
     let address = Address::from_host(node);
     *rig.hook().lock() = Some(Box::new(move |frame| {
@@ -195,7 +195,7 @@ pub fn a_puck_that_falls_silent_is_named_in_every_phase(rig: &dyn Rig) {
             });
             let told = refusal(rig);
             assert!(told.contains(step), "{step}: {told}");
-            let silent = format!("{node} is silent");
+            let silent = format!("{node} does not answer");
             assert!(told.contains(&silent), "{step}: {told}");
             rig.pucks().lock().set_silent(node, false);
             switch_off_and_on(rig);
@@ -246,7 +246,7 @@ pub fn a_plug_pulled_in_a_move_leaves_the_arm_held_until_it_is_found_again(rig: 
         let status = arm.status();
         status.connected && status.connections == 2
     });
-    // Nothing goes on by itself: the pendant decides, and then it holds.
+    // Nothing resumes by itself: the pendant decides, and then it holds.
     until("hardware fault", || modes(&arm) == [Mode::HardwareFault; 7]);
     activate(rig, &arm);
     let now = elbow(rig);
@@ -282,7 +282,10 @@ pub fn a_silent_puck_has_the_arm_braked(rig: &dyn Rig) {
         rig.pucks().lock().set_silent(node, true);
         until("the loss noticed", || !arm.status().connected);
         let refused = arm.position_move(ELBOW, &[90.0]).unwrap_err().to_string();
-        assert!(refused.contains(&format!("{node} is silent")), "{refused}");
+        assert!(
+            refused.contains(&format!("{node} does not answer")),
+            "{refused}"
+        );
         if node != Node::SAFETY {
             until("braked", || safety(rig) == SafetyMode::Idle);
         }
@@ -357,7 +360,7 @@ pub fn limits_reach_the_safety_module(rig: &dyn Rig) {
     });
 }
 
-/// What callers ask passes over the bus beside control, with the arm idle and active.
+/// Queries of callers are sent over the bus beside control, with the arm idle and active.
 pub fn pucks_answer_callers(rig: &dyn Rig) {
     let arm = start(rig);
     let turns = vec![VariableValue::Integer(4096); 7];
@@ -372,7 +375,7 @@ pub fn pucks_answer_callers(rig: &dyn Rig) {
     assert_eq!(arm.status().connections, 1);
 }
 
-/// Whether a frame has torques in it.
+/// Returns whether a frame has torques in it.
 pub fn is_torque(frame: &yarp_devices::can::CanFrame) -> bool {
     [Group::LOWER_TORQUES, Group::UPPER_TORQUES]
         .iter()

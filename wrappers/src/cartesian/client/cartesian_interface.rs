@@ -1,4 +1,4 @@
-//! The interface, said in messages.
+//! Implements the interface with messages.
 
 use std::sync::mpsc::Receiver;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -15,7 +15,7 @@ use super::RemoteCartesianControl;
 use crate::cartesian::messages::reply::Values;
 use crate::cartesian::messages::{Query, Request, Setting};
 
-/// How often it is looked for a pose with the new tip, and for how long.
+/// Interval between checks for a pose with the new tip, and their maximum duration.
 const POLL_INTERVAL: Duration = Duration::from_millis(5);
 const MAX_POLL_TIME: Duration = Duration::from_secs(1);
 

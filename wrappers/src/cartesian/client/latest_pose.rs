@@ -1,4 +1,4 @@
-//! The newest pose that has come, and who listens to events.
+//! The newest pose received, and the listeners of events.
 
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -11,10 +11,10 @@ use yarp_wire::float_vector::Vector;
 
 use crate::cartesian::messages::from_event;
 
-/// How many events wait for a listener who does not look.
+/// Maximum number of queued events for a listener that does not read.
 const MAX_QUEUED_EVENTS: usize = 256;
 
-/// Written by the streams of a server and read by whoever asks.
+/// Written by the streams of a server and read by callers.
 #[derive(Debug)]
 pub(super) struct LatestPose {
     newest: Mutex<Option<(StampedPose, Instant)>>,
@@ -50,7 +50,7 @@ impl LatestPose {
         *lock(&self.newest) = Some((StampedPose { pose, time }, Instant::now()));
     }
 
-    /// Takes in an event, and tells who listens.
+    /// Processes an event, and notifies listeners.
     pub(super) fn take_event(&self, received: &Received) {
         let Some(event) = received.bottle().ok().as_ref().and_then(from_event) else {
             tracing::warn!(from = %received.from, "not an event of a tool");
@@ -67,7 +67,7 @@ impl LatestPose {
         receiver
     }
 
-    /// Whether no pose has come for so long.
+    /// Returns whether no pose has been received for so long.
     pub(super) fn is_older_than(&self, age: Duration) -> bool {
         let newest = lock(&self.newest);
         newest
@@ -77,7 +77,7 @@ impl LatestPose {
             > age
     }
 
-    /// When the newest came.
+    /// Returns the arrival time of the newest pose.
     pub(super) fn arrived(&self) -> Option<Instant> {
         lock(&self.newest).as_ref().map(|(_, arrived)| *arrived)
     }

@@ -132,12 +132,12 @@ impl Link {
         }
     }
 
-    /// A server that says another version is none of ours; one that says none is, as stock has it.
+    /// A server that reports another version is not compatible; one that reports none is, as in stock.
     fn check_version(&self, info: &CartesianInfo) -> Result<(), OpenError> {
         match info.server_version.as_str() {
             known if CartesianVersion::from_text(known).is_some() => Ok(()),
             "" => {
-                tracing::warn!(remote = %self.remote, "the server does not say its version");
+                tracing::warn!(remote = %self.remote, "the server does not report its version");
                 Ok(())
             }
             other => Err(OpenError::Query {
@@ -189,7 +189,7 @@ impl Link {
         &self.remote
     }
 
-    /// Asks or orders, and waits for the answer.
+    /// Sends a request, and waits for the reply.
     pub(super) async fn ask<T>(
         &self,
         request: &Request,
@@ -245,7 +245,7 @@ impl Link {
         }
     }
 
-    /// Sends an order that nobody answers.
+    /// Sends a command without a reply.
     pub(super) async fn order(&self, request: &Request) -> Result<(), DeviceError> {
         let message = request.to_bottle();
         match self.command.write_strict(&message, None).await {

@@ -1,11 +1,11 @@
 //! A controller in another program.
 //!
-//! | file | what it is about |
+//! | file | content |
 //! | --- | --- |
-//! | `options` | whom to call, as whom, and how long to wait |
-//! | `link` | the four ports, the conversation at opening, calls |
-//! | `latest_pose` | the newest pose, and who listens to events |
-//! | `cartesian_interface` | the interface, said in messages |
+//! | `options` | names, carrier and timeouts |
+//! | `link` | the four ports, opening, calls |
+//! | `latest_pose` | the newest pose, and the listeners of events |
+//! | `cartesian_interface` | implements the interface with messages |
 
 mod cartesian_interface;
 mod latest_pose;
@@ -28,10 +28,10 @@ pub use options::RemoteCartesianOptions;
 /// * **Poses** are those that the server streams; asking for one waits for nothing. It fails with
 ///   [`DeviceError::NoDataYet`](yarp_devices::DeviceError::NoDataYet) before the first, and with
 ///   [`DeviceError::Stale`](yarp_devices::DeviceError::Stale) when the newest is older than the trusted age
-///   ([`RemoteCartesianOptions::timeout`]).
-/// * **Targets without waiting, and velocities** are sent, and nobody hears of a refusal.
-/// * **What blocks.** Every other call is a message and its answer, and waits for it at most until
-///   [`RemoteCartesianOptions::deadline`]. Putting on a tip waits besides for the first pose with it.
+///   ([`RemoteCartesianOptions::max_state_age`]).
+/// * **Targets without waiting, and velocities** are sent, and a refusal is not reported.
+/// * **Blocking calls.** Every other call is a message and its reply, and waits at most
+///   [`RemoteCartesianOptions::rpc_timeout`]. Putting on a tip waits besides for the first pose with it.
 /// * **Refusals** are [`DeviceError::Refused`](yarp_devices::DeviceError::Refused).
 /// * **Connections that are lost** are made again when the server is back; until then calls fail. Settings and motions
 ///   of the server that went away are not restored.
@@ -55,7 +55,7 @@ pub use options::RemoteCartesianOptions;
 pub struct RemoteCartesianControl {
     /// Taken only on drop.
     link: Option<Arc<Link>>,
-    /// What the server keeps for us.
+    /// Contexts that the server stores for this client.
     contexts: Mutex<BTreeSet<i32>>,
     checkpoints: Mutex<Vec<f64>>,
 }
@@ -79,7 +79,7 @@ impl RemoteCartesianControl {
         })
     }
 
-    /// The name of the server, as it was asked for.
+    /// Returns the name of the server, as it was given.
     pub fn remote(&self) -> &str {
         self.link().remote()
     }
@@ -101,12 +101,12 @@ impl Drop for RemoteCartesianControl {
             .into_iter()
             .chain(checkpoints.into_iter().map(Request::Unregister))
             .collect();
-        // Calls borrow the tool, so none is under way.
+        // Calls borrow the tool, so none is in progress.
         if let Some(link) = self.link.take().and_then(Arc::into_inner) {
             blocking::wait(async move {
                 for request in requests {
                     if let Err(error) = link.ask(&request, |_| Some(())).await {
-                        // The server is gone, and with it what it kept.
+                        // The server is gone, and with it its contexts.
                         tracing::debug!("{error}");
                         break;
                     }

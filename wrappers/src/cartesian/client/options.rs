@@ -1,8 +1,8 @@
-//! Whom to call, as whom, and how long to wait.
+//! Names, carrier and timeouts.
 
 use std::time::Duration;
 
-/// How a [`RemoteCartesianControl`](super::RemoteCartesianControl) is opened.
+/// Options of a [`RemoteCartesianControl`](super::RemoteCartesianControl).
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct RemoteCartesianOptions {
@@ -16,7 +16,8 @@ pub struct RemoteCartesianOptions {
 impl RemoteCartesianOptions {
     /// The controller named `remote`, by ports named after `local`: `/cartController/wam` and, for instance, `/me/tool`.
     ///
-    /// Poses, events and orders travel over `udp` as stock's do, a pose is trusted for 100 ms, an answer is waited for 2 s.
+    /// Poses, events and commands travel over `udp` as stock's do, the maximum age of a pose is 100 ms, the max_state_age
+    /// of a reply 2 s.
     pub fn new(remote: impl Into<String>, local: impl Into<String>) -> Self {
         Self {
             remote: remote.into(),
@@ -27,19 +28,19 @@ impl RemoteCartesianOptions {
         }
     }
 
-    /// The carrier for poses, events and orders (stock: `carrier`). Questions always go over `tcp`.
+    /// The carrier for poses, events and commands (stock: `carrier`). Questions always go over `tcp`.
     pub fn carrier(mut self, carrier: impl Into<String>) -> Self {
         self.carrier = carrier.into();
         self
     }
 
-    /// How old the newest pose may be to be trusted (stock: `timeout`).
+    /// Sets the maximum age of the newest pose (stock: `timeout`).
     pub fn max_state_age(mut self, age: Duration) -> Self {
         self.max_state_age = age;
         self
     }
 
-    /// How long an answer, or each step of opening, is waited for. Stock waits for ever.
+    /// Sets the max_state_age of a reply and of each step of opening. Stock waits for ever.
     pub fn rpc_timeout(mut self, rpc_timeout: Duration) -> Self {
         self.rpc_timeout = rpc_timeout;
         self

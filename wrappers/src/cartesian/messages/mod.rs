@@ -1,11 +1,11 @@
-//! What is said between a controller and its clients.
+//! Messages between a controller and its clients.
 //!
-//! | file | what it is about |
+//! | file | content |
 //! | --- | --- |
-//! | `vocabulary` | every word |
-//! | `request` | questions and orders |
-//! | `reply` | answers, written and read |
-//! | `motion_event` | what happens on the way |
+//! | `vocabulary` | the words of the protocol |
+//! | `request` | queries and commands |
+//! | `reply` | replies: encoding and parsing |
+//! | `motion_event` | events during a motion |
 //!
 //! Source: `ServerCartesianController.cpp`, `ClientCartesianController.cpp`, `CommonCartesianController.h` and
 //! `iKinHlp.cpp` of icub-main 2.11.1. Plain bottles, the same over 3.x and 4.0.

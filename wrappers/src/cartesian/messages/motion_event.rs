@@ -1,4 +1,4 @@
-//! What happens on the way: `"motion-ongoing" 1204.1 0.5`.
+//! Events during a motion: `"motion-ongoing" 1204.1 0.5`.
 
 use yarp_devices::CartesianEvent;
 use yarp_wire::{Bottle, Value};
@@ -10,7 +10,7 @@ const ONGOING: &str = "motion-ongoing";
 const DONE: &str = "motion-done";
 const CLOSING: &str = "closing";
 
-/// All kinds in the order of stock, and the one that stands for all of them.
+/// All kinds in the order of stock, and the one that matches all of them.
 pub(super) const KINDS: [&str; 5] = [ONSET, DONE, ONGOING, CLOSING, "*"];
 
 /// An event as a message.

@@ -1,4 +1,4 @@
-//! Answers, written by the server and read by the client: `[ack]` and what was asked, or `[nack]`.
+//! Answers, written by the server and read by the client: `[ack]` and the result, or `[nack]`.
 
 use yarp_devices::{
     CartesianInfo, Limits, PoseSolution, Priority, StampedPose, TaskPose, TaskVelocity,
@@ -25,11 +25,11 @@ pub(crate) fn refused() -> Bottle {
     Bottle::of(NACK)
 }
 
-/// What came after `[ack]`.
+/// Values after `[ack]`.
 #[derive(Debug)]
 pub(crate) struct Values(Vec<Value>);
 
-/// An answer is yes, with values, or no; `None` for what is neither.
+/// An answer is yes, with values, or no; `None` for other values.
 pub(crate) fn read(reply: Bottle) -> Option<Option<Values>> {
     let mut items = reply.into_items();
     match items.first()?.as_vocab()? {
@@ -95,7 +95,7 @@ pub(crate) fn pose(pose: &TaskPose) -> Bottle {
     list(&pose.to_array())
 }
 
-/// `version` is what the client shall hear, whatever the device says.
+/// `version` is the one that the client expects, instead of the device's.
 pub(crate) fn info(info: &CartesianInfo, version: CartesianVersion) -> Bottle {
     let pair = |key: &str, value: &str| Bottle::of(key).with(value);
     let events: Bottle = KINDS.iter().map(|&kind| Value::from(kind)).collect();
@@ -212,7 +212,7 @@ impl Values {
     }
 
     pub(crate) fn tweaks(&self) -> Option<Tweaks> {
-        // Stock has a second task between the others; it is left out.
+        // Stock has a second task in the middle; it is left out.
         let known = |value: &&Value| {
             value
                 .as_list()

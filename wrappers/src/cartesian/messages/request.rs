@@ -1,4 +1,4 @@
-//! Questions and orders.
+//! Queries and commands.
 
 use yarp_devices::{AxisIndex, Limits, Priority, Target, TaskPose, TaskVelocity, TweakChange};
 use yarp_wire::{Bottle, Value, Vocab32};
@@ -6,16 +6,16 @@ use yarp_wire::{Bottle, Value, Vocab32};
 use super::vocabulary::*;
 use crate::control_board::messages::{axis, count, float, floats, integer};
 
-/// What a client wants.
+/// A request of a client.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Request {
     /// Ends the motion.
     Stop,
     /// Goes to a target in so many seconds; none above 0 for the time that is set.
     Go(Target, f64),
-    /// Moves at a velocity. On the port for orders only.
+    /// Moves at a velocity. On the port for commands only.
     Move(TaskVelocity),
-    /// How a target would be reached, from these joints.
+    /// Solve for a target, from these joints.
     Ask(Target, Option<Vec<f64>>),
     /// Keeps the settings.
     Store,
@@ -23,7 +23,7 @@ pub enum Request {
     Restore(Option<i32>),
     /// Forgets kept settings; as with [`Restore`](Self::Restore).
     Delete(Option<Vec<i32>>),
-    /// A question.
+    /// A query.
     Get(Query),
     /// A setting.
     Set(Setting),
@@ -31,11 +31,11 @@ pub enum Request {
     Register(f64),
     /// Takes that back.
     Unregister(f64),
-    /// Which fractions are announced.
+    /// The announced fractions.
     Checkpoints,
 }
 
-/// What is asked.
+/// A query.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 #[allow(missing_docs, reason = "each is a question of the interface")]
 pub enum Query {
@@ -59,7 +59,7 @@ pub enum Query {
     Tweaks,
 }
 
-/// What is set.
+/// A setting.
 #[derive(Clone, Debug, PartialEq)]
 #[allow(missing_docs, reason = "each is a setting of the interface")]
 pub enum Setting {
@@ -81,7 +81,7 @@ pub enum Setting {
 #[error("not a request to a cartesian controller")]
 pub struct Malformed;
 
-/// The questions without anything more.
+/// The queries without arguments.
 const QUERIES: [(Query, Vocab32); 16] = [
     (Query::Tracking, MODE),
     (Query::Reference, REFERENCE),
@@ -136,7 +136,7 @@ fn id(value: &Value) -> Option<i32> {
 }
 
 fn switch(value: &Value) -> Option<Option<bool>> {
-    // Stock takes any other number for "as it is", its documentation says 2.
+    // Stock interprets any other number as "as it is", its documentation says 2.
     match count(value)? {
         0 => Some(Some(false)),
         1 => Some(Some(true)),
@@ -167,7 +167,7 @@ impl Request {
         read(message.as_slice()).ok_or(Malformed)
     }
 
-    /// The request as stock says it.
+    /// Encodes the request as stock does.
     pub fn to_bottle(&self) -> Bottle {
         match self {
             Self::Stop => Bottle::of(STOP),

@@ -1,4 +1,4 @@
-//! Every row of the protocol, and what is none.
+//! Every row of the protocol, and invalid requests.
 
 use bytes::Bytes;
 use proptest::prelude::*;
@@ -56,7 +56,7 @@ const REQUESTS: [&str; 44] = [
     "[even] [list] [ogoi]",
 ];
 
-/// What must not be understood.
+/// Requests that must not be accepted.
 const WRONG: [&str; 29] = [
     "",
     "[go]",

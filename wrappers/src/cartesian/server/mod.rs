@@ -1,8 +1,8 @@
 //! A controller on ports.
 //!
-//! | file | what it is about |
+//! | file | content |
 //! | --- | --- |
-//! | `request_handler` | the controller, and what requests mean for it |
+//! | `request_handler` | executes requests on the controller |
 //! | `publisher` | its pose and events, every period |
 
 mod publisher;
@@ -29,10 +29,10 @@ use crate::reconnect::PORT_CLOSE_TIMEOUT;
 
 /// Stock's default.
 const DEFAULT_PERIOD: Duration = Duration::from_millis(10);
-/// How long the end of publishing is waited for.
+/// Timeout of the end of publishing.
 const CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// How a controller is served.
+/// Options of a Cartesian server.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct CartesianServerOptions {
@@ -55,13 +55,13 @@ impl CartesianServerOptions {
         Self::default()
     }
 
-    /// How often the pose is sent, 1 ms to 60 s.
+    /// Sets the interval between poses, 1 ms to 60 s.
     pub fn period(mut self, period: Duration) -> Self {
         self.period = period;
         self
     }
 
-    /// Whose clients it is for.
+    /// Sets the protocol version of the clients.
     pub fn version(mut self, version: CartesianVersion) -> Self {
         self.version = version;
         self
@@ -70,19 +70,19 @@ impl CartesianServerOptions {
 
 /// A controller of a tool, served as iCub's `cartesiancontrollerserver` serves one.
 ///
-/// * `NAME/rpc:i` answers questions and carries out orders.
-/// * `NAME/command:i` takes targets and velocities; nobody hears of a refusal.
+/// * `NAME/rpc:i` answers queries and executes commands.
+/// * `NAME/command:i` accepts targets and velocities; a refusal is not reported.
 /// * `NAME/state:o` sends `x y z ax ay az theta` every period, in metres and radians, stamped with the time of the
 ///   encoders.
-/// * `NAME/events:o` tells every reader when a motion begins, has covered a part of its way, ends, and when the server
-///   closes.
+/// * `NAME/events:o` notifies every reader when a motion begins, has covered a part of its way, ends, and when the
+///   server closes.
 ///
-/// What is malformed, or what the controller refuses, is answered `[nack]`; the log says why.
+/// Malformed requests, and those that the controller refuses, are answered `[nack]`; the log has the reason.
 #[derive(Debug)]
 pub struct CartesianServer {
     name: String,
     running: Option<Running>,
-    /// Where the ports live, for closing them from anywhere.
+    /// Runtime of the ports, for closing them from anywhere.
     runtime: Handle,
 }
 
@@ -152,14 +152,14 @@ impl CartesianServer {
         }
     }
 
-    /// What the ports have in front of their names.
+    /// Returns the prefix of the ports' names.
     pub fn name(&self) -> &str {
         &self.name
     }
 
     /// Says that it closes, closes the ports and unregisters their names.
     ///
-    /// Takes a few seconds at the most, whatever peers do. The controller goes on.
+    /// Takes a few seconds at most, even if peers do not answer. The controller continues.
     pub async fn close(mut self) {
         if let Some(running) = self.running.take() {
             running.close().await;
@@ -168,7 +168,7 @@ impl CartesianServer {
 }
 
 impl Drop for CartesianServer {
-    /// As [`close`](Self::close), in the background, as far as the runtime still runs.
+    /// Closes like [`close`](Self::close), in the background, as far as the runtime still runs.
     fn drop(&mut self) {
         if let Some(running) = self.running.take() {
             self.runtime.spawn(running.close());
@@ -178,7 +178,7 @@ impl Drop for CartesianServer {
 
 impl Running {
     async fn close(self) {
-        // Nothing new is taken on, then what happened is told to the end.
+        // New requests are rejected, then pending events are sent.
         close_all(self.inputs).await;
         self.publisher.end(CLOSE_TIMEOUT).await;
         let mut writer = self.writer;

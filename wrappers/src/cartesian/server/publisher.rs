@@ -1,4 +1,4 @@
-//! The pose of the tool, every period, and behind it what has happened.
+//! Publishes the pose of the tool every period, and the events after it.
 
 use std::io;
 use std::sync::Arc;
@@ -15,7 +15,7 @@ use yarp_wire::float_vector::Vector;
 use super::request_handler::RequestHandler;
 use crate::periodic_thread::PeriodicThread;
 
-/// Starts publishing poses on `state`, and passes `events` on to whoever writes them.
+/// Starts publishing poses on `state`, and passes `events` on to their writer.
 pub(super) fn start(
     handler: Arc<RequestHandler>,
     state: Arc<Port>,
@@ -43,7 +43,7 @@ pub(super) fn start(
         }
         // After the state of the cycle, as stock.
         for event in events.try_iter() {
-            // Nobody writes any more: the server closes.
+            // The writer has ended: the server closes.
             let _ = written.send(event);
         }
     })

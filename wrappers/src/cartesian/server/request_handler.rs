@@ -1,4 +1,4 @@
-//! What requests mean for a controller.
+//! Executes requests on a controller.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI32, Ordering};
@@ -9,12 +9,12 @@ use yarp_wire::Bottle;
 use crate::cartesian::CartesianVersion;
 use crate::cartesian::messages::{Query, Request, Setting, acknowledged, refused, reply};
 
-/// The controller, and who asks it.
+/// Returns the controller for a request.
 pub(super) struct RequestHandler {
     device: Arc<dyn Device>,
     name: String,
     version: CartesianVersion,
-    /// The number of the state published last, for the stamp of a pose that is asked for.
+    /// The number of the last published state, for the stamp of a pose in a reply.
     pub(super) count: AtomicI32,
 }
 
@@ -50,7 +50,7 @@ impl RequestHandler {
         })
     }
 
-    /// Carries out what comes on the port for orders; nobody waits for an answer.
+    /// Executes messages of the command port; no reply is sent.
     pub(super) fn obey(&self, message: &Bottle, from: &str) {
         let done = match Request::parse(message) {
             Ok(Request::Go(target, time)) => self
@@ -60,7 +60,7 @@ impl RequestHandler {
                 .controller()
                 .and_then(|arm| arm.set_task_velocity(velocity)),
             _ => {
-                tracing::debug!("{}: {message} from {from} is not an order", self.name);
+                tracing::debug!("{}: {message} from {from} is not a command", self.name);
                 return;
             }
         };
@@ -74,7 +74,7 @@ impl RequestHandler {
         let done = match request {
             Request::Stop => arm.stop(),
             Request::Go(target, time) => arm.go_to_sync(*target, Some(*time)),
-            // Not on this port: nobody could tell a refusal from the end of a motion.
+            // Not on this port: a refusal could not be distinguished from the end of a motion.
             Request::Move(_) => return Ok(refused()),
             Request::Ask(target, start) => {
                 return Ok(reply::reach(&arm.ask(*target, start.as_deref())?));

@@ -1,4 +1,4 @@
-//! Questions and orders about joints, whichever messages say them.
+//! Queries and commands for joints, in either wire version.
 
 use yarp_devices::{Axes, AxisIndex, DeviceError};
 use yarp_wire::{Value, Vocab32, WireVersion};
@@ -27,7 +27,7 @@ pub(super) fn codes<T>(value: &Value, make: impl Fn(u32) -> T) -> Option<Vec<T>>
     Some(codes?.into_iter().map(make).collect())
 }
 
-/// One number as it is, several as a list of so many.
+/// One number by itself, several as a list of so many.
 pub(super) fn numbers(value: &Value, selection: &Selection, total: usize) -> Option<Vec<f64>> {
     if let Selection::One(_) = selection {
         return Some(vec![float(value)?]);
@@ -47,7 +47,7 @@ impl RemoteControlBoard {
         self.ask(Get::About(question, Selection::One(axis)))
     }
 
-    /// Refuses what 3.x has no question for.
+    /// Refuses queries that 3.x does not have.
     pub(super) fn asking_4(&self, what: &str) -> Result<(), DeviceError> {
         if self.wire_version() == WireVersion::V4 {
             return Ok(());
@@ -125,7 +125,7 @@ impl RemoteControlBoard {
 
     /// Sets one number per joint; `what` they are, for the errors.
     ///
-    /// Streams what stock streams, so that nobody waits.
+    /// Streams what stock streams, without waiting.
     pub(super) fn set(
         &self,
         setting: Setting,

@@ -32,7 +32,7 @@ impl AxisInfo for RemoteControlBoard {
 }
 
 impl Encoders for RemoteControlBoard {
-    /// From the newest state; the time is the one time that the board gives for all joints.
+    /// From the newest state; its time is the board's one time for all joints.
     fn read_encoders(&self, axes: Axes<'_>, out: &mut [EncoderReading]) -> Result<(), DeviceError> {
         axes.check(self.axes)?;
         axes.check_count(self.axes, "slots for readings", out.len())?;
@@ -67,7 +67,7 @@ impl Encoders for RemoteControlBoard {
 }
 
 impl ControlMode for RemoteControlBoard {
-    /// [`DeviceError::NotSupported`] from 3.x, which has no question for it.
+    /// [`DeviceError::NotSupported`] from 3.x, which has no query for it.
     fn available_control_modes(&self, axis: AxisIndex) -> Result<Vec<Mode>, DeviceError> {
         Axes::One(axis).check(self.axes)?;
         self.asking_4("listing control modes")?;

@@ -9,7 +9,7 @@ use yarp_ports::Received;
 use super::super::messages::JointData;
 use yarp_devices::clock::wall_clock;
 
-/// The newest state of the board, written by its feed and read by whoever asks.
+/// The newest state of the board, written by its stream and read by callers.
 #[derive(Debug)]
 pub(super) struct LatestState {
     state: Mutex<Option<State>>,
@@ -20,9 +20,9 @@ pub(super) struct LatestState {
 #[derive(Debug)]
 struct State {
     data: JointData,
-    /// When the joints were measured: seconds since the start of 1970.
+    /// Time of the measurement: seconds since the start of 1970.
     time: f64,
-    /// When it came here.
+    /// Time of arrival.
     arrived: Instant,
 }
 
@@ -58,7 +58,7 @@ impl LatestState {
         *self.state.lock().unwrap_or_else(PoisonError::into_inner) = Some(state);
     }
 
-    /// Whether no state has come for so long.
+    /// Returns whether no state has been received for so long.
     pub(super) fn is_older_than(&self, age: Duration) -> bool {
         let state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         let arrived = state.as_ref().map_or(self.begun, |state| state.arrived);
@@ -67,7 +67,7 @@ impl LatestState {
 
     /// Shows `read` the newest state and its time, if it is max_age.
     ///
-    /// `what` is asked for; `read` answers `None` if the board does not know it.
+    /// `what` is requested; `read` answers `None` if the board does not know it.
     pub(super) fn read<T>(
         &self,
         what: &'static str,

@@ -50,26 +50,26 @@ pub(super) struct Link {
     command_peer: String,
     rpc_timeout: Duration,
     pub(super) latest: Arc<LatestState>,
-    /// The connections to the board, made again whenever they are lost.
+    /// The connections to the board, reconnected when they are lost.
     kept: Vec<ReconnectingConnection>,
     /// Asks the board for its state again; ends with the link.
     asking: JoinSet<()>,
-    /// Opened when the first move asks for a number.
+    /// Opened when the first numbered move is sent.
     announcements: OnceCell<Announcements>,
     network: Network,
     local: String,
     carrier: String,
 }
 
-/// What a board says of itself.
+/// Description of a board.
 #[derive(Debug)]
 pub(super) struct About {
     pub(super) axes: usize,
-    /// The names of the interfaces it has. A board of 3.x does not say.
+    /// The names of the interfaces it has. A board of 3.x does not report it.
     pub(super) interfaces: Option<HashSet<String>>,
 }
 
-/// Results of a request, and how it was said, for the errors.
+/// Results of a request, and the text of the request, for the errors.
 #[derive(Debug)]
 pub(super) struct Results {
     pub(super) values: Vec<Value>,
@@ -77,7 +77,7 @@ pub(super) struct Results {
 }
 
 impl Link {
-    /// Opens and connects the ports, and asks what the board is; on an error nothing stays open.
+    /// Opens and connects the ports, and queries the board's description; on an error nothing stays open.
     pub(super) async fn open(
         network: &Network,
         options: &RemoteControlBoardOptions,
@@ -258,7 +258,7 @@ impl Link {
         &self.remote
     }
 
-    /// Asks or orders, and waits for the answer.
+    /// Sends a request, and waits for the reply.
     pub(super) fn call(self: &Arc<Self>, request: Request) -> Result<Results, DeviceError> {
         let link = self.clone();
         blocking::wait(async move {
@@ -352,7 +352,7 @@ impl Link {
         failed(&self.rpc_peer, step, Some(Box::new(error)))
     }
 
-    /// Sends a command that nobody answers. Commands arrive all, and in order.
+    /// Sends a command without a reply. All commands arrive, and in order.
     pub(super) fn stream(self: &Arc<Self>, command: Command) -> Result<(), DeviceError> {
         let link = self.clone();
         let sent = blocking::wait(async move {
@@ -376,7 +376,7 @@ impl Link {
         }
     }
 
-    /// What to say of an answer that is not of the kind expected.
+    /// Returns the error for a reply of an unexpected kind.
     pub(super) fn unreadable(&self, results: &Results) -> DeviceError {
         let answer = Bottle::from(results.values.clone());
         let said = &results.said;
@@ -406,7 +406,7 @@ impl Link {
     }
 }
 
-/// Which wire version the board is of: that of the port it has for calls.
+/// Finds out the wire version of the board: that of its RPC port.
 async fn wire_version(
     network: &Network,
     options: &RemoteControlBoardOptions,

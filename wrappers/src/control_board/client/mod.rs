@@ -1,13 +1,13 @@
 //! The device at the other end.
 //!
-//! | file | what it is about |
+//! | file | content |
 //! | --- | --- |
-//! | `options` | whom to call, as whom, and how long to wait |
-//! | `link` | the three ports, the conversation at opening, calls |
-//! | `latest_state` | the newest state that has come |
-//! | `board_requests` | one value per joint, whichever message says it |
-//! | `motion_completion` | moves with a number, and the wait for their ends |
-//! | `interfaces`, `motion`, `motors` | the device interfaces, said in messages |
+//! | `options` | names, carrier and timeouts |
+//! | `link` | the three ports, opening, calls |
+//! | `latest_state` | the newest state received |
+//! | `board_requests` | queries and commands for joints, in either wire version |
+//! | `motion_completion` | numbered moves, and waiting for their ends |
+//! | `interfaces`, `motion_interfaces`, `motor_interfaces` | the device interfaces |
 
 mod board_requests;
 mod interfaces;
@@ -39,23 +39,23 @@ pub use options::RemoteControlBoardOptions;
 /// A control board in another program, as stock's `remote_controlboard` (3.x) and `controlBoard_nwc_yarp` (4.0) cast
 /// it back. Which of the two it is is found out: a board that serves both is spoken to as 4.0.
 ///
-/// It has the interfaces that a board of 4.0 says it has, or all that 3.x has words for; what the board at the other
-/// end cannot do, or does not want to, it refuses with [`DeviceError::Refused`].
+/// It has the interfaces that a board of 4.0 reports, or all that 3.x has messages for; calls that the board at the
+/// other end does not support or does not accept fail with [`DeviceError::Refused`].
 ///
 /// * **Where answers come from.** Positions, speeds, accelerations, those of motors, torques, currents, duty cycles,
 ///   control and interaction modes are those of the newest state that the board has published; such a call waits for nothing. It fails with [`DeviceError::NoDataYet`] before the
 ///   first state, and with [`DeviceError::Stale`] when the newest is older than the trusted age
-///   ([`RemoteControlBoardOptions::timeout`]). So a mode that was just set is seen one period later. A speed or
+///   ([`RemoteControlBoardOptions::max_state_age`]). So a mode that was just set is seen one period later. A speed or
 ///   acceleration that the board marks invalid is NaN.
-/// * **What blocks.** Every other question and order is a message and its answer, and waits for it at most until
-///   [`RemoteControlBoardOptions::deadline`]. Calls may come from any thread, also from one that runs async code,
+/// * **Blocking calls.** Every other query and command is a message and its reply, and waits at most
+///   [`RemoteControlBoardOptions::rpc_timeout`]. Calls may come from any thread, also from one that runs async code,
 ///   which they then hold up. Velocities, direct positions and velocities, torques, currents and duty cycles are sent
-///   and not waited for: the board's refusal is not heard. (4.0 waits for a current or duty cycle of one joint.)
-/// * **What the protocol has no message for** is refused with [`DeviceError::NotSupported`]: in 3.x the lists of
-///   available control modes and loops, in both setting the encoders of some joints by one call, in 4.0 setting the
-///   encoder of one joint to anything but a whole number.
-/// * **Connections that are lost** are made again when the board is back, as long as it is of the same wire version.
-///   Until then calls fail.
+///   without waiting: the board's refusal is not reported. (4.0 waits for a current or duty cycle of one joint.)
+/// * **Missing messages.** Calls without a message in the protocol are refused with [`DeviceError::NotSupported`]: in
+///   3.x the lists of available control modes and loops, in both setting the encoders of some joints by one call, in
+///   4.0 setting the encoder of one joint to anything but a whole number.
+/// * **Lost connections** are reconnected when the board is back, if it has the same wire version. Until then calls
+///   fail.
 ///
 /// Dropping it closes its ports and unregisters their names; that takes a few seconds at the most.
 ///
@@ -78,7 +78,7 @@ pub struct RemoteControlBoard {
     /// Taken only on drop.
     link: Option<Arc<Link>>,
     axes: usize,
-    /// Those of 4.0 that the board says it has.
+    /// The interfaces of 4.0 that the board reports.
     interfaces: Option<HashSet<String>>,
 }
 
@@ -103,7 +103,7 @@ impl RemoteControlBoard {
         })
     }
 
-    /// The name of the board, as it was asked for.
+    /// Returns the name of the board, as it was given.
     pub fn remote(&self) -> &str {
         self.link().remote()
     }
@@ -117,7 +117,8 @@ impl RemoteControlBoard {
         self.link.as_ref().expect("taken only on drop")
     }
 
-    /// Whether the board has the interface that 4.0 calls `name`; of a board of 3.x nothing speaks against it.
+    /// Returns whether the board has the interface that 4.0 calls `name`; true for a board of 3.x, which does not
+    /// tell.
     fn has(&self, name: &str) -> bool {
         self.interfaces
             .as_ref()
@@ -137,7 +138,7 @@ impl RemoteControlBoard {
     }
 }
 
-/// The results of a question, with what is needed to say that they make no sense.
+/// The results of a query, with the context for an error if they are invalid.
 struct Answered<'a> {
     link: &'a Link,
     results: Results,
@@ -152,14 +153,14 @@ impl Answered<'_> {
 
 impl Drop for RemoteControlBoard {
     fn drop(&mut self) {
-        // Calls borrow the board, so none is under way.
+        // Calls borrow the board, so none is in progress.
         if let Some(link) = self.link.take().and_then(Arc::into_inner) {
             blocking::wait(link.close());
         }
     }
 }
 
-/// Gives the interfaces that the board says it has.
+/// Implements the interfaces that the board reports.
 macro_rules! interfaces {
     ($($name:ident: $trait:ident, $word:literal;)*) => {
         impl Device for RemoteControlBoard {

@@ -21,9 +21,9 @@ use super::link::Link;
 use crate::open_ports::open;
 use crate::reconnect::{check_exists, subscribe};
 
-/// So many ends are remembered; of older ones the board is asked.
+/// Maximum number of remembered completions; older ones are queried from the board.
 const MAX_REMEMBERED_MOTIONS: usize = 1000;
-/// How often the board is asked what became of a motion, should its announcement have been lost.
+/// Interval between queries for the completion of a motion, in case its announcement was lost.
 const POLL_INTERVAL: Duration = Duration::from_millis(500);
 
 /// The port for announcements, connected while it is there.
@@ -222,11 +222,11 @@ impl RemoteMotion<'_> {
 
     /// Waits until it has ended, however it ended. Blocks at most until `deadline` from now.
     ///
-    /// The board announces the end; should an announcement be lost with its connection, the board is asked. An end of
+    /// The board announces the end; if an announcement is lost with its connection, the board is queried. An end of
     /// another move is never taken for this one's.
     ///
-    /// Errors: [`DeviceError::Remote`] when the deadline has passed, or when the board does not know the number: it was
-    /// started again, and nobody knows how the move ended.
+    /// Errors: [`DeviceError::Remote`] when the timeout has passed, or when the board does not know the number: it
+    /// was restarted, and the end of the move is unknown.
     pub fn wait(&self, deadline: Duration) -> Result<MotionEnd, DeviceError> {
         let (link, number) = (self.board.link().clone(), self.number);
         blocking::wait(async move {
@@ -237,15 +237,15 @@ impl RemoteMotion<'_> {
         })
     }
 
-    /// As [`wait`](Self::wait) for async code, of a tokio runtime. Cancelling is safe.
+    /// Waits like [`wait`](Self::wait), for async code on a tokio runtime. Cancelling is safe.
     pub async fn ended(&self, deadline: Duration) -> Result<MotionEnd, DeviceError> {
         self.board.link().end_of(self.number, deadline).await
     }
 }
 
 impl RemoteControlBoard {
-    /// As [`PositionControl::position_move`](yarp_devices::PositionControl::position_move), and gives the motion, whose
-    /// end can be waited for.
+    /// Moves like [`PositionControl::position_move`](yarp_devices::PositionControl::position_move), and returns the
+    /// motion, whose end can be waited for.
     ///
     /// * The first such call opens one more port, `LOCAL/async:i`. Blocks for a few deadlines at the most.
     /// * Errors: [`DeviceError::NotSupported`] by a board of stock, which has no numbers;
@@ -258,8 +258,8 @@ impl RemoteControlBoard {
         self.numbered(Setting::Position, "target positions", axes, targets)
     }
 
-    /// As [`PositionControl::relative_move`](yarp_devices::PositionControl::relative_move), and gives the motion; otherwise
-    /// as [`position_move_numbered`](Self::position_move_numbered).
+    /// Moves like [`PositionControl::relative_move`](yarp_devices::PositionControl::relative_move), and returns the
+    /// motion; otherwise as [`position_move_numbered`](Self::position_move_numbered).
     pub fn relative_move_numbered(
         &self,
         axes: Axes<'_>,

@@ -59,7 +59,7 @@ impl PositionControl for RemoteControlBoard {
 }
 
 impl VelocityControl for RemoteControlBoard {
-    /// Sent and not waited for: what the board refuses is not heard of.
+    /// Sent without waiting: a refusal of the board is not reported.
     fn velocity_move(&self, axes: Axes<'_>, velocities: &[f64]) -> Result<(), DeviceError> {
         self.set(Setting::Velocity, "velocities", axes, velocities)
     }
@@ -70,7 +70,7 @@ impl VelocityControl for RemoteControlBoard {
 }
 
 impl PositionDirect for RemoteControlBoard {
-    /// Sent and not waited for: what the board refuses is not heard of.
+    /// Sent without waiting: a refusal of the board is not reported.
     fn set_direct_positions(&self, axes: Axes<'_>, positions: &[f64]) -> Result<(), DeviceError> {
         self.set(Setting::DirectPosition, "positions", axes, positions)
     }
@@ -81,7 +81,7 @@ impl PositionDirect for RemoteControlBoard {
 }
 
 impl VelocityDirect for RemoteControlBoard {
-    /// Sent and not waited for: what the board refuses is not heard of.
+    /// Sent without waiting: a refusal of the board is not reported.
     fn set_direct_velocities(&self, axes: Axes<'_>, velocities: &[f64]) -> Result<(), DeviceError> {
         self.set(Setting::DirectVelocity, "velocities", axes, velocities)
     }

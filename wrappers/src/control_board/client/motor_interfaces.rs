@@ -1,4 +1,4 @@
-//! Motors, forces, control loops, and what is beside the motion.
+//! Motors, forces, control loops, and further interfaces.
 
 use std::time::{Duration, Instant};
 
@@ -18,14 +18,14 @@ use super::super::messages::{
 use super::RemoteControlBoard;
 use super::board_requests::{codes, numbers, pair};
 
-/// How long parking is waited for.
+/// Timeout of parking.
 const HOMING_TIMEOUT: Duration = Duration::from_secs(120);
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 type Outcome<T> = Result<T, DeviceError>;
 
 impl TorqueControl for RemoteControlBoard {
-    /// Sent and not waited for: what the board refuses is not heard of.
+    /// Sent without waiting: a refusal of the board is not reported.
     fn set_reference_torques(&self, axes: Axes<'_>, torques: &[f64]) -> Outcome<()> {
         self.set(Setting::Torque, "torques", axes, torques)
     }
@@ -55,7 +55,7 @@ impl TorqueControl for RemoteControlBoard {
         })
     }
 
-    /// A board up to 3.6 takes four numbers, and gets them where the others are 0.
+    /// A board up to 3.6 takes four numbers, and gets them if the others are 0.
     fn set_motor_torque_parameters(
         &self,
         axis: AxisIndex,
@@ -165,7 +165,7 @@ impl ImpedanceControl for RemoteControlBoard {
 }
 
 impl PidControl for RemoteControlBoard {
-    /// [`DeviceError::NotSupported`] from 3.x, which has no question for it.
+    /// [`DeviceError::NotSupported`] from 3.x, which has no query for it.
     fn available_pids(&self, axis: AxisIndex) -> Outcome<Vec<PidKind>> {
         self.asking_4("listing control loops")?;
         let kind = |code| kind_of(Vocab32::from_code(code), WireVersion::V4);
@@ -179,7 +179,7 @@ impl PidControl for RemoteControlBoard {
         })
     }
 
-    /// [`DeviceError::NotSupported`] from 3.x, which has no question for it.
+    /// [`DeviceError::NotSupported`] from 3.x, which has no query for it.
     fn pid_info(&self, kind: PidKind, axes: Axes<'_>) -> Outcome<Vec<PidInfo>> {
         self.asking_4("asking what gains mean")?;
         self.about_each(Query::PidInfo(kind), axes, |values, selection| {
@@ -235,7 +235,7 @@ impl PidControl for RemoteControlBoard {
 }
 
 impl MotorEncoders for RemoteControlBoard {
-    /// From the newest state; the time is the one time that the board gives for all joints.
+    /// From the newest state; its time is the board's one time for all joints.
     fn motor_readings(&self, axes: Axes<'_>) -> Outcome<Vec<EncoderReading>> {
         axes.check(self.axes)?;
         self.link()
@@ -347,7 +347,8 @@ impl ControlCalibration for RemoteControlBoard {
         self.order(Set::CalibrateAxis(axis, method, parameters))
     }
 
-    /// 3.x has words for four parameters and no zero: what else is not 0 is [`DeviceError::NotSupported`].
+    /// 3.x has messages for four parameters and no zero: if any other is not 0 the call fails with
+    /// [`DeviceError::NotSupported`].
     fn set_calibration_parameters(
         &self,
         axis: AxisIndex,
@@ -509,7 +510,7 @@ impl RemoteControlBoard {
     }
 }
 
-/// The answers about a selection: one as it is, several in a list.
+/// Encodes the values of a selection: one by itself, several in a list.
 fn each_of<T>(
     answer: &Value,
     selection: &Selection,

@@ -1,10 +1,10 @@
-//! Whom to call, as whom, and how long to wait.
+//! Names, carrier and timeouts.
 
 use std::time::Duration;
 
 use yarp_wire::WireVersion;
 
-/// How a remote control board is opened; the names are those of stock's parameters.
+/// Options of a remote control board; the names are those of stock's parameters.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct RemoteControlBoardOptions {
@@ -39,19 +39,19 @@ impl RemoteControlBoardOptions {
         self
     }
 
-    /// How old the newest state may be to be trusted (stock: `timeout`, as here 0.5 s).
+    /// Sets the maximum age of the newest state (stock: `timeout`, as here 0.5 s).
     pub fn max_state_age(mut self, age: Duration) -> Self {
         self.max_state_age = age;
         self
     }
 
-    /// How long an answer, or each step of opening, is waited for. Stock waits for ever.
+    /// Sets the max_state_age of a reply and of each step of opening. Stock waits for ever.
     pub fn rpc_timeout(mut self, rpc_timeout: Duration) -> Self {
         self.rpc_timeout = rpc_timeout;
         self
     }
 
-    /// Goes on with a board that speaks another version of the protocol (stock: `ignoreProtocolCheck`).
+    /// Accepts a board with another version of the protocol (stock: `ignoreProtocolCheck`).
     pub fn ignore_protocol_version(mut self) -> Self {
         self.ignores_protocol = true;
         self

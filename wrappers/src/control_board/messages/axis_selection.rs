@@ -26,7 +26,7 @@ impl Selection {
         }
     }
 
-    /// Appends what stands for it on the wire.
+    /// Appends its encoding on the wire.
     pub(super) fn write(&self, message: &mut Bottle) {
         match self {
             Self::One(axis) => message.push(number_parsing::integer(axis.index())),
@@ -76,7 +76,7 @@ impl From<Axes<'_>> for Selection {
     }
 }
 
-/// Which of the three forms a word announces.
+/// The form that a word announces.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub(super) enum Form {
     One,
@@ -158,10 +158,10 @@ impl<T: Copy + PartialEq> Forms<T> {
         }
     }
 
-    /// The selections that say what `axes` says with spellings that exist: usually one.
+    /// Returns the selections that express `axes` with existing spellings: usually one.
     ///
-    /// Where there is none for several joints, a group of one is said as one joint, a group of all in order as all,
-    /// and all of a board that has only spellings for one are said one by one if `each` allows it. Otherwise it is
+    /// Where there is none for several joints, a group of one is sent as one joint, a group of all in order as all,
+    /// and all of a board that has only spellings for one are sent one by one if `each` allows it. Otherwise it is
     /// not supported, which names `what` it was.
     pub(crate) fn sayable(
         self,

@@ -9,9 +9,9 @@
 //! ```
 //!
 //! 4.0 sends duty cycles as float32, and temperatures at the end, float32 as well. A reader of the other wire version
-//! refuses the message, so each gets what its own wire version says.
+//! refuses the message, so each gets that of its own wire version.
 //!
-//! Stock names it `jointData` (`stateExt.thrift`). Every list has one entry per joint, also where it is not valid: a
+//! Stock names it `jointData` (`stateExt.thrift`). Every list has one entry per joint, also if it is not valid: a
 //! stock reader refuses an empty one, and then the whole message is lost.
 
 use bytes::{BufMut, Bytes, BytesMut};
@@ -43,7 +43,7 @@ const DUTY_CYCLES: usize = 7;
 pub struct Field<T> {
     /// One entry per joint.
     pub values: Vec<T>,
-    /// Whether they mean anything.
+    /// True if the values are valid.
     pub valid: bool,
 }
 
@@ -55,7 +55,7 @@ impl<T: Clone> Field<T> {
         }
     }
 
-    /// The values, if they are valid and there is one for each of `axes` joints.
+    /// Returns the values, if they are valid and there is one for each of `axes` joints.
     pub fn of(&self, axes: usize) -> Option<&[T]> {
         (self.valid && self.values.len() == axes).then_some(&self.values)
     }
@@ -82,9 +82,9 @@ pub struct JointData {
     pub duty_cycles: Field<f64>,
     /// Ampere.
     pub currents: Field<f64>,
-    /// What kind of orders the joints take.
+    /// Control modes of the joints.
     pub control_modes: Field<Mode>,
-    /// Whether joints yield.
+    /// Interaction modes of the joints.
     pub interaction_modes: Field<Interaction>,
     /// °C; does not travel in 3.x.
     pub temperatures: Field<f64>,

@@ -1,21 +1,21 @@
-//! What a control board and its clients say to each other, in both wire versions.
+//! Messages between a control board and its clients, in both wire versions.
 //!
-//! Everything here is pure and shared by both sides, so that each word is read and written in one place. What is
-//! wanted and answered is the same in both wire versions; each file below says which of them it is about.
+//! Everything here is pure and shared by both sides, so that each word is read and written in one place. Requests and
+//! results are the same in both wire versions; each file below names those that it handles.
 //!
 //! | file | message | port |
 //! | --- | --- | --- |
 //! | `vocabulary` | the words of 3.x, and of streamed commands | all |
 //! | `axis_selection` | one joint, several, all: three spellings for each call | all |
-//! | `quantity` | the numbers that can be asked for and set, and how both spell them | all |
-//! | `request` | questions and orders | |
-//! | `vocab_requests` | questions and orders as 3.x says them | `rpc:i` |
-//! | `thrift_calls` | questions and orders as 4.0 says them | `nws/rpc:i` |
-//! | `reply_layout` | results of questions in the layouts of both | both |
-//! | `reply` | what stands around results in 3.x | `rpc:i` |
-//! | `pid_messages`, `variable` | gains of control loops, values of variables | both |
-//! | `streaming_command` | orders that nobody waits for, in both | `command:i` |
-//! | `motion_update` | numbered motions, words of ours | `rpc:i`, `nws/rpc:i`, `async:o` |
+//! | `quantity` | the numbers that can be read and set, and their spelling in both | all |
+//! | `request` | queries and commands | |
+//! | `vocab_requests` | queries and commands of 3.x | `rpc:i` |
+//! | `thrift_calls` | queries and commands of 4.0 | `nws/rpc:i` |
+//! | `reply_layout` | results of queries in the layouts of both | both |
+//! | `reply` | replies of 3.x | `rpc:i` |
+//! | `pid_messages`, `variable_value` | gains of control loops, values of variables | both |
+//! | `streaming_command` | commands without a reply, in both | `command:i` |
+//! | `motion_update` | numbered motions, our own messages | `rpc:i`, `nws/rpc:i`, `async:o` |
 //! | `extended_state` | the whole state of the board, in both | `stateExt:o` |
 
 mod axis_selection;

@@ -7,7 +7,7 @@
 //! [numb] [drop]                 how many orders were dropped     [is] [drop] count
 //! ```
 //!
-//! What becomes of a motion, as `async:o` announces its end and as an RPC answers:
+//! The state of a motion, as `async:o` announces its end and as an RPC replies:
 //!
 //! ```text
 //! [move] N (axes)               it is under way (RPC only)
@@ -34,35 +34,35 @@ const STOP: Vocab32 = Vocab32::new("stop");
 const DROP: Vocab32 = Vocab32::new("drop");
 const NONE: Vocab32 = Vocab32::new("none");
 
-/// How a motion ended.
+/// End of a motion.
 #[derive(Clone, Debug, Eq, PartialEq)]
 #[non_exhaustive]
 pub enum MotionEnd {
     /// All axes arrived.
     Done,
-    /// Another order took one of its axes.
+    /// Another command took one of its axes.
     Superseded {
-        /// The number of that order.
+        /// The number of that command.
         by: u64,
     },
     /// One of its axes was stopped.
     Stopped,
     /// It was broken off.
     Failed {
-        /// Why, in words.
+        /// The reason, in words.
         reason: String,
     },
     /// The device never got it.
     Dropped {
-        /// The number of the order that took its place; 0 where there was no room, or no server any more.
+        /// The number of the command that replaced it; 0 if the queue was full, or the server has ended.
         by: u64,
     },
 }
 
-/// What a board knows of a motion.
+/// State of a motion on the board.
 #[derive(Clone, Debug, Eq, PartialEq)]
 pub enum MotionState {
-    /// It is under way.
+    /// It is in progress.
     Moving,
     /// It ended.
     Ended(MotionEnd),
@@ -70,19 +70,19 @@ pub enum MotionState {
     Unknown,
 }
 
-/// What a board says of a motion.
+/// State of a numbered motion, as the board reports it.
 #[derive(Clone, Debug, Eq, PartialEq)]
 pub struct MotionUpdate {
     /// Its number, from 1.
     pub number: u64,
     /// Its axes.
     pub axes: Vec<AxisIndex>,
-    /// What became of it.
+    /// Its state.
     pub state: MotionState,
 }
 
 impl MotionUpdate {
-    /// As it travels.
+    /// Encodes the update.
     pub fn to_bottle(&self) -> Bottle {
         let (said, last) = match &self.state {
             MotionState::Moving => (MOVE, None),
@@ -143,14 +143,14 @@ impl MotionUpdate {
     }
 }
 
-/// What a client of ours wants beyond what stock has words for.
+/// Requests of our clients that stock does not have.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Numbered {
-    /// To be told the number of this order.
+    /// Submit a command and return its number.
     Submit(Set),
     /// To know what became of the motion of this number.
     Ask(u64),
-    /// To know how many orders were dropped.
+    /// Query the number of dropped commands.
     Drops,
 }
 
@@ -175,7 +175,7 @@ impl Numbered {
         })
     }
 
-    /// The message that says it, or `None` where 3.x has no word for the order.
+    /// Returns the message, or `None` if 3.x does not have the command.
     pub fn to_bottle(&self) -> Option<Bottle> {
         let mut message = Bottle::of(NUMBERED);
         match self {

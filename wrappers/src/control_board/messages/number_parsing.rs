@@ -26,7 +26,7 @@ pub(crate) fn count(value: &Value) -> Option<usize> {
     whole.then_some(number as usize)
 }
 
-/// The value as an axis; whether there is such an axis is for the device to say.
+/// Parses the value as an axis; the device checks whether the axis exists.
 pub(crate) fn axis(value: &Value) -> Option<AxisIndex> {
     count(value).map(AxisIndex::from)
 }
@@ -36,7 +36,7 @@ pub(crate) fn floats(list: &Bottle) -> Option<Vec<f64>> {
     list.iter().map(float).collect()
 }
 
-/// What a torque loop assumes of its motor: four numbers up to 3.6, nine later; those that do not come are 0.
+/// Parses the motor parameters of a torque loop: four numbers up to 3.6, nine later; missing ones are 0.
 pub(super) fn motor_parameters(numbers: &[f64]) -> Option<MotorTorqueParameters> {
     let mut all = [0.0; 9];
     match numbers.len() {

@@ -29,7 +29,7 @@ pub(crate) fn kind_word(kind: PidKind, wire_version: WireVersion) -> Vocab32 {
     }
 }
 
-/// The kind that a word stands for.
+/// Returns the kind of a word.
 pub(crate) fn kind_of(word: Vocab32, wire_version: WireVersion) -> PidKind {
     let known = KINDS
         .iter()
@@ -100,7 +100,7 @@ pub(crate) fn read_all_gains(list: &Bottle, wire_version: WireVersion) -> Option
     list.iter().map(one).collect()
 }
 
-/// What the gains of a loop mean: 13 texts (stock: `PidExtraInfo`, which 3.x does not have).
+/// Encodes the meaning of a loop's gains: 13 texts (stock: `PidExtraInfo`, which 3.x does not have).
 pub(crate) fn info(info: PidInfo) -> Item {
     let units = info.units;
     let texts = [
@@ -121,7 +121,7 @@ pub(crate) fn info(info: PidInfo) -> Item {
     Item::List(texts.map(Item::Text).to_vec())
 }
 
-/// What the gains of a loop mean; exactly 13 texts.
+/// Parses the meaning of a loop's gains; exactly 13 texts.
 pub(crate) fn read_info(value: &Value) -> Option<PidInfo> {
     let list = value.as_list().filter(|list| list.len() == 13)?;
     let mut texts = list.iter().map(|text| text.as_str().map(str::to_owned));
@@ -149,7 +149,8 @@ pub(crate) fn read_info(value: &Value) -> Option<PidInfo> {
 mod tests {
     use super::*;
 
-    /// As `PidDataExtraInfo::write` of 4.0.0 lays it out: description, input, output, then units in the order of the gains.
+    /// The order of `PidDataExtraInfo::write` of 4.0.0: description, input, output, then units in the order of the
+    /// gains.
     #[test]
     fn meanings_are_thirteen_texts_in_the_order_of_stock() {
         let of = |name: &str| name.to_owned();

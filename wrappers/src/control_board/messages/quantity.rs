@@ -1,4 +1,4 @@
-//! The numbers that can be asked for and set, one for each joint, and how each wire version spells them.
+//! The numbers that can be read and set, one for each joint, and their spelling in each wire version.
 
 use yarp_devices::{AmplifierLimit, Axes, DeviceError, PidKind, PidValue};
 use yarp_wire::{Vocab32, WireVersion};
@@ -6,16 +6,16 @@ use yarp_wire::{Vocab32, WireVersion};
 use super::axis_selection::{Forms, Functions, Selection, Words};
 use super::vocabulary as word;
 
-/// A number that can be asked for.
+/// A number that can be read.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum Quantity {
-    /// Where the joint was last told to go.
+    /// The last target of the joint.
     TargetPosition,
-    /// How fast point-to-point moves may become.
+    /// Speed of point-to-point moves.
     ReferenceSpeed,
-    /// How hard the joint accelerates.
+    /// Acceleration of the joint.
     ReferenceAcceleration,
-    /// The velocity last asked for.
+    /// The last commanded velocity.
     ReferenceVelocity,
     /// Measured position.
     Position,
@@ -37,7 +37,7 @@ pub enum Quantity {
     MotorCounts,
     /// Temperature of the motor.
     Temperature,
-    /// How hot the motor may become.
+    /// Maximum temperature of the motor.
     TemperatureLimit,
     /// Turns of the motor per turn of the joint.
     GearboxRatio,
@@ -45,21 +45,21 @@ pub enum Quantity {
     Current,
     /// A limit of the amplifier.
     Amplifier(AmplifierLimit),
-    /// What the amplifier gives out.
+    /// Duty cycle of the amplifier.
     AmplifierDutyCycle,
-    /// What feeds the amplifier.
+    /// Supply voltage of the amplifier.
     SupplyVoltage,
     /// Measured torque.
     Torque,
-    /// The torque last asked for.
+    /// The last commanded torque.
     ReferenceTorque,
-    /// The current last asked for.
+    /// The last commanded current.
     ReferenceCurrent,
-    /// The duty cycle last asked for.
+    /// The last commanded duty cycle.
     ReferenceDutyCycle,
-    /// What the motor is given.
+    /// Duty cycle of the motor.
     DutyCycle,
-    /// What is added to the torque of the spring.
+    /// Torque added to that of the spring.
     ImpedanceOffset,
     /// A number of a control loop.
     Pid(PidKind, PidValue),
@@ -72,9 +72,9 @@ pub enum Setting {
     Position,
     /// Go so far.
     Distance,
-    /// How fast point-to-point moves may become.
+    /// Speed of point-to-point moves.
     ReferenceSpeed,
-    /// How hard the joint accelerates.
+    /// Acceleration of the joint.
     ReferenceAcceleration,
     /// Move at this velocity.
     Velocity,
@@ -94,22 +94,22 @@ pub enum Setting {
     MotorEncoder,
     /// Counts of the motor's encoder per turn.
     MotorCounts,
-    /// How hot the motor may become.
+    /// Maximum temperature of the motor.
     TemperatureLimit,
     /// Turns of the motor per turn of the joint.
     GearboxRatio,
     /// A limit of the amplifier.
     Amplifier(AmplifierLimit),
-    /// What is added to the torque of the spring.
+    /// Torque added to that of the spring.
     ImpedanceOffset,
     /// A number of a control loop.
     Pid(PidKind, PidValue),
 }
 
-/// How a call is spelt.
+/// Spelling of a call.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Spelling {
-    /// In 3.x the word in front of the others, where there is one.
+    /// In 3.x the word in front of the others, if there is one.
     pub(crate) interface: Option<Vocab32>,
     pub(crate) words: Words,
     pub(crate) functions: Functions,
@@ -166,7 +166,7 @@ const ENCODER: Words = Words::two(word::ENCODER, word::ENCODERS);
 const MOTOR: Words = Words::two(word::MOTOR_ENCODER, word::MOTOR_ENCODERS);
 const REFERENCE: Words = Words::two(word::REFERENCE, word::REFERENCES);
 
-/// The limits of amplifiers: their word, and their functions to ask and to set.
+/// The limits of amplifiers: their word, and their functions to read and to set.
 const AMPLIFIERS: [(AmplifierLimit, Vocab32, &str, &str); 4] = [
     (
         AmplifierLimit::MaxCurrent,
@@ -250,7 +250,7 @@ impl Quantity {
         }
     }
 
-    /// How it is asked for.
+    /// Returns the spelling of the query.
     pub(crate) fn spelling(self) -> Spelling {
         use Spelling as S;
         let three = Functions::three;
@@ -390,7 +390,7 @@ impl Quantity {
                     PidValue::Feedforward => one("getPidFeedforward"),
                 };
                 let words = match value {
-                    // Can be set, not asked for.
+                    // Can be set, not read.
                     PidValue::Offset => Forms::NONE,
                     other => loop_words(other),
                 };
@@ -465,7 +465,8 @@ impl Setting {
         }
     }
 
-    /// How it is set, with an answer. Stock 3.x takes what has no words here on `command:i` only.
+    /// Returns the spelling of the command that is answered. Stock 3.x takes what has no words here on `command:i`
+    /// only.
     pub(crate) fn spelling(self) -> Spelling {
         use Spelling as S;
         let three = Functions::three;

@@ -12,12 +12,12 @@ use yarp_wire::{Bottle, Stamp, Value, Vocab32};
 use super::vocabulary as word;
 use crate::thrift::Item;
 
-/// What a request is answered with, as it travels.
+/// A reply.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reply(Bottle);
 
 impl Reply {
-    /// To an order that was carried out.
+    /// Reply to a command that was executed.
     pub fn ok() -> Self {
         Self(Bottle::of(Vocab32::OK))
     }
@@ -32,7 +32,7 @@ impl Reply {
         Self(Bottle::of(word::NOT_UNDERSTOOD))
     }
 
-    /// To the question for the version of the protocol.
+    /// Reply to the query for the protocol version.
     pub fn version(version: ProtocolVersion) -> Self {
         let numbers = [version.major, version.minor, version.tweak];
         let mut reply = Bottle::of(word::PROTOCOL_VERSION);
@@ -41,7 +41,7 @@ impl Reply {
         Self(reply)
     }
 
-    /// To a question: `echo` is a word of the question, `stamp` when it was answered.
+    /// Reply to a query: `echo` is a word of the query, `stamp` the time of the reply.
     pub fn is(echo: Value, values: impl IntoIterator<Item = Value>, stamp: Stamp) -> Self {
         let mut reply = Bottle::of(word::IS).with(echo);
         reply.extend(values);
@@ -51,7 +51,7 @@ impl Reply {
         Self(reply)
     }
 
-    /// To the questions of some interfaces: without echo or time where `values` and `stamp` have none.
+    /// Reply to the queries of some interfaces: without echo or time where `values` and `stamp` have none.
     pub(super) fn bare(values: impl IntoIterator<Item = Value>, stamp: Option<Stamp>) -> Self {
         let mut reply = Bottle::from_iter(values);
         if let Some(stamp) = stamp {
@@ -62,7 +62,7 @@ impl Reply {
         Self(reply)
     }
 
-    /// Usage for people: each line is what to type and what it does.
+    /// Usage for people: each line is a request and its effect.
     pub fn usage(lines: impl IntoIterator<Item = (Bottle, String)>) -> Self {
         let mut reply = Bottle::of(Vocab32::MANY);
         for (typed, meaning) in lines {
@@ -73,7 +73,7 @@ impl Reply {
         Self(reply)
     }
 
-    /// An answer as it came.
+    /// A reply as received.
     pub fn from_bottle(reply: Bottle) -> Self {
         Self(reply)
     }
@@ -83,13 +83,13 @@ impl Reply {
         self.0
     }
 
-    /// Whether the other side said no.
+    /// Returns whether the peer refused.
     pub fn is_refusal(&self) -> bool {
         let first = self.word(0);
         first == Some(Vocab32::FAIL) || first == Some(word::NOT_UNDERSTOOD)
     }
 
-    /// Whether an order was carried out.
+    /// Returns whether a command was executed.
     pub fn is_ok(&self) -> bool {
         self.word(0) == Some(Vocab32::OK)
     }
@@ -107,7 +107,7 @@ impl Reply {
         })
     }
 
-    /// What an answer holds behind the first `skipped` items, without time and `[ok]`.
+    /// Returns the items after the first `skipped` ones, without time and `[ok]`.
     pub(super) fn results(&self, skipped: usize) -> Option<Vec<Value>> {
         let items = self.0.as_slice().get(skipped..)?;
         if skipped > 0 && self.word(0) != Some(word::IS) {
@@ -136,7 +136,7 @@ pub struct ProtocolVersion {
 }
 
 impl ProtocolVersion {
-    /// What YARP 3.5 to 3.12 speak.
+    /// Protocol version of YARP 3.5 to 3.12.
     pub const CURRENT: Self = Self {
         major: 1,
         minor: 9,
@@ -152,7 +152,7 @@ impl ProtocolVersion {
         }
     }
 
-    /// Whether both sides understand each other.
+    /// Returns whether both sides are compatible.
     pub fn is_compatible(self, other: Self) -> bool {
         (self.major, self.minor) == (other.major, other.minor)
     }
@@ -174,7 +174,7 @@ pub(crate) fn joint_type_to_value(joint_type: JointType) -> Item {
     Item::I32(word.code() as i32)
 }
 
-/// The kind of an axis; a word that we do not know is an unknown kind.
+/// Parses the type of an axis; an unknown word is an unknown type.
 pub(crate) fn joint_type_from_value(value: &Value) -> Option<JointType> {
     Some(match value.as_vocab()? {
         word::REVOLUTE => JointType::Revolute,

@@ -1,7 +1,7 @@
-//! What questions are answered with: the same results in the layouts of both wire versions.
+//! Replies to queries: the same results in the layouts of both wire versions.
 //!
-//! A server answers with [`Item`]s, laid out as 4.0 has them; 3.x puts some of them into lists, and gains in another
-//! order. A client gets [`Value`]s in that same layout, whichever wire version answered.
+//! A server replies with [`Item`]s, laid out as in 4.0; 3.x puts some of them into lists, and gains in another order.
+//! A client gets [`Value`]s in that same layout, from either wire version.
 
 use yarp_devices::{JointType, Pid, PidInfo};
 use yarp_wire::{Bottle, Stamp, Value, Vocab32, WireVersion};
@@ -27,7 +27,7 @@ pub(crate) fn read_gains(value: &Value) -> Option<Pid> {
 }
 
 impl Get {
-    /// The results that go with an error in 4.0, where all are there all the same.
+    /// The results that accompany an error in 4.0, where all are present even then.
     pub(crate) fn nothing(&self) -> Vec<Item> {
         let (question, selection) = match self {
             Self::Values(_, Selection::One(_)) => return vec![Item::F64(0.0)],
@@ -71,7 +71,7 @@ impl Get {
         }
     }
 
-    /// The answer of 3.x that holds `results`; `echo` is item 1 of the question as it came.
+    /// The answer of 3.x that holds `results`; `echo` is item 1 of the query as received.
     pub(crate) fn answer_v3(&self, echo: Value, results: Vec<Item>, stamp: Stamp) -> Reply {
         let values = self.as_v3(results);
         match (self, self.layout()) {
@@ -159,7 +159,7 @@ impl Get {
         }
     }
 
-    /// Whether 3.x puts the results into a list of their own.
+    /// Returns whether 3.x puts the results into a list of their own.
     fn is_listed(&self) -> bool {
         matches!(
             self,
@@ -192,7 +192,7 @@ impl Get {
     }
 }
 
-/// What 3.x puts around the results.
+/// Layout of the results in 3.x.
 enum Layout {
     /// `[is] ECHO .. [tsta] count time [ok]`
     Full,

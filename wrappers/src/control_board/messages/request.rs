@@ -1,6 +1,6 @@
-//! What clients want of a control board, in whichever wire version they say it.
+//! Requests to a control board, in either wire version.
 //!
-//! `words` says it as 3.x does, `calls` as 4.0 does.
+//! `vocab_requests` encodes them for 3.x, `thrift_calls` for 4.0.
 
 use yarp_devices::{
     Axes, AxisIndex, CalibrationParameters, Impedance, Interaction, Limits, Mode,
@@ -12,33 +12,33 @@ use super::axis_selection::{Forms, Functions, Selection, Words};
 use super::quantity::{Quantity, Setting, Spelling};
 use super::vocabulary as word;
 
-/// What a client wants of a control board.
+/// A request to a control board.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Request {
     /// Usage for people (3.x: `help more`, 4.0: `help`).
     Help,
     /// The version of the protocol (3.x: `[get] [prot]`, 4.0: `getRemoteProtocolVersion`).
     ProtocolVersion,
-    /// Which interfaces there are (4.0).
+    /// The supported interfaces (4.0).
     Interfaces,
-    /// A question.
+    /// A query.
     Get(Get),
-    /// An order.
+    /// A command.
     Set(Set),
 }
 
-/// A question.
+/// A query.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Get {
     /// A number for each joint.
     Values(Quantity, Selection),
-    /// Anything else about joints. What is about the board is asked of [`Selection::All`].
+    /// Anything else about joints. Queries of the whole board use [`Selection::All`].
     About(Query, Selection),
     /// The value of a variable.
     Variable(String),
 }
 
-/// What is not one number for each joint.
+/// Queries other than for one number per joint.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum Query {
     /// Number of axes.
@@ -47,7 +47,7 @@ pub enum Query {
     Name,
     /// Kind of an axis.
     Type,
-    /// Whether the joints are at rest.
+    /// True if the joints are at rest.
     MotionDone,
     /// Smallest and largest.
     Range(Range),
@@ -69,33 +69,33 @@ pub enum Query {
     AmplifierStatus,
     /// Stiffness and damping of an axis.
     Impedance,
-    /// What they may be.
+    /// Ranges of stiffness and damping.
     ImpedanceLimits,
-    /// What the torque loop assumes of a motor.
+    /// Motor parameters of the torque loop.
     MotorParameters,
     /// Gains of control loops.
     Pids(PidKind),
-    /// Whether a loop is closed.
+    /// True if a loop is closed.
     PidEnabled(PidKind),
-    /// What the numbers of a loop mean (4.0).
+    /// Meaning of the numbers of a loop (4.0).
     PidInfo(PidKind),
     /// The loops of an axis (4.0).
     AvailablePids,
-    /// Whether an axis is calibrated.
+    /// True if an axis is calibrated.
     CalibrationDone,
-    /// Whether there is a calibrator.
+    /// True if there is a calibrator.
     CalibratorPresent,
     /// The names of the variables.
     Variables,
     /// The last fault of an axis.
     Fault,
-    /// Whether an axis is braked (4.0).
+    /// True if an axis is braked (4.0).
     Braked,
-    /// Whether its brake goes on by itself (4.0).
+    /// True if its brake is applied automatically (4.0).
     AutoBrake,
 }
 
-/// What has a smallest and a largest value.
+/// Quantities with a minimum and a maximum.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum Range {
     /// Positions.
@@ -108,12 +108,12 @@ pub enum Range {
     Current,
 }
 
-/// An order. Values are degrees or metres, per second, per second squared.
+/// A command. Values are degrees or metres, per second, per second squared.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Set {
     /// A number for each joint.
     Values(Setting, Selection, Vec<f64>),
-    /// Something without values. What is about the board is ordered of [`Selection::All`].
+    /// Something without values. Commands to the whole board use [`Selection::All`].
     Act(Action, Selection),
     /// Position or velocity limits of an axis.
     Limits(Range, AxisIndex, Limits),
@@ -125,21 +125,21 @@ pub enum Set {
     Pids(PidKind, Selection, Vec<Pid>),
     /// Stiffness and damping of an axis.
     Impedance(AxisIndex, Impedance),
-    /// What the torque loop assumes of a motor, and how many of the nine numbers are said: up to 3.6 the first four.
+    /// Motor parameters of the torque loop, and the number of them that are sent: up to 3.6 the first four.
     MotorParameters(AxisIndex, MotorTorqueParameters, usize),
     /// Start to calibrate an axis.
     CalibrateAxis(AxisIndex, u32, [f64; 3]),
-    /// How an axis is calibrated.
+    /// Calibration parameters of an axis.
     CalibrationParameters(AxisIndex, CalibrationParameters),
     /// The value of a variable.
     Variable(String, Vec<VariableValue>),
     /// The brake of an axis (4.0).
     ManualBrake(AxisIndex, bool),
-    /// Whether it goes on by itself (4.0).
+    /// Automatic braking (4.0).
     AutoBrake(AxisIndex, bool),
 }
 
-/// An order without values.
+/// A command without values.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum Action {
     /// Come to rest.
@@ -180,7 +180,7 @@ pub enum Action {
     AbortPark,
 }
 
-/// Why a message is no request.
+/// Reasons why a message is not a request.
 #[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Malformed {
@@ -202,7 +202,7 @@ pub enum Malformed {
 }
 
 impl Set {
-    /// The axes that it is about; all of them for what is about the board.
+    /// Returns the axes that it addresses; all of them for requests of the whole board.
     pub fn axes(&self) -> Axes<'_> {
         match self {
             Self::Values(_, selection, _)
@@ -223,7 +223,7 @@ impl Set {
 }
 
 impl Query {
-    /// Every question; those about control loops for positions, in the place of all kinds.
+    /// Every query; those of control loops for positions, in the place of all kinds.
     pub(super) const ALL: [Self; 29] = {
         use PidKind::Position;
         [
@@ -259,7 +259,7 @@ impl Query {
         ]
     };
 
-    /// How it is asked.
+    /// Returns the spelling of the query.
     pub(crate) fn spelling(self) -> Spelling {
         use Spelling as S;
         let one = Words::only_one;
@@ -431,7 +431,8 @@ impl Action {
         ]
     };
 
-    /// How it is ordered. The words for what the board itself calibrates stand in the first place of a message.
+    /// Returns the spelling of the command. The words for the board's own calibration are in the first place of a
+    /// message.
     pub(crate) fn spelling(self) -> Spelling {
         use Spelling as S;
         let loops = |word, function| {

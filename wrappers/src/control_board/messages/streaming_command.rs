@@ -1,4 +1,4 @@
-//! Orders on `command:i`, which nobody answers.
+//! Commands on `command:i`, which are not answered.
 //!
 //! ```text
 //! int32 256   int32 2   bottle head   vector values
@@ -26,25 +26,25 @@ use super::vocabulary as word;
 /// The code of a list whose items carry their own.
 const LIST: i32 = 256;
 
-/// An order as it travels: what is to be done with which joints, and one value for each.
+/// A command: the setting, the joints, and one value for each.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Command {
-    /// The words for the order, and the joints.
+    /// The words of the command, and the joints.
     pub head: Bottle,
     /// One value per joint.
     pub values: Vec<f64>,
 }
 
-/// An order that is understood here.
+/// A parsed command.
 #[derive(Clone, Debug, Eq, PartialEq)]
 pub struct StreamingCommand {
-    /// What is to be set.
+    /// The setting.
     pub setting: Setting,
     /// Of which joints.
     pub selection: Selection,
 }
 
-/// How a setting is streamed.
+/// Encoding of a streamed setting.
 struct Head {
     setting: Setting,
     /// In front of the other words in 3.x.
@@ -52,7 +52,7 @@ struct Head {
     /// In front of the other words in 4.0.
     four: Vocab32,
     words: Words,
-    /// Whether 3.x knows it.
+    /// True if 3.x knows it.
     old: bool,
 }
 
@@ -144,7 +144,7 @@ const HEADS: [Head; 9] = [
 ];
 
 impl Setting {
-    /// The words it is streamed with to a board of `wire_version`; none where it is not streamed.
+    /// Returns the words for streaming it to a board of `wire_version`; none if it is not streamed.
     pub(crate) fn streamed(self, wire_version: WireVersion) -> Words {
         let plain = self.of_kind(PidKind::Position);
         let found = HEADS.iter().find(|head| head.setting == plain);
@@ -156,7 +156,7 @@ impl Setting {
 }
 
 impl Command {
-    /// The order to set joints, for a board of `wire_version`; `None` where there are no words for it.
+    /// Encodes the command that sets joints, for a board of `wire_version`; `None` where there are no words for it.
     pub fn new(
         setting: Setting,
         selection: &Selection,
@@ -182,7 +182,7 @@ impl Command {
         })
     }
 
-    /// What is to be done, said in either wire version.
+    /// Parses the command, in either wire version.
     pub fn parse(&self) -> Result<StreamingCommand, Malformed> {
         let items = self.head.as_slice();
         let vocab = |at: usize| items.get(at).and_then(Value::as_vocab);

@@ -1,11 +1,11 @@
-//! Requests as YARP 4.0 says them, on `nws/rpc:i`.
+//! Requests of YARP 4.0, on `nws/rpc:i`.
 //!
 //! ```text
 //! "FUNCTIONRPC"  [kind of loop]  SELECTION  VALUES        SELECTION = j | (j..) | nothing
 //! ```
 //!
-//! The name says which selection follows. Joints are int16 for limits and control loops, int32 for all else. Arguments
-//! that are missing, too many or of another kind make a call malformed, as with stock.
+//! The name determines the selection that follows. Joints are int16 for limits and control loops, int32 for all else.
+//! Arguments that are missing, too many or of another kind make a call malformed, as with stock.
 //!
 //! Source: `ControlBoardMsgs.thrift` of YARP 4.0; recorded traffic of 4.0.0.
 
@@ -26,7 +26,7 @@ use crate::thrift::{GET_VERSION, Item, Message};
 const V4: WireVersion = WireVersion::V4;
 /// The names of all functions, as a stock 4.0.0 board lists them.
 pub(crate) const FUNCTIONS: &str = include_str!("functions_4.0.txt");
-/// What every function of a control board ends in.
+/// Suffix of every function of a control board.
 const SUFFIX: &str = "RPC";
 /// Stock skips this word in front of a call.
 const DIRECT: &str = "__direct__";
@@ -84,7 +84,7 @@ impl Request {
         }
     }
 
-    /// The call that says it to 4.0, or `None` where there is no function for it.
+    /// Returns the call for 4.0, or `None` if there is no function for it.
     pub fn to_call(&self) -> Option<Message> {
         let (name, arguments) = match self {
             Self::Help => return Some(Message::call(HELP, [])),
@@ -177,13 +177,13 @@ impl<'a> Arguments<'a> {
         Some(pid_messages::kind_of(Vocab32::from_code(self.code()?), V4))
     }
 
-    /// What was read, if nothing is left.
+    /// Returns the parsed value, if nothing is left.
     fn done<T>(&self, read: T) -> Option<T> {
         self.0.is_empty().then_some(read)
     }
 }
 
-/// What a function says; `None` for one that we do not know, `Some(None)` for arguments it does not have.
+/// Parses a function; `None` for an unknown one, `Some(None)` for arguments that it does not have.
 fn function(name: &str, arguments: Arguments<'_>) -> Option<Option<Request>> {
     if let Some((quantity, form)) = find(Quantity::all(), Quantity::spelling, name) {
         let read = |mut rest: Arguments<'_>| {
@@ -224,7 +224,7 @@ fn function(name: &str, arguments: Arguments<'_>) -> Option<Option<Request>> {
     lone(name, arguments)
 }
 
-/// Calls that take whether to wait for the end. We never do: a call that blocks holds up its client.
+/// Calls that take whether to wait for the end. Never used here: a call that blocks delays its client.
 fn waits(action: Action, selection: &Selection) -> bool {
     match action {
         Action::Park => matches!(selection, Selection::One(_)),
@@ -233,7 +233,7 @@ fn waits(action: Action, selection: &Selection) -> bool {
     }
 }
 
-/// The functions that stand for themselves.
+/// The functions without variants.
 fn lone(name: &str, mut rest: Arguments<'_>) -> Option<Option<Request>> {
     let read: fn(&mut Arguments<'_>) -> Option<Set> = match name {
         INTERFACES => return Some(rest.done(Request::Interfaces)),
@@ -281,7 +281,7 @@ fn lone(name: &str, mut rest: Arguments<'_>) -> Option<Option<Request>> {
     Some(read(&mut rest).and_then(|set| rest.done(Request::Set(set))))
 }
 
-/// The functions with a form for one joint, several, all, and values that are no plain numbers.
+/// The functions with a form for one joint, several, all, and values that are not plain numbers.
 fn grouped(name: &str, mut rest: Arguments<'_>) -> Option<Option<Request>> {
     let set = if let Some(form) = MODES.form(name) {
         modes(form, &mut rest)
@@ -339,7 +339,7 @@ fn find<T: Copy>(
     })
 }
 
-/// Whether joints are int16 in a call.
+/// Returns whether joints are int16 in a call.
 fn is_short(question: Query) -> bool {
     use Query as Q;
     matches!(
@@ -413,7 +413,7 @@ impl Set {
                 let kind = setting.kind();
                 let mut items = arguments(kind, selection, kind.is_some());
                 items.push(match (selection, setting, &values[..]) {
-                    // A whole number of degrees, whatever for.
+                    // A whole number of degrees.
                     (Selection::One(_), Setting::Encoder, [value]) => {
                         let whole = *value as i32;
                         if f64::from(whole) != *value {

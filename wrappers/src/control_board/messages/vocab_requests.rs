@@ -1,4 +1,4 @@
-//! Requests as YARP 3.5 to 3.12 say them, on `rpc:i`.
+//! Requests of YARP 3.5 to 3.12, on `rpc:i`.
 //!
 //! ```text
 //! [get] [word] SELECTION              [get] [interface] [word] SELECTION
@@ -6,7 +6,7 @@
 //! ```
 //!
 //! Words are compared as vocabs, and a string counts as the vocab of its first four characters, so that a person can
-//! type them. Whatever is not wholly understood is refused, above all orders to move.
+//! type them. A message that is not parsed completely is refused, above all commands to move.
 
 use yarp_devices::{
     AxisIndex, CalibrationParameters, Impedance, Interaction, Limits, Mode, PidKind,
@@ -23,7 +23,7 @@ use super::vocabulary as word;
 
 const V3: WireVersion = WireVersion::V3;
 
-/// The words whose place as item 1 makes what follows words of an interface.
+/// The words that, as item 1, make the rest words of an interface.
 const INTERFACES: [Vocab32; 10] = [
     word::PID_INTERFACE,
     word::TORQUE_INTERFACE,
@@ -63,7 +63,7 @@ impl Request {
         }
     }
 
-    /// The message that says it to 3.x, or `None` where the protocol has no word for it.
+    /// Returns the message for 3.x, or `None` if the protocol does not have it.
     pub fn to_bottle(&self) -> Option<Bottle> {
         Some(match self {
             Self::Help => Bottle::from_iter(["help".into(), "more".into()]),
@@ -94,7 +94,7 @@ fn behind<T>(interface: Vocab32, items: &[Value], read: Reader<T>) -> Result<T, 
     read(Some(interface), said, Some(kind), rest)
 }
 
-/// Finds what a word says behind an interface, or without one.
+/// Finds the request of a word behind an interface, or without one.
 fn find<T: Copy>(
     all: impl IntoIterator<Item = T>,
     spelling: impl Fn(T) -> Spelling,
@@ -116,7 +116,7 @@ fn question(
 ) -> Result<Get, Malformed> {
     let wrong = || Malformed::Values(asked);
     let of_kind = kind.unwrap_or(PidKind::Position);
-    // What comes after a question does no harm, and stock does not look at it.
+    // Items after a query are harmless, and stock ignores them.
     let selection = |form| Selection::read(form, &mut &*items).ok_or_else(wrong);
     if interface == Some(word::REMOTE_VARIABLES_INTERFACE) && asked == word::VARIABLE {
         let name = items.first().and_then(Value::as_str).ok_or_else(wrong)?;
@@ -268,7 +268,7 @@ fn set_variable(items: &[Value]) -> Option<Set> {
     ))
 }
 
-/// The words for calibration stand in the first place.
+/// The words for calibration are in the first place.
 fn calibration(first: Vocab32, items: &[Value]) -> Result<Request, Malformed> {
     let act = |action| Some(Request::Set(Set::Act(action, Selection::All)));
     match first {
@@ -321,7 +321,7 @@ fn calibration_parameters(items: &[Value]) -> Option<Set> {
     ))
 }
 
-/// The start of a message: what it is, where it belongs, which loop, which joints.
+/// Returns the start of a message: request, interface, loop and joints.
 fn say(
     what: Vocab32,
     spelling: &Spelling,
@@ -487,7 +487,7 @@ fn calibrating(said: Vocab32, axis: AxisIndex, method: u32, numbers: &[f64]) -> 
     message
 }
 
-/// Appends one value as it is, several as a list.
+/// Appends one value by itself, several as a list.
 fn push(message: &mut Bottle, selection: &Selection, values: impl Iterator<Item = Value>) {
     match selection {
         Selection::One(_) => message.extend(values),

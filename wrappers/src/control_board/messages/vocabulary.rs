@@ -1,7 +1,7 @@
 //! Every word of the protocol, spelt as on the wire.
 //!
 //! Source: `GenericVocabs.h`, `ControlBoardVocabs.h` and the interface headers of YARP 3.5 to 3.12; those marked
-//! *recorded* also stand in recorded traffic of 3.12.3.
+//! *recorded* are also in recorded traffic of 3.12.3.
 
 use yarp_wire::Vocab32;
 
@@ -12,11 +12,11 @@ macro_rules! words {
 }
 
 words! {
-    /// An order. *Recorded.*
+    /// A command. *Recorded.*
     SET = "set";
-    /// A question. *Recorded.*
+    /// A query. *Recorded.*
     GET = "get";
-    /// Begins the answer to a question. *Recorded.*
+    /// Begins the reply to a query. *Recorded.*
     IS = "is";
     /// Answers a request of fewer than two words. *Recorded.*
     NOT_UNDERSTOOD = "nak";
@@ -39,7 +39,7 @@ words! {
     REVOLUTE = "atrv";
     /// The kind of an axis that slides.
     PRISMATIC = "atpr";
-    /// The kind of an axis that nobody knows.
+    /// The type of an axis that is not known.
     UNKNOWN_TYPE = "unkn";
 
     /// Position, degrees or metres. *Recorded.*
@@ -66,11 +66,11 @@ words! {
     ACCELERATION_GROUP = "accg";
     /// Accelerations of all.
     ACCELERATIONS = "accs";
-    /// Whether a move is done.
+    /// Query whether a move is done.
     DONE = "don";
-    /// Whether several are done.
+    /// Query whether several are done.
     DONE_GROUP = "dong";
-    /// Whether all are done. *Recorded.*
+    /// Query whether all are done. *Recorded.*
     DONES = "dons";
     /// Stop. *Recorded.*
     STOP = "sto";
@@ -142,7 +142,7 @@ words! {
     TEMPERATURE = "tmp";
     /// Temperatures of all motors.
     TEMPERATURES = "tmps";
-    /// How hot a motor may become.
+    /// Maximum temperature of a motor.
     TEMPERATURE_LIMIT = "tmpl";
     /// Turns of a motor per turn of its joint.
     GEARBOX_RATIO = "gbxr";
@@ -165,7 +165,7 @@ words! {
     NOMINAL_CURRENT = "acno";
     /// Current that an amplifier may give for a short time.
     PEAK_CURRENT = "acpk";
-    /// Duty cycle of an amplifier; of a motor, behind [`PWM_INTERFACE`].
+    /// Duty cycle of an amplifier; of a motor, after [`PWM_INTERFACE`].
     DUTY_CYCLE = "pwm";
     /// Duty cycles of all motors.
     DUTY_CYCLES = "pwms";
@@ -201,7 +201,7 @@ words! {
     TORQUE = "trq";
     /// Torques measured.
     TORQUES = "trqs";
-    /// What is asked for: torque, current, duty cycle or the reference of a loop.
+    /// Reference: torque, current, duty cycle or the reference of a loop.
     REFERENCE = "ref";
     /// The same for several.
     REFERENCE_GROUP = "refg";
@@ -211,7 +211,7 @@ words! {
     RANGE = "rng";
     /// Smallest and largest of all.
     RANGES = "rngs";
-    /// What the torque loop assumes of a motor.
+    /// Motor parameters of the torque loop.
     MOTOR_PARAMETERS = "mtps";
     /// All joints to torque mode.
     ALL_TORQUE = "trqd";
@@ -238,12 +238,12 @@ words! {
     RESET = "res";
     /// Open a loop.
     DISABLE = "dis";
-    /// Close a loop; asks whether it is closed.
+    /// Close a loop; queries whether it is closed.
     ENABLE = "ena";
 
     /// Stiffness and damping. *Recorded.*
     IMPEDANCE = "ipr";
-    /// What is added to the torque of the spring.
+    /// Torque added to that of the spring.
     IMPEDANCE_OFFSET = "iof";
     /// Interaction mode. *Recorded.*
     INTERACTION = "mode";
@@ -252,7 +252,7 @@ words! {
     /// Interaction modes of all.
     INTERACTIONS = "mods";
 
-    /// Whether there is a calibrator.
+    /// Query whether there is a calibrator.
     IS_CALIBRATOR = "isca";
     /// Calibrate one; alone, calibrate the robot.
     CALIBRATE = "cal";
@@ -274,7 +274,7 @@ words! {
     CALIBRATE_JOINT = "calj";
     /// Keep how a joint is calibrated.
     CALIBRATION_PARAMETERS = "cljp";
-    /// Whether a joint is calibrated.
+    /// Query whether a joint is calibrated.
     CALIBRATION_DONE = "cald";
     /// Park the robot.
     PARK_ROBOT = "park";

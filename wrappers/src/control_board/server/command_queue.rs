@@ -1,7 +1,7 @@
-//! The line in front of the device: orders wait only while it takes an earlier one.
+//! The command queue of the device: commands wait only while it executes an earlier one.
 //!
-//! Source of the policy: section 5.4.1 of the thesis on which the ports of the arm are modelled. An order that was not
-//! yet passed on makes way for a newer one that conflicts with it; one that was passed on is the device's.
+//! Source of the policy: section 5.4.1 of the thesis on which the ports of the arm are modelled. A command in the
+//! queue is replaced by a newer one that conflicts with it; one that was passed to the device is not.
 
 use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
@@ -9,24 +9,24 @@ use std::time::{Duration, Instant};
 
 use super::super::messages::{Action, Set, Setting};
 
-/// So many orders wait at the most; beyond that the oldest is dropped.
+/// Maximum number of queued commands; beyond that the oldest is dropped.
 const CAPACITY: usize = 256;
 /// The shortest time between two lines about drops.
 const WARNING_INTERVAL: Duration = Duration::from_secs(5);
 
-/// What an order is about, as far as others conflict with it.
+/// Kind of a command, which determines conflicts with others.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub(super) enum Kind {
-    /// Positions, also relative ones: the newest says where to go.
+    /// Positions, also relative ones: the newest is the target.
     Move,
     /// Anything else that is set.
     Other(Setting),
-    /// Come to rest: goes first, and drops whatever waits for one of its axes.
+    /// Stop: goes first, and drops all commands in the queue for one of its axes.
     Stop,
 }
 
 impl Kind {
-    /// Of an order that waits in the line; `None` for what the device is told at once.
+    /// Returns the kind of a queued command; `None` for commands that are executed at once.
     pub(super) fn of(set: &Set) -> Option<Self> {
         match set {
             Set::Act(Action::Stop, _) => Some(Self::Stop),
@@ -44,7 +44,7 @@ impl Kind {
         }
     }
 
-    /// The same of what was streamed, which always waits in the line.
+    /// Returns the kind of a streamed command, which is always queued.
     pub(super) fn of_streamed(setting: Setting) -> Self {
         match setting {
             Setting::Position | Setting::Distance => Self::Move,
@@ -53,24 +53,24 @@ impl Kind {
     }
 }
 
-/// An order in the line. Whoever takes it out is told by `T`.
+/// A command in the queue. `T` notifies the sender of the outcome.
 #[derive(Debug)]
 pub(super) struct QueuedCommand<T> {
     pub(super) number: u64,
     pub(super) kind: Kind,
-    /// One for each axis of the board, whether the order is about it.
+    /// One for each axis of the board, true if the command addresses it.
     pub(super) axes: Vec<bool>,
     pub(super) what: T,
 }
 
 impl<T> QueuedCommand<T> {
-    /// Whether `newer` takes the place of this one.
+    /// Returns whether `newer` replaces this one.
     fn is_replaced_by(&self, newer: &Self) -> bool {
         match newer.kind {
             Kind::Stop => self.kind != Kind::Stop && self.shares_an_axis_with(newer),
             kind => {
                 let mut pairs = self.axes.iter().zip(&newer.axes);
-                // An order without axes is none that another could say better.
+                // A command without axes cannot be replaced.
                 self.kind == kind
                     && self.axes.contains(&true)
                     && pairs.all(|(&mine, &theirs)| theirs || !mine)
@@ -84,20 +84,20 @@ impl<T> QueuedCommand<T> {
     }
 }
 
-/// An order that was dropped, and the number of the one that took its place.
+/// A dropped command, and the number of the one that replaced it.
 pub(super) type Dropped<T> = (QueuedCommand<T>, u64);
 
 #[derive(Debug)]
 pub(super) struct CommandQueue<T> {
     name: String,
     state: Mutex<State<T>>,
-    /// The device is free and something waits, or it is over.
+    /// Signalled when the device is free and a command is queued, or at the end.
     next: Condvar,
 }
 
 #[derive(Debug)]
 struct State<T> {
-    /// Whether the device is taking an order.
+    /// True while the device executes a command.
     busy: bool,
     waiting: VecDeque<QueuedCommand<T>>,
     over: bool,
@@ -106,7 +106,7 @@ struct State<T> {
     told: Option<(Instant, u64)>,
 }
 
-/// The device takes an order until this is let go.
+/// Holds the device for a command until it is dropped.
 #[derive(Debug)]
 pub(super) struct DeviceGuard<'a, T>(&'a CommandQueue<T>);
 
@@ -140,7 +140,7 @@ impl<T> CommandQueue<T> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The device, if it is free and nobody waits for it.
+    /// Acquires the device, if it is free and the queue is empty.
     pub(super) fn try_acquire(&self) -> Option<DeviceGuard<'_, T>> {
         let mut state = self.lock();
         if state.busy || state.over || !state.waiting.is_empty() {
@@ -150,9 +150,9 @@ impl<T> CommandQueue<T> {
         Some(DeviceGuard(self))
     }
 
-    /// Lets an order wait; gives those that it dropped.
+    /// Queues a command; returns those that it dropped.
     ///
-    /// An order without room, or after the end, is given back as dropped by 0.
+    /// A command that does not fit, or comes after the end, is returned as dropped by 0.
     pub(super) fn enqueue(&self, newer: QueuedCommand<T>) -> Vec<Dropped<T>> {
         let mut state = self.lock();
         if state.over {
@@ -213,7 +213,7 @@ impl<T> CommandQueue<T> {
         );
     }
 
-    /// The next order that waits, as soon as the device is free; `None` when it is over.
+    /// Waits for the next command and the device; `None` after the end.
     pub(super) fn next(&self) -> Option<(QueuedCommand<T>, DeviceGuard<'_, T>)> {
         let mut state = self.lock();
         loop {
@@ -231,12 +231,12 @@ impl<T> CommandQueue<T> {
         }
     }
 
-    /// How many orders were dropped.
+    /// Returns the number of dropped commands.
     pub(super) fn dropped(&self) -> u64 {
         self.lock().dropped
     }
 
-    /// Ends it: what waits is let go, and nothing waits any more.
+    /// Ends the queue: queued commands are dropped, and no more are accepted.
     pub(super) fn end(&self) {
         let mut state = self.lock();
         state.over = true;
@@ -263,8 +263,8 @@ mod tests {
         }
     }
 
-    /// Which orders are left, in their order, when these come while the device is busy; and which were dropped by
-    /// which.
+    /// Returns the commands left in the queue, in their order, when these arrive while the device is busy; and which
+    /// were dropped by which.
     fn left(orders: impl IntoIterator<Item = QueuedCommand<()>>) -> (Vec<u64>, Vec<(u64, u64)>) {
         let queue = CommandQueue::new("/test");
         let taking = queue.try_acquire().expect("nobody has it");
@@ -349,7 +349,7 @@ mod tests {
         let queue = CommandQueue::new("/test");
         let _taking = queue.try_acquire();
         for number in 0..CAPACITY as u64 {
-            // Orders without axes: the device will refuse them, and they take nobody's place.
+            // Commands without axes: the device will refuse them, and they replace none.
             assert!(queue.enqueue(order(number, VELOCITY, &[])).is_empty());
         }
         let dropped = queue.enqueue(order(1000, VELOCITY, &[]));

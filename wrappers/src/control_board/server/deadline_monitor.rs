@@ -3,7 +3,8 @@
 use std::fmt;
 use std::time::{Duration, Instant};
 
-/// How late is worth a line. Source: section 5.4.1 of the thesis on which the ports of the arm are modelled.
+/// Lateness above which a deadline counts as missed. Source: section 5.4.1 of the thesis on which the ports of the
+/// arm are modelled.
 const MAX_LATENESS: Duration = Duration::from_millis(20);
 /// The shortest time between two lines.
 const WARNING_INTERVAL: Duration = Duration::from_secs(5);
@@ -18,13 +19,13 @@ pub(super) struct DeadlineMonitor {
     worst: Duration,
 }
 
-/// What there is to tell.
+/// A report of missed deadlines.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub(super) struct MissedDeadlines {
     period: Duration,
-    /// How many periods began late since it was last told.
+    /// Number of periods that began late since the last report.
     times: u64,
-    /// How late the worst of them was.
+    /// Lateness of the worst of them.
     worst: Duration,
 }
 
@@ -39,7 +40,7 @@ impl DeadlineMonitor {
         }
     }
 
-    /// A period begins; tells what is to be said, not more often than every 5 s.
+    /// Records the start of a period; returns a report at most every 5 s.
     pub(super) fn period_began(&mut self, now: Instant) -> Option<MissedDeadlines> {
         if let Some(before) = self.begun.replace(now) {
             let late = now.saturating_duration_since(before + self.period);
@@ -82,7 +83,7 @@ mod tests {
 
     const DEFAULT_PERIOD: Duration = Duration::from_millis(20);
 
-    /// What is told when periods begin at these milliseconds.
+    /// Returns the reports when periods begin at these milliseconds.
     fn told(begins: &[u64]) -> Vec<(u64, u64)> {
         let start = Instant::now();
         let mut deadline_monitor = DeadlineMonitor::new(DEFAULT_PERIOD);
@@ -103,7 +104,7 @@ mod tests {
     fn a_run_of_slips_is_one_line_every_five_seconds() {
         let long = [0, 100, 200, 350, 370, 390];
         assert_eq!(told(&long), [(1, 80)]);
-        // What was left unreported is told when the silence is over.
+        // Unreported deadlines are reported after the interval.
         let later: Vec<u64> = long.into_iter().chain([5090, 5110]).collect();
         assert_eq!(told(&later), [(1, 80), (3, 4680)]);
     }

@@ -1,4 +1,4 @@
-//! What questions mean for the device.
+//! Executes queries on the device.
 
 use yarp_devices::{AxisIndex, EncoderReading, Limits};
 use yarp_wire::{Bottle, WireVersion};
@@ -13,7 +13,7 @@ use crate::thrift::Item;
 type Results = Result<Vec<Item>, Refusal>;
 
 impl RequestHandler {
-    /// The results of a question.
+    /// Results of a query.
     pub(super) fn ask(&self, get: &Get) -> Results {
         match get {
             Get::Values(quantity, selection) => {
@@ -30,7 +30,7 @@ impl RequestHandler {
         }
     }
 
-    /// What is asked of one axis alone; the rest is asked of a selection.
+    /// Queries of one axis alone; the others are for a selection.
     fn about_one(&self, question: Query, axis: AxisIndex) -> Results {
         Ok(match question {
             Query::Name => vec![Item::Text(self.info()?.axis_name(axis)?)],
@@ -181,7 +181,7 @@ impl RequestHandler {
         })
     }
 
-    /// What devices tell of one axis at a time.
+    /// Reads quantities that devices return for one axis at a time.
     fn of_one(&self, quantity: Quantity, axis: AxisIndex) -> Result<f64, Refusal> {
         Ok(match quantity {
             Quantity::MotorCounts => self.motor_encoders()?.counts_per_revolution(axis)?,
@@ -204,7 +204,7 @@ fn part(readings: &[EncoderReading], quantity: Quantity) -> Vec<f64> {
     value.collect()
 }
 
-/// One number as it is, several as a list.
+/// One number by itself, several as a list.
 fn as_selected(selection: &Selection, values: Vec<f64>) -> Item {
     match (selection, &values[..]) {
         (Selection::One(_), [one]) => Item::F64(*one),
@@ -212,7 +212,7 @@ fn as_selected(selection: &Selection, values: Vec<f64>) -> Item {
     }
 }
 
-/// One struct as it is, several as a list.
+/// One struct by itself, several as a list.
 fn lists(selection: &Selection, all: Vec<Item>) -> Vec<Item> {
     match selection {
         Selection::One(_) => all,
@@ -220,7 +220,7 @@ fn lists(selection: &Selection, all: Vec<Item>) -> Vec<Item> {
     }
 }
 
-/// One word as it is, several as a list.
+/// One word by itself, several as a list.
 fn words<T: Into<u32>>(selection: &Selection, words: Vec<T>) -> Item {
     let mut words: Vec<u32> = words.into_iter().map(Into::into).collect();
     match (selection, &words[..]) {

@@ -1,4 +1,4 @@
-//! What orders mean for the device.
+//! Executes commands on the device.
 
 use yarp_devices::{Axes, AxisIndex, Mode, MotorTorqueParameters};
 
@@ -6,7 +6,7 @@ use super::super::messages::{Action, Range, Set, Setting};
 use super::request_handler::{Refusal, RequestHandler};
 
 impl RequestHandler {
-    /// Carries out an order. The device checks counts, axes and values before anything moves.
+    /// Executes a command. The device checks counts, axes and values before anything moves.
     pub(super) fn order(&self, set: &Set) -> Result<(), Refusal> {
         match set {
             Set::Values(setting, selection, values) => {
@@ -94,7 +94,7 @@ impl RequestHandler {
         Ok(())
     }
 
-    /// What devices take for one axis at a time.
+    /// Sets quantities that devices take for one axis at a time.
     fn set_one(&self, setting: Setting, axis: AxisIndex, value: f64) -> Result<(), Refusal> {
         match setting {
             Setting::MotorCounts => {

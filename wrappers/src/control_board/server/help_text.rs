@@ -1,11 +1,11 @@
-//! Help for people who type requests.
+//! Help texts for typed requests.
 
 use yarp_wire::{Bottle, Vocab32};
 
 use super::super::messages::{FUNCTIONS, Reply};
 use crate::thrift::{Item, Message};
 
-/// What to type, and what it does.
+/// Requests that can be typed, and their effect.
 const LINES: [(&str, &str); 25] = [
     ("help more", "this list"),
     ("get axes", "number of axes"),

@@ -1,15 +1,15 @@
 //! A device on ports.
 //!
-//! | file | what it is about |
+//! | file | content |
 //! | --- | --- |
-//! | `request_handler` | the device, and the decision what a request is |
-//! | `command_queue` | orders that wait while the device takes an earlier one |
-//! | `submit` | an order on its way through the line, and the watch over what it moves |
-//! | `motion_tracker` | numbered motions, and how they ended |
-//! | `execute_get`, `order` | what questions and orders mean for the device |
-//! | `supported_interfaces` | which interfaces the device has |
+//! | `request_handler` | executes requests on the device |
+//! | `command_queue` | commands that wait while the device executes an earlier one |
+//! | `submit` | submits commands through the queue, and polls the motions that they start |
+//! | `motion_tracker` | numbered motions, and their ends |
+//! | `execute_get`, `execute_set` | execute queries and commands on the device |
+//! | `supported_interfaces` | the interfaces of the device |
 //! | `publisher` | the state, every period |
-//! | `deadline_monitor` | periods that began late |
+//! | `deadline_monitor` | missed publish deadlines |
 //! | `help_text` | help for people |
 
 mod command_queue;
@@ -42,14 +42,14 @@ use super::messages::{Command, MotionUpdate, Numbered};
 use crate::open_ports::{close_all, open_all};
 use crate::periodic_thread::{PeriodicThread, check_period};
 
-/// How often the state is published: 50 Hz, as stock.
+/// Default interval between published states: 50 Hz, as stock.
 const DEFAULT_PERIOD: Duration = Duration::from_millis(20);
-/// How long the end of publishing, and of other work on the device, is waited for.
+/// Timeout of the end of publishing, and of other work on the device.
 const CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
-/// How long an announcement waits for room at a reader that is slow.
+/// Timeout of queueing an announcement for a slow reader.
 const ANNOUNCE_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// How a control board is served.
+/// Options of a control board server.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct ControlBoardOptions {
@@ -77,27 +77,27 @@ impl ControlBoardOptions {
     }
 }
 
-/// A device, served as stock's `controlBoard_nws_yarp` serves one, to clients of 3.x and of 4.0 at once.
+/// A device, served like stock's `controlBoard_nws_yarp`, to clients of 3.x and of 4.0 at once.
 ///
-/// * `NAME/rpc:i` answers questions and carries out orders of 3.x, `NAME/nws/rpc:i` those of 4.0, one after the other
-///   for each client. The device is called on the task of the connection: a device that blocks holds up that client.
-/// * `NAME/command:i` takes velocities, torques and the like as either wire version says them, in the order in which
-///   they come.
-/// * Orders to move, from all ports, reach the device one by one. While it takes one the others wait; one that waits is
-///   dropped when a newer one of its kind for all its axes comes, or a stop for one of them. A client that waits for
-///   the answer is then told `[fail]`; drops are counted, and told in the log.
-/// * `NAME/async:o` announces the end of each move that was asked for with a number, and of all that begin while it has
-///   a reader, as [`MotionUpdate`] says; whoever asks for a move by [`Numbered`] is told its number.
+/// * `NAME/rpc:i` answers queries and executes commands of 3.x, `NAME/nws/rpc:i` those of 4.0, one after the other
+///   for each client. The device is called on the task of the connection: a device that blocks delays that client.
+/// * `NAME/command:i` accepts velocities, torques and the like in either wire version, in their order of arrival.
+/// * Commands to move, from all ports, reach the device one by one. While the device executes one the others are
+///   queued; a queued command is dropped when a newer one of its kind for all its axes comes, or a stop for one of
+///   them. A client that waits for the reply then gets `[fail]`; drops are counted and logged.
+/// * `NAME/async:o` announces the end of each numbered move, and of all that begin while it has a reader, as a
+///   [`MotionUpdate`]; a client that requests a move by [`Numbered`] gets its number.
 /// * `NAME/state:o` and `NAME/stateExt:o` send joint positions and the whole state every period, to each reader that
-///   is not more than 20 ms behind: while the machine does something else, those of 1 kHz wait and none is lost.
-///   Both carry one stamp: its count goes up by one, its time is the mean of the encoder
-///   times. A period is left out when the time of a joint is more than a second from that of the first, as in stock. A
-///   period that begins more than 20 ms late is told in the log.
+///   is not more than 20 ms behind: while the machine does something else, those of 1 kHz wait and none is lost. Both
+///   carry one stamp: its count goes up by one, its time is the mean of the encoder times. A period is left out when
+///   the time of a joint is more than a second from that of the first, as in stock. A period that begins more than 20
+///   ms late is logged.
 /// * Each reader of `NAME/stateExt:o` gets the layout of its own wire version, which is found out before the first state.
 /// * A request that is malformed, or that the device has no interface for or refuses, is answered at once with `[fail]`
 ///   in 3.x and with its code in 4.0, and nothing moves. Parking is never waited for. Parts of the state that the device does not measure are zeros that are marked invalid; while it
 ///   does not know its positions nothing is sent on `state:o`, which has no mark.
-/// * Whoever can connect can give orders. **Nothing times out**: a velocity stays in force when its sender is gone.
+/// * Any client that can connect can send commands. **Nothing times out**: a velocity stays in force after its sender
+///   has disconnected.
 ///
 /// ```no_run
 /// # async fn example() -> Result<(), Box<dyn std::error::Error>> {
@@ -120,7 +120,7 @@ impl ControlBoardOptions {
 pub struct ControlBoardServer {
     name: String,
     running: Option<Running>,
-    /// Where the ports live, for closing them from anywhere.
+    /// Runtime of the ports, for closing them from anywhere.
     runtime: Handle,
 }
 
@@ -197,7 +197,8 @@ impl ControlBoardServer {
 
     /// Ends publishing, closes the six ports and unregisters their names.
     ///
-    /// Takes a few seconds at the most, whatever peers do. The device stays as it is: a joint that moves goes on.
+    /// Takes a few seconds at most, even if peers do not answer. The device keeps its state: a joint that moves
+    /// continues.
     pub async fn close(mut self) {
         if let Some(running) = self.running.take() {
             running.close().await;
@@ -206,7 +207,7 @@ impl ControlBoardServer {
 }
 
 impl Drop for ControlBoardServer {
-    /// As [`close`](Self::close), in the background, as far as the runtime still runs.
+    /// Closes like [`close`](Self::close), in the background, as far as the runtime still runs.
     fn drop(&mut self) {
         if let Some(running) = self.running.take() {
             self.runtime.spawn(running.close());
@@ -220,7 +221,7 @@ impl Running {
         self.publisher.end(CLOSE_TIMEOUT).await;
         for ended in self.workers {
             if tokio::time::timeout(CLOSE_TIMEOUT, ended).await.is_err() {
-                tracing::warn!("the device holds up the end of an order; going on without it");
+                tracing::warn!("a device call is still blocking; closing without waiting for it");
             }
         }
         self.announcer.abort();
@@ -230,12 +231,12 @@ impl Running {
     }
 }
 
-/// The ports that nobody else holds any more; the others close when they are let go.
+/// Returns the ports that are no longer shared; the others close when they are dropped.
 fn owned(ports: [Arc<Port>; 3]) -> impl Iterator<Item = Port> {
     ports.into_iter().filter_map(Arc::into_inner)
 }
 
-/// What works on the device beside the ports: orders that wait, the watch over motions; and publishing.
+/// Starts the threads that use the device beside the ports: queued commands, polling of motions, and publishing.
 fn start_threads(
     board: &Arc<RequestHandler>,
     [state, extended, _]: &[Arc<Port>; 3],
@@ -257,7 +258,7 @@ fn start_threads(
     Ok((workers, publisher::start(board.clone(), feeds, period)?))
 }
 
-/// A thread that works on the board; its end is heard of when the board was let go.
+/// A thread that works on the board; it reports its end after it released the board.
 fn start(
     name: &str,
     board: Arc<RequestHandler>,
@@ -277,7 +278,7 @@ async fn announce(mut announced: mpsc::Receiver<MotionUpdate>, port: Arc<Port>) 
     while let Some(news) = announced.recv().await {
         let message = news.to_bottle();
         let writing = port.write_strict(&message, None);
-        // Whoever misses one can ask for it.
+        // A client that misses one can query it.
         if tokio::time::timeout(ANNOUNCE_TIMEOUT, writing)
             .await
             .is_err()
@@ -287,7 +288,7 @@ async fn announce(mut announced: mpsc::Receiver<MotionUpdate>, port: Arc<Port>) 
     }
 }
 
-/// Counts who listens.
+/// Counts the listeners.
 fn announcing(board: Arc<RequestHandler>) -> PortOptions {
     PortOptions::new().on_connection_change(move |change| {
         let readers = &board.motions.readers;

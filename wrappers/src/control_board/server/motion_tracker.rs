@@ -1,7 +1,7 @@
-//! Numbered motions: which are under way, and how the others ended.
+//! Numbered motions: those in progress, and how the others ended.
 //!
-//! The device is asked about a motion without any lock. What it says counts only if no order was begun on the axes of
-//! the motion from before the question until after the answer: [`MotionTracker::begin`] makes such answers void.
+//! The device is queried for a motion without any lock. Its answer counts only if no command was started on the axes
+//! of the motion from before the query until after the answer: [`MotionTracker::begin`] makes such answers void.
 
 use std::collections::{BTreeMap, HashMap, VecDeque, hash_map::RandomState};
 use std::hash::BuildHasher;
@@ -14,21 +14,21 @@ use yarp_devices::{AxisIndex, Mode};
 
 use super::super::messages::{Action, MotionEnd, MotionState, MotionUpdate, Set, Setting};
 
-/// So many ends are remembered.
+/// Maximum number of remembered completions.
 const MAX_REMEMBERED_MOTIONS: usize = 1000;
-/// So many announcements wait for the port; who misses one asks.
+/// Maximum number of announcements queued for the port; a client that misses one queries the board.
 const MAX_QUEUED_ANNOUNCEMENTS: usize = 1000;
 /// Each run has so many numbers of its own.
 const NUMBERS_PER_RUN: u64 = 1_000_000;
 
-/// What an order does to motions on its axes, once the device has taken it.
+/// Effect of a command on motions of its axes, once the device has accepted it.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum AxisEffect {
     /// It starts a motion, and takes the axes.
     Move,
     /// It takes the axes.
     Takes,
-    /// It brings them to rest.
+    /// It stops them.
     Stops,
     /// It sets these modes; only other ones end a motion.
     Modes(Vec<Mode>),
@@ -37,7 +37,7 @@ pub(super) enum AxisEffect {
 }
 
 impl AxisEffect {
-    /// What an order does; `None` if no motion minds.
+    /// Returns the effect of a command; `None` if it affects no motion.
     pub(super) fn of(set: &Set) -> Option<Self> {
         Some(match set {
             Set::Values(setting, ..) => match setting {
@@ -69,17 +69,17 @@ impl AxisEffect {
     }
 }
 
-/// What is known of a motion from its beginning.
+/// A motion, as known from its beginning.
 #[derive(Clone, Debug)]
 pub(super) struct Motion {
     pub(super) axes: Vec<AxisIndex>,
-    /// The control modes before it began, where the device has some.
+    /// The control modes before it began, if the device has any.
     pub(super) modes: Option<Vec<Mode>>,
-    /// Where it leads, where the device says so.
+    /// Its target, if the device reports it.
     pub(super) targets: Option<Vec<f64>>,
 }
 
-/// An order that the device is about to take.
+/// A command that the device is about to execute.
 #[derive(Debug)]
 pub(super) struct StartedCommand {
     pub(super) number: u64,
@@ -87,7 +87,7 @@ pub(super) struct StartedCommand {
     epochs: Vec<u64>,
 }
 
-/// A motion about which the device is asked.
+/// A motion for which the device is queried.
 #[derive(Debug)]
 pub(super) struct PolledMotion {
     number: u64,
@@ -98,17 +98,17 @@ pub(super) struct PolledMotion {
 #[derive(Debug)]
 pub(super) struct MotionTracker {
     state: Mutex<State>,
-    /// A motion began, or it is over.
+    /// Signalled when a motion begins, and at the end.
     changed: Condvar,
     next: AtomicU64,
-    /// How many readers announcements have.
+    /// Number of readers of announcements.
     pub(super) readers: AtomicUsize,
     announcements: mpsc::Sender<MotionUpdate>,
 }
 
 #[derive(Debug)]
 struct State {
-    /// For each axis, how many orders were begun on it, and how many of them the device is taking now.
+    /// For each axis, the number of commands started on it, and of those that the device is executing now.
     axes: Vec<(u64, u32)>,
     moving: BTreeMap<u64, Motion>,
     ended: HashMap<u64, MotionUpdate>,
@@ -118,7 +118,7 @@ struct State {
 }
 
 impl MotionTracker {
-    /// With what is to be announced.
+    /// Creates a tracker and the receiver of its announcements.
     pub(super) fn new(axes: usize) -> (Self, mpsc::Receiver<MotionUpdate>) {
         let (announcements, announced) = mpsc::channel(MAX_QUEUED_ANNOUNCEMENTS);
         // Random, not the time: an arm's computer may start with the same wrong time each day.
@@ -143,12 +143,12 @@ impl MotionTracker {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The number of the next order.
+    /// The number of the next command.
     pub(super) fn number(&self) -> u64 {
         self.next.fetch_add(1, Ordering::Relaxed)
     }
 
-    /// The device is about to take an order; what it says of motions on these axes does not count until
+    /// The device is about to execute a command; its answers about motions on these axes do not count until
     /// [`passed`](Self::passed). The axes are ones that there are.
     pub(super) fn begin(
         &self,
@@ -161,7 +161,7 @@ impl MotionTracker {
         for axis in &axes {
             let (begun, taking) = &mut state.axes[axis.index()];
             *begun += 1;
-            // Beside another it is not alone, whichever of them the device takes first.
+            // Concurrent commands are not exclusive, in either order of execution.
             epochs.push(if *taking == 0 { *begun } else { 0 });
             *taking += 1;
         }
@@ -172,7 +172,7 @@ impl MotionTracker {
         }
     }
 
-    /// The device has taken the order (`touch` is what it does to motions), or refused it (`None`). A motion that
+    /// The device has executed the command (`touch` is its effect on motions), or refused it (`None`). A motion that
     /// began is `motion`, if it is to be watched.
     pub(super) fn passed(
         &self,
@@ -224,13 +224,13 @@ impl MotionTracker {
         if alone {
             self.changed.notify_all();
         } else {
-            // Nobody can tell which of the two the device took last.
+            // It is unknown which of the two the device executed last.
             let end = failed("another order was given while it began");
             self.end_motion(&mut state, begun.number, end);
         }
     }
 
-    /// An order to move never reached the device.
+    /// A command to move never reached the device.
     pub(super) fn dropped(&self, number: u64, axes: Vec<AxisIndex>, by: u64) -> MotionUpdate {
         let news = MotionUpdate {
             number,
@@ -241,7 +241,7 @@ impl MotionTracker {
         news
     }
 
-    /// The motions that are under way and that no order is being begun on.
+    /// Returns the motions in progress on whose axes no command is being started.
     pub(super) fn asked(&self) -> Vec<PolledMotion> {
         let state = self.lock();
         let quiet = |axis: &AxisIndex| state.axes[axis.index()].1 == 0;
@@ -256,7 +256,7 @@ impl MotionTracker {
             .collect()
     }
 
-    /// The device says that a motion has ended; that does not count if an order was begun on its axes since
+    /// The device reports that a motion has ended; that does not count if a command was started on its axes since
     /// [`asked`](Self::asked).
     pub(super) fn ended(&self, asked: &PolledMotion, end: MotionEnd) {
         let mut state = self.lock();
@@ -266,7 +266,7 @@ impl MotionTracker {
         }
     }
 
-    /// What became of a motion.
+    /// Returns the state of a motion.
     pub(super) fn motion_state(&self, number: u64) -> MotionUpdate {
         let state = self.lock();
         if let Some(news) = state.ended.get(&number) {
@@ -283,7 +283,7 @@ impl MotionTracker {
         }
     }
 
-    /// Waits `pause`, then until a motion is under way; tells whether to go on.
+    /// Waits `pause`, then until a motion is in progress; returns whether to continue.
     pub(super) fn wait(&self, pause: Duration) -> bool {
         let over = |state: &mut State| !state.over;
         let waited = self.changed.wait_timeout_while(self.lock(), pause, over);
@@ -320,7 +320,7 @@ impl MotionTracker {
             state.ended.remove(&oldest);
         }
         if let Err(mpsc::error::TrySendError::Full(_)) = self.announcements.try_send(news) {
-            tracing::warn!("an end of a motion is not announced: readers are too slow");
+            tracing::warn!("motion completion not announced: readers are too slow");
         }
     }
 }
@@ -370,7 +370,7 @@ mod tests {
         let begun = begin(&motions, &[1]);
         motions.ended(&asked[0], MotionEnd::Done);
         assert_eq!(state(&motions, first), MotionState::Moving);
-        // While the device takes the newer order it is not even asked.
+        // While the device executes the newer command it is not even queried.
         assert!(motions.asked().is_empty());
         let second = begun.number;
         motions.passed(begun, Some(AxisEffect::Move), motion(&[1]));

@@ -15,9 +15,9 @@ use super::request_handler::RequestHandler;
 use crate::periodic_thread::PeriodicThread;
 use yarp_devices::clock::wall_clock;
 
-/// How far behind a reader may be and still get the next state.
+/// Maximum backlog of a reader that still gets the next state.
 const MAX_BACKLOG: Duration = Duration::from_millis(20);
-/// How far apart the times of joints may be, in seconds. Source: stock from 3.7 on.
+/// Maximum difference between the times of joints, in seconds. Source: stock from 3.7 on.
 const MAX_TIME_SPREAD: f64 = 1.0;
 
 /// Starts publishing on `[state, extended]`.
@@ -45,7 +45,7 @@ struct Cycle {
     positions: Vector,
     data: JointData,
     stamp: Stamp,
-    /// How many states a reader may still have to take.
+    /// Maximum number of states in a reader's queue.
     backlog: usize,
 }
 
@@ -71,7 +71,7 @@ impl Cycle {
             match common_time(&self.readings) {
                 Some(time) => time,
                 None => {
-                    tracing::debug!("the joints disagree on the time: a period is left out");
+                    tracing::debug!("the times of the joints differ too much: state skipped");
                     return;
                 }
             }
@@ -89,7 +89,7 @@ impl Cycle {
             .try_write(&self.data, Some(self.stamp.into()), self.backlog);
     }
 
-    /// Reads the joints into the buffers; tells whether that worked.
+    /// Reads the joints into the buffers; returns whether that worked.
     fn measure(&mut self) -> bool {
         let read = self.board.encoders().is_ok_and(|encoders| {
             encoders
@@ -114,7 +114,7 @@ impl Cycle {
         read
     }
 
-    /// Reads what the motors tell; what the device does not have stays invalid.
+    /// Reads the motors; values that the device does not have stay invalid.
     fn read_motors(&mut self) {
         let (board, data) = (&self.board, &mut self.data);
         let axes = Axes::All;
@@ -170,12 +170,12 @@ impl Cycle {
     }
 }
 
-/// How many states, at one every `period`, are not more than [`MAX_BACKLOG`].
+/// Returns the number of states, at one every `period`, that are not more than [`MAX_BACKLOG`].
 fn backlog(period: Duration) -> usize {
     (MAX_BACKLOG.as_nanos() / period.as_nanos().max(1)) as usize
 }
 
-/// Takes over what was measured; a part that is not known is zeros, and said to be invalid.
+/// Copies the measurements; unknown parts are zeros, and marked invalid.
 fn fill(field: &mut Field<f64>, measured: Option<Vec<f64>>) {
     let measured = measured.filter(|values| {
         let known = values.iter().all(|value| !value.is_nan());

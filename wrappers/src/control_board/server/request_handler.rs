@@ -33,11 +33,11 @@ pub(super) struct RequestHandler {
     /// Orders go to the device by this.
     pub(super) queue: CommandQueue<PendingCommand>,
     pub(super) motions: MotionTracker,
-    /// Of the last answer to a question.
+    /// Of the last reply to a query.
     stamp: Mutex<Stamp>,
-    /// Whether the last streamed command was refused: the first of a run is reported aloud.
+    /// True if the last streamed command was refused: the first of a run is logged as a warning.
     pub(super) refusing: AtomicBool,
-    /// How many numbers about the torque of a motor 3.x clients speak of; see [`RequestHandler::answer`].
+    /// Number of motor torque parameters that 3.x clients use; see [`RequestHandler::answer`].
     motor_parameters: AtomicUsize,
 }
 
@@ -49,7 +49,7 @@ impl fmt::Debug for RequestHandler {
     }
 }
 
-/// Why a request was not carried out. In 3.x all of them are `[fail]`.
+/// Reasons why a request was not executed. In 3.x all of them are `[fail]`.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum Refusal {
     #[error(transparent)]
@@ -58,7 +58,7 @@ pub(super) enum Refusal {
     Device(#[from] DeviceError),
     #[error("the device has no {0}")]
     NoInterface(&'static str),
-    #[error("order {0} took its place before the device took it")]
+    #[error("replaced by command {0} before the device executed it")]
     Dropped(u64),
 }
 
@@ -98,10 +98,10 @@ impl RequestHandler {
         &self.name
     }
 
-    /// What a request of 3.x is answered with, after it was carried out.
+    /// Executes a request of 3.x and returns the reply.
     ///
-    /// Up to 3.6 four numbers tell what is assumed of the torque of a motor, later nine, and nothing on the wire says
-    /// which a client is. It gets nine, unless the last that set them set four.
+    /// Up to 3.6 four numbers describe the torque of a motor, later nine, and nothing on the wire identifies the
+    /// client. It gets nine, unless the last that set them set four.
     pub(super) fn answer(&self, message: &Bottle, from: &str) -> ReplyTiming<Reply> {
         let request = match Request::parse(message) {
             Ok(request) => request,
@@ -140,7 +140,7 @@ impl RequestHandler {
         }))
     }
 
-    /// How many results of a question a 3.x client gets.
+    /// Returns the number of results of a query that a 3.x client gets.
     fn shown(&self, get: &Get) -> usize {
         match get {
             Get::About(Query::MotorParameters, _) => self.motor_parameters.load(Ordering::Relaxed),
@@ -148,7 +148,7 @@ impl RequestHandler {
         }
     }
 
-    /// What a call of 4.0 is answered with, after it was carried out.
+    /// Executes a call of 4.0 and returns the reply.
     pub(super) fn answer_call(&self, message: &Bottle, from: &str) -> Answer {
         let request = match Request::parse_call(message) {
             Ok(request) => request,
@@ -196,7 +196,7 @@ impl RequestHandler {
     }
 
     fn report(&self, request: Option<&Request>, message: &Bottle, from: &str, error: &dyn Display) {
-        // What a person ordered in vain is worth a line; polling clients ask for what there is not.
+        // Refused commands of a person are logged; polling clients query unsupported values.
         if let Some(Request::Set(_)) = request {
             tracing::info!("{}: {message} from {from} refused: {error}", self.name);
         } else {
@@ -222,7 +222,7 @@ impl RequestHandler {
         *stamp
     }
 
-    /// What position and velocity control have in common, from whichever there is.
+    /// Returns the common part of position and velocity control, from whichever exists.
     pub(super) fn motion(&self) -> Result<&dyn MotionControl, Refusal> {
         match self.device.position_control() {
             Some(position) => Ok(position),
@@ -231,7 +231,7 @@ impl RequestHandler {
     }
 }
 
-/// Gives the device's interfaces, or says that there is none.
+/// Returns the device's interface, or an error if there is none.
 macro_rules! interfaces {
     ($($short:ident: $name:ident, $trait:ident, $words:literal;)*) => {
         impl RequestHandler {$(
@@ -267,7 +267,7 @@ interfaces! {
     brakes: joint_brake, JointBrake, "brakes";
 }
 
-/// The results of a question behind the code that all is well.
+/// Returns the results of a query after the success code.
 fn answered(get: &Get, results: Vec<Item>) -> Vec<Item> {
     if let Get::About(Query::CalibrationDone, _) = get {
         // The code itself is the answer.
@@ -281,7 +281,7 @@ fn answered(get: &Get, results: Vec<Item>) -> Vec<Item> {
 }
 
 impl Refusal {
-    /// How 4.0 says it.
+    /// Returns the code of 4.0.
     fn code(&self) -> ReturnCode {
         match self {
             Self::NoInterface(_) => ReturnCode::NotReady,

@@ -216,7 +216,7 @@ fn streamed_velocities_move() {
     let at = |velocity: &str| format!("[is] [vmo] {velocity} [tsta] [ok]");
     assert_eq!(stream("([vmo] 2) (5.0)"), at("5.0"));
     assert_eq!(stream("([vmog] 1 (2)) (6)"), at("6.0"));
-    // Whatever is wrong with a command, the joint goes on as before.
+    // For any malformed command, the joint continues as before.
     for wrong in [
         "([vmo] 2) (1e9)",
         "([vmo] 2) (1.0 2.0)",
@@ -319,7 +319,7 @@ fn spoiled() -> impl Strategy<Value = Bottle> {
     })
 }
 
-/// A good move as 4.0 says it, with one thing spoilt.
+/// A good move of 4.0, with one defect.
 fn spoiled_call() -> impl Strategy<Value = Bottle> {
     let name = |word: Value| match word.to_plain_string().as_str() {
         "poss" => "positionMoveAllRPC",

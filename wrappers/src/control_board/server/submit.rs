@@ -17,20 +17,20 @@ use super::command_queue::{Dropped, Kind, QueuedCommand};
 use super::motion_tracker::{AxisEffect, Motion};
 use super::request_handler::{Refusal, RequestHandler};
 
-/// How often the device is asked whether a motion has ended.
+/// Interval between queries whether a motion has ended.
 const MOTION_POLL_INTERVAL: Duration = Duration::from_millis(5);
 
-/// An order that waits for the device.
+/// A command in the queue.
 #[derive(Debug)]
 pub(super) struct PendingCommand {
     set: Set,
     from: String,
     numbered: bool,
-    /// Who waits for the outcome; nobody does for what was streamed.
+    /// Sends the outcome to the waiting caller; none for streamed commands.
     reply_sender: Option<oneshot::Sender<Result<(), Refusal>>>,
 }
 
-/// What became of an order so far.
+/// Outcome of a submitted command so far.
 pub(super) enum Submission {
     /// The device took or refused it.
     Done(Result<(), Refusal>),
@@ -38,14 +38,14 @@ pub(super) enum Submission {
     Queued(Outcome),
 }
 
-/// The outcome of an order that waits.
+/// The outcome of a queued command.
 pub(super) type Outcome = Pin<Box<dyn Future<Output = Result<(), Refusal>> + Send>>;
 
 /// A result now, or when its turn has come.
 pub(super) enum ReplyTiming<T> {
     /// It is there.
     Now(T),
-    /// It comes when the device has taken the order, or another took its place.
+    /// It is ready when the device has executed the command, or another replaced it.
     Later(Pin<Box<dyn Future<Output = T> + Send>>),
 }
 
@@ -75,9 +75,9 @@ impl ReplyTiming<Reply> {
 }
 
 impl RequestHandler {
-    /// Gives an order to the device: at once if it is free, else when its turn comes. Also its number.
+    /// Submits a command to the device: executed at once if it is free, else queued. Also its number.
     ///
-    /// `numbered`: somebody wants to know how the motion ends.
+    /// `numbered`: a client wants to know how the motion ends.
     pub(super) fn submit(&self, set: &Set, from: &str, numbered: bool) -> (u64, Submission) {
         let number = self.motions.number();
         let Some(kind) = Kind::of(set) else {
@@ -107,7 +107,7 @@ impl RequestHandler {
         (number, Submission::Queued(Box::pin(told)))
     }
 
-    /// Takes in a streamed command; one that is malformed leaves everything as it is.
+    /// Handles a streamed command; a malformed one changes nothing.
     pub(super) fn handle_command(&self, command: Command, from: &str) {
         let streamed = match command.parse() {
             Ok(streamed) => streamed,
@@ -127,8 +127,8 @@ impl RequestHandler {
         self.queue(self.motions.number(), kind, waiting);
     }
 
-    /// Looks at an order well enough that it may take the place of another that waits: at its axes and its values, for which
-    /// the device need not be asked. Limits and modes may change before its turn comes; the device judges those then.
+    /// Checks a command well enough that it may replace a queued one: its axes and its values, for which the device
+    /// is not needed. Limits and modes may change before its turn comes; the device judges those then.
     fn check_queueable(&self, set: &Set) -> Result<(), Refusal> {
         let axes = set.axes();
         let Set::Values(_, _, values) = set else {
@@ -169,11 +169,11 @@ impl RequestHandler {
             let axes = known(set.axes(), self.axes()).collect();
             self.motions.dropped(order.number, axes, by);
         }
-        // Who does not wait any more need not be told.
+        // A caller that has stopped waiting needs no reply.
         let _ = reply_sender.send(Err(Refusal::Dropped(by)));
     }
 
-    /// Passes orders on that wait, until the line ends. Blocks.
+    /// Executes queued commands until the queue ends. Blocks.
     pub(super) fn run_queue(&self) {
         while let Some((order, taking)) = self.queue.next() {
             self.run_queued(order);
@@ -181,7 +181,7 @@ impl RequestHandler {
         }
     }
 
-    /// Passes one order on, if one waits.
+    /// Executes one queued command, if there is one.
     #[cfg(test)]
     pub(super) fn run_next_queued(&self) -> bool {
         let waits = self.queue.try_acquire().is_none();
@@ -204,7 +204,7 @@ impl RequestHandler {
                 if let Err(error) = &outcome {
                     tracing::info!(board = %self.name(), from, ?set, "refused: {error}");
                 }
-                // Who does not wait any more need not be told.
+                // A caller that has stopped waiting needs no reply.
                 let _ = reply_sender.send(outcome);
             }
             None => match outcome {
@@ -263,7 +263,7 @@ impl RequestHandler {
         }
     }
 
-    /// Whether the device says that a motion has ended.
+    /// Returns how a motion has ended by the device; `None` while it moves.
     fn end_of(&self, motion: &Motion) -> Option<MotionEnd> {
         let axes = Axes::Group(&motion.axes);
         let failed = |reason: String| Some(MotionEnd::Failed { reason });
@@ -283,7 +283,7 @@ impl RequestHandler {
             return None;
         }
         match (&motion.targets, self.targets_of(axes)) {
-            // Not by an order that came through here.
+            // Not by a command of this server.
             (Some(before), Some(now)) if *before != now => Some(MotionEnd::Stopped),
             _ => Some(MotionEnd::Done),
         }
@@ -298,7 +298,7 @@ impl RequestHandler {
         }
     }
 
-    /// What a message with a word of ours is answered with, after it was carried out.
+    /// Executes a message of our own protocol and returns the reply.
     pub(super) fn answer_numbered(
         &self,
         wanted: Result<Numbered, Malformed>,
@@ -332,7 +332,7 @@ impl RequestHandler {
     }
 }
 
-/// The answer to who wants to know the number.
+/// Returns the reply to a numbered move.
 fn outcome_of(number: u64, axes: Vec<AxisIndex>, outcome: Result<(), Refusal>) -> MotionUpdate {
     let state = match outcome {
         Ok(()) => MotionState::Moving,

@@ -1,4 +1,4 @@
-//! Which interfaces a device has, as 4.0 asks for them at once.
+//! Lists the interfaces of a device, as 4.0 queries them at once.
 
 use yarp_devices::Device;
 

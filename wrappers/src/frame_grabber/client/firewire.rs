@@ -10,7 +10,7 @@ type Outcome<T> = Result<T, DeviceError>;
 
 impl RemoteFrameGrabber {
     fn wire(&self, what: Firewire, values: &[u32]) -> Outcome<Answer> {
-        // Numbers beyond a signed one are said as they are: the masks are, too.
+        // Numbers beyond the signed range are sent as they are: the masks are, too.
         let values = values.iter().map(|value| *value as i32).collect();
         self.link().call(Request::Firewire(what, values))
     }

@@ -1,4 +1,4 @@
-//! Images, knobs and parameters.
+//! Images, features and parameters.
 
 use yarp_devices::image::{Crop, Frame};
 use yarp_devices::{
@@ -41,7 +41,7 @@ impl RemoteFrameGrabber {
         ask!(self, request, Answer::Image(image) => self.link().latest.take_asked(image))
     }
 
-    /// Whether raw images can be asked for.
+    /// Returns whether raw images are available.
     fn has_raw(&self) -> bool {
         self.wire_version() == WireVersion::V3
     }

@@ -11,7 +11,7 @@ use yarp_wire::typed;
 use crate::frame_grabber::messages::image_message;
 use yarp_devices::clock::wall_clock;
 
-/// The newest image, written by the stream and read by whoever asks. Pixels are shared with the message they came in.
+/// The newest image, written by the stream and read by callers. Pixels are shared with the message they came in.
 #[derive(Debug)]
 pub(super) struct LatestImage {
     newest: Mutex<Option<(Frame, Instant)>>,
@@ -48,7 +48,7 @@ impl LatestImage {
         *self.newest() = Some((frame, Instant::now()));
     }
 
-    /// Takes in an image that was asked for.
+    /// Stores an image of a reply.
     pub(super) fn take_asked(&self, image: Image) -> Frame {
         let frame = self.numbered(image, None);
         *self.newest() = Some((frame.clone(), Instant::now()));
@@ -69,7 +69,7 @@ impl LatestImage {
         }
     }
 
-    /// Whether no image has come for so long.
+    /// Returns whether no image has been received for so long.
     pub(super) fn is_older_than(&self, age: Duration) -> bool {
         let arrived = self
             .newest()

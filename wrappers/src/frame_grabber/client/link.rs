@@ -45,7 +45,7 @@ pub(super) struct Link {
 }
 
 impl Link {
-    /// Opens and connects the ports, and asks for the protocol; on an error nothing stays open.
+    /// Opens and connects the ports, and queries the protocol version; on an error nothing stays open.
     pub(super) async fn open(
         network: &Network,
         options: &RemoteFrameGrabberOptions,
@@ -60,7 +60,7 @@ impl Link {
         let rpc_name = format!("{}/rpc_client", options.local);
         let mut calling = PortOptions::new().rpc_client();
         if let Some(wire_version) = options.wire_version {
-            // One that speaks both says that it is of 3.x, whose words it takes callers to use.
+            // A server of both wire versions reports 3.x, whose messages it expects from callers.
             calling = calling.peer_version(wire_version);
         }
         let rpc = open(network, rpc_name, calling).await?;
@@ -123,7 +123,8 @@ impl Link {
         Ok(())
     }
 
-    /// What answers the question for the version of the protocol is 4.0; 3.x does not understand it.
+    /// Finds out the wire version: a peer that answers the query for the protocol version is 4.0; 3.x does not
+    /// understand it.
     async fn ask_generation(&self) -> Result<WireVersion, OpenError> {
         let question = "which version of the protocol it speaks";
         let call = Request::ProtocolVersion.to_call().unwrap_or_default();
@@ -151,7 +152,7 @@ impl Link {
         self.stream.is_some()
     }
 
-    /// Asks or orders, and waits for the answer.
+    /// Sends a request, and waits for the reply.
     pub(super) fn call(self: &Arc<Self>, request: Request) -> Result<Answer, DeviceError> {
         let link = self.clone();
         blocking::wait(async move {
@@ -220,7 +221,7 @@ impl Link {
         }
     }
 
-    /// What to say of an answer that is not of the kind expected. It may be an image, so it is not shown.
+    /// Returns the error for a reply of an unexpected kind. It may be an image, so it is not shown.
     pub(super) fn unreadable(&self, message: &impl WireObject) -> DeviceError {
         DeviceError::Remote {
             peer: self.rpc_peer.clone(),

@@ -1,11 +1,11 @@
 //! The camera at the other end.
 //!
-//! | file | what it is about |
+//! | file | content |
 //! | --- | --- |
-//! | `options` | whom to call, as whom, and how long to wait |
-//! | `link` | the two ports, the conversation at opening, calls |
-//! | `latest_image` | the newest image that has come |
-//! | `interfaces` | the device interfaces, said in messages |
+//! | `options` | names, carrier and timeouts |
+//! | `link` | the two ports, opening, calls |
+//! | `latest_image` | the newest image received |
+//! | `interfaces` | the device interfaces |
 
 mod firewire;
 mod interfaces;
@@ -23,22 +23,22 @@ use self::link::Link;
 use crate::OpenError;
 pub use options::RemoteFrameGrabberOptions;
 
-/// A camera in another program, as stock's `frameGrabber_nwc_yarp` casts it back. Whether the server speaks as 3.x or as
-/// 4.0 is found out; one that speaks both is spoken to as 4.0.
+/// A camera in another program, as stock's `frameGrabber_nwc_yarp` casts it back. The client finds out the wire
+/// version of the server; one that supports both is used as 4.0.
 ///
 /// * **Images** are those that the server streams; asking for one waits for nothing. It fails with
 ///   [`DeviceError::NoDataYet`](yarp_devices::DeviceError::NoDataYet) before the first, and with
 ///   [`DeviceError::Stale`](yarp_devices::DeviceError::Stale) when the newest is older than the trusted age
-///   ([`RemoteFrameGrabberOptions::timeout`]). Number and time are those of the server's stamp. With
-///   [`RemoteFrameGrabberOptions::no_stream`] each image is asked for, and its time is that of its arrival.
-/// * **Raw images** are asked for from 3.x. 4.0 has no call for them: there they are the others in grey.
-/// * **What blocks.** Every other call is a message and its answer, and waits for it at most until
-///   [`RemoteFrameGrabberOptions::deadline`]. Calls may come from any thread, also from one that runs async code, which
-///   they then hold up.
-/// * **Refusals** are [`DeviceError::Refused`](yarp_devices::DeviceError::Refused). A server of 3.5 to 3.9 tells nobody
-///   that it refused to turn a knob.
-/// * **Connections that are lost** are made again when the server is back, as long as it is of the same wire version. Until
-///   then calls fail.
+///   ([`RemoteFrameGrabberOptions::max_state_age`]). Number and time are those of the server's stamp. With
+///   [`RemoteFrameGrabberOptions::no_stream`] each image is requested, and its time is that of its arrival.
+/// * **Raw images** are requested from 3.x. 4.0 has no call for them: there they are the colour images in grey.
+/// * **Blocking calls.** Every other call is a message and its reply, and waits at most
+///   [`RemoteFrameGrabberOptions::rpc_timeout`]. Calls may come from any thread, also from one that runs async code,
+///   which they then hold up.
+/// * **Refusals** are [`DeviceError::Refused`](yarp_devices::DeviceError::Refused). A server of 3.5 to 3.9 does not
+///   report that it refused to set a feature.
+/// * **Lost connections** are reconnected when the server is back, if it has the same wire version. Until then calls
+///   fail.
 ///
 /// Dropping it closes its ports and unregisters their names; that takes a few seconds at the most.
 ///
@@ -80,7 +80,7 @@ impl RemoteFrameGrabber {
         })
     }
 
-    /// The name of the server, as it was asked for.
+    /// Returns the name of the server, as it was given.
     pub fn remote(&self) -> &str {
         self.link().remote()
     }
@@ -97,7 +97,7 @@ impl RemoteFrameGrabber {
 
 impl Drop for RemoteFrameGrabber {
     fn drop(&mut self) {
-        // Calls borrow the camera, so none is under way.
+        // Calls borrow the camera, so none is in progress.
         if let Some(link) = self.link.take().and_then(Arc::into_inner) {
             blocking::wait(link.close());
         }

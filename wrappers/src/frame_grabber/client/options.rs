@@ -1,10 +1,10 @@
-//! Whom to call, as whom, and how long to wait.
+//! Names, carrier and timeouts.
 
 use std::time::Duration;
 
 use yarp_wire::WireVersion;
 
-/// How a [`RemoteFrameGrabber`](super::RemoteFrameGrabber) is opened.
+/// Options of a [`RemoteFrameGrabber`](super::RemoteFrameGrabber).
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct RemoteFrameGrabberOptions {
@@ -39,19 +39,19 @@ impl RemoteFrameGrabberOptions {
         self
     }
 
-    /// How old the newest image may be to be trusted. Stock gives an image out for ever.
+    /// Sets the maximum age of the newest image. Stock gives an image out for ever.
     pub fn max_state_age(mut self, age: Duration) -> Self {
         self.max_state_age = age;
         self
     }
 
-    /// How long an answer, or each step of opening, is waited for. Stock waits for ever.
+    /// Sets the max_state_age of a reply and of each step of opening. Stock waits for ever.
     pub fn rpc_timeout(mut self, rpc_timeout: Duration) -> Self {
         self.rpc_timeout = rpc_timeout;
         self
     }
 
-    /// Has no images streamed, and asks for each (stock: `no_stream`).
+    /// Requests each image instead of streaming (stock: `no_stream`).
     pub fn no_stream(mut self) -> Self {
         self.streams = false;
         self

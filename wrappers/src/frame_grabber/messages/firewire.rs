@@ -1,4 +1,4 @@
-//! What is said to cameras on IEEE 1394, in both wire versions.
+//! Messages for cameras on IEEE 1394, in both wire versions.
 //!
 //! ```text
 //! [fgfw] [DR2m]                    ->  16777235                  getVideoModeMaskDC1394RPC            ->  ([ok]) 16777235
@@ -8,9 +8,9 @@
 //!
 //! Masks are unsigned numbers in signed ones, truth values 0 or 1 in 3.x.
 //!
-//! Source: `CameraVocabs.h` and `FrameGrabberControlsDC1394_Forwarder.cpp` of 3.5, `frameGrabberMsgs.thrift` of 4.0.0. The
-//! servers of 3.5 to 3.12 take the word itself for the first value of an order, so that no client of stock's or ours can
-//! set anything there.
+//! Source: `CameraVocabs.h` and `FrameGrabberControlsDC1394_Forwarder.cpp` of 3.5, `frameGrabberMsgs.thrift` of
+//! 4.0.0. The servers of 3.5 to 3.12 take the word itself for the first value of a command, so that no client of
+//! stock's or ours can set anything there.
 
 use yarp_wire::{Bottle, Value, Vocab32};
 
@@ -21,7 +21,7 @@ use crate::thrift::Item;
 
 pub(super) const INTERFACE: Vocab32 = Vocab32::new("fgfw");
 
-/// A question or an order to a camera on IEEE 1394.
+/// A query or a command to a camera on IEEE 1394.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 #[allow(missing_docs, reason = "the methods of `FirewireControls`")]
 pub enum Firewire {
@@ -52,8 +52,8 @@ pub enum Firewire {
     SetBytesPerPacket,
 }
 
-/// What is said, its function in 4.0, its word in 3.x, and the kinds of arguments and results: `i` an integer, `b` a
-/// truth value. What has no results is an order. In the order of stock's `help`.
+/// Message, function in 4.0, word in 3.x, and the kinds of arguments and results: `i` an integer, `b` a truth value.
+/// Requests without results are commands. In the order of stock's `help`.
 const ALL: [(Firewire, &str, &str, &str, &str); 25] = {
     use Firewire as F;
     [
@@ -120,7 +120,7 @@ impl Firewire {
         ALL.iter().map(|(what, ..)| *what)
     }
 
-    /// What has this function in 4.0.
+    /// Returns the message of this function in 4.0.
     pub(super) fn of_function(name: &str) -> Option<Self> {
         let found = ALL.iter().find(|(_, function, ..)| *function == name);
         found.map(|(what, ..)| *what)
@@ -199,7 +199,7 @@ pub(super) fn to_bottle(what: Firewire, values: &[i32]) -> Bottle {
     bottle
 }
 
-/// What a message in words says, as far as its second word goes.
+/// Parses a message in words, up to its second word.
 fn said(message: &Bottle) -> Option<Firewire> {
     let word = message.get(1).and_then(Value::as_vocab)?;
     let found = ALL.iter().find(|(what, ..)| what.word() == word);
@@ -216,7 +216,7 @@ pub(super) fn parse(message: &Bottle) -> Result<Request, Malformed> {
         .ok_or_else(|| Malformed::Values(format!("[{INTERFACE}] [{word}]")))
 }
 
-/// The reply in words to a request that was done: the bare results, or 1.
+/// Encodes the reply in words to a request that succeeded: the bare results, or 1.
 pub(super) fn reply(what: Firewire, results: Vec<Item>) -> Bottle {
     match what.is_order() {
         true => Bottle::of(1),
@@ -224,7 +224,8 @@ pub(super) fn reply(what: Firewire, results: Vec<Item>) -> Bottle {
     }
 }
 
-/// The reply in words to what was not done. What is read of a question's is the number of its first item: a text is 0.
+/// Encodes the reply in words to a request that failed. The value of a query is the number of its first item: a text
+/// is 0.
 pub(super) fn refusal(message: &Bottle) -> Bottle {
     match said(message) {
         Some(what) if what.is_order() => Bottle::of(0),
@@ -232,7 +233,7 @@ pub(super) fn refusal(message: &Bottle) -> Bottle {
     }
 }
 
-/// Reads a reply in words; `None` for what is no answer to it.
+/// Reads a reply in words; `None` if it is not a reply to it.
 pub(super) fn read(what: Firewire, reply: &Bottle) -> Option<Reply> {
     if let Some(Value::Vocab32(_) | Value::String(_)) = reply.get(0) {
         return Some(Reply::Refused);

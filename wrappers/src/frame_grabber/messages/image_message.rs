@@ -17,7 +17,7 @@ pub fn code_of(format: PixelFormat) -> PixelCode {
     }
 }
 
-/// The format that a code on the wire stands for.
+/// Returns the format of a code on the wire.
 pub fn format_of(code: PixelCode) -> PixelFormat {
     match code {
         PixelCode::MONO => PixelFormat::Mono,
@@ -40,7 +40,7 @@ pub fn to_wire(image: &Image) -> Result<typed::Image, ImageError> {
 
 /// The image of a message, in red, green and blue, or in grey if it is.
 ///
-/// Rows are taken in the order they came in; [`typed::Image`] says why the mark for another order is passed over.
+/// Rows are taken in their order of arrival; [`typed::Image`] describes why the mark for another order is ignored.
 pub fn from_wire(image: &typed::Image) -> Result<Image, FromWireError> {
     let converted = match image.code() {
         PixelCode::MONO | PixelCode::RGB => image.clone(),
@@ -55,7 +55,7 @@ pub fn from_wire(image: &typed::Image) -> Result<Image, FromWireError> {
     )?)
 }
 
-/// Why a message is no image that we can use.
+/// Reasons why a message is not a usable image.
 #[derive(Debug, thiserror::Error)]
 pub enum FromWireError {
     /// Pixels of another kind.
@@ -69,7 +69,8 @@ pub enum FromWireError {
     Bytes(#[from] DecodeError),
 }
 
-/// An image within a message: a list of four, the same in both wire versions but for what is said at [`typed::Image`].
+/// An image within a message: a list of four, the same in both wire versions but for the difference described at
+/// [`typed::Image`].
 pub fn to_list(image: &typed::Image) -> Bottle {
     let integer = |number: usize| Value::Int32(number as i32);
     let numbers = [

@@ -1,15 +1,15 @@
-//! What is said about a camera, in both wire versions.
+//! Messages about a camera, in both wire versions.
 //!
-//! | file | what it is about |
+//! | file | content |
 //! | --- | --- |
-//! | `request` | [`Request`]: what is wanted, whichever way it is said |
+//! | `request` | [`Request`]: a request, in either wire version |
 //! | `vocab_requests` | requests and replies of 3.x |
 //! | `thrift_calls` | requests and replies of 4.0 |
-//! | `firewire` | what is said to cameras on IEEE 1394 |
+//! | `firewire` | messages for cameras on IEEE 1394 |
 //! | `reply_value` | [`Answer`]: results, in both layouts |
-//! | [`image`] | images of devices as messages, and back |
+//! | [`image_message`] | images of devices as messages, and back |
 //!
-//! Both wire versions speak on one port: what begins with the name of a function is 4.0's.
+//! Both wire versions use one port: a message that begins with the name of a function is 4.0's.
 
 mod firewire;
 pub mod image_message;
@@ -33,12 +33,12 @@ pub use thrift_calls::help;
 pub use vocab_requests::Reply;
 
 impl Request {
-    /// The request as 3.x says it; `None` if it does not.
+    /// Encodes the request for 3.x; `None` if it does not.
     pub fn to_bottle(&self) -> Option<Bottle> {
         vocab_requests::to_bottle(self)
     }
 
-    /// The request as 4.0 says it; `None` if it does not.
+    /// Encodes the request for 4.0; `None` if it does not.
     pub fn to_call(&self) -> Option<Message> {
         thrift_calls::to_call(self)
     }
@@ -58,25 +58,25 @@ impl Request {
         thrift_calls::refusal(self, code)
     }
 
-    /// Reads a reply of 3.x; `None` for what is no answer to this.
+    /// Reads a reply of 3.x; `None` if it is not a reply to this.
     pub fn read_reply(&self, reply: &Bottle) -> Option<Reply> {
         vocab_requests::read(self, reply)
     }
 
-    /// Reads the results in a reply of 4.0; `None` for what are no results of this.
+    /// Reads the results in a reply of 4.0; `None` if they are not results of this.
     pub fn read_results(&self, values: &[yarp_wire::Value]) -> Option<Answer> {
         Answer::read(self, values, WireVersion::V4)
     }
 }
 
-/// The reply of 3.x to what was not understood or not done.
+/// Encodes the reply of 3.x to a request that was not understood or failed.
 pub fn refusal(message: &Bottle, why: &str) -> Bottle {
     vocab_requests::refusal(message, why)
 }
 
 /// A message that is written as one wire version does, to whomever it goes.
 ///
-/// A call of 4.0 is answered as 4.0 reads it, even where nothing on the connection said so before.
+/// A call of 4.0 is answered in the form of 4.0, even if the connection did not announce it.
 #[derive(Clone, Debug)]
 pub struct As<T>(pub WireVersion, pub T);
 

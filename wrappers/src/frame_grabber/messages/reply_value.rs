@@ -1,4 +1,4 @@
-//! What is answered, in the order of the results in either wire version.
+//! Reply values, in the order of the results in either wire version.
 
 use yarp_devices::image::Image;
 use yarp_devices::{CameraConfiguration, Intrinsics};
@@ -69,7 +69,7 @@ fn properties(lens: &Intrinsics) -> Property {
     property
 }
 
-/// Focal lengths and principal point must be there; what else is not is as of an ideal lens.
+/// Focal lengths and principal point must be present; missing others are those of an ideal lens.
 fn lens(property: &Property) -> Option<Intrinsics> {
     let number = |place: usize| property.find(NUMBERS[place]).map_or(Some(0.0), float);
     for name in &NUMBERS[1..5] {

@@ -1,20 +1,20 @@
-//! What can be wanted of a camera, whichever way it is said.
+//! Requests to a camera, in either wire version.
 
 use yarp_devices::image::Crop;
 use yarp_wire::{Bottle, Value, Vocab32};
 
 use super::{Firewire, thrift_calls, vocab_requests};
 
-/// Which images are meant.
+/// Kind of images.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum Channel {
-    /// In colour; in 4.0 whichever the camera has.
+    /// In colour; in 4.0 either kind that the camera has.
     Colour,
-    /// As they come from the sensor.
+    /// Raw sensor images.
     Raw,
 }
 
-/// What a feature may be able to do.
+/// Capability of a feature.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum Ability {
     /// To be there.
@@ -29,7 +29,7 @@ pub enum Ability {
     OnePush,
 }
 
-/// A question or an order. Features are numbers here, because there are more of them than we know.
+/// A query or a command. Features are numbers here, because there are more of them than we know.
 #[derive(Clone, Debug, PartialEq)]
 #[allow(missing_docs, reason = "the names are those of stock's functions")]
 pub enum Request {
@@ -60,11 +60,11 @@ pub enum Request {
     SetActive(i32, bool),
     SetMode(i32, i32),
     OnePush(i32),
-    /// What only cameras on IEEE 1394 have, with the values that go with it.
+    /// Requests of cameras on IEEE 1394, with their values.
     Firewire(Firewire, Vec<i32>),
 }
 
-/// Why a message is no request.
+/// Reasons why a message is not a request.
 #[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Malformed {
@@ -83,7 +83,7 @@ pub enum Malformed {
 }
 
 impl Request {
-    /// Whether a message is said as in 4.0. What is said on the same port as in 3.x begins with a word.
+    /// Returns whether a message is a call of 4.0. Messages of 3.x on the same port begin with a word.
     pub fn is_call(message: &Bottle) -> bool {
         matches!(message.get(0), Some(Value::String(name)) if name.as_str().is_some_and(thrift_calls::is_name))
     }
@@ -105,7 +105,7 @@ pub(super) fn integer(value: &Value) -> Option<i32> {
     whole.then_some(number as i32)
 }
 
-/// A truth value as either wire version says it: a word, or a number.
+/// Parses a truth value of either wire version: a word, or a number.
 pub(super) fn flag(value: &Value) -> Option<bool> {
     match value {
         Value::Int8(_) | Value::Int16(_) | Value::Int32(_) | Value::Int64(_) => {

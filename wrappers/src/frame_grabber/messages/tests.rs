@@ -8,7 +8,7 @@ use yarp_wire::{Bottle, Value, WireVersion};
 
 use super::*;
 
-/// Every request, as 3.x and as 4.0 say it.
+/// Every request, in 3.x and in 4.0.
 fn said() -> Vec<(Request, &'static str, &'static str)> {
     use Channel::{Colour, Raw};
     use Request as R;
@@ -165,7 +165,7 @@ fn each_request_has_its_words_and_its_call() {
     }
 }
 
-/// As a person types them: strings instead of words.
+/// Typed requests: strings instead of words.
 #[test]
 fn typed_words_are_understood() {
     let parse = |text: &str| Request::parse(&Bottle::parse(text).unwrap());
@@ -354,7 +354,7 @@ fn replies_of_3_look_like_those_of_stock() {
     );
 }
 
-/// As `FrameGrabberControlsDC1394_Responder.cpp` of 3.5 answers: bare numbers.
+/// Replies of `FrameGrabberControlsDC1394_Responder.cpp` of 3.5: bare numbers.
 #[test]
 fn every_word_of_ieee_1394_has_its_call_and_bare_replies() {
     for what in Firewire::all() {
@@ -389,7 +389,7 @@ fn every_word_of_ieee_1394_has_its_call_and_bare_replies() {
     }
 }
 
-/// Whether it changes something.
+/// Returns whether it changes something.
 fn is_order(request: &Request) -> bool {
     matches!(
         request,

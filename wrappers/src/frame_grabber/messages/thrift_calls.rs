@@ -1,4 +1,4 @@
-//! Requests and answers as 4.0 says them: calls of the service `FrameGrabberMsgs`.
+//! Requests and replies of 4.0: calls of the service `FrameGrabberMsgs`.
 //!
 //! ```text
 //! getWidthRPC                ->  ([ok]) 320
@@ -19,7 +19,7 @@ use crate::control_board::messages::float;
 use crate::thrift::{GET_VERSION, Item, Message, ReturnCode};
 use yarp_devices::image::Crop;
 
-/// What functions of the service are called, without the `RPC` at the end, in the order of stock's `help`.
+/// Names of the service's functions, without the `RPC` at the end, in the order of stock's `help`.
 const FUNCTIONS: [&str; 29] = [
     "getHeight",
     "getWidth",
@@ -55,7 +55,7 @@ const FUNCTIONS: [&str; 29] = [
 const HELP: &str = "help";
 const SUFFIX: &str = "RPC";
 
-/// Whether a message that begins with this text is a call.
+/// Returns whether a message that begins with this text is a call.
 pub(super) fn is_name(text: &str) -> bool {
     text == HELP || text == GET_VERSION || text.ends_with(SUFFIX)
 }
@@ -143,7 +143,7 @@ fn read_crop(values: &[Value]) -> Option<Crop> {
     vocab_requests::crop(integer(kind)?, places?)
 }
 
-/// A request as a call; `None` for what 4.0 has no function for.
+/// A request as a call; `None` if 4.0 has no function for it.
 pub(super) fn to_call(request: &Request) -> Option<Message> {
     use Request as R;
     let int = |number: &i32| Item::I32(*number);
@@ -207,7 +207,7 @@ pub(super) fn reply(answer: &Answer) -> Option<Message> {
     }))
 }
 
-/// The reply to a call that was not done: the code, and the results that stock reads behind it, empty.
+/// Encodes the reply to a call that failed: the code, and the results that stock reads after it, empty.
 pub(super) fn refusal(request: &Request, code: ReturnCode) -> Message {
     use Request as R;
     let nothing = match request {

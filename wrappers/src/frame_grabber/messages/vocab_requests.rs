@@ -1,4 +1,4 @@
-//! Requests and answers as 3.x says them.
+//! Requests and replies of 3.x.
 //!
 //! ```text
 //! [fgi] [get] [w]                  ->  [fgi] [w] [is] 320
@@ -7,7 +7,7 @@
 //! ```
 //!
 //! Source: `FrameGrabberOf_Responder-inl.h`, `FrameGrabberControls_Responder.cpp`, `RgbVisualParams_Responder.cpp` of
-//! 3.5; `[fgc] [set] 1` is 3.12's, where 3.5 answers an order to a feature with `[nak]`, looked at by nobody.
+//! 3.5; `[fgc] [set] 1` is 3.12's, where 3.5 answers a command to a feature with `[nak]`, which clients ignore.
 
 use yarp_devices::image::Crop;
 use yarp_wire::{Bottle, Value, Vocab32, WireVersion};
@@ -37,7 +37,7 @@ const ABILITIES: [(Ability, Vocab32); 5] = [
     (Ability::OnePush, Vocab32::new("onep")),
 ];
 
-/// The words of a request; `None` for what 3.x has none for.
+/// The words of a request; `None` if 3.x has no message for it.
 fn spelling(request: &Request) -> Option<[Vocab32; 3]> {
     use Request as R;
     let image = |channel: &Channel, word| {
@@ -235,7 +235,7 @@ pub(super) fn reply(request: &Request, answer: &Answer) -> Option<Bottle> {
     Some(reply)
 }
 
-/// The reply to a message that was not understood or not done, in the way of the interface that it speaks to.
+/// The reply to a message that was not parsed or not executed, in the form of its interface.
 pub(super) fn refusal(message: &Bottle, why: &str) -> Bottle {
     let interface = message.get(0).and_then(Value::as_vocab);
     let act = message.get(1).and_then(Value::as_vocab);
@@ -250,7 +250,7 @@ pub(super) fn refusal(message: &Bottle, why: &str) -> Bottle {
     }
 }
 
-/// Reads the reply to a request; `None` for what is no answer to it.
+/// Reads the reply to a request; `None` if it is not a reply to it.
 pub(super) fn read(request: &Request, reply: &Bottle) -> Option<Reply> {
     if let Request::Firewire(what, _) = request {
         return firewire::read(*what, reply);
@@ -261,7 +261,7 @@ pub(super) fn read(request: &Request, reply: &Bottle) -> Option<Reply> {
         return Some(Reply::Refused);
     }
     if word(0) == Some(NAK) {
-        // So 3.5 answers orders to features that it carried out.
+        // So 3.5 answers successful commands to features.
         let done = interface == CONTROLS && act == SET;
         return Some(if done {
             Reply::Done(Answer::Done)
@@ -289,7 +289,7 @@ pub(super) fn read(request: &Request, reply: &Bottle) -> Option<Reply> {
     Answer::read(request, values, WireVersion::V3).map(Reply::Done)
 }
 
-/// What became of a request.
+/// Outcome of a request.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Reply {
     /// It was done.

@@ -1,10 +1,11 @@
-//! What is said to cameras on IEEE 1394 means for the device.
+//! Executes the requests of cameras on IEEE 1394 on the device.
 
 use yarp_devices::{DeviceError, FirewireControls, Window};
 
 use crate::frame_grabber::messages::{Answer, Firewire};
 
-/// Asks or orders. `values` are as many as the request has; what is below 0 is a number that no camera has.
+/// Executes a query or a command. `values` are as many as the request has; a value below 0 is a number that no camera
+/// has.
 pub(super) fn perform(
     device: &dyn FirewireControls,
     what: Firewire,

@@ -1,8 +1,8 @@
 //! A camera on ports.
 //!
-//! | file | what it is about |
+//! | file | content |
 //! | --- | --- |
-//! | `request_handler` | the device, and what requests mean for it |
+//! | `request_handler` | executes requests on the device |
 //! | `publisher` | the newest image, every period |
 
 mod firewire;
@@ -21,22 +21,22 @@ use crate::OpenError;
 use crate::open_ports::{close_all, open};
 use crate::periodic_thread::{PeriodicThread, check_period};
 
-/// How often it is looked for a new image: 30 times a second, as stock.
+/// Default interval between checks for a new image: 30 times a second, as stock.
 const DEFAULT_PERIOD: Duration = Duration::from_millis(33);
-/// How long the end of publishing is waited for.
+/// Timeout of the end of publishing.
 const CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// Which images are streamed.
+/// Kind of images that are streamed.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub enum Capability {
     /// In colour (stock: `COLOR`).
     #[default]
     Colour,
-    /// As they come from the sensor (stock: `RAW`).
+    /// Raw sensor images (stock: `RAW`).
     Raw,
 }
 
-/// How a camera is served.
+/// Options of a camera server.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct FrameGrabberOptions {
@@ -54,30 +54,30 @@ impl Default for FrameGrabberOptions {
 }
 
 impl FrameGrabberOptions {
-    /// Images in colour, looked for every 33 ms.
+    /// Images in colour, checked every 33 ms.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// How often it is looked for a new image, 1 ms to 60 s (stock: `period`).
+    /// Sets the interval between checks for a new image, 1 ms to 60 s (stock: `period`).
     pub fn period(mut self, period: Duration) -> Self {
         self.period = period;
         self
     }
 
-    /// Which images are streamed (stock: `capabilities`).
+    /// Selects the images that are streamed (stock: `capabilities`).
     pub fn capability(mut self, capability: Capability) -> Self {
         self.capability = capability;
         self
     }
 }
 
-/// A camera, served as stock's `frameGrabber_nws_yarp` serves one, to clients of 3.x and of 4.0 at once.
+/// A camera, served like stock's `frameGrabber_nws_yarp`, to clients of 3.x and of 4.0 at once.
 ///
-/// * `NAME` sends images to each reader that is done with the one before, each image once: a reader that is slow misses
-///   images, and never gets an old one behind a newer one. Their envelope is the number and time of the image. While
-///   nobody reads, the camera is not asked.
-/// * `NAME/rpc` answers questions and carries out orders of both wire versions; so does `NAME`.
+/// * `NAME` sends images to each reader that has finished the previous one, each image once: a slow reader misses
+///   images, and never gets an old one after a newer one. Their envelope is the number and time of the image. Without
+///   readers, the camera is not called.
+/// * `NAME/rpc` answers queries and executes commands of both wire versions; so does `NAME`.
 /// * Pixels are not copied on their way from the camera to a port where a row is a multiple of 8 bytes.
 /// * A request that is malformed, or that the camera has no interface for or refuses, is answered at once, as its
 ///   wire version reads it. Cameras on IEEE 1394 are not supported: calls for them are refused by name.
@@ -102,7 +102,7 @@ impl FrameGrabberOptions {
 pub struct FrameGrabberServer {
     name: String,
     running: Option<Running>,
-    /// Where the ports live, for closing them from anywhere.
+    /// Runtime of the ports, for closing them from anywhere.
     runtime: Handle,
 }
 
@@ -117,8 +117,9 @@ impl FrameGrabberServer {
     /// Opens the two ports and begins to publish.
     ///
     /// * `name`: begins with `/`; the ports are `NAME/rpc` and `NAME`.
-    /// * Errors: [`OpenError::NoInterface`] when the device has not the images asked for, [`OpenError::Period`],
-    ///   [`OpenError::NameTaken`], [`OpenError::Port`], [`OpenError::Thread`]; then all that was opened is closed again.
+    /// * Errors: [`OpenError::NoInterface`] when the device does not have the selected images, [`OpenError::Period`],
+    ///   [`OpenError::NameTaken`], [`OpenError::Port`], [`OpenError::Thread`]; then all that was opened is closed
+    ///   again.
     ///
     /// Cancelling closes the ports in the background.
     pub async fn open(
@@ -180,7 +181,7 @@ impl FrameGrabberServer {
 
     /// Ends publishing, closes the two ports and unregisters their names.
     ///
-    /// Takes a few seconds at the most, whatever peers do. The camera goes on.
+    /// Takes a few seconds at most, even if peers do not answer. The camera continues.
     pub async fn close(mut self) {
         if let Some(running) = self.running.take() {
             running.close().await;
@@ -189,7 +190,7 @@ impl FrameGrabberServer {
 }
 
 impl Drop for FrameGrabberServer {
-    /// As [`close`](Self::close), in the background, as far as the runtime still runs.
+    /// Closes like [`close`](Self::close), in the background, as far as the runtime still runs.
     fn drop(&mut self) {
         if let Some(running) = self.running.take() {
             self.runtime.spawn(running.close());

@@ -36,7 +36,7 @@ struct Cycle {
     capability: Capability,
     /// Number of the image that was sent last.
     sent: Option<u64>,
-    /// Whether the last image could not be had: the first of a run is reported aloud.
+    /// True if the last image was not available: the first failure of a run is logged as a warning.
     failing: bool,
 }
 

@@ -22,7 +22,7 @@ pub(super) struct RequestHandler {
     name: String,
 }
 
-/// Why a request was not carried out.
+/// Reasons why a request was not executed.
 #[derive(Debug, thiserror::Error)]
 enum Refusal {
     #[error(transparent)]
@@ -35,12 +35,12 @@ enum Refusal {
     NoFeature(i32),
     #[error("{0} is no mode of a feature")]
     NoMode(i32),
-    #[error("the image fits into no message")]
+    #[error("the image does not fit into a message")]
     Unsendable,
 }
 
 impl Refusal {
-    /// How 4.0 says it.
+    /// Returns the code of 4.0.
     fn code(&self) -> ReturnCode {
         match self {
             Self::NoInterface(_) => ReturnCode::NotReady,
@@ -63,7 +63,7 @@ impl RequestHandler {
         }
     }
 
-    /// What a message is answered with, after it was carried out.
+    /// Executes a message and returns the reply.
     pub(super) fn answer(&self, message: &Bottle, from: &str) -> PortAnswer {
         match Request::is_call(message) {
             true => self.answer_call(message, from),
@@ -109,7 +109,7 @@ impl RequestHandler {
         tracing::debug!("{}: {message} from {from} refused: {error}", self.name);
     }
 
-    /// Asks or orders the device.
+    /// Executes a query or a command on the device.
     fn perform(&self, request: &Request) -> Result<Answer, Refusal> {
         use Request as R;
         let side = |side: usize| Answer::Integer(i32::try_from(side).unwrap_or(i32::MAX));

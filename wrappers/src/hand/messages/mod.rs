@@ -1,4 +1,4 @@
-//! What is said to a hand, and what it answers.
+//! Requests to a hand, and its replies.
 //!
 //! ```text
 //! [hand] [init]                     [ok]
@@ -10,8 +10,8 @@
 //!
 //! People leave `[hand]` away and type whole words: `open`, `grasp rect`, `gcl FGET P`. Angles are degrees.
 //!
-//! Numbers are answered as text, which callers of either wire version read alike: a request without floats does not tell of
-//! which they are. Floats in requests are understood as either wire version says them.
+//! Numbers are sent as text, which callers of either wire version read alike: a request without floats does not
+//! reveal its wire version. Floats in requests are parsed in either wire version.
 
 mod reply;
 mod request;

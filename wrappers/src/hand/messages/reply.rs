@@ -11,36 +11,36 @@ use yarp_wire::{Bottle, Value, Vocab32};
 use super::request::{Malformed, Request};
 use crate::control_board::messages::Reply as Usage;
 
-/// What is behind `[fail]` when the hand had nothing to do with it.
+/// Word after `[fail]` for an error that does not concern the hand.
 const MALFORMED: &str = "malformed";
 const DEVICE: &str = "device";
 
-/// What a request was answered with.
+/// Reply to a request.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Reply {
-    /// `[ok]`, with what was asked for.
+    /// `[ok]`, with the result.
     Done(Answer),
     /// `[fail]`, a kind, and words.
     Refused(Refused),
 }
 
-/// What was asked for.
+/// Result of a request.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Answer {
     /// Nothing: it is done.
     Done,
-    /// Whether it is so.
+    /// A truth value.
     Flag(bool),
-    /// What the hand said.
+    /// Text of the hand.
     Text(String),
     /// One number per motor, degrees.
     Numbers([f64; 4]),
 }
 
-/// Why a request was not carried out.
+/// Reasons why a request was not executed.
 #[derive(Clone, Debug, Eq, PartialEq)]
 pub struct Refused {
-    /// What kind of thing went wrong with the hand; `None` if it was not asked at all.
+    /// Kind of the hand's error; `None` if the hand was not asked at all.
     pub kind: Option<HandErrorKind>,
     /// `malformed` or `device` if it was not asked.
     why: &'static str,
@@ -86,7 +86,7 @@ impl From<&HandError> for Refused {
 }
 
 impl Refused {
-    /// What the call of a device fails with: a [`HandError`] of the same kind, if it was the hand's.
+    /// Converts to the error of a device call: a [`HandError`] of the same kind, if it was the hand's.
     pub fn into_error(self, peer: &str, said: &str) -> DeviceError {
         let Refused { kind, words, .. } = self;
         match kind {
@@ -122,7 +122,7 @@ impl Reply {
         }
     }
 
-    /// Reads the reply to a request; `None` for what is none.
+    /// Reads the reply to a request; `None` for other messages.
     pub fn read(request: &Request, reply: &Bottle) -> Option<Self> {
         match reply.as_slice() {
             [Value::Vocab32(Vocab32::OK), values @ ..] => answer(request, values).map(Self::Done),
@@ -163,7 +163,7 @@ fn answer(request: &Request, values: &[Value]) -> Option<Answer> {
     })
 }
 
-/// What to type, and what it does.
+/// Requests that can be typed, and their effect.
 const LINES: [(&str, &str); 12] = [
     ("help", "this list"),
     ("initialise", "prepare the motors; the fingers open"),
@@ -194,7 +194,7 @@ const LINES: [(&str, &str); 12] = [
     ),
 ];
 
-/// The answer to `help`: `[many]`, then what to type and what it does in turn.
+/// The answer to `help`: `[many]`, then requests and their effects in turn.
 pub fn help() -> Bottle {
     Usage::usage(LINES.map(|(typed, meaning)| (Bottle::of(typed), meaning.to_owned())))
         .into_bottle()

@@ -5,12 +5,12 @@ use yarp_wire::{Bottle, Value, Vocab32};
 
 use crate::control_board::messages::{Selection, axis, float, floats, integer};
 
-/// What may stand in front of every request.
+/// Optional prefix of every request.
 const HAND: Spelling = spelling("hand", "hand");
 /// Stands for a motor without expectation.
 const ANYWHERE: &str = "any";
 
-/// What is wanted of a hand.
+/// A request to a hand.
 ///
 /// ```
 /// use yarp_devices::GraspKind;
@@ -24,15 +24,15 @@ const ANYWHERE: &str = "any";
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub enum Request {
-    /// What can be asked.
+    /// List the requests.
     Help,
     /// Prepares the motors.
     Initialise,
     /// Stops the hand.
     Abort,
-    /// Whether the line to the hand is there.
+    /// Query whether the line to the hand exists.
     IsConnected,
-    /// Where the motors are.
+    /// Query the positions of the motors.
     Positions,
     /// Moves motors to angles, degrees.
     Move(Selection, Vec<f64>),
@@ -46,11 +46,11 @@ pub enum Request {
     CloseWithTorque,
     /// Goes through the motions of a grasp.
     Grasp(GraspKind),
-    /// How far motors are from where they are expected, degrees.
+    /// Query the distances of motors from their expected positions, degrees.
     Check([Option<f64>; 4]),
 }
 
-/// Why a message is no request.
+/// Reasons why a message is not a request.
 #[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Malformed {
@@ -60,9 +60,9 @@ pub enum Malformed {
     /// Values are missing, too many, or of another kind.
     #[error("{word} needs {expected}")]
     Values {
-        /// What was asked for.
+        /// The request.
         word: &'static str,
-        /// What belongs behind it.
+        /// The expected values.
         expected: &'static str,
     },
     /// No grasp has this name, or several begin with it.
@@ -72,7 +72,7 @@ pub enum Malformed {
     Grasp(String),
 }
 
-/// How a request is typed, and how it travels.
+/// Spelling of a request, typed and on the wire.
 struct Spelling {
     word: &'static str,
     short: Vocab32,
@@ -109,7 +109,7 @@ const PLAIN: [(Spelling, Request); 8] = [
 ];
 
 impl Spelling {
-    /// Whether this is it: the whole word, or the short one in any form.
+    /// Returns whether the value is this word: the whole word, or the short one in any form.
     fn is(&self, value: &Value) -> bool {
         match value {
             Value::Vocab32(word) => *word == self.short,
@@ -131,7 +131,7 @@ impl Spelling {
 impl Request {
     /// Reads a request.
     ///
-    /// Errors: [`Malformed`], which says what would do.
+    /// Errors: [`Malformed`], with the expected form.
     pub fn parse(message: &Bottle) -> Result<Self, Malformed> {
         let items = match message.as_slice() {
             [first, rest @ ..] if HAND.is(first) => rest,
@@ -212,7 +212,7 @@ impl Request {
         }
     }
 
-    /// Whether it may take as long as a motion; the others are answered at once.
+    /// Returns whether it may take as long as a motion; the others are answered at once.
     pub fn lasts(&self) -> bool {
         !matches!(self, Self::Help | Self::Abort | Self::IsConnected)
     }
@@ -233,7 +233,7 @@ fn moved(values: &[Value]) -> Option<(Selection, Vec<f64>)> {
     })
 }
 
-/// What was typed as one string, or as several words and whole numbers.
+/// Returns a text that was typed as one string, or as several words and whole numbers.
 fn line(values: &[Value]) -> Option<String> {
     let word = |value: &Value| match value {
         Value::String(text) => text.as_str().map(str::to_owned),
@@ -277,7 +277,7 @@ mod tests {
     use super::*;
 
     proptest! {
-        /// Words of the language in any order: what random bytes hardly ever are.
+        /// Words of the language in any order, which random bytes hardly ever form.
         #[test]
         fn any_words_are_refused_or_said_again_the_same_way(words in prop::collection::vec(
             prop::sample::select(vec![
