@@ -1,4 +1,4 @@
-//! The arms that a command can serve: `--arm`, in one place.
+//! The arms that a command can serve: the option `--arm`.
 
 use std::fmt;
 use std::io;
@@ -13,26 +13,26 @@ use yarp_devices::wam::can::{CanOptions, CanWam};
 use yarp_devices::wam::{DynamicWam, SimulatedWam};
 use yarp_devices::{Device, DeviceError};
 
-/// An arm as it is named on the command line.
+/// An arm, as named on the command line.
 #[derive(Clone, Debug, Eq, PartialEq)]
 pub(crate) enum Arm {
-    /// Moves exactly as it is told.
+    /// Ideal simulation: moves exactly as commanded.
     Simulated,
-    /// Has masses, friction, encoders and a controller.
+    /// Dynamic simulation: with masses, friction, encoders and a controller.
     Dynamic,
-    /// Behind its embedded PC, which runs `yarp wam-node`.
+    /// An arm behind its embedded PC, which runs `yarp wam-node`.
     Embedded,
-    /// On a CAN bus: this interface of the machine.
+    /// An arm on the CAN_PREFIX bus of this interface.
     Can(String),
 }
 
-/// Every arm that has a name of its own.
+/// Arms with a fixed name.
 const NAMES: [(&str, Arm); 3] = [
     ("simulated", Arm::Simulated),
     ("dynamic", Arm::Dynamic),
     ("embedded", Arm::Embedded),
 ];
-/// What stands in front of the interface of an arm on a CAN bus.
+/// Prefix of the interface of an arm on a CAN bus.
 const CAN_PREFIX: &str = "can:";
 
 impl FromStr for Arm {
@@ -64,8 +64,8 @@ impl fmt::Display for Arm {
 }
 
 impl Arm {
-    /// Starts it; `link_mode` is for one behind its embedded PC.
-    pub(crate) fn start(self, link_mode: LinkMode) -> Result<Arc<dyn Device>, DeviceError> {
+    /// Starts the arm; `link_mode` applies to an arm behind its embedded PC.
+    pub(crate) fn start(self, link_mode: Meeting) -> Result<Arc<dyn Device>, DeviceError> {
         Ok(match self {
             Self::Simulated => Arc::new(SimulatedWam::new()),
             Self::Dynamic => Arc::new(DynamicWam::start()?),
@@ -77,13 +77,13 @@ impl Arm {
     }
 }
 
-/// Which end of the connections between driver and embedded PC this is.
+/// Options for the connections between driver and embedded PC: which end listens.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct LinkModeArgs {
-    /// Wait for the other end at this address of this machine
+    /// Listen for the other end on this address of this machine
     #[arg(long, value_name = "ADDRESS", conflicts_with = "connect")]
     listen: Option<IpAddr>,
-    /// Go to the other end on this machine, again and again
+    /// Connect to the other end on this host, and reconnect
     #[arg(long, value_name = "HOST")]
     connect: Option<String>,
     /// TCP ports for commands and for asynchronous packets
@@ -93,8 +93,9 @@ pub(crate) struct LinkModeArgs {
 }
 
 impl LinkModeArgs {
-    /// As told; where nothing is told, one listens and the other connects on this machine.
-    pub(crate) fn link_mode(&self, listens: bool) -> io::Result<LinkMode> {
+    /// Returns the link mode of the options. Without options, the driver listens and the PC
+    /// connects, both on this machine.
+    pub(crate) fn link_mode(&self, listens: bool) -> io::Result<Meeting> {
         let &[arm, packets] = self.ports.as_slice() else {
             return Err(io::Error::new(
                 io::ErrorKind::InvalidInput,
@@ -115,7 +116,7 @@ impl LinkModeArgs {
     }
 }
 
-/// The first address of a host.
+/// Returns the first address of a host.
 fn resolve(host: &str) -> io::Result<IpAddr> {
     let found = (host, 0).to_socket_addrs().and_then(|mut addresses| {
         addresses

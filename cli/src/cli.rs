@@ -1,4 +1,4 @@
-//! The words on the command line.
+//! The command line.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -10,7 +10,7 @@ use crate::commands::Command;
 use crate::error::Result;
 use crate::stock_format::complain;
 
-/// What a command that does not exist ends with, as in stock.
+/// Exit code for an unknown command, as in stock.
 const NO_SUCH_COMMAND: u8 = 255;
 
 /// The YARP companion: talks to the name server and to ports.
@@ -25,14 +25,14 @@ struct Cli {
     command: Command,
 }
 
-/// What stands in front of the command.
+/// Words before the command.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Prefixes {
-    /// `admin`: `rpc` and `write` talk to ports themselves instead of to their owners.
+    /// `admin`: `rpc` and `write` send administration requests to the ports.
     pub(crate) admin: bool,
 }
 
-/// Does what the words on the command line say (without the program's own name).
+/// Runs the command line (without the program's own name).
 pub(crate) async fn run(
     words: impl IntoIterator<Item = String>,
     out: &mut dyn Write,
@@ -85,7 +85,7 @@ pub(crate) async fn run(
     }
 }
 
-/// Name and one line about each command.
+/// Returns name and one-line description of each command.
 pub(crate) fn descriptions() -> Vec<(String, String)> {
     let command = Cli::command();
     let about = |command: &clap::Command| {

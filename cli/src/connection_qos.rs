@@ -1,4 +1,4 @@
-//! How a connection is treated, as the ports at its two ends tell and are told.
+//! Quality of service of a connection, read and set at both of its ports.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -13,22 +13,22 @@ use crate::stock_format::complain;
 /// One end of a connection.
 pub(crate) struct End {
     place: Endpoint,
-    /// The port at the other end.
+    /// Port at the other end.
     peer: String,
 }
 
-/// What to do with which connection, and how.
+/// Words of a `get` or `set` command.
 pub(crate) struct QosCommand<'a> {
-    /// Whether something is to be set, not told.
+    /// True for `set`, false for `get`.
     pub(crate) sets: bool,
     source: &'a str,
     destination: &'a str,
-    /// The words behind the ports.
+    /// Words after the ports.
     pub(crate) rest: &'a [String],
 }
 
 impl<'a> QosCommand<'a> {
-    /// Reads the words of a command; `None`, and a complaint, if they say nothing that it does.
+    /// Parses the words of a command; prints an error and returns `None` if they are invalid.
     pub(crate) fn parse(
         words: &'a [String],
         command: &str,
@@ -58,7 +58,8 @@ impl<'a> QosCommand<'a> {
         Ok(None)
     }
 
-    /// The two ends of the connection; `None`, and a complaint, if one is not there.
+    /// Returns the two ends of the connection; prints an error and returns `None` if one does not
+    /// exist.
     pub(crate) async fn ends(
         &self,
         network: &Network,
@@ -67,7 +68,8 @@ impl<'a> QosCommand<'a> {
         ends(network, self.source, self.destination, out).await
     }
 
-    /// Which end is to be set to what; `None`, and a complaint, if that is not said.
+    /// Returns which end to set, and the value; prints an error and returns `None` if they are
+    /// missing.
     pub(crate) fn chosen(&self, out: &mut dyn Write) -> Result<Option<(usize, &'a str)>> {
         let [first, second, ..] = self.rest else {
             complain(out, TOO_FEW)?;
@@ -81,8 +83,12 @@ impl<'a> QosCommand<'a> {
         Ok(chosen)
     }
 
-    /// Prints what was asked for, if there is something.
-    pub(crate) fn tell(&self, text: Option<String>, out: &mut dyn Write) -> Result<ExitCode> {
+    /// Prints the value, or an error if there is none.
+    pub(crate) fn print_value(
+        &self,
+        text: Option<String>,
+        out: &mut dyn Write,
+    ) -> Result<ExitCode> {
         match text {
             Some(text) => {
                 writeln!(out, "{text}")?;
@@ -97,7 +103,8 @@ impl<'a> QosCommand<'a> {
     }
 }
 
-/// Source and destination of a connection; `None`, and a complaint, if one is not there.
+/// Returns source and destination of a connection; prints an error and returns `None` if one does
+/// not exist.
 async fn ends(
     network: &Network,
     source: &str,
@@ -117,7 +124,8 @@ async fn ends(
 }
 
 impl End {
-    /// Group `name` of what the port tells of the connection; `None`, and a complaint, without one.
+    /// Returns group `name` of the port's properties of the connection; prints an error and returns
+    /// `None` if it is missing.
     pub(crate) async fn get(
         &self,
         network: &Network,
@@ -137,7 +145,7 @@ impl End {
         Ok(group)
     }
 
-    /// Sets group `name` at the port; tells whether it did, and complains if not.
+    /// Sets group `name` at the port; returns true on success, and prints an error otherwise.
     pub(crate) async fn set(
         &self,
         network: &Network,
@@ -170,7 +178,7 @@ impl End {
     }
 }
 
-/// Which of two words after the ports is `--src` (0) or `--des` (1), and the other word.
+/// Parses two words after the ports: returns `--src` as 0 or `--des` as 1, and the other word.
 pub(crate) fn side<'a>(first: &'a str, second: &'a str) -> Option<(usize, &'a str)> {
     let side = |word| ["--src", "--des"].iter().position(|name| *name == word);
     match (side(first), side(second)) {
@@ -180,9 +188,9 @@ pub(crate) fn side<'a>(first: &'a str, second: &'a str) -> Option<(usize, &'a st
     }
 }
 
-/// What `set` answers if it does not hear what to set.
+/// Error of `set` without a value.
 const TOO_FEW: &str = "Set mode must have the port to apply the new parameter to and \
     the value of the packet priority as parameters (argc>=4)";
 
-/// What ends are called where they are printed.
+/// Printed names of the two ends.
 pub(crate) const NAMES: [&str; 2] = ["src", "des"];

@@ -1,4 +1,4 @@
-//! What ends a command early.
+//! Errors that end a command.
 
 use std::io;
 
@@ -10,43 +10,43 @@ use yarp_ports::PortError;
 use yarp_ports::config::ConfigError;
 use yarp_wrappers::OpenError;
 
-/// Why a command could not go on. What a command can say in stock's words it says itself.
+/// Error of a command. Errors that stock has a text for are printed by the command itself.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub(crate) enum Failure {
-    /// Standard output is gone.
+    /// Standard output is closed.
     #[error("cannot print")]
     Output(#[from] io::Error),
-    /// A port or the name server let us down.
+    /// A port or the name server failed.
     #[error(transparent)]
     Port(#[from] PortError),
-    /// The configuration is not to be used.
+    /// The configuration is invalid.
     #[error(transparent)]
     Config(#[from] ConfigError),
-    /// It cannot be where `--listen`, `--connect` or `--ports` say.
-    #[error("cannot meet the other end of the arm's connections")]
+    /// The address given by `--listen`, `--connect` or `--ports` cannot be used.
+    #[error("cannot set up the connections to the arm's PC")]
     LinkMode(#[source] io::Error),
     /// The arm or the camera did not start.
     #[error(transparent)]
     Device(#[from] DeviceError),
-    /// A demo ended early.
+    /// A demo failed.
     #[error(transparent)]
     Demo(DemoError),
-    /// The ports of the arm or camera were not opened.
+    /// The ports of the arm or camera could not be opened.
     #[error(transparent)]
     Open(OpenError),
-    /// A device was not hosted.
+    /// A device could not be hosted.
     #[error(transparent)]
     Host(#[from] HostError),
-    /// The description of a robot is wrong.
+    /// The description of a robot is invalid.
     #[error(transparent)]
     Robot(#[from] RobotError),
-    /// A name server is configured on another machine, and does not answer.
+    /// The configured name server is on another machine and does not answer.
     #[error(
         "the configured name server at {place} does not answer; start it there, or run `yarp conf --clean` to have one here"
     )]
     Elsewhere {
-        /// Where it should be.
+        /// Address of that name server.
         place: String,
     },
 }
@@ -69,16 +69,16 @@ impl From<DemoError> for Failure {
     }
 }
 
-/// What running a command gives: its exit code.
+/// Result of a command: its exit code.
 pub(crate) type Result<T> = std::result::Result<T, Failure>;
 
 impl Failure {
-    /// Whether whoever read our output has gone.
+    /// Returns true if the reader of standard output is gone.
     pub(crate) fn is_broken_pipe(&self) -> bool {
         matches!(self, Self::Output(error) if error.kind() == io::ErrorKind::BrokenPipe)
     }
 
-    /// The error chain on one line.
+    /// Returns the error with its causes, on one line.
     pub(crate) fn error_chain(&self) -> String {
         yarp_ports::error_chain(self)
     }

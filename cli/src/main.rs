@@ -1,15 +1,15 @@
 //! The `yarp` command.
 //!
-//! | file | what it is about |
+//! | file | content |
 //! | --- | --- |
-//! | `cli` | the words on the command line, and which command they mean |
+//! | `cli` | the command line, and the selection of the command |
 //! | `commands` | one file per command |
-//! | `session` | the network that the configuration names; opening ports on it |
-//! | `arm` | the arms that a command can serve |
-//! | `connecting` | connecting ports, in stock's words |
-//! | `input`, `signals` | lines that a person types, and the wish to end |
-//! | `ready` | telling a service manager that we work |
-//! | `log`, `text` | what the libraries report, and numbers, in stock's form |
+//! | `network_access` | the configured network; opening ports on it |
+//! | `arm_selection` | the arms that a command can serve |
+//! | `port_connections` | connecting ports, with stock's messages |
+//! | `stdin_lines`, `signals` | lines of standard input; signals that end a command |
+//! | `systemd_notify` | readiness notification for a service manager |
+//! | `stock_log`, `stock_format` | log lines and numbers in stock's form |
 
 mod arm_selection;
 mod cli;
@@ -32,7 +32,7 @@ fn main() -> ExitCode {
     stock_log::start();
     let words: Vec<String> = std::env::args().skip(1).collect();
     // Requests to the name server are so short that handing them to another thread costs more than
-    // it brings.
+    // it gains.
     let workers = match words.first().map(String::as_str) {
         Some("server") => 1,
         _ => 2,
@@ -50,11 +50,11 @@ fn main() -> ExitCode {
         }
     };
     let result = runtime.block_on(cli::run(words, &mut std::io::stdout()));
-    // A thread may still wait for a line on standard input; it ends with the process.
+    // A thread may still wait for a line of standard input; it ends with the process.
     runtime.shutdown_background();
     match result {
         Ok(code) => code,
-        // Nobody reads what we would print: `yarp read /x | head`.
+        // The reader of standard output is gone: `yarp read /x | head`.
         Err(error) if error.is_broken_pipe() => ExitCode::FAILURE,
         Err(error) => {
             eprintln!("[ERROR] {}", error.error_chain());

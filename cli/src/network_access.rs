@@ -1,4 +1,4 @@
-//! The network that the configuration names, and ports on it, in stock's words.
+//! Access to the configured network, with stock's messages.
 
 use std::time::Duration;
 
@@ -11,16 +11,16 @@ use yarp_wire::{Bottle, Contact, PortName, Value};
 
 use crate::error::Result;
 
-/// What the administration calls itself.
+/// Name of the client in administrative connections.
 const ADMIN_NAME: &str = "admin";
-/// How long a port that may have our name has to say so.
+/// Timeout for a port that may have the requested name.
 const ALIVE_TIMEOUT: Duration = Duration::from_secs(2);
-/// How long the name server has to say that it is there.
+/// Timeout for the name server.
 const NAME_SERVER_TIMEOUT: Duration = Duration::from_secs(5);
-/// Longer than anybody waits; what waits so long ends on a signal.
+/// A timeout that never expires in practice; such a wait ends on a signal.
 pub(crate) const FOREVER: Duration = Duration::from_secs(30 * 24 * 3600);
 
-/// The network of this process; warns as stock does if there is no name server on it.
+/// Returns the network of this process; warns as stock does if it has no name server.
 pub(crate) fn network() -> Result<Network> {
     let network = Network::from_process()?;
     if network.server().is_none() {
@@ -34,8 +34,8 @@ pub(crate) fn network() -> Result<Network> {
     Ok(network)
 }
 
-/// Where files are found for a program with this command line, whose configuration file is `file` if the command line
-/// names none. Says what is wrong with what it read.
+/// Returns the resource finder of a program with this command line, with `file` as default
+/// configuration file. Logs errors in the files it reads.
 pub(crate) fn finder(words: &[String], file: Option<&str>) -> Result<ResourceFinder> {
     let mut finder = ResourceFinder::from_process()?;
     for problem in finder.configure(words, file)? {
@@ -44,13 +44,14 @@ pub(crate) fn finder(words: &[String], file: Option<&str>) -> Result<ResourceFin
     Ok(finder)
 }
 
-/// Whether the name server of `network` answers to its name.
+/// Returns true if the name server of `network` answers for its namespace.
 pub(crate) async fn serves(network: &Network, namespace: &str) -> bool {
     let impatient = network.with_timeout(network.timeout().min(NAME_SERVER_TIMEOUT));
     impatient.query(namespace).await.is_ok()
 }
 
-/// Where a port is, if that is known; says so if the name server does not answer.
+/// Returns the address of a port, if it is registered; logs an error if the name server does not
+/// answer.
 pub(crate) async fn find(network: &Network, contact: &Contact) -> Result<Option<Endpoint>> {
     match network.resolve(contact).await {
         Ok(place) => Ok(Some(place)),
@@ -63,18 +64,17 @@ pub(crate) async fn find(network: &Network, contact: &Contact) -> Result<Option<
     }
 }
 
-/// Says that the name server does not answer: stock's two lines, and the reason.
-pub(crate) fn away(error: &PortError) {
+/// Logs that the name server does not answer: stock's two lines, and the reason.
+pub(crate) fn log_unreachable(error: &PortError) {
     const COMPONENT: &str = "yarp.os.impl.NameClient";
     tracing::info!(target: COMPONENT, "No connection to nameserver");
     tracing::info!(target: COMPONENT, "*** try running: yarp detect ***");
     tracing::error!(target: COMPONENT, "{}", error.error_chain());
 }
 
-/// Opens a port; if that fails, says why in stock's words and gives nothing.
+/// Opens a port; logs stock's message and returns `None` on failure.
 ///
-/// Without a name server the port is open but not registered. A name that is in use stays with
-/// the port that has it.
+/// Without a name server the port is opened but not registered. A name in use stays with its port.
 pub(crate) async fn open(
     network: &Network,
     name: &str,
@@ -122,7 +122,7 @@ pub(crate) async fn open(
     }
 }
 
-/// Where the port of this name is, if it is there and says that this is its name.
+/// Returns the address of the port with this name, if it answers with this name.
 pub(crate) async fn alive(network: &Network, name: &str) -> Option<Endpoint> {
     let network = network.with_timeout(ALIVE_TIMEOUT);
     let place = network.query(name).await.ok()?;
@@ -131,7 +131,7 @@ pub(crate) async fn alive(network: &Network, name: &str) -> Option<Endpoint> {
     lines.first()?.starts_with(&greeting).then_some(place)
 }
 
-/// Asks the name server something that it answers with a bottle.
+/// Sends the name server a request that it answers with a bottle.
 pub(crate) async fn ask_server(
     network: &Network,
     request: &(impl WireObject + Sync),
@@ -152,7 +152,8 @@ pub(crate) async fn ask_server(
                     peer: "the name server".to_owned(),
                     source,
                 })?;
-            // It is not about the request: another server of the same names may do it.
+            // This refusal concerns one server; another server of the same names may accept the
+            // request.
             let reason = answer.get(1).map(Value::to_plain_string);
             let cannot = UNSUPPORTED_PREFIX.trim_start_matches("refused: ");
             match reason.filter(|reason| reason.starts_with(cannot)) {
@@ -167,8 +168,8 @@ pub(crate) async fn ask_server(
         .await
 }
 
-/// Says that the name server cannot be asked, as stock does of its port.
-pub(crate) fn server_away(network: &Network, error: &PortError) {
+/// Logs that the name server cannot be reached, as stock does for its port.
+pub(crate) fn log_server_unreachable(network: &Network, error: &PortError) {
     let namespace = network.namespace();
     let text = match network.server() {
         Some(_) => format!(

@@ -1,4 +1,4 @@
-//! Connecting ports of others, in stock's words.
+//! Connects ports of other programs, with stock's messages.
 
 use yarp_ports::remote_admin::{self, ConnectError, Connection};
 use yarp_ports::{Network, PortError};
@@ -9,16 +9,16 @@ use crate::network_access;
 
 const COMPONENT: &str = "yarp.os.Network";
 
-/// Whether success is told as well as failure.
+/// Selects the results that are logged.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub(crate) enum Verbosity {
-    /// Both.
+    /// Success and failure.
     All,
     /// Failure only.
     FailuresOnly,
 }
 
-/// Connects two ports; tells whether it went well.
+/// Connects two ports; returns true on success.
 pub(crate) async fn connect(
     network: &Network,
     source: &str,
@@ -34,7 +34,7 @@ pub(crate) async fn connect(
     tell(source, destination, result, verbosity)
 }
 
-/// Ends the connection between two ports; tells whether it went well.
+/// Disconnects two ports; returns true on success.
 pub(crate) async fn disconnect(network: &Network, source: &str, destination: &str) -> bool {
     if let Some(text) = refused(source, destination) {
         tracing::error!(target: COMPONENT, "Failure: {text}");
@@ -44,7 +44,7 @@ pub(crate) async fn disconnect(network: &Network, source: &str, destination: &st
     tell(source, destination, result, Verbosity::All)
 }
 
-/// Why names cannot be connected, before anybody is asked.
+/// Returns the reason why two names cannot be connected, before any request is sent.
 fn refused(source: &str, destination: &str) -> Option<String> {
     let invalid = |text: &str| {
         let contact = Contact::parse(text);
@@ -78,7 +78,7 @@ fn tell(
     let text = match result {
         Ok(text) => {
             if verbosity == Verbosity::All {
-                // The answer of a port ends in a line end of its own.
+                // The answer of a port ends with its own line end.
                 tracing::info!(target: COMPONENT, "Success: {text}\r\n");
             }
             return true;
@@ -104,7 +104,7 @@ fn tell(
     false
 }
 
-/// Whether two ports are connected, with the carrier that `destination` names if it names one.
+/// Returns true if two ports are connected, with the carrier that `destination` names, if any.
 pub(crate) async fn is_connected(
     network: &Network,
     source: &str,
@@ -127,8 +127,8 @@ pub(crate) async fn is_connected(
     Ok(connected)
 }
 
-/// The connection between two ports and the carrier that it should have.
-pub(crate) async fn look(
+/// Returns the connection between two ports and its expected carrier.
+pub(crate) async fn find_connection(
     network: &Network,
     source: &str,
     destination: &str,

@@ -1,17 +1,17 @@
-//! The wish of a person or a service manager that we end.
+//! Signals that end a command.
 
 use std::io::Write;
 use std::time::Duration;
 
 use tokio::sync::watch;
 
-/// A second signal after this long ends the process at once.
+/// Time after the first signal from which a second signal aborts the process.
 const SECOND_SIGNAL_ABORT_AFTER: Duration = Duration::from_secs(2);
 
-/// Hears SIGINT, SIGTERM and SIGHUP from the moment it is made.
+/// Receives SIGINT, SIGTERM and SIGHUP from its creation on.
 ///
-/// The first signal ends the waits of the command, which then closes its ports; if that takes
-/// longer than two seconds, a second signal ends the process at once.
+/// The first signal ends the waits of the command, which then closes its ports. If that takes
+/// longer than two seconds, a second signal aborts the process.
 #[derive(Debug)]
 pub(crate) struct Interrupt {
     heard: watch::Receiver<u32>,
@@ -19,17 +19,17 @@ pub(crate) struct Interrupt {
 }
 
 impl Interrupt {
-    /// Begins to listen; from now on signals do not end the process by themselves.
+    /// Starts to listen; from now on signals do not end the process by themselves.
     pub(crate) fn listen() -> Self {
         Self::listen_with(1, SECOND_SIGNAL_ABORT_AFTER)
     }
 
-    /// As [`listen`](Self::listen), but the first `count` signals are the command's business, and one after them ends
-    /// the process at once, if the first was `patience` ago.
+    /// Starts to listen like [`listen`](Self::listen), but leaves the first `count` signals to the
+    /// command. A later signal aborts the process if the first one was `abort_after` ago.
     pub(crate) fn listen_with(count: u32, abort_after: Duration) -> Self {
         let (sender, heard) = watch::channel(0);
         if let Ok(mut signals) = Signals::new() {
-            // Ends with the runtime, that is with the command.
+            // The task ends with the runtime, that is with the command.
             tokio::spawn(async move {
                 signals.next().await;
                 sender.send_modify(|heard| *heard += 1);
@@ -46,19 +46,19 @@ impl Interrupt {
         Self { heard, told: false }
     }
 
-    /// Returns once so many signals came. Cancelling is safe.
-    pub(crate) async fn heard_times(&mut self, count: u32) {
+    /// Waits until `count` signals were received. Cancel safe.
+    pub(crate) async fn interrupted_times(&mut self, count: u32) {
         if self.heard.wait_for(|heard| *heard >= count).await.is_err() {
-            // Nobody listens: no signal will be heard.
+            // The system delivers no signals.
             std::future::pending::<()>().await;
         }
     }
 
-    /// Returns once a signal came, and says so the first time. Cancelling is safe.
-    pub(crate) async fn heard(&mut self) {
-        self.heard_times(1).await;
+    /// Waits for a signal, and prints a message for the first one. Cancel safe.
+    pub(crate) async fn interrupted(&mut self) {
+        self.interrupted_times(1).await;
         if !std::mem::replace(&mut self.told, true) {
-            // If standard output is gone, we end all the same.
+            // Standard output may be closed; the command ends all the same.
             let _ = writeln!(std::io::stdout(), "Interrupting...");
         }
     }
@@ -98,7 +98,7 @@ impl Signals {
     }
 
     async fn next(&mut self) {
-        // An error says that the system cannot tell us; then there is nothing to hear.
+        // On an error the system delivers no signals.
         if tokio::signal::ctrl_c().await.is_err() {
             std::future::pending::<()>().await;
         }

@@ -1,16 +1,16 @@
-//! Lines on standard input.
+//! Lines of standard input.
 
 use std::io::{BufRead, IsTerminal, Write};
 use std::sync::mpsc::{SyncSender, sync_channel};
 
 use tokio::sync::mpsc;
 
-/// What a person is shown who shall type a line.
+/// Prompt for a line on a terminal.
 const PROMPT: &str = ">>";
 
-/// Lines of standard input, read by a thread of their own so that nothing else waits for them.
+/// Lines of standard input, read by a dedicated thread so that nothing else waits for them.
 ///
-/// A line is read only once it is asked for. The thread cannot be stopped while the system waits
+/// A line is read only once it is requested. The thread cannot be stopped while the system waits
 /// for input; it ends with the process.
 #[derive(Debug)]
 pub(crate) struct Lines {
@@ -20,7 +20,7 @@ pub(crate) struct Lines {
 }
 
 impl Lines {
-    /// Lines of this process's standard input.
+    /// Opens the standard input of this process.
     pub(crate) fn open() -> Self {
         let (ask, asked) = sync_channel::<()>(1);
         let (sender, lines) = mpsc::channel(1);
@@ -29,7 +29,7 @@ impl Lines {
             while asked.recv().is_ok() {
                 if terminal {
                     let mut out = std::io::stdout();
-                    // If standard output is gone, nobody can miss the prompt.
+                    // If standard output is closed, the prompt is not needed.
                     let _ = write!(out, "{PROMPT}").and_then(|()| out.flush());
                 }
                 let Some(line) = next_line(&mut std::io::stdin().lock()) else {
@@ -47,10 +47,10 @@ impl Lines {
         }
     }
 
-    /// The next line, or `None` at the end. Cancelling loses nothing.
+    /// Returns the next line, or `None` at the end. Cancel safe.
     pub(crate) async fn next(&mut self) -> Option<String> {
         if !self.asked {
-            // The thread may have ended, which the next line tells.
+            // The thread may have ended; then the next receive returns `None`.
             let _ = self.ask.try_send(());
             self.asked = true;
         }
@@ -60,7 +60,7 @@ impl Lines {
     }
 }
 
-/// A line without its end. What follows the last line end is no line, as in stock.
+/// Returns a line without its line end. Text after the last line end is no line, as in stock.
 fn next_line(input: &mut dyn BufRead) -> Option<String> {
     let mut bytes = Vec::new();
     input.read_until(b'\n', &mut bytes).ok()?;

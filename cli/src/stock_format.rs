@@ -1,8 +1,8 @@
-//! Numbers and durations as stock prints them.
+//! Formats numbers and durations as stock does.
 
 use std::io::{self, Write};
 
-/// A number with at most six significant digits, as C's `%g`.
+/// Formats a number with at most six significant digits, like C's `%g`.
 pub(crate) fn general(value: f64) -> String {
     const DIGITS: i32 = 6;
     if value == 0.0 || !value.is_finite() {
@@ -28,7 +28,7 @@ pub(crate) fn general(value: f64) -> String {
     }
 }
 
-/// Seconds in the unit that suits them, as `yarp ping --time` prints them.
+/// Formats seconds in a suitable unit, like `yarp ping --time`.
 pub(crate) fn duration(seconds: f64) -> String {
     let (scale, unit) = match seconds {
         s if s < 1e-6 => (1e9, "ns"),
@@ -39,7 +39,7 @@ pub(crate) fn duration(seconds: f64) -> String {
     format!("{:.5} {unit}", seconds * scale)
 }
 
-/// Mean and (population) deviation of what was measured.
+/// Returns mean and (population) standard deviation.
 pub(crate) fn statistics(values: &[f64]) -> (f64, f64) {
     let count = values.len() as f64;
     let mean = values.iter().sum::<f64>() / count;
@@ -51,7 +51,7 @@ pub(crate) fn statistics(values: &[f64]) -> (f64, f64) {
     (mean, variance.sqrt())
 }
 
-/// The first number in a word as C's `atoi` reads it; 0 if there is none.
+/// Parses the leading integer of a word like C's `atoi`; 0 if there is none.
 pub(crate) fn leading_integer(word: &str) -> i64 {
     let word = word.trim_start();
     let (sign, digits) = match word.strip_prefix('-') {
@@ -64,7 +64,7 @@ pub(crate) fn leading_integer(word: &str) -> i64 {
     sign * digits[..end].parse::<i64>().unwrap_or(0)
 }
 
-/// Prints a complaint: each line with `[ERROR] ` in front, on standard output as stock has it.
+/// Prints each line of an error with `[ERROR] ` in front, on standard output as stock does.
 pub(crate) fn complain(out: &mut dyn Write, text: &str) -> io::Result<()> {
     text.lines()
         .try_for_each(|line| writeln!(out, "[ERROR] {line}"))

@@ -1,7 +1,7 @@
-//! What the libraries report, in the form of stock's log lines.
+//! Prints the log of the libraries in the form of stock's log lines.
 //!
 //! `[INFO] |yarp.os.Port| Port /read active at tcp://127.0.0.1:10002/`: information and below on
-//! standard output, warnings and errors on standard error. Checked against stock 3.5.0.
+//! standard output, warnings and errors on standard error. Verified against stock 3.5.0.
 
 use std::fmt;
 use std::io;
@@ -13,10 +13,10 @@ use tracing_subscriber::fmt::format::Writer;
 use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields, MakeWriter};
 use tracing_subscriber::registry::LookupSpan;
 
-/// Begins to print what the libraries report.
+/// Starts to print the log.
 pub(crate) fn start() {
     let subscriber = tracing_subscriber::fmt()
-        // Where nobody reads the log any more (`yarp read /x | head`), there is nothing to complain of.
+        // If the reader of the log is gone (`yarp read /x | head`), errors are ignored.
         .log_internal_errors(false)
         .with_max_level(level(|name| {
             std::env::var(name).is_ok_and(|value| is_on(&value))
@@ -24,11 +24,11 @@ pub(crate) fn start() {
         .event_format(StockFormat)
         .with_writer(Streams)
         .finish();
-    // It fails only if there is one already, which then prints.
+    // This fails only if a logger is installed already, which then prints.
     let _ = tracing::subscriber::set_global_default(subscriber);
 }
 
-/// The level that stock's environment variables ask for.
+/// Returns the level that stock's environment variables select.
 fn level(is_set: impl Fn(&str) -> bool) -> LevelFilter {
     if is_set("YARP_TRACE_ENABLE") {
         LevelFilter::TRACE
@@ -45,7 +45,7 @@ fn is_on(value: &str) -> bool {
     !matches!(value, "" | "0" | "false" | "off" | "no")
 }
 
-/// Standard output up to information, standard error beyond.
+/// Writes to standard output up to information, and to standard error beyond.
 struct Streams;
 
 impl MakeWriter<'_> for Streams {
@@ -92,7 +92,7 @@ where
     }
 }
 
-/// The text of an event; its fields repeat what the text says.
+/// Text of an event; its fields repeat what the text says.
 #[derive(Default)]
 struct Message(String);
 
@@ -104,7 +104,7 @@ impl Visit for Message {
     }
 }
 
-/// Stock's name for the part of the library that an event is about.
+/// Returns stock's name for the component of an event.
 fn component(target: &str, message: &str) -> String {
     let connection = |ends: &[&str]| ends.iter().any(|end| message.starts_with(end));
     if target.starts_with("yarp.") {

@@ -1,12 +1,13 @@
-//! Verbosity a service manager that we work.
+//! Readiness notification for a service manager.
 
-/// Says `READY=1` on the socket that `NOTIFY_SOCKET` names, as systemd wants it; nothing without the variable.
+/// Sends `READY=1` to the socket named by `NOTIFY_SOCKET`, as systemd expects; does nothing without
+/// the variable.
 pub(crate) fn notify_ready() {
     #[cfg(target_os = "linux")]
     if let Some(socket) = std::env::var_os("NOTIFY_SOCKET")
         && let Err(error) = linux::send(&socket, b"READY=1\n")
     {
-        tracing::warn!("cannot tell the service manager that we are ready: {error}");
+        tracing::warn!("cannot notify the service manager of readiness: {error}");
     }
 }
 
@@ -19,7 +20,7 @@ mod linux {
     use std::os::unix::net::{SocketAddr, UnixDatagram};
 
     pub(super) fn send(name: &OsStr, text: &[u8]) -> io::Result<()> {
-        // A name that begins with `@` is no file.
+        // A name that begins with `@` is an abstract socket, not a file.
         let address = match name.as_bytes().strip_prefix(b"@") {
             Some(name) => SocketAddr::from_abstract_name(name)?,
             None => SocketAddr::from_pathname(name)?,

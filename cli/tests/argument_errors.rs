@@ -1,4 +1,4 @@
-//! What is said to words that ask for nothing, as stock 3.5.0 says it.
+//! Commands without valid arguments print stock 3.5.0's messages.
 
 mod common;
 

@@ -1,4 +1,4 @@
-//! `yarp camera`: a camera that others see, or a line that says why not.
+//! `yarp camera` serves a camera, or prints one line with the reason.
 
 #![cfg(unix)]
 

@@ -1,4 +1,4 @@
-//! `yarp clock` tells a time on a port.
+//! `yarp clock` publishes a time on a port.
 
 mod common;
 
@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use common::Home;
 
-/// The seconds that a clock shows.
+/// Returns the seconds that a clock shows.
 fn seconds(home: &Home, port: &str) -> i64 {
     let read = home.run(&format!("read ... {port} once")).with(0);
     let mut lines = read.out.iter().filter(|line| !line.starts_with('['));
@@ -30,7 +30,7 @@ fn a_clock_runs_as_fast_as_it_is_told() {
     let line = "clock --name /fast --period 10 --rtf 1000";
     let clock = home.start(line).see("yarp clock running happily...");
     let start = Instant::now();
-    // A thousand seconds of the clock are one of ours.
+    // A thousand seconds of the clock are one real second.
     while seconds(&home, "/fast") < 1000 {
         assert!(start.elapsed() < Duration::from_secs(60), "it stands still");
     }

@@ -1,4 +1,4 @@
-//! `conf` and `namespace` write the files that stock reads.
+//! `yarp conf` and `yarp namespace` write the files that stock reads.
 
 mod common;
 

@@ -1,5 +1,5 @@
-//! A board, its clients and the name server, each a process: whoever is lost, the arm holds, the others go on, and what
-//! comes back is found again.
+//! A board, its clients and the name server, each in its own process. If one is lost, the arm
+//! holds, the others continue, and a restarted process is found again.
 
 #![cfg(unix)]
 
@@ -20,14 +20,14 @@ use yarp_wire::message::Command;
 use yarp_wire::{Bottle, Limits, WireVersion};
 use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions};
 
-/// Longer than anything here takes on a busy machine.
+/// Longer than any step takes on a busy machine.
 const TIMEOUT: Duration = Duration::from_secs(60);
-/// How far an arm that holds may be from where it is, in degrees.
-const CLOSE: f64 = 0.01;
-/// How long the name server is away.
-const AWAY: Duration = Duration::from_secs(60);
+/// Maximum error of an arm that holds its position, in degrees.
+const MAX_POSITION_ERROR: f64 = 0.01;
+/// Time for which the name server is away.
+const ABSENCE: Duration = Duration::from_secs(60);
 
-/// The one that is moved.
+/// The joint that is moved.
 fn joint() -> Axes<'static> {
     Axes::One(0.into())
 }
@@ -45,7 +45,7 @@ fn cast(home: &Home, local: &str) -> Result<RemoteControlBoard, String> {
     RemoteControlBoard::open(&network(home), options).map_err(|error| error_chain(&error))
 }
 
-/// A name server, an arm that stands at 0, and a client that sees it.
+/// Starts a name server, an arm at 0, and a client that receives its state.
 fn stage() -> (Home, Running, Running, RemoteControlBoard) {
     let home = Home::new();
     let server = home.serve();
@@ -83,7 +83,7 @@ fn while_the_name_server_is_away_the_arm_holds_and_goes_on_for_its_clients() {
     let end = Instant::now() + AWAY;
     let mut target = 10.0;
     while Instant::now() < end {
-        // It holds for a while, and then goes where it is told.
+        // The arm holds for a while, and then executes commands.
         for _ in 0..40 {
             assert!(is_at(&arm, target), "it does not hold at {target}");
             thread::sleep(Duration::from_millis(100));
@@ -116,7 +116,7 @@ fn a_board_that_is_killed_and_started_again_is_found_by_who_had_cast_it() {
     arm.position_move(joint(), &[20.0])
         .expect_err("nobody is there to take it");
     let _back = up(&home);
-    // It is another arm, which was never told to move.
+    // It is a new arm, which was never commanded to move.
     eventually("its state", || is_at(&arm, 0.0));
     eventually("that it answers", || {
         arm.control_modes(joint())
@@ -128,7 +128,7 @@ fn a_board_that_is_killed_and_started_again_is_found_by_who_had_cast_it() {
 #[test]
 fn a_client_that_is_killed_in_mid_command_leaves_the_arm_to_the_others() {
     let (home, _server, _up, arm) = stage();
-    // Killed while the arm carries out what it was told.
+    // Killed while the arm executes its command.
     arm.set_reference_speeds(joint(), &[20.0])
         .expect("it is one");
     let mut dies = home.start("rpc /wam/rpc:i");
@@ -137,7 +137,7 @@ fn a_client_that_is_killed_in_mid_command_leaves_the_arm_to_the_others() {
     dies.kill();
     eventually("its target", || is_at(&arm, 20.0));
 
-    // Killed before all of the command was said.
+    // Killed before it has sent the whole command.
     let runtime = tokio::runtime::Runtime::new().unwrap();
     let place = runtime
         .block_on(network(&home).query("/wam/rpc:i"))

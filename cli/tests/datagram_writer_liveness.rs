@@ -1,4 +1,4 @@
-//! A writer over `udp` or `mcast` that is killed is forgotten; one that is merely silent is not.
+//! A killed writer over `udp` or `mcast` is dropped; a silent one is not.
 
 mod common;
 
@@ -12,14 +12,14 @@ use tokio::net::TcpStream;
 use yarp_ports::{Network, Port, PortOptions, Queue};
 use yarp_wire::Bottle;
 
-/// Nothing here takes so long.
+/// Longer than any step takes.
 const TIMEOUT: Duration = Duration::from_secs(60);
 
 fn network(home: &Home) -> Network {
     Network::at("127.0.0.1", home.server_port()).with_timeout(TIMEOUT)
 }
 
-/// A reader that asks silent writers often.
+/// Opens a reader that probes silent writers often.
 async fn reader(home: &Home) -> Port {
     let options = PortOptions::new().queue(Queue::Wait(100));
     let options = options.datagram_timeout(Duration::from_millis(200));
@@ -40,7 +40,7 @@ fn until(condition: impl Fn() -> bool) -> impl Future<Output = ()> {
     }
 }
 
-/// Has `writer` write `text` until the reader has it: datagrams may be lost.
+/// Lets `writer` write `text` until the reader has received it: datagrams may be lost.
 async fn arrives(writer: &Port, reader: &Port, text: &str) {
     let arriving = async {
         loop {
@@ -79,7 +79,7 @@ async fn a_killed_writer_is_forgotten_and_a_silent_one_stays() {
         until(|| reader.inputs() == ["/silent", "/killed"]).await;
         killed.kill();
         until(|| reader.inputs() == ["/silent"]).await;
-        // One that is asked again and again stays.
+        // A writer that answers every probe stays.
         let before = asked.load(Ordering::Relaxed);
         until(|| asked.load(Ordering::Relaxed) > before + 5).await;
         until(|| reader.inputs() == ["/silent"]).await;
@@ -96,7 +96,7 @@ async fn a_writer_that_came_back_without_its_connection_is_forgotten() {
     let reader = reader(&home).await;
     let network = network(&home);
     let lives = Port::open(&network, "/w", PortOptions::new()).await;
-    // What is left of an earlier life.
+    // The connection of an earlier run.
     let mut header = TcpStream::connect(("127.0.0.1", reader.tcp_port()))
         .await
         .unwrap();
@@ -104,7 +104,7 @@ async fn a_writer_that_came_back_without_its_connection_is_forgotten() {
         .write_all(b"YA\x61\x1e\0\0RP\x03\0\0\0/w\0")
         .await
         .unwrap();
-    // The answer to its header: it is in the list.
+    // The reply to its header: it is in the list.
     header.read_exact(&mut [0; 8]).await.unwrap();
     until(|| reader.inputs().is_empty()).await;
     lives.unwrap().close().await;

@@ -1,4 +1,4 @@
-//! The thesis's experiments run without a network and print their tables.
+//! The experiments of the thesis run without a network and print their tables.
 
 #![cfg(unix)]
 
@@ -14,7 +14,7 @@ fn repeatability_prints_the_thesis_beside_ours() {
     for point in 1..=4 {
         assert!(told.says(&format!("Point {point}")), "{told:?}");
     }
-    // The thesis's average error and spread.
+    // Average error and spread of the thesis.
     assert!(told.says("7.08  0.2711"), "{told:?}");
 }
 

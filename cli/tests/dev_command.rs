@@ -1,4 +1,4 @@
-//! `yarp dev`: a device by its name and parameters.
+//! `yarp dev` opens a device by its name and parameters.
 
 #![cfg(unix)]
 
@@ -8,7 +8,7 @@ use common::Home;
 
 const ACTIVE: &str = "device active in background...";
 
-/// Writes a file of the configuration and gives its path.
+/// Writes a configuration file and returns its path.
 fn write(home: &Home, name: &str, text: &str) -> String {
     let file = home.path().join(name);
     std::fs::write(&file, text).unwrap();
@@ -44,7 +44,7 @@ fn a_device_ends_when_its_port_is_told_to() {
     assert_eq!(home.names(), Vec::<String>::new());
 }
 
-/// The first signal parks the arm, and a second one does not wait for that.
+/// The first signal parks the arm, and a second one ends the command without waiting for that.
 #[test]
 fn a_signal_parks_and_a_second_one_ends_at_once() {
     let home = Home::new();
@@ -52,7 +52,7 @@ fn a_signal_parks_and_a_second_one_ends_at_once() {
     let line = "dev --device fakeMotionControl --name /arm --LIMITS::Max 1000000";
     let start = || {
         let dev = home.start(line).see(ACTIVE);
-        // So slow that parking takes longer than anybody waits.
+        // So slow that parking outlasts every timeout.
         let orders = "[set] [encs] (900000.0)\n";
         let done = home.run_with("rpc /arm/rpc:i", orders).with(0);
         assert!(done.says("[ok]"), "{done:?}");
@@ -83,7 +83,7 @@ fn stock_files_and_names_work() {
     let axes = home.run_with("rpc /b/rpc:i", "[get] [axes]\n").with(0);
     assert!(axes.says("[is] [axes] 5"), "{axes:?}");
     let ended = dev.signal("TERM").finish().with(0);
-    ended.complains("arm.ini:5: device controlboardwrapper2 has no use for parameter extra");
+    ended.complains("arm.ini:5: device controlboardwrapper2 ignores parameter extra");
     let line = "dev --device deviceBundler --wrapper_device controlBoard_nws_yarp --attached_device simulatedWam --name /c";
     let dev = home.start(line).see(ACTIVE);
     let remote = home

@@ -8,7 +8,7 @@ use std::net::TcpListener;
 
 use common::Home;
 
-/// Two TCP ports that nobody has at the moment.
+/// Returns two free TCP ports.
 fn free_ports() -> String {
     let listen = || TcpListener::bind("127.0.0.1:0").unwrap();
     let (one, other) = (listen(), listen());
@@ -16,7 +16,7 @@ fn free_ports() -> String {
     format!("{},{}", port(&one), port(&other))
 }
 
-/// Asks the arm until it answers `text`.
+/// Sends a request to the arm until it replies `text`.
 fn answers(home: &Home, arm: &str, question: &str, text: &str) {
     for _ in 0..600 {
         let told = home.run_with(&format!("rpc {arm}/rpc:i"), &format!("{question}\n"));
@@ -35,12 +35,13 @@ fn the_pc_connects_moves_is_killed_and_comes_again() {
         .start(&format!("up --arm embedded --ports {ports}"))
         .see("run `yarp wam-node` on it")
         .see("Ctrl-C ends it.");
-    // Nobody is there yet.
+    // The PC is not connected yet.
     answers(&home, "/wam", "[get] [icmd] [cmod] 0", "[hwfa]");
     let line = format!("wam-node --arm simulated --ports {ports}");
     let node = home.start(&line).see("The driver is connected.");
     answers(&home, "/wam", "[get] [icmd] [cmod] 0", "[pos]");
-    // Should the machine stand still for so long that the connection is given up, the arm stops: told again.
+    // If the machine stalls until the connection times out, the arm stops; so the command is
+    // repeated.
     let arrived = (0..100).any(|_| {
         home.run_with("rpc /wam/rpc:i", "[set] [pos] 3 175.0\n");
         (0..50).any(|_| {
@@ -61,7 +62,7 @@ fn the_pc_connects_moves_is_killed_and_comes_again() {
     again.signal("TERM").finish().with(0);
 }
 
-/// Its tool is brought to places through both PCs, and nothing is refused because the arm's own PC comes later.
+/// Moves the tool through both PCs; no command is refused because the arm's own PC connects later.
 #[test]
 fn its_tool_is_brought_to_a_place() {
     let home = Home::new();

@@ -1,4 +1,4 @@
-//! A simulated hand and what serves it, each as a program.
+//! A simulated hand and its servers, each in its own process.
 
 #![cfg(unix)]
 
@@ -58,7 +58,7 @@ fn a_finger_is_moved_by_typing_and_over_the_hand_server() {
     drop(server);
 }
 
-/// Nobody hears where it is served, so it ends; its names end with it.
+/// Without a reader of its output the command ends, and its names are unregistered.
 #[test]
 fn a_hand_whose_output_is_gone_leaves_no_names() {
     let home = Home::new();

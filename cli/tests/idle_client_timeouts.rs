@@ -1,4 +1,4 @@
-//! Clients that connect to the name server and say nothing do not stay for ever, and keep nobody out.
+//! Idle clients of the name server are disconnected, and do not block others.
 
 mod common;
 
@@ -16,15 +16,15 @@ fn connect(port: u16) -> TcpStream {
     stream
 }
 
-/// A client that has said who it is and is welcome; on a busy machine not at the first try.
+/// Connects a client that has completed the handshake; on a busy machine not at the first attempt.
 ///
-/// Each has a name of its own: a second one of the same name would end the first.
+/// Each client has its own name: a second one with the same name would replace the first.
 fn greeted(port: u16, index: usize) -> BufReader<TcpStream> {
     let began = Instant::now();
     loop {
         let mut client = BufReader::new(connect(port));
         let mut line = String::new();
-        // It may have been too slow.
+        // The handshake may have timed out.
         let hello = format!("CONNACK /idle/{index}\r\n");
         let _ = client.get_mut().write_all(hello.as_bytes());
         if client.read_line(&mut line).is_ok() && line.starts_with("Welcome") {
@@ -34,7 +34,7 @@ fn greeted(port: u16, index: usize) -> BufReader<TcpStream> {
     }
 }
 
-/// Whether a client that has been greeted is still answered.
+/// Returns true if a client after its handshake is still answered.
 fn is_answered(client: &mut BufReader<TcpStream>) -> bool {
     let mut line = String::new();
     let asked = client.get_mut().write_all(b"d\r\nquery /root\r\n");
@@ -43,7 +43,7 @@ fn is_answered(client: &mut BufReader<TcpStream>) -> bool {
         && line.starts_with("registration name /root ")
 }
 
-/// Whether a new client is answered at once.
+/// Returns true if a new client is answered at once.
 fn answers(port: u16) -> bool {
     let mut stream = connect(port);
     stream.write_all(b"NAME_SERVER query /root\n").unwrap();
@@ -52,7 +52,7 @@ fn answers(port: u16) -> bool {
     read.is_ok() && line.starts_with("registration name /root ")
 }
 
-/// Whether the server has hung up.
+/// Returns true if the server has closed the connection.
 fn is_ended(mut client: impl Read) -> bool {
     match client.read(&mut [0; 64]) {
         Ok(count) => count == 0,
@@ -66,7 +66,7 @@ fn descriptors(server: &Running) -> usize {
         .count()
 }
 
-/// Waits until the server has no more descriptors than these.
+/// Waits until the server has no more than `most` file descriptors.
 fn falls_to(server: &Running, most: usize) {
     let began = Instant::now();
     loop {
@@ -82,7 +82,7 @@ fn falls_to(server: &Running, most: usize) {
     }
 }
 
-/// They were kept for ever.
+/// Such connections were once kept forever.
 #[test]
 fn who_does_not_say_who_he_is_is_ended_and_who_did_stays() {
     let home = Home::new();

@@ -1,4 +1,5 @@
-//! Keys, roles, and what a server in a container tells: files and options of `yarp server`.
+//! Keys, roles, and the advertised address of a server in a container: files and options of `yarp
+//! server`.
 
 #![cfg(unix)]
 
@@ -84,7 +85,7 @@ fn roles_can_be_changed_while_all_runs() {
 fn a_server_in_a_container_tells_the_address_it_is_given_and_keeps_to_its_ports() {
     let home = Home::new();
     let _server = home.start("server --local --advertise 203.0.113.7 --ports 31000-31999");
-    // It is reached under the addresses that it has.
+    // It can be reached at its local addresses.
     let range = home.range();
     home.run(&format!("conf 127.0.0.1 {range}")).with(0);
     let list = home.run_until("name list", "name /root ip 203.0.113.7 ");

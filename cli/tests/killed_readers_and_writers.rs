@@ -1,4 +1,4 @@
-//! Programs that are killed or stopped by the system: others go on.
+//! When the system kills or stops programs, the others continue.
 
 #![cfg(unix)]
 
@@ -6,7 +6,7 @@ mod common;
 
 use common::Home;
 
-/// Waits until the port `/w` writes to `readers` and nobody else.
+/// Waits until the port `/w` writes to `readers` and to no other port.
 #[track_caller]
 fn outputs_become(home: &Home, readers: &str) {
     let mut last = None;
@@ -49,7 +49,7 @@ fn a_reader_that_is_stopped_takes_nothing_from_others() {
     let stops = stops.signal("STOP");
     writer.type_text("while stopped\n");
     assert!(keeps.sees("while stopped"));
-    // It wakes up and has missed nothing.
+    // The reader continues and has missed nothing.
     let stops = stops.signal("CONT").see("while stopped");
     let stops = stops.signal("STOP");
     writer.type_text("stopped again\n");

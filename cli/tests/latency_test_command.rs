@@ -1,4 +1,4 @@
-//! `yarp latency-test` measures, over every kind of connection.
+//! `yarp latency-test` measures round trips over every kind of connection.
 
 mod common;
 
@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use common::{Home, Running};
 
-/// What a server says for each test once its port is there.
+/// Output of a server for each test once its port is open.
 const READY: &str = "I am the server, now listening to the client for a `start` command";
 
 #[test]
@@ -20,10 +20,10 @@ fn frames_go_there_and_back() {
         "--protocol tcp",
         "--protocol tcp --no-reply",
         "--protocol text_ack",
-        // Its end may get lost: nothing is expected of the server after it.
+        // The end may be lost: nothing is expected of the server after it.
         "--protocol udp",
     ] {
-        // The one before may still be ending.
+        // The previous server may still be ending.
         server = server.see_often(READY, tests + 1);
         let line = format!(
             "latency-test --client --nframes 5 --payload_size 100 {way} --logfile {}",
@@ -47,7 +47,8 @@ fn frames_go_there_and_back() {
     server.signal("INT").finish().with(0);
 }
 
-/// Tells a server something until it says `told`: its port may still be closing after the last test.
+/// Sends lines to a server until it prints `told`: its port may still be closing after the last
+/// test.
 fn tell(home: &Home, server: &mut Running, lines: &str, told: &str) {
     for _ in 0..100 {
         home.run_with("rpc /latencyTest/server", lines);

@@ -1,5 +1,5 @@
-//! What the name server meets: databases that cannot be used, disks that are full, senseless
-//! requests, dead names by the thousand.
+//! The name server with unusable databases, full disks, invalid requests, and thousands of dead
+//! names.
 
 mod common;
 
@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 use common::Home;
 
-/// The answer to one request, as it comes.
+/// Returns the answer to one request as received.
 fn ask(port: u16, request: &[u8]) -> Vec<u8> {
     let mut stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
     stream
@@ -58,10 +58,11 @@ fn a_database_that_cannot_be_used_is_named_and_left_alone() {
     );
 }
 
-/// A copy of the program where everybody may run it.
+/// Copies the program to a place where every user may run it.
 ///
-/// Another program makes it: a file that this one has open for writing is open in every child that
-/// another test starts at that moment, too, and cannot be run as long as that holds it.
+/// Another program makes the copy: a file that this process has open for writing is also open in
+/// every child that another test starts at that moment, and cannot be executed until that child
+/// closes it.
 fn a_copy(home: &Home) -> PathBuf {
     let copy = home.path().join("yarp");
     let mut command = Command::new("cp");
@@ -70,7 +71,7 @@ fn a_copy(home: &Home) -> PathBuf {
     copy
 }
 
-/// Root may read everything: the server runs as somebody else then.
+/// Root may read everything, so the server runs as another user.
 #[test]
 fn the_database_of_another_user_is_refused() {
     let home = Home::new();
@@ -91,7 +92,7 @@ fn the_database_of_another_user_is_refused() {
     assert!(ended.err.iter().any(said), "{ended:?}");
 }
 
-/// A file that may not grow stands for a full disk.
+/// A file size limit stands for a full disk.
 #[test]
 fn on_a_full_disk_requests_are_refused_and_nothing_is_lost() {
     let home = Home::new();
@@ -104,7 +105,7 @@ fn on_a_full_disk_requests_are_refused_and_nothing_is_lost() {
     server = server.signal("INT");
     server.finish();
 
-    // 300 KiB at the most, in units of 1024 bytes or of 512.
+    // At most 300 KiB, in units of 1024 bytes or of 512.
     let mut command = Command::new("bash");
     let words = format!("server --ip 127.0.0.1 --socket {port} --write");
     let script = format!("ulimit -f 300; exec {} {words}", env!("CARGO_BIN_EXE_yarp"));
@@ -124,7 +125,7 @@ fn on_a_full_disk_requests_are_refused_and_nothing_is_lost() {
         "{refusal}"
     );
     assert!(refusal.contains("cannot be written"), "{refusal}");
-    // It goes on answering, and says the truth.
+    // The server still answers, with the stored state.
     assert!(ask(port, b"query /before/7").starts_with(b"registration "));
     assert_eq!(home.names().len(), kept);
     drop(server);
@@ -203,7 +204,7 @@ fn states_are_listed() {
     let dead = TcpListener::bind("127.0.0.1:0").unwrap();
     let number = dead.local_addr().unwrap().port();
     drop(dead);
-    // What happened before the server was started must be looked at first.
+    // Ports registered before the server started must be probed first.
     ask(
         port,
         format!("register /dead tcp 127.0.0.1 {number}").as_bytes(),
@@ -225,7 +226,7 @@ fn states_are_listed() {
     drop(server);
 }
 
-/// Root may read everything: the server runs as somebody else then.
+/// Root may read everything, so the server runs as another user.
 #[test]
 fn the_configuration_of_another_user_is_named_and_left_alone() {
     let home = Home::new();

@@ -1,4 +1,4 @@
-//! A name server that is killed at any instruction, under load, loses nothing that it answered.
+//! A name server that is killed at any instruction, under load, loses no acknowledged change.
 
 mod common;
 
@@ -12,11 +12,11 @@ use common::Home;
 
 const ROUNDS: usize = 8;
 const CLIENTS: usize = 6;
-/// Of one client in one round: a server holds only so many.
+/// Maximum number of connections per client and round: a server has a limit.
 const LINKS: usize = 50;
 const END: &str = "*** end of message\r\n";
 
-/// One request on a connection of its own; none if there is no whole answer.
+/// Sends one request on its own connection; returns `None` without a complete answer.
 fn ask(port: u16, request: &str) -> Option<String> {
     let mut stream = TcpStream::connect(("127.0.0.1", port)).ok()?;
     stream
@@ -36,8 +36,8 @@ fn ask(port: u16, request: &str) -> Option<String> {
     Some(answer)
 }
 
-/// What one client knows: for each name the values that its property may have, `None` if the name
-/// may be away. Several if a request was never answered.
+/// State known to one client: for each name the possible values of its property, `None` if the name
+/// may be missing. There are several if a request was never answered.
 type Known = BTreeMap<String, Vec<Option<String>>>;
 
 /// Registers, sets, connects and unregisters until the server is gone.
@@ -46,7 +46,7 @@ fn work(port: u16, client: usize, round: usize, stop: &AtomicBool, known: &mut K
         if stop.load(Ordering::Relaxed) {
             return;
         }
-        // Few names, so that most of them are changed again and again.
+        // Few names, so that most of them change repeatedly.
         let name = format!("/client{client}/{}", (step * 7) % 23);
         let mut old = known.get(&name).cloned().unwrap_or(vec![None]);
         let value = format!("round{round}.step{step}");
@@ -60,7 +60,7 @@ fn work(port: u16, client: usize, round: usize, stop: &AtomicBool, known: &mut K
         ];
         let gone = (step % 3 == 0).then(|| (format!("unregister {name}"), None));
         for (request, new) in steps.into_iter().chain(gone) {
-            // Until there is an answer both may be true.
+            // Until there is an answer both values are possible.
             let mut either = old.clone();
             either.push(new.clone());
             known.insert(name.clone(), either);
@@ -83,7 +83,7 @@ fn work(port: u16, client: usize, round: usize, stop: &AtomicBool, known: &mut K
     }
 }
 
-/// What the server says about a name.
+/// Returns the server's state of a name.
 fn found(port: u16, name: &str, links: &str) -> Option<String> {
     if let Some(link) = name.strip_prefix("link ") {
         let (from, to) = link.split_once(' ').unwrap();
@@ -141,7 +141,7 @@ fn killed_again_and_again_under_load() {
     }
 }
 
-/// All persistent connections.
+/// Returns all persistent connections.
 fn ask_links(port: u16) -> String {
     let mut stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
     stream

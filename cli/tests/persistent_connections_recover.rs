@@ -1,10 +1,10 @@
-//! Persistent connections and topics are made again whenever one of their ends comes back.
+//! Persistent connections and topics are restored whenever one of their ends comes back.
 
 mod common;
 
 use common::{Home, Running};
 
-/// The writer, the reader and both die without a word and come back; each time messages flow.
+/// Kills the writer, the reader and both, and restarts them; each time messages flow again.
 fn check(home: &Home, carrier: &str) {
     let reader = || home.start("read /r").see("Port /r active at");
     let writer = || home.start("write /w").see("Port /w active at");
@@ -20,7 +20,7 @@ fn check(home: &Home, carrier: &str) {
     ends.1.kill();
     ends = (writer(), reader());
     ends.0.reaches(&mut ends.1, "both are back");
-    // And after an end with goodbyes.
+    // And after an orderly end.
     ends.1.signal("INT").finish().with(0);
     ends.1 = reader();
     ends.0.reaches(&mut ends.1, "once more");

@@ -1,4 +1,4 @@
-//! `yarp plugin` tells what is built in.
+//! `yarp plugin` lists what is built in.
 
 mod common;
 

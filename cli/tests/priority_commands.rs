@@ -1,10 +1,10 @@
-//! `yarp priority-qos` and `yarp priority-sched` on connections of processes of their own.
+//! `yarp priority-qos` and `yarp priority-sched` on connections between processes.
 
 mod common;
 
 use common::{Home, Running};
 
-/// A writer `/w` that is connected to a reader `/r`.
+/// Starts a writer `/w` that is connected to a reader `/r`.
 fn connected(home: &Home) -> [Running; 3] {
     let server = home.serve();
     let reader = home.start("read /r").see("active at");
@@ -13,7 +13,7 @@ fn connected(home: &Home) -> [Running; 3] {
     [server, reader, writer]
 }
 
-/// What the port `/w` itself answers.
+/// Returns the answer of the port `/w` to an administration request.
 #[track_caller]
 fn ask_writer(home: &Home, request: &str) -> Vec<String> {
     home.run_with("admin rpc /w", &format!("{request}\n"))
@@ -42,7 +42,7 @@ fn packets_have_the_priority_that_was_set() {
         assert_eq!(get(""), [told]);
         let told = format!("(src (qos ((level {level}))))");
         assert_eq!(get(" --src --level"), [told]);
-        // As it stands on the socket of the connection.
+        // The value of the connection's socket option.
         let answer = ask_writer(&home, "[prop] [get] /r");
         let service = format!("(qos ((tos {service})))");
         assert!(answer.concat().contains(&service), "{answer:?}");
@@ -82,7 +82,7 @@ fn the_thread_of_a_connection_is_scheduled_where_the_system_allows_it() {
         }
     }
 
-    // All threads of the process: for batches anybody may ask.
+    // All threads of the process: every user may set the batch policy.
     let wanted = "[prop] [set] /w (process ((policy 3) (priority 0)))";
     let answer = ask_writer(&home, wanted).concat();
     assert!(answer.contains("[ok]"), "{answer}");

@@ -1,4 +1,4 @@
-//! What is written is read; who is asked replies.
+//! `yarp read`, `write`, `rpc`, `rpcserver`, `repeat` and `wait` exchange messages.
 
 mod common;
 
@@ -50,7 +50,7 @@ fn read_prints_what_is_meant() {
     assert_eq!(printed, ["hello 5", "", "a b", "[ok] (1 2.5)", "as (typed"]);
 }
 
-/// Each line of the log that nobody read any more, as with `| head`, was complained about.
+/// Log lines without a reader, as with `| head`, once caused an error message each.
 #[cfg(unix)]
 #[test]
 fn nobody_has_to_read_to_the_end() {
@@ -73,7 +73,7 @@ fn read_once_trims() {
     let reader = home.start("read /r trim 3 once").see("active at");
     home.run_with("write /w /r", "hello\n").with(0);
     let ended = reader.finish().with(0);
-    // The writer may be gone before its line is printed: log lines stand where they like.
+    // The writer may end before its line is printed: log lines are in any order.
     let mut printed = ended.out.iter().filter(|line| !line.starts_with("[INFO]"));
     assert_eq!(printed.next().map(String::as_str), Some("hel"));
 }
@@ -144,8 +144,8 @@ fn repeat_sends_on() {
 }
 
 #[test]
-fn names_in_use_stay_with_their_ports() {
-    // Opening a port under a living name once took the name from its owner.
+fn names_in_use_are_not_taken() {
+    // Opening a port under a live name once took the name from its owner.
     let home = Home::new();
     let _server = home.serve();
     let reader = home.start("read /r").see("active at");

@@ -1,4 +1,5 @@
-//! `yarp resource`: files of contexts, robots and packages. `conformance/live/resources.py` asks stock the same.
+//! `yarp resource` finds files of contexts, robots and packages. `conformance/live/resources.py`
+//! compares it with stock.
 
 #![cfg(unix)]
 
@@ -47,7 +48,7 @@ fn in_the_order_of_stock() {
         let ended = ask(line, robot).with(0);
         let expected = match expected {
             "" => "\"\"".to_owned(),
-            // The directory may be known by another name.
+            // The directory may have another name.
             file => format!("/{file}\""),
         };
         assert!(ended.out[0].ends_with(&expected), "{line}: {ended:?}");
@@ -63,7 +64,7 @@ fn in_the_order_of_stock() {
     check("resource --find c.ini", "", "");
     check("resource --find d.ini", "", "data/d.ini");
     check("resource --find p.ini", "", "package/p.ini");
-    // Beside the main file, no context counts.
+    // In the folder of the main file, contexts are ignored.
     check(
         "resource --context app --from near.ini",
         "",

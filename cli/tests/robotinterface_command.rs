@@ -1,4 +1,4 @@
-//! `yarp robotinterface`: a robot of several devices, by XML and by TOML.
+//! `yarp robotinterface` runs a robot of several devices, described in XML or TOML.
 
 #![cfg(unix)]
 
@@ -68,7 +68,7 @@ action = [
 ]
 "#;
 
-/// A home with these files.
+/// Creates a configuration with these files.
 fn home(files: &[(&str, &str)]) -> Home {
     let home = Home::new();
     for (name, text) in files {
@@ -77,7 +77,8 @@ fn home(files: &[(&str, &str)]) -> Home {
     home
 }
 
-/// The robot lives: its arm answers, its port tells, and nothing is left in the end.
+/// Checks a running robot: its arm answers, its port reports the phase, and nothing is left in the
+/// end.
 #[track_caller]
 fn lives(home: &Home, config: &str) {
     let _server = home.serve();
@@ -139,7 +140,7 @@ fn a_robot_in_toml() {
     lives(&home, "robot.toml");
 }
 
-/// Without the tag that includes the rest of it, and by the file that is read if no other is named.
+/// Without the tag that includes the rest, and with the default file.
 #[test]
 fn a_robot_is_described_without_a_network() {
     let home = home(&[
@@ -193,7 +194,7 @@ fn the_old_format_is_read_if_allowed() {
     );
 }
 
-/// Each slip names its file and line.
+/// Each error names its file and line.
 #[test]
 fn what_is_wrong_is_said_with_file_and_line() {
     let around = |inside: &str| {
@@ -267,7 +268,7 @@ fn what_is_wrong_is_said_with_file_and_line() {
         ),
         (
             around("<device name=\"d\" type=\"x\"/>\n<device name=\"d\" type=\"x\"/>"),
-            "r.xml:3: device d is there already, at",
+            "r.xml:3: device d is defined already, at",
         ),
     ] {
         let home = home(&[("r.xml", &text)]);
@@ -320,7 +321,7 @@ fn what_is_wrong_is_said_with_file_and_line() {
     }
 }
 
-/// What is found out only when devices are opened and attached ends the robot, too, and leaves nothing.
+/// Errors from opening and attaching devices end the robot, too, and leave nothing.
 #[test]
 fn a_robot_that_does_not_start_leaves_nothing() {
     let robot = |device: &str| {
@@ -352,7 +353,7 @@ fn a_robot_that_does_not_start_leaves_nothing() {
         ),
         (
             server("<param name=\"name\">/t</param>"),
-            "r.xml:5: parameter name is there already, at",
+            "r.xml:5: parameter name is defined already, at",
         ),
         (
             server("<action phase=\"startup\" level=\"1\" type=\"attach\"/>"),

@@ -1,4 +1,4 @@
-//! `yarp run`: commands start, are asked about and end, and nothing is left of them.
+//! `yarp run` starts, queries and ends commands, and leaves nothing.
 
 #![cfg(target_os = "linux")]
 
@@ -13,7 +13,7 @@ use common::{Ended, Home, Running};
 /// Longer than any step takes on a busy machine.
 const TIMEOUT: Duration = Duration::from_secs(60);
 
-/// Runs `yarp run --on /host` with these words, each as it is.
+/// Runs `yarp run --on /host` with these arguments.
 fn ask(home: &Home, words: &[&str]) -> Ended {
     let mut command = Command::new(env!("CARGO_BIN_EXE_yarp"));
     command.args(["run", "--on", "/host"]).args(words);
@@ -25,7 +25,7 @@ fn serve(home: &Home) -> Running {
     server.see("Yarprun successfully started on port:  /host")
 }
 
-/// The number that a command writes to a file.
+/// Returns the number that a command writes to a file.
 fn number_in(file: &Path) -> u32 {
     until("a number in the file", || {
         std::fs::read_to_string(file).ok()?.trim().parse().ok()
@@ -43,7 +43,7 @@ fn until<T>(what: &str, mut found: impl FnMut() -> Option<T>) -> T {
     }
 }
 
-/// Waits until a process is gone, or dead and waiting for whoever adopted it.
+/// Waits until a process is gone, or is a zombie.
 fn gone(process: u32) {
     until("end of the process", || {
         let state = std::fs::read_to_string(format!("/proc/{process}/stat"));
@@ -56,7 +56,7 @@ fn gone(process: u32) {
     });
 }
 
-/// Starts a shell with a child; gives the number of the child. Neither ends by itself.
+/// Starts a shell with a child; returns the id of the child. Neither ends by itself.
 fn start_family(home: &Home, before: &str) -> u32 {
     let file = home.path().join("child");
     let command = format!(
@@ -119,7 +119,7 @@ fn a_command_starts_and_ends() {
     until("end of the command", || {
         (ask(&home, &["--isrunning", "t"]).code == Some(2)).then_some(())
     });
-    // Nothing to tell is no success, as in stock.
+    // An empty list is no success, as in stock.
     ask(&home, &["--ps"]).with(255);
     ask(&home, &["--exit"]).with(0).complains("exit OK");
     server.finish().with(0);
@@ -207,7 +207,7 @@ fn what_a_command_leaves_behind_ends_with_the_server() {
     until("end of the command", || {
         (ask(&home, &["--isrunning", "t"]).code == Some(2)).then_some(())
     });
-    // As in stock, it goes on while the server does.
+    // As in stock, it continues while the server runs.
     assert!(Path::new(&format!("/proc/{child}")).exists());
     server.signal("INT").finish().with(0);
     gone(child);
@@ -220,7 +220,7 @@ fn running_commands_needs_the_right_to_administer() {
     let _name_server = home.serve();
     let file = home.path().join("made");
     let command = format!("touch {}", file.display());
-    // Whoever may not administer the name cannot register it either.
+    // A client that may not administer the name cannot register it either.
     std::fs::write(&roles, "[everybody]\nports /host\nrights all\n").unwrap();
     let _server = serve(&home);
     std::fs::write(

@@ -1,4 +1,4 @@
-//! `yarp sample` sends the newest message on at a constant rate.
+//! `yarp sample` forwards the latest message at a constant rate.
 
 mod common;
 
@@ -43,7 +43,7 @@ fn what_comes_in_between_is_dropped() {
         .filter(|line| line.starts_with("number "))
         .collect();
     shown.dedup();
-    // At five in a second, all of them would take longer than any test.
+    // At five per second, all of them would exceed the timeout.
     assert!(shown.len() < COUNT, "{} of {COUNT}", shown.len());
 }
 

@@ -1,4 +1,4 @@
-//! A name server that listens at one address of the machine.
+//! A name server that listens on one address of the machine.
 
 mod common;
 
@@ -6,7 +6,7 @@ use std::net::TcpListener;
 
 use common::Home;
 
-/// A number that nobody else can listen at, save at other addresses.
+/// Returns a port that is in use on one address and free on others.
 fn taken() -> (TcpListener, u16) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let number = listener.local_addr().unwrap().port();
@@ -17,7 +17,7 @@ fn taken() -> (TcpListener, u16) {
 fn it_listens_there_and_nowhere_else_and_clients_are_told() {
     let home = Home::new();
     let (elsewhere, number) = taken();
-    // At all addresses there is no room: somebody listens at another one.
+    // Listening on all addresses is impossible: another socket listens on one of them.
     let words = format!("server --ip 127.0.0.1 --socket {number} --write");
     let ended = home.run(&words).with(1);
     let conflict = |line: &String| line.contains("address conflict");
@@ -34,7 +34,7 @@ fn it_listens_there_and_nowhere_else_and_clients_are_told() {
             .says("ips = 127.0.0.2")
     );
     let ended = server.signal("INT").finish().with(0);
-    // Once it said that it was at the address that others are usually told.
+    // The server once announced the default address instead.
     assert!(
         ended.says(&format!("Port /root active at tcp://127.0.0.2:{number}/")),
         "{ended:?}"

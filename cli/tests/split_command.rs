@@ -1,4 +1,4 @@
-//! `yarp split` takes messages apart.
+//! `yarp split` splits messages into elements.
 
 mod common;
 
@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use common::{Home, Running};
 
-/// Sends the same message until `other` prints `expected`: a connection may not be in force yet.
+/// Sends the same message until `other` prints `expected`: the connection may not exist yet.
 fn repeat(writer: &mut Running, other: &mut Running, expected: &str) {
     for _ in 0..200 {
         writer.type_text("alpha two (3 4)\n");

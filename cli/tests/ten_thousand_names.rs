@@ -1,4 +1,4 @@
-//! Ten thousand names, and hundreds of programs that come and go at once.
+//! Ten thousand names, and hundreds of concurrent short-lived programs.
 
 mod common;
 
@@ -11,7 +11,7 @@ use common::Home;
 const NAMES: usize = 10_000;
 const PROGRAMS: usize = 500;
 
-/// Asks all of this over one connection; the answers, each without its last line.
+/// Sends all requests over one connection; returns the answers, each without its last line.
 fn ask_all(port: u16, requests: &[String]) -> Vec<String> {
     let stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
     stream
@@ -48,7 +48,7 @@ fn ask_all(port: u16, requests: &[String]) -> Vec<String> {
     answers
 }
 
-/// Asks once, on a connection of its own, as clients of stock do.
+/// Sends one request on its own connection, like stock clients.
 fn ask(port: u16, request: &str) -> String {
     let mut stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
     stream
@@ -83,7 +83,7 @@ fn get(port: u16, target: &str) -> String {
     answer
 }
 
-/// What a program does in its life.
+/// Does what a short-lived program does.
 fn come_and_go(port: u16, index: usize) {
     let name = format!("/visitor/{index}");
     let there = |answer: &str| answer.starts_with(&format!("registration name {name} "));

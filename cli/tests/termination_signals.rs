@@ -1,4 +1,4 @@
-//! A signal ends a command, and its names are taken back.
+//! A signal ends a command, and its names are unregistered.
 
 #![cfg(unix)]
 

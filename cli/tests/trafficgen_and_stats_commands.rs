@@ -1,10 +1,10 @@
-//! `yarp trafficgen` sends, `yarp stats` counts.
+//! `yarp trafficgen` sends messages, `yarp stats` counts them.
 
 mod common;
 
 use common::{Ended, Home};
 
-/// The megabytes and messages of two seconds; nothing if none came, as on a machine that did something else.
+/// Returns megabytes and messages of two seconds; `None` if no message came, as on a busy machine.
 fn counted(home: &Home, kind: &str) -> Option<(f64, f64)> {
     let ended = home.run(&format!("stats /t --duration 2 --port_type {kind}"));
     let Ended { out, .. } = ended.with(0);
@@ -27,7 +27,7 @@ fn what_is_sent_is_counted() {
     for kind in ["BufferedPort", "Port"] {
         let counted = (0..20).find_map(|_| counted(&home, kind));
         let (megabytes, messages) = counted.expect("it sends twenty messages a second");
-        // A thousand zeros, and what makes them a bottle.
+        // A thousand zeros, and the overhead of a bottle.
         let expected = messages * 1012.0;
         let found = megabytes * 1e6;
         assert!((found - expected).abs() < messages, "{found} {expected}");

@@ -1,4 +1,4 @@
-//! `yarp up`: all of it, or a line that says why not.
+//! `yarp up` starts everything, or prints one line with the reason.
 
 #![cfg(unix)]
 
@@ -72,7 +72,7 @@ fn with_a_controller_of_the_tool() {
     assert!(ended.says("/cartController/wam/events:o"), "{ended:?}");
 }
 
-/// The log of the arm named an order that was refused, and hid that it was, and why.
+/// The log once named a refused command without saying that it was refused, or why.
 #[test]
 fn who_is_refused_finds_the_reason_in_the_log() {
     let home = Home::new();

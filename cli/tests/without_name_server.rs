@@ -1,4 +1,4 @@
-//! Without a name server every command ends soon, and says why.
+//! Without a name server every command ends soon, and prints the reason.
 
 mod common;
 
@@ -6,7 +6,7 @@ use common::Home;
 
 fn homes() -> [Home; 2] {
     let away = Home::new();
-    // Nobody listens on TCP port 1.
+    // No program listens on TCP port 1.
     std::fs::write(away.path().join("yarp.conf"), "127.0.0.1 1 yarp\n").unwrap();
     [Home::new(), away]
 }

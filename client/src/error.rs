@@ -1,14 +1,14 @@
-//! What can go wrong with a robot.
+//! Error of a robot.
 
 use yarp_devices::DeviceError;
 use yarp_ports::PortError;
 use yarp_wrappers::OpenError;
 
-/// Why a robot did not do what it was asked.
+/// Error of a robot.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The network is not to be had.
+    /// The network could not be reached.
     #[error(transparent)]
     Network(#[from] PortError),
     /// The robot could not be reached.

@@ -1,4 +1,4 @@
-//! What a robot program uses: ports and remote devices.
+//! The user's crate: robots, ports and bottles.
 //!
 //! ```no_run
 //! use std::time::Duration;
@@ -15,9 +15,10 @@
 //! # Ok(()) }
 //! ```
 //!
-//! * [`Robot`]: a control board somewhere on the network, with the interfaces of [`yarp_devices`].
-//! * [`Network`], [`Port`], [`PortOptions`]: ports whose calls block; [`yarp_ports`] has the async ones.
-//! * [`Bottle`], [`Value`]: what travels between ports.
+//! * [`Robot`]: a control board on the network, with the interfaces of [`yarp_devices`].
+//! * [`Network`], [`Port`], [`PortOptions`]: ports with blocking calls; [`yarp_ports`] has the
+//!   async ones.
+//! * [`Bottle`], [`Value`]: messages between ports.
 
 mod error;
 mod robot;

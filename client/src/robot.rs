@@ -1,4 +1,4 @@
-//! A robot somewhere on the network.
+//! A robot on the network.
 
 use std::ops::Deref;
 use std::sync::Arc;
@@ -12,48 +12,48 @@ use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions};
 
 use crate::Error;
 
-/// How long the first state is waited for.
+/// Timeout for the first state.
 const FIRST_STATE_TIMEOUT: Duration = Duration::from_secs(5);
-/// How often something that is waited for is looked at.
+/// Interval between two checks while waiting.
 const POLL_INTERVAL: Duration = Duration::from_millis(10);
 
-/// Tells the robots of one process apart.
+/// Counter that makes the port names of several robots in one process distinct.
 static NEXT_ROBOT_NUMBER: AtomicU32 = AtomicU32::new(0);
 
-/// A control board somewhere on the network, ready to be driven.
+/// A control board on the network.
 ///
-/// It is a [`RemoteControlBoard`] that has shown its state once: all interfaces of a control board can be called on it
-/// directly. Calls block as described there, each with a deadline. Cheap to clone; the last clone closes the
-/// connection.
+/// A `Robot` is a [`RemoteControlBoard`] that has received its first state: all interfaces of a
+/// control board can be called on it directly. Calls block as described there, each with a timeout.
+/// Cheap to clone; dropping the last clone closes the connection.
 ///
-/// Dropping it does not stop the robot: a joint that moves goes on.
+/// Dropping it does not stop the robot: a moving joint continues.
 #[derive(Clone, Debug)]
 pub struct Robot {
     board: Arc<RemoteControlBoard>,
 }
 
 impl Robot {
-    /// Connects to the board `remote`, such as `/wam`, on the network that the environment and the configuration
-    /// files name.
+    /// Connects to the board `remote`, such as `/wam`, on the network named by the environment and
+    /// the configuration files.
     ///
-    /// Waits until its first state has come, at most some seconds.
+    /// Waits for its first state, at most some seconds.
     ///
-    /// Errors: [`Error::Network`], [`Error::Open`], and [`Error::Device`] with [`DeviceError::NoDataYet`] when the board
-    /// answers and publishes nothing.
+    /// Errors: [`Error::Network`], [`Error::Open`], and [`Error::Device`] with
+    /// [`DeviceError::NoDataYet`] if the board answers but publishes nothing.
     pub fn connect(remote: &str) -> Result<Self, Error> {
         Self::connect_on(&Network::from_process()?, remote)
     }
 
-    /// As [`connect`](Self::connect), on a network of your choice.
+    /// Connects to the board `remote` on the given network.
     ///
-    /// Its own ports are named `/client/PROCESS/NUMBER` and then as the board.
+    /// The local ports are named `/client/PROCESS/NUMBER` followed by the name of the board.
     pub fn connect_on(network: &Network, remote: &str) -> Result<Self, Error> {
         let number = NEXT_ROBOT_NUMBER.fetch_add(1, Ordering::Relaxed);
         let local = format!("/client/{}/{number}{remote}", std::process::id());
         Self::open(network, RemoteControlBoardOptions::new(remote, local))
     }
 
-    /// As [`connect`](Self::connect), with every choice yours.
+    /// Connects with explicit options.
     pub fn open(network: &Network, options: RemoteControlBoardOptions) -> Result<Self, Error> {
         let board = RemoteControlBoard::open(network, options)?;
         let robot = Self {
@@ -75,15 +75,16 @@ impl Robot {
         }
     }
 
-    /// Where the joints are, degrees or metres; waits for nothing.
+    /// Returns the positions of the joints, in degrees or metres, without blocking.
     ///
-    /// Errors: [`DeviceError::Stale`] when the board has stopped publishing.
+    /// Errors: [`DeviceError::Stale`] if the board has stopped publishing.
     pub fn positions(&self) -> Result<Vec<f64>, DeviceError> {
         let readings = self.encoder_readings(Axes::All)?;
         Ok(readings.iter().map(|reading| reading.position).collect())
     }
 
-    /// Waits until these joints are at rest, at most for `timeout`; tells whether they are.
+    /// Waits until these joints have completed their motion, at most for `timeout`; returns true if
+    /// they have.
     ///
     /// Errors: those of [`PositionControl::motion_done`].
     pub fn wait_motion_done(&self, axes: Axes<'_>, timeout: Duration) -> Result<bool, DeviceError> {
@@ -99,7 +100,7 @@ impl Robot {
         }
     }
 
-    /// The robot for code that takes any device, local or remote.
+    /// Returns the robot as a device, for code that takes local and remote devices.
     pub fn device(&self) -> Arc<dyn Device> {
         self.board.clone()
     }

@@ -1,4 +1,4 @@
-//! A whole robot program, against a simulated arm.
+//! A complete robot program, run against a simulated arm.
 
 use std::sync::Arc;
 use std::time::Duration;

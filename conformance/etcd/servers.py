@@ -412,7 +412,7 @@ def check_bad_input(ours, url, home):
         ("etcd://nowhere", "no prefix follows the members"),
         ("sqlite:///lab", "it does not begin with etcd://"),
         (f"etcd://{list(CLIENT.values())[0]}:2379/lab", "is etcd running there"),
-        (f"{base}/others", "holds what is no name server's: the key \"key\""),
+        (f"{base}/others", "holds data of another program: the key \"key\""),
         (f"{base}/newer", "format 2, this program knows 1"),
     ]:
         done = subprocess.run([ours, "server", "--store", store, "--local", "--socket", str(PORT)],

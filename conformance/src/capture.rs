@@ -8,29 +8,29 @@ use serde::Deserialize;
 /// A recorded scenario.
 #[derive(Clone, Debug)]
 pub struct Capture {
-    /// What was recorded.
+    /// Description of the recording.
     pub what: String,
-    /// Its TCP connections, in the order in which they began.
+    /// TCP connections, in the order in which they began.
     pub streams: Vec<Stream>,
 }
 
 /// One TCP connection.
 #[derive(Clone, Debug)]
 pub struct Stream {
-    /// The port that listened.
+    /// TCP port that listened.
     pub port: u16,
-    /// What was said, in turn.
+    /// Data, alternating between the directions.
     pub runs: Vec<Run>,
 }
 
-/// Bytes in one direction.
+/// Bytes sent in one direction.
 #[derive(Clone, Debug)]
 pub struct Run {
-    /// Whether the side that connected sent them.
+    /// True if the connecting side sent them.
     pub sent: bool,
-    /// Seconds since the recording began.
+    /// Seconds since the start of the recording.
     pub time: f64,
-    /// The bytes.
+    /// Bytes.
     pub bytes: Vec<u8>,
 }
 
@@ -55,7 +55,7 @@ impl Capture {
     ///
     /// # Panics
     ///
-    /// If the file is not there or not of the form its README describes.
+    /// If the file does not exist or has another form than its README describes.
     pub fn load(generation: &str, scenario: &str) -> Self {
         let path = Path::new(env!("CARGO_MANIFEST_DIR"))
             .join("vectors")
@@ -96,15 +96,15 @@ impl Capture {
         Self { what, streams }
     }
 
-    /// The connections to one listening port.
+    /// Returns the connections to one listening port.
     pub fn to(&self, port: u16) -> impl Iterator<Item = &Stream> {
         self.streams
             .iter()
             .filter(move |stream| stream.port == port)
     }
 
-    /// Whether a structured list in the recording has the port `name`, though nothing in the
-    /// recording registers it.
+    /// Returns true if a structured list in the recording contains the port `name`, though nothing
+    /// in the recording registers it.
     pub fn mentions(&self, name: &str) -> bool {
         let says = |text: &str, sent: bool| {
             let runs = self.streams.iter().flat_map(|stream| &stream.runs);
@@ -116,11 +116,11 @@ impl Capture {
         listed && !registered(name) && !registered("...")
     }
 
-    /// The number that the recorded name server gave to the port `name`.
+    /// Returns the number that the recorded name server assigned to the port `name`.
     ///
     /// # Panics
     ///
-    /// If no answer in the recording says.
+    /// If no answer in the recording contains it.
     pub fn number_of(&self, name: &str) -> u16 {
         let start = format!("registration name {name} ip ");
         let runs = self.streams.iter().flat_map(|stream| &stream.runs);

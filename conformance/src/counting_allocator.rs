@@ -1,4 +1,4 @@
-//! An allocator that counts, for programs that look for leaks and for needless allocations.
+//! An allocator that counts, for tests of leaks and needless allocations.
 //!
 //! ```text
 //! #[global_allocator]
@@ -11,16 +11,16 @@ use std::sync::atomic::{AtomicIsize, AtomicUsize, Ordering};
 static HELD: AtomicIsize = AtomicIsize::new(0);
 static CALLS: AtomicUsize = AtomicUsize::new(0);
 
-/// The system's allocator, counted for all threads together.
+/// The system's allocator, with counters for all threads together.
 #[derive(Debug)]
 pub struct Counting;
 
-/// Bytes that are allocated now; always 0 where [`Counting`] is not the allocator.
-pub fn held() -> isize {
+/// Returns the number of allocated bytes; always 0 if [`Counting`] is not the allocator.
+pub fn allocated_bytes() -> isize {
     HELD.load(Ordering::Relaxed)
 }
 
-/// How often something was allocated, or grown, so far.
+/// Returns the number of allocations and reallocations so far.
 pub fn calls() -> usize {
     CALLS.load(Ordering::Relaxed)
 }

@@ -1,13 +1,13 @@
-//! Recorded traffic and live peers against our server, ports and wrappers.
+//! Tests of the server, ports and wrappers against recorded traffic and live peers.
 //!
 //! * [`recorded_board`]: the device behind the recorded control boards.
 //! * [`capture`]: recorded conversations.
-//! * [`live_checks`]: what a program that drives a live peer finds.
+//! * [`live_checks`]: results of programs that drive a live peer.
 //! * [`counting_allocator`]: an allocator that counts.
-//! * [`machine()`]: what benchmarks run on.
-//! * [`mask`]: what legitimately differs between two runs, in one place.
+//! * [`machine()`]: description of the machine that runs a benchmark.
+//! * [`mask`]: masks what legitimately differs between two runs.
 //! * [`replay`]: plays the connecting side of a conversation against a port of ours and compares.
-//! * [`soak`]: programs that come and go, and what they leave behind.
+//! * [`soak`]: programs that connect and disconnect, and resources that leak.
 //! * [`benchmark_statistics`]: medians and percentiles of benchmarks.
 
 pub mod benchmark_statistics;

@@ -1,4 +1,4 @@
-//! What a program that drives a live peer finds, a line per check.
+//! Results of a program that drives a live peer, one line per check.
 
 use std::fmt::Debug;
 use std::process::ExitCode;
@@ -6,22 +6,22 @@ use std::time::{Duration, Instant};
 
 use yarp_devices::DeviceError;
 
-/// How long a peer may take over what it shall do.
+/// Timeout for an action of a peer.
 pub const CHECK_TIMEOUT: Duration = Duration::from_secs(20);
 
-/// Prints `ok` or `FAIL` per check, and counts.
+/// Prints `ok` or `FAIL` per check, and counts failures.
 #[derive(Debug, Default)]
 pub struct Checks {
     failed: usize,
 }
 
 impl Checks {
-    /// None yet.
+    /// Creates an empty list of checks.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// What was found, and whether it is good.
+    /// Records a check: a value, and a test if it is good.
     pub fn check<T: Debug>(
         &mut self,
         what: &str,
@@ -33,7 +33,7 @@ impl Checks {
         println!("{} {what}: {found:?}", if fine { "ok  " } else { "FAIL" });
     }
 
-    /// Asks until the answer is good, or [`CHECK_TIMEOUT`] is at its end.
+    /// Repeats a request until the answer is good, or [`CHECK_TIMEOUT`] expires.
     pub fn until<T: Debug>(
         &mut self,
         what: &str,
@@ -49,7 +49,7 @@ impl Checks {
         self.check(what, found, good);
     }
 
-    /// How the program ends.
+    /// Returns the exit code of the program.
     pub fn exit_code(self) -> ExitCode {
         if self.failed == 0 {
             return ExitCode::SUCCESS;

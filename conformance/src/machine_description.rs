@@ -1,6 +1,6 @@
-//! What benchmarks run on.
+//! Description of the machine that runs a benchmark.
 
-/// The processors and the kernel of this machine, on one line.
+/// Returns the processors and the kernel of this machine, on one line.
 pub fn machine() -> String {
     let read = |path| std::fs::read_to_string(path).unwrap_or_default();
     let cpuinfo = read("/proc/cpuinfo");

@@ -1,4 +1,4 @@
-//! What legitimately differs between two runs of the same scenario.
+//! Masks what legitimately differs between two runs of the same scenario.
 //!
 //! | field | shown as | where |
 //! | --- | --- | --- |
@@ -12,7 +12,7 @@
 
 use yarp_wire::{Bottle, Value, Vocab32};
 
-/// Masks text; what is not text is left as it is.
+/// Masks text; other data is unchanged.
 pub fn text(bytes: &[u8]) -> String {
     let text = String::from_utf8_lossy(bytes);
     let mut out = String::new();
@@ -68,7 +68,7 @@ fn is_address(word: &str) -> bool {
     word.parse::<std::net::Ipv4Addr>().is_ok()
 }
 
-/// Masks the count and time that control boards put behind `[tsta]`.
+/// Masks the count and time that control boards append after `[tsta]`.
 pub fn bottle(bottle: &Bottle) -> Bottle {
     let mut items = bottle.as_slice().to_vec();
     let stamp = Value::Vocab32(Vocab32::new("tsta"));

@@ -1,8 +1,8 @@
 //! The device behind the recorded control board conversations, as far as they show it.
 //!
-//! Stock's `fakeMotionControl` of seven axes: it takes every command and says its motion is never
-//! done. Positions stand still here; those of the recording are given. What the recordings do not ask about is
-//! left to a simulated arm.
+//! Stock's `fakeMotionControl` of seven axes: it accepts every command and reports that its motion
+//! is never done. Positions do not change here; those of the recording are set. Everything that the
+//! recordings do not query is delegated to a simulated arm.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -14,7 +14,7 @@ use yarp_devices::{
     PwmControl, VelocityControl, VelocityDirect,
 };
 
-/// A board of axes that stand still and accept everything.
+/// A board whose axes do not move and accept every command.
 #[derive(Debug)]
 pub struct RecordedBoard {
     positions: Vec<f64>,
@@ -34,7 +34,7 @@ pub(crate) struct State {
 }
 
 impl RecordedBoard {
-    /// A board whose axes stand at `positions`.
+    /// Creates a board whose axes are at `positions`.
     pub fn at(positions: Vec<f64>) -> Self {
         let axes = positions.len();
         Self {
@@ -52,13 +52,13 @@ impl RecordedBoard {
         }
     }
 
-    /// The same with a range of torques, as 4.0 recorded it.
+    /// Sets a range of torques, as recorded from 4.0.
     pub fn with_torques(mut self, largest: f64) -> Self {
         self.largest_torque = largest;
         self
     }
 
-    /// The velocities last asked for.
+    /// Returns the velocities last commanded.
     pub fn velocities(&self) -> Vec<f64> {
         self.state().velocities.clone()
     }
@@ -271,7 +271,7 @@ impl ControlLimits for RecordedBoard {
 
     fn velocity_limits(&self, axis: AxisIndex) -> Result<Limits, DeviceError> {
         Axes::One(axis).check(self.axes())?;
-        // 4.0 has a smallest velocity below zero.
+        // 4.0 reports a negative minimum velocity.
         let smallest = if self.largest_torque > 0.0 {
             -50.0
         } else {

@@ -1,4 +1,4 @@
-//! What the recordings show of the motors of the board.
+//! The motor interfaces of the recorded board.
 
 use yarp_devices::{
     AmplifierControl, AmplifierLimit, Axes, AxisIndex, AxisInfo, DeviceError, Limits, Motor,
@@ -42,7 +42,7 @@ impl TorqueControl for RecordedBoard {
 
     fn torque_ranges(&self, axes: Axes<'_>) -> Outcome<Vec<Limits>> {
         let largest = self.largest_torque;
-        // Not -0, which is other bytes.
+        // Not -0, which has other bytes.
         self.each(axes, Limits::new(0.0 - largest, largest))
     }
 

@@ -8,13 +8,13 @@ use tokio::net::TcpStream;
 use crate::capture::{Run, Stream};
 use crate::mask;
 
-/// How long an answer may take before it counts as missing.
+/// Timeout after which an answer counts as missing.
 const REPLY_TIMEOUT: Duration = Duration::from_secs(20);
 
-/// Bytes of a header reply, whose number is the acceptor's port.
+/// Length of a header reply, whose number is the acceptor's port.
 const HEADER_REPLY_BYTES: usize = 8;
 
-/// One connection of a recorded conversation, to be played against a peer of ours.
+/// A connection of a recorded conversation, to be played against a peer of ours.
 #[derive(Debug)]
 pub struct Player<'a> {
     stream: TcpStream,
@@ -35,7 +35,7 @@ impl<'a> Player<'a> {
         })
     }
 
-    /// Plays the next run; `false` at the end.
+    /// Plays the next run; returns `false` at the end.
     pub async fn step(&mut self) -> Result<bool, String> {
         let Some(run) = self.runs.next() else {
             return Ok(false);
@@ -56,14 +56,14 @@ impl<'a> Player<'a> {
         Ok(true)
     }
 
-    /// Plays all that is left, and checks that nothing more than recorded is said.
+    /// Plays the rest, and checks that the peer sends nothing more than recorded.
     pub async fn finish(mut self) -> Result<(), String> {
         while self.step().await? {}
-        // Ours may be waiting for more from us: tell it that nothing follows.
+        // The peer may wait for more data: closing the write side tells it that nothing follows.
         let _ = self.stream.shutdown().await;
         let mut rest = Vec::new();
         let reading = self.stream.read_to_end(&mut rest);
-        // A reset says as clearly as an end that nothing more comes.
+        // A reset ends the connection as well.
         let _ = tokio::time::timeout(REPLY_TIMEOUT, reading)
             .await
             .map_err(|_| "the connection stays open after the conversation")?;
@@ -74,7 +74,7 @@ impl<'a> Player<'a> {
         }
     }
 
-    /// Reads an answer of the same shape: as many lines, or as many bytes where it is binary.
+    /// Reads an answer of the same shape: as many lines, or as many bytes if it is binary.
     async fn answer_like(&mut self, recorded: &[u8]) -> Result<Vec<u8>, String> {
         let lines = |bytes: &[u8]| bytes.iter().filter(|byte| **byte == b'\n').count();
         let text = is_text(recorded);
@@ -105,7 +105,7 @@ pub async fn play(recorded: &Stream, address: (&str, u16)) -> Result<(), String>
     Player::connect(recorded, address).await?.finish().await
 }
 
-/// An answer with everything masked that may differ.
+/// Masks everything in an answer that may differ.
 fn comparable(bytes: &[u8], first: bool) -> Vec<u8> {
     if is_text(bytes) {
         return mask::text(bytes).into_bytes();
@@ -127,9 +127,9 @@ fn show(bytes: &[u8]) -> String {
     bytes.escape_ascii().to_string()
 }
 
-/// Plays connections that overlap, each run when its turn comes.
+/// Plays overlapping connections, each run in its recorded order.
 ///
-/// The errors of all of them come back, each with what its connection had sent first.
+/// Returns the errors of all connections, each with what its connection sent first.
 pub async fn play_together<'a>(
     recorded: impl IntoIterator<Item = &'a Stream>,
     address: (&str, u16),

@@ -1,7 +1,7 @@
-//! A day of programs that come and go, compressed into cycles: each connects, says something and
-//! disconnects, or dies.
+//! Soak test: programs that connect and disconnect for a day, compressed into cycles. Each
+//! connects, sends something and disconnects, or dies.
 //!
-//! What a port leaves behind is counted: descriptors, tasks, bytes, and memory shared with others.
+//! Counts the resources that a port leaks: descriptors, tasks, bytes, and shared memory.
 
 use std::ffi::OsStr;
 use std::process::{Command, Output};
@@ -26,13 +26,13 @@ use crate::counting_allocator;
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;
 
-/// Longest time that anything here takes.
+/// Timeout of every step.
 const STEP_TIMEOUT: Duration = Duration::from_secs(30);
-/// Ports that are connected to; each has its own range of numbers at the other end.
+/// Number of ports that are connected to; each has its own range of TCP ports at the other end.
 const READER_COUNT: usize = 8;
-/// Cycles under way at once.
+/// Maximum number of concurrent cycles.
 const MAX_CONCURRENT_CYCLES: usize = 8;
-/// Carriers over which messages go.
+/// Carriers of the messages.
 const CARRIERS: [&str; 12] = [
     "tcp",
     "fast_tcp",
@@ -47,14 +47,14 @@ const CARRIERS: [&str; 12] = [
     "tcp+recv.portmonitor+type.dll+file.stats_monitor",
     "fast_tcp+send.portmonitor+recv.portmonitor+type.dll+file.bottle_compression_zlib",
 ];
-/// What a page says that wants to go on in frames.
+/// Request of a page for a websocket.
 const WEBSOCKET_UPGRADE: &[u8] = b"GET /?ws HTTP/1.1\r\nHost: h\r\nUpgrade: websocket\r\n\
     Connection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\
     Sec-WebSocket-Version: 13\r\n\r\n";
-/// How often the cycles are run at the most if bytes are left. A list that keeps its room grows when
-/// by chance more goes on at once than ever before; what leaks grows every time.
+/// Maximum number of runs if bytes are left. A list that keeps its capacity grows when by chance
+/// more cycles overlap than ever before; a leak grows every time.
 const MAX_ROUNDS: usize = 3;
-/// Beginnings of connections that are broken off.
+/// Truncated beginnings of connections.
 const TRUNCATED_OPENINGS: [&[u8]; 5] = [
     b"",
     b"YA\xe4\x1e\0\0RP\x04\0\0\0/w",
@@ -63,24 +63,24 @@ const TRUNCATED_OPENINGS: [&[u8]; 5] = [
     b"GARBAGE!",
 ];
 
-/// What there is while nothing happens.
+/// Resources in use while nothing happens.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub struct Footprint {
-    /// Descriptors that the process has open.
+    /// Open file descriptors of the process.
     pub descriptors: usize,
     /// Tasks of the runtime that have not ended.
     pub tasks: usize,
-    /// Bytes that are allocated.
+    /// Allocated bytes.
     pub bytes: isize,
-    /// Mappings that are shared with other processes.
+    /// Mappings shared with other processes.
     pub mappings: usize,
-    /// Segments of shared memory that this process made, and files of the locks that go with such; the
-    /// latter also of others, unless it runs [`alone`].
+    /// Shared memory segments made by this process, and their lock files; the latter also of other
+    /// processes, unless it runs [`alone`].
     pub shared: usize,
 }
 
 impl Footprint {
-    /// What there is now.
+    /// Returns the resources in use now.
     pub fn now() -> Self {
         Self {
             descriptors: std::fs::read_dir("/proc/self/fd").map_or(0, Iterator::count),
@@ -91,7 +91,7 @@ impl Footprint {
         }
     }
 
-    /// Whether no more is there than in `before`, but for bytes.
+    /// Returns true if nothing but bytes has increased since `before`.
     fn is_no_more_than(&self, before: &Self) -> bool {
         self.descriptors <= before.descriptors
             && self.tasks <= before.tasks
@@ -99,14 +99,14 @@ impl Footprint {
             && self.shared <= before.shared
     }
 
-    /// Waits until no more than in `before` is left, but for bytes, or patience has ended; what there
-    /// is then.
+    /// Waits until nothing but bytes has increased since `before`, or the timeout expires; returns
+    /// the resources in use then.
     async fn settle(before: Self) -> Self {
         let settling = async {
             loop {
                 let now = Self::now();
                 if now.is_no_more_than(&before) {
-                    // What ends now may still hold some bytes.
+                    // Tasks that are ending may still hold some bytes.
                     tokio::time::sleep(Duration::from_millis(50)).await;
                     return now;
                 }
@@ -118,30 +118,30 @@ impl Footprint {
     }
 }
 
-/// Mappings of this process that others may have, too.
+/// Returns the number of mappings of this process that other processes may share.
 fn shared_mappings() -> usize {
     let maps = std::fs::read_to_string("/proc/self/maps").unwrap_or_default();
     let permissions = maps.lines().filter_map(|line| line.split(' ').nth(1));
     permissions.filter(|text| text.ends_with('s')).count()
 }
 
-/// Segments of the machine that this process made.
+/// Returns the number of segments of the machine that this process made.
 fn segments() -> usize {
     let all = std::fs::read_to_string("/proc/sysvipc/shm").unwrap_or_default();
     let own = std::process::id().to_string();
-    // Key, number, permissions, size, and who made it.
+    // Key, id, permissions, size, and creator.
     let makers = all
         .lines()
         .filter_map(|line| line.split_whitespace().nth(4));
     makers.filter(|maker| *maker == own).count()
 }
 
-/// Set in a process that [`alone`] has started.
+/// Environment variable of a process that [`alone`] has started.
 const CHILD_VARIABLE: &str = "SOAK_ALONE";
 
-/// Runs this program once more, with these words and a folder of its own for temporary files: in such
-/// lie the locks of shared memory, and those of other programs are not to be counted. `None` in the
-/// process that was started so, which goes on.
+/// Runs this program once more, with these arguments and its own folder for temporary files: lock
+/// files of shared memory are there, and those of other programs must not be counted. Returns
+/// `None` in the new process, which continues.
 pub fn alone<W: AsRef<OsStr>>(words: impl IntoIterator<Item = W>) -> io::Result<Option<Output>> {
     if std::env::var_os(CHILD_VARIABLE).is_some() {
         return Ok(None);
@@ -157,7 +157,7 @@ pub fn alone<W: AsRef<OsStr>>(words: impl IntoIterator<Item = W>) -> io::Result<
     output.map(Some)
 }
 
-/// Files of locks in the folder for temporary files, by whomever; see [`alone`].
+/// Counts lock files in the folder for temporary files, of any process; see [`alone`].
 fn locks() -> usize {
     let files = std::fs::read_dir(std::env::temp_dir())
         .into_iter()
@@ -185,45 +185,45 @@ impl fmt::Display for Footprint {
     }
 }
 
-/// What a soak has found.
+/// Result of a soak test.
 #[derive(Clone, Copy, Debug)]
 pub struct Outcome {
-    /// How many cycles there were after the warming up.
+    /// Number of cycles after the warm-up.
     pub cycles: usize,
-    /// Before them.
+    /// Resources before the cycles.
     pub before: Footprint,
-    /// After them.
+    /// Resources after the cycles.
     pub after: Footprint,
 }
 
 impl Outcome {
-    /// Whether nothing was left behind: no descriptor, task or shared memory, and not a byte per twenty cycles,
-    /// which is what lists that keep their room may take.
+    /// Returns true if nothing leaked: no descriptor, task or shared memory, and less than a byte
+    /// per twenty cycles, which lists that keep their capacity may take.
     pub fn is_clean(&self) -> bool {
         let grown = self.after.bytes - self.before.bytes;
         self.is_tidy() && grown <= (self.cycles / 20) as isize
     }
 
-    /// Whether no descriptor, task or shared memory was left behind.
+    /// Returns true if no descriptor, task or shared memory leaked.
     fn is_tidy(&self) -> bool {
         self.after.is_no_more_than(&self.before)
     }
 }
 
-/// Those who stay.
+/// Ports that stay open.
 struct Others {
     readers: Vec<Port>,
-    /// Answers with what it is asked.
+    /// Replies with the request.
     echo: Port,
 }
 
-/// Runs so many cycles after a tenth of them, at the least 2000, to warm up; again if bytes are left,
-/// to see whether that goes on. Tells of the last time.
+/// Runs `cycles` cycles after a warm-up of a tenth of them, at least 2000; repeats if bytes are
+/// left, to see if they grow. Returns the result of the last run.
 ///
-/// Needs a runtime with several threads, and [`Counting`](crate::counting_allocator::Counting) as allocator
-/// for the bytes.
+/// Needs a multi-threaded runtime, and [`Counting`](crate::counting_allocator::Counting) as
+/// allocator for the bytes.
 pub async fn run(cycles: usize) -> Result<Outcome, Failure> {
-    // Only for the groups of those who write to one.
+    // Needed only for the multicast groups of ports with one writer.
     let server = Server::start(ServerOptions::default().at("127.0.0.1", 0)).await?;
     let network = server.network().with_timeout(STEP_TIMEOUT);
     let mut readers = Vec::new();
@@ -269,9 +269,9 @@ pub async fn run(cycles: usize) -> Result<Outcome, Failure> {
     Ok(outcome)
 }
 
-/// What there is once the connections have ended and nothing waits to be read: a reader keeps the
-/// newest message with all that was read along with it, which is much or little by chance.
-async fn left(before: Footprint, readers: &[Port]) -> Footprint {
+/// Returns the resources once the connections have ended and no message is queued: a reader keeps
+/// the latest message with all data read along with it, the size of which is random.
+async fn settled_footprint(before: Footprint, readers: &[Port]) -> Footprint {
     let settled = Footprint::settle(before).await;
     for reader in readers {
         while reader.try_read().is_some() {}
@@ -282,8 +282,8 @@ async fn left(before: Footprint, readers: &[Port]) -> Footprint {
     }
 }
 
-/// So many cycles by the writers, each on a task of its own.
-async fn turn(
+/// Runs cycles by all writers, each on its own task.
+async fn run_cycles(
     writers: Vec<Port>,
     others: &Arc<Others>,
     cycles: usize,
@@ -318,7 +318,7 @@ async fn turn(
     Ok(writers)
 }
 
-/// One program comes and goes; what it does depends on `number`.
+/// Runs one program; its behaviour depends on `number`.
 async fn cycle(number: usize, writer: &Port, reader: &Port, echo: &Port) -> Result<(), Failure> {
     let at = |carrier: &str| {
         format!(
@@ -332,7 +332,7 @@ async fn cycle(number: usize, writer: &Port, reader: &Port, echo: &Port) -> Resu
         kind @ 0..12 => {
             writer.connect(&at(CARRIERS[kind])).await?;
             if writer.write(&Bottle::of(number as i32)).await != 1 {
-                return Err("the message was not taken".into());
+                return Err("the message was not received".into());
             }
             writer.disconnect(reader.name()).await;
         }
@@ -371,7 +371,7 @@ async fn cycle(number: usize, writer: &Port, reader: &Port, echo: &Port) -> Resu
             let mut stream = raw().await?;
             stream.write_all(WEBSOCKET_UPGRADE).await?;
             stream.write_all(&frame(number)).await?;
-            // The frame that closes.
+            // The close frame.
             stream.write_all(&[0x88, 0x80, 0, 0, 0, 0]).await?;
             let mut answer = Vec::new();
             stream.read_to_end(&mut answer).await?;
@@ -386,7 +386,7 @@ async fn cycle(number: usize, writer: &Port, reader: &Port, echo: &Port) -> Resu
                 tokio::time::sleep(Duration::from_millis(1)).await;
             }
             if writer.write(&Image::new(PixelCode::RGB, 16, 16)?).await != 1 {
-                return Err("the picture was not taken".into());
+                return Err("the image was not received".into());
             }
             writer.disconnect(&writer.outputs().join(" ")).await;
         }
@@ -405,12 +405,12 @@ async fn cycle(number: usize, writer: &Port, reader: &Port, echo: &Port) -> Resu
         }
         _ => {
             let options = PortOptions::new().unregistered();
-            // Of two of the same name at once the reader keeps the later.
+            // Of two concurrent connections with the same name the reader keeps the later one.
             let name = format!("/passing{}", writer.name());
             let port = Port::open(writer.network(), &name, options).await?;
             port.connect(&at("tcp")).await?;
             if port.write(&Bottle::of(number as i32)).await != 1 {
-                return Err("the message of a passing port was not taken".into());
+                return Err("the message of a short-lived port was not received".into());
             }
             port.close().await;
         }
@@ -418,7 +418,7 @@ async fn cycle(number: usize, writer: &Port, reader: &Port, echo: &Port) -> Resu
     Ok(())
 }
 
-/// A message in a frame of a browser, under a mask that changes nothing.
+/// Returns a message in a websocket frame, with a mask that changes nothing.
 fn frame(number: usize) -> Vec<u8> {
     let content = Bottle::of(number as i32).encode(WireVersion::V3);
     let block = [0, 0, 0, 0, b'~', b'D', 0, 1];

@@ -1,5 +1,5 @@
-//! Small messages and calls allocate nothing once a connection has warmed up, neither where they are written
-//! nor where they are read.
+//! Small messages and calls allocate nothing once a connection is warm, neither in the writer nor
+//! in the reader.
 
 use std::fmt::Write;
 use std::sync::Arc;
@@ -17,10 +17,10 @@ use yarp_wire::message::{ReadObject, WireObject};
 #[global_allocator]
 static COUNTING: Counting = Counting;
 
-/// Messages whose allocations are counted, and those before them.
+/// Number of messages whose allocations are counted, and of warm-up messages.
 const MESSAGES: usize = 2000;
 const WARM_UP: usize = 2000;
-/// The most that a step may take; nothing is right or wrong because of it.
+/// Timeout of a step.
 const TIMEOUT: Duration = Duration::from_secs(30);
 
 /// A bottle of one integer.
@@ -33,7 +33,7 @@ impl WireObject for Small {
         }
     }
 
-    /// Without a text of its own it would become a bottle first.
+    /// Without this, the message would be converted to a bottle first.
     fn write_text(&self, out: &mut BytesMut) {
         let _ = writeln!(out, "{}\r", self.0);
     }
@@ -59,7 +59,7 @@ enum Reading {
     Queue,
 }
 
-/// Allocations while messages go from one port to another, one at a time.
+/// Counts allocations while messages are sent from one port to another, one at a time.
 async fn measure(network: &Network, carrier: &str, way: Way, reading: Reading) -> usize {
     let arrived = Arc::new(AtomicUsize::new(0));
     let options = PortOptions::new().unregistered();
@@ -86,7 +86,7 @@ async fn measure(network: &Network, carrier: &str, way: Way, reading: Reading) -
             Way::Write => assert_eq!(writer.write(&message).await, 1),
             Way::Strict => assert_eq!(writer.write_strict(&message, None).await, 1),
             Way::IfIdle => {
-                // The last may not have been acknowledged yet.
+                // The last message may not be acknowledged yet.
                 while writer.write_if_idle(&message, None) == 0 {
                     tokio::task::yield_now().await;
                 }
@@ -107,7 +107,7 @@ async fn measure(network: &Network, carrier: &str, way: Way, reading: Reading) -
     allocations
 }
 
-/// Allocations while requests are answered, one at a time.
+/// Counts allocations while requests are answered, one at a time.
 async fn measure_calls(carrier: &str, reading: Reading) -> usize {
     let network = Network::none().with_timeout(TIMEOUT);
     let options = PortOptions::new().unregistered();
@@ -163,8 +163,8 @@ const CARRIERS: [&str; 11] = [
 
 const CALLS: [&str; 5] = ["tcp", "fast_tcp", "shmem", "unix_stream", "local"];
 
-/// The most allocations of so many messages. On a socket of the file system some come by chance:
-/// who waits awake and goes to sleep after all has, now and then, the runtime wait for it anew.
+/// Returns the maximum number of allocations. On a Unix socket some happen at random: a reader that
+/// polls and then sleeps occasionally registers with the runtime anew.
 fn most(carrier: &str) -> usize {
     match carrier.starts_with("unix_stream") {
         true => MESSAGES / 2,
@@ -172,7 +172,8 @@ fn most(carrier: &str) -> usize {
     }
 }
 
-/// The fewest allocations of a few tries, the first that has no more than it may: nothing of each message comes by chance.
+/// Returns the minimum of a few attempts, stopping at the first within the maximum: allocations per
+/// message do not happen at random.
 async fn fewest(most: usize, measure: impl AsyncFn() -> usize) -> usize {
     let mut fewest = usize::MAX;
     for _ in 0..5 {
@@ -187,7 +188,7 @@ async fn fewest(most: usize, measure: impl AsyncFn() -> usize) -> usize {
 
 #[tokio::test]
 async fn in_steady_state_there_are_none() {
-    // Groups are given by a name server.
+    // Multicast groups come from a name server.
     let options = ServerOptions::default().at("127.0.0.1", 0);
     let server = Server::start(options).await.unwrap();
     let network = server.network().with_timeout(TIMEOUT);
@@ -206,7 +207,7 @@ async fn in_steady_state_there_are_none() {
     }
     server.close().await;
     assert!(found.is_empty(), "{found:#?}");
-    // Here as well: what is counted is the process's.
+    // In the same test, because the counters are those of the process.
     for carrier in CALLS {
         for reading in [Reading::Handler, Reading::Queue] {
             let most = most(carrier);

@@ -1,4 +1,5 @@
-//! What the benchmark of boards measures with works on a board of ours; its figures are for `conformance/bench/`.
+//! The programs of the board benchmark work with a board of ours; the figures are for
+//! `conformance/bench/`.
 
 use std::process::Command;
 use std::sync::Arc;
@@ -8,7 +9,7 @@ use yarp_devices::wam::SimulatedWam;
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_wrappers::{ControlBoardOptions, ControlBoardServer};
 
-/// What the benchmark says to these words, on a network with the board `/wam`.
+/// Returns the output of the benchmark with these arguments, on a network with the board `/wam`.
 fn said(words: &[&str]) -> Vec<String> {
     let runtime = Runtime::new().expect("the machine has threads");
     let options = ServerOptions::default().at("127.0.0.1", 0);
@@ -40,7 +41,7 @@ fn said(words: &[&str]) -> Vec<String> {
 fn a_reader_tells_of_both_feeds_and_of_the_machine() {
     let lines = said(&["read", "/wam", "20000", "fast_tcp", "0.2"]);
     assert_eq!(lines.len(), 3);
-    // What is missing, and a gap at least.
+    // The number of missing states, and at least one gap.
     assert!(lines.iter().all(|line| line.split(' ').count() >= 2));
 }
 

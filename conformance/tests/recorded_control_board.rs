@@ -15,7 +15,7 @@ use yarp_wrappers::{ControlBoardOptions, ControlBoardServer};
 
 const TIMEOUT: Duration = Duration::from_secs(20);
 
-/// The answer in a run: one bottle, and the acknowledgement after it.
+/// Returns the answer in a run: one bottle, and the acknowledgement after it.
 fn answer(bytes: &[u8]) -> Option<Bottle> {
     let bytes = Bytes::copy_from_slice(bytes);
     let (bottle, length) = Bottle::decode_prefix(&bytes, WireVersion::V3, Limits::DEFAULT).ok()?;
@@ -27,7 +27,7 @@ fn answer(bytes: &[u8]) -> Option<Bottle> {
     Some(bottle)
 }
 
-/// The question in a run, behind index and command block.
+/// Returns the request in a run, after index and command block.
 fn question(run: &Run) -> Option<Bottle> {
     const HEAD: usize = 38;
     let bytes = Bytes::copy_from_slice(run.bytes.get(HEAD..)?);
@@ -63,7 +63,7 @@ async fn read_answer(stream: &mut TcpStream) -> Bottle {
         .expect("an answer in time")
 }
 
-/// Plays the questions of one recorded client; gives how many were compared.
+/// Plays the requests of one recorded client; returns the number of compared answers.
 async fn play(scenario: &str, positions: Vec<f64>) -> usize {
     let capture = Capture::load("yarp-3.12", scenario);
     let server = Server::start(ServerOptions::default().at("127.0.0.1", 0))
@@ -89,7 +89,7 @@ async fn play(scenario: &str, positions: Vec<f64>) -> usize {
                 continue;
             }
             let (Some(expected), Some(asked)) = (answer(&run.bytes), &asked) else {
-                // Header reply and goodbye.
+                // Header reply and end of the connection.
                 let mut skipped = [0; 8];
                 stream.read_exact(&mut skipped).await.expect("eight bytes");
                 assert!(skipped.starts_with(b"YA"), "run {index}");
@@ -115,8 +115,8 @@ async fn the_stock_client_is_answered_as_by_stock() {
 }
 
 #[tokio::test]
-async fn a_person_is_answered_as_by_stock() {
-    // Where the recorded axes stood.
+async fn text_requests_are_answered_as_by_stock() {
+    // Positions of the recorded axes.
     let capture = Capture::load("yarp-3.12", "controlboard_rpc");
     let positions = capture
         .to(capture.number_of("/fake/rpc:i"))

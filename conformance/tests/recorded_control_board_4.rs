@@ -43,7 +43,7 @@ impl Stage {
         }
     }
 
-    /// Plays all that was said to one port; gives how many runs were compared.
+    /// Plays all data sent to one port; returns the number of compared runs.
     async fn play(&self, scenario: &str, port: &str) -> usize {
         let capture = Capture::load("yarp-4.0", scenario);
         let place = self.network.query(port).await.expect("a place");
@@ -79,7 +79,7 @@ async fn a_person_is_answered_as_by_stock() {
     let place = place.expect("a place");
     let said = capture.to(capture.number_of("/fake/nws/rpc:i"));
     let mut recorded = said.last().expect("the recording has it").clone();
-    // Header, and `help`. Then `get axes`, as 3.x understands it: stock does not answer that, ours does.
+    // Header, and `help`. Then `get axes`, as 3.x sends it: stock does not answer it, ours does.
     assert_eq!(recorded.runs.len(), 6);
     recorded.runs.truncate(4);
     let played = replay::play(&recorded, (place.host.as_str(), place.port)).await;
@@ -91,7 +91,7 @@ async fn a_person_is_answered_as_by_stock() {
 async fn streamed_commands_are_obeyed() {
     let stage = Stage::new().await;
     stage.play("controlboard", "/fake/command:i").await;
-    // The connection has ended, but nothing answers a command: what it did is looked for.
+    // The connection has ended, and a streaming command has no answer: its effect is checked.
     let obeyed = async {
         while stage.device.velocities()[0] != 10.0 {
             tokio::time::sleep(Duration::from_millis(2)).await;
@@ -103,7 +103,7 @@ async fn streamed_commands_are_obeyed() {
     stage.close().await;
 }
 
-/// Answers the question by which a writer finds out the generation of a reader.
+/// Answers the probe by which a writer detects the wire version of a reader.
 async fn answer_probe(mut asker: TcpStream, cut: &str) {
     let answer = format!(
         "Welcome admin\r\n-1 \"Could not find an outgoing connection to {cut}\\r\\n\"\r\n<ACK>\r\n"
@@ -119,7 +119,7 @@ async fn answer_probe(mut asker: TcpStream, cut: &str) {
         .expect("the asker closes");
 }
 
-/// Reads the state over `fast_tcp` as a port of some generation, until `wanted` has come.
+/// Reads the state over `fast_tcp` as a port of some wire version, until `wanted` has arrived.
 async fn read_state(stage: &Stage, name: &str, cut: &str, wanted: &[u8]) {
     let listener = TcpListener::bind("127.0.0.1:0").await.expect("a listener");
     let number = listener.local_addr().expect("an address").port();

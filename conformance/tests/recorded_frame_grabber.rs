@@ -13,7 +13,7 @@ use yarp_wire::typed;
 use yarp_wrappers::frame_grabber::messages::image_message;
 use yarp_wrappers::{FrameGrabberOptions, FrameGrabberServer};
 
-/// Bytes of the recorded images: a header and 32 x 24 pixels.
+/// Size of the recorded images: a header and 32 x 24 pixels.
 const IMAGE: usize = 60 + 32 * 24 * 3;
 
 /// A camera like the recorded one.
@@ -52,7 +52,7 @@ async fn the_stock_client_is_answered_as_by_stock() {
     }
 }
 
-/// The recorded images as they travelled.
+/// Returns the recorded images as transmitted.
 fn recorded(generation: &str) -> Vec<Bytes> {
     let capture = Capture::load(generation, "framegrabber");
     let runs = capture.streams.iter().flat_map(|stream| &stream.runs);
@@ -74,10 +74,10 @@ fn recorded_images_become_ours_and_ours_become_the_same_bytes() {
         for bytes in images {
             let received = typed::Image::read_binary(&bytes, wire_version).expect("an image");
             let ours = image_message::from_wire(&received).expect("colours");
-            // A green ball around the middle, with a light one in it.
+            // A green ball around the centre, with a light one in it.
             assert_eq!((ours.width(), ours.height()), (32, 24));
             assert_eq!(ours.pixel(16, 12), Some(&[0, 255, 255][..]));
-            // 3.10 to 3.12 mark every image, which means nothing; ours has no mark.
+            // 3.10 to 3.12 set a marker on every image, which means nothing; ours has no marker.
             let sent = image_message::to_wire(&ours).expect("it can be sent");
             let mut written = BytesMut::new();
             sent.with_mark(marked)

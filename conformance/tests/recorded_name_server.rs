@@ -4,10 +4,10 @@ use yarp_conformance::capture::Capture;
 use yarp_conformance::replay;
 use yarp_nameserver::{Server, ServerOptions};
 
-/// The port that the recorded name servers listened on.
+/// Port of the recorded name servers.
 const NAME_SERVER: u16 = 10000;
 
-/// Names that an earlier scenario had left at the recorded server, where the list shows them.
+/// Names that an earlier scenario had left at the recorded server, which appear in the list.
 const LEFT_BEHIND: [&str; 1] = ["/tmp/port/1"];
 
 #[tokio::test]

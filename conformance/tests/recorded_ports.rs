@@ -14,7 +14,7 @@ async fn network() -> (Server, Network) {
     (server, network)
 }
 
-/// A port as `yarp read NAME` opens it.
+/// Opens a port like `yarp read NAME`.
 async fn reader(network: &Network, name: &str) -> Port {
     let options = PortOptions::new().queue(Queue::Wait(100));
     Port::open(network, name, options).await.expect("a port")

@@ -1,4 +1,4 @@
-//! A writer of ours against recorded stock readers: it sends the very bytes that stock sends.
+//! A writer of ours sends recorded stock readers the same bytes as stock.
 
 use std::time::Duration;
 
@@ -12,7 +12,7 @@ use yarp_wire::name_service::RegisterRequest;
 
 const TIMEOUT: Duration = Duration::from_secs(20);
 
-/// What the recorded writer was given.
+/// Input of the recorded writer.
 const LINES: [&str; 5] = [
     "1 2.5 hello \"a b\" [vocb] (nested (list 7)) {1 2 255}",
     "42",
@@ -21,7 +21,7 @@ const LINES: [&str; 5] = [
     "()",
 ];
 
-/// Plays the reader's side of a recorded connection; gives all that the writer sent.
+/// Plays the reader's side of a recorded connection; returns everything that the writer sent.
 async fn play_reader(mut writer: TcpStream, recorded: &Stream) -> Vec<u8> {
     let mut heard = Vec::new();
     let mut due = 0;
@@ -41,7 +41,7 @@ async fn play_reader(mut writer: TcpStream, recorded: &Stream) -> Vec<u8> {
                 .expect("the writer listens");
         }
     }
-    // Whatever is said beyond the recording counts as well.
+    // Data after the end of the recording counts as well.
     writer.shutdown().await.expect("the connection is open");
     writer
         .read_to_end(&mut heard)
@@ -50,7 +50,7 @@ async fn play_reader(mut writer: TcpStream, recorded: &Stream) -> Vec<u8> {
     heard
 }
 
-/// Answers the question by which a writer finds out the generation of a reader.
+/// Answers the probe by which a writer detects the wire version of a reader.
 async fn answer_probe(mut asker: TcpStream, generation: &str) {
     let name = if generation == "yarp-4.0" {
         "generati"

@@ -1,4 +1,4 @@
-//! Programs that come and go leave nothing behind; `make soak` does the same for longer.
+//! Programs that connect and disconnect leak nothing; `make soak` runs longer.
 
 use yarp_conformance::counting_allocator::Counting;
 use yarp_conformance::soak;

@@ -1,8 +1,9 @@
-//! Do the joints move together? Figure 13 of the thesis, repeated on the simulator.
+//! Measures if joints move together: figure 13 of the thesis, repeated on the simulator.
 //!
-//! The thesis sent the tool from point to point and laid a regression line through where the encoders saw it: the way
-//! was straight but for the outer end, where a joint came near its limit. Here the same is done twice, with the solver that
-//! is meant for use and with the thesis's transposed Jacobian, one step per control period.
+//! The thesis moved the tool from point to point and fitted a regression line to the positions from
+//! the encoders: the path was straight except at the outer end, where a joint came near its limit.
+//! Here the same is done twice, with the default solver and with the thesis's transposed Jacobian,
+//! one step per control period.
 
 use std::io::{self, Write};
 use std::time::Duration;
@@ -15,23 +16,25 @@ use yarp_devices::wam::WamModel;
 
 use crate::{DemoError, pose};
 
-/// From near the base to the outer end of the reach, in millimetres, and Euler angles in rad.
+/// Start and target: from near the base to the outer end of the reach, in millimetres, and Euler
+/// angles in rad.
 const START: [f64; 3] = [400.0, -200.0, 100.0];
 const TARGET: [f64; 3] = [620.0, 250.0, 350.0];
 const ANGLES: [f64; 3] = [-0.30, 1.30, 0.05];
-/// Every how many control periods the way is looked at: 50 times a second, as over the network.
+/// Number of control periods per sample: 50 samples a second, as over the network.
 const SAMPLE_STEP: usize = 10;
 
-/// Moves the joints of the simulated arm together and its tool along a line, and writes how straight that was.
+/// Moves the joints of the simulated arm together and its tool along a line, and writes how
+/// straight the path was.
 ///
-/// Errors: what `out` says, or a pose the arm refuses.
+/// Errors: those of `out`, or a pose that the arm refuses.
 pub fn run(out: &mut dyn Write) -> Result<(), DemoError> {
     report_joint_delays(out)?;
     let model = WamModel::<7>::new();
     let start = start_joints(&model)?;
     writeln!(
         out,
-        "\nThe tool on a line from ({:.0}, {:.0}, {:.0}) to ({:.0}, {:.0}, {:.0}) mm, looked at 50 times a second:\n",
+        "\nThe tool on a line from ({:.0}, {:.0}, {:.0}) to ({:.0}, {:.0}, {:.0}) mm, sampled 50 times a second:\n",
         START[0], START[1], START[2], TARGET[0], TARGET[1], TARGET[2]
     )?;
     writeln!(
@@ -53,12 +56,13 @@ pub fn run(out: &mut dyn Write) -> Result<(), DemoError> {
     }
     writeln!(
         out,
-        "\nThe thesis gives a picture and no numbers: straight, but bent at the outer end by a joint's limit."
+        "\nThe thesis gives a figure and no numbers: straight, but bent at the outer end by a joint's limit."
     )?;
     Ok(())
 }
 
-/// A joint move: the share of its way each joint has done, at tenths of the time.
+/// Reports a joint move: the share of its path that each joint has completed, at tenths of the
+/// time.
 fn report_joint_delays(out: &mut dyn Write) -> Result<(), DemoError> {
     let mut arm = SimulatedArm::new(WamModel::<7>::new(), SimulatorOptions::default());
     let start = Joints::<7>::from([0.2, 0.6, 0.0, 1.6, 0.0, 0.3, 0.0]);
@@ -98,7 +102,7 @@ fn report_joint_delays(out: &mut dyn Write) -> Result<(), DemoError> {
     Ok(())
 }
 
-/// Joint angles with the tool at the beginning of the line.
+/// Returns the joint angles for the start of the line.
 fn start_joints(model: &WamModel<7>) -> Result<Joints<7>, DemoError> {
     let options = SolverOptions {
         redundancy: Redundancy::AwayFromLimits,
@@ -109,14 +113,14 @@ fn start_joints(model: &WamModel<7>) -> Result<Joints<7>, DemoError> {
     Ok(solver.solve(&pose(START, ANGLES), &near)?.joints)
 }
 
-/// How the joint angles along the line are found.
+/// Solver for the joint angles along the line.
 #[derive(Clone, Copy)]
 enum Inverse {
     Solver,
     Transposed,
 }
 
-/// Where the encoders saw the tool, in millimetres.
+/// Moves along the line; returns the positions of the tool from the encoders, in millimetres.
 fn line(
     model: &WamModel<7>,
     start: &Joints<7>,
@@ -155,7 +159,7 @@ fn options() -> StraightLineOptions {
     }
 }
 
-/// The poses of the tool along the line, one per control period.
+/// Returns the poses of the tool along the line, one per control period.
 fn waypoints(
     model: &WamModel<7>,
     start: &Joints<7>,
@@ -173,7 +177,7 @@ fn waypoints(
         .collect())
 }
 
-/// Equation 2 of the thesis, once: `Δθ = α Jᵀ e`.
+/// Applies equation 2 of the thesis once: `Δθ = α Jᵀ e`.
 fn transposed_step(chain: &Chain<7>, joints: &Joints<7>, target: &Pose) -> Joints<7> {
     let (pose, jacobian) = chain.forward_and_jacobian(joints);
     let error = Task::Pose.error(target, &pose);
@@ -187,7 +191,7 @@ fn transposed_step(chain: &Chain<7>, joints: &Joints<7>, target: &Pose) -> Joint
     }
 }
 
-/// How far places are from lines, in millimetres and degrees.
+/// Distances of positions from lines, in millimetres and degrees.
 struct Straightness {
     regression_mean: f64,
     regression_most: f64,
@@ -228,7 +232,7 @@ impl Straightness {
     }
 }
 
-/// The direction in which points scatter most: the regression line in space.
+/// Returns the direction of maximum scatter: the regression line in space.
 fn principal(scatter: &Matrix3<f64>) -> Vector3<f64> {
     let eigen = scatter.symmetric_eigen();
     eigen

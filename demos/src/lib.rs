@@ -1,4 +1,4 @@
-//! The experiments of the thesis on the simulated arm, as functions that write what they find.
+//! The experiments of the thesis on the simulated arm, as functions that write their results.
 //!
 //! `yarp demo repeatability` and `yarp demo sync` run them; they need no network and no robot, and take seconds
 //! where the arm takes hours.
@@ -12,10 +12,10 @@ use yarp_devices::kinematics::{EulerXyz, Pose, Unsolved};
 use yarp_devices::simulation::MoveError;
 use yarp_devices::trajectory::StraightLineError;
 
-/// Why a demo ends early.
+/// Error of a demo.
 #[derive(Debug, thiserror::Error)]
 pub enum DemoError {
-    /// The output is gone.
+    /// The output is closed.
     #[error("cannot print")]
     Output(#[from] io::Error),
     /// The arm refuses a move.
@@ -29,7 +29,8 @@ pub enum DemoError {
     Pose(#[from] Unsolved<7>),
 }
 
-/// A pose as the thesis writes it: millimetres, and Euler angles in rad (equation 4, convention of annex A.1).
+/// Returns a pose from the notation of the thesis: millimetres, and Euler angles in rad (equation
+/// 4, convention of annex A.1).
 fn pose(millimetres: [f64; 3], angles: [f64; 3]) -> Pose {
     let [x, y, z] = millimetres.map(|value| value / 1000.0);
     let [roll, pitch, yaw] = angles;

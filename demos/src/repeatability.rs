@@ -1,8 +1,9 @@
-//! How exactly the arm comes back: table 5 of the thesis, repeated on the simulator.
+//! Measures the repeatability of the arm: table 5 of the thesis, repeated on the simulator.
 //!
-//! The thesis sent its arm to four poses 500 times and compared where the encoders said it ended with where it
-//! was sent. The simulated arm has the published gains, friction and masses, and a gravity compensation measured on another arm;
-//! nothing was fitted to the table, so the numbers resemble it in size only.
+//! The thesis moved its arm to four poses 500 times and compared the final positions from the
+//! encoders with the targets. The simulated arm has the published gains, friction and masses, and a
+//! gravity compensation measured on another arm; nothing was fitted to the table, so the numbers
+//! agree in magnitude only.
 
 use std::io::{self, Write};
 use std::time::{Duration, Instant};
@@ -15,7 +16,7 @@ use yarp_devices::wam::WamModel;
 
 use crate::{DemoError, pose};
 
-/// What the thesis sent its arm to, and what it found. Millimetres, and Euler angles in rad.
+/// Target and results of the thesis. Millimetres, and Euler angles in rad.
 struct Row {
     place: [f64; 3],
     angles: [f64; 3],
@@ -56,17 +57,19 @@ const THESIS: [Row; 4] = [
     },
 ];
 
-/// The tool speed of the server the thesis used, m/s (MIT's `wamif`), and the same in m/s².
+/// Tool speed of the server that the thesis used, m/s (MIT's `wamif`), and its acceleration in
+/// m/s².
 const SPEED: f64 = 0.2;
-/// How long the arm may come to rest before it is measured.
+/// Time that the arm has to come to rest before the measurement.
 const SETTLE_TIME: Duration = Duration::from_millis(500);
 
-/// In millimetres.
+/// Positions in millimetres.
 type Positions = Vec<Vector3<f64>>;
 
-/// Sends the simulated arm to the four poses `repeat` times and writes the thesis's table beside its own.
+/// Moves the simulated arm to the four poses `repeat` times and writes the thesis's table beside
+/// the measured one.
 ///
-/// Errors: what `out` says, or a pose the arm refuses.
+/// Errors: those of `out`, or a pose that the arm refuses.
 pub fn run(repeat: usize, out: &mut dyn Write) -> Result<(), DemoError> {
     let began = Instant::now();
     let (ends, simulated) = measure(repeat)?;
@@ -90,7 +93,8 @@ pub fn run(repeat: usize, out: &mut dyn Write) -> Result<(), DemoError> {
     Ok(())
 }
 
-/// Where the tool ended, pose by pose, in millimetres; and how long the arm took.
+/// Returns the final positions of the tool, pose by pose, in millimetres, and the duration of the
+/// motion.
 fn measure(repeat: usize) -> Result<(Vec<Positions>, Duration), DemoError> {
     let targets = THESIS.map(|row| pose(row.place, row.angles));
     let model = WamModel::<7>::new();
@@ -107,7 +111,7 @@ fn measure(repeat: usize) -> Result<(Vec<Positions>, Duration), DemoError> {
     };
     let mut ends = vec![Vec::with_capacity(repeat); targets.len()];
     for _ in 0..repeat {
-        // The first pose comes last, so that it too is reached from its neighbour.
+        // The first pose comes last, so that it is also reached from its neighbour.
         for number in [1, 2, 3, 0] {
             arm.move_line(&targets[number], &line)?;
             arm.finish(SETTLE_TIME);
@@ -118,7 +122,7 @@ fn measure(repeat: usize) -> Result<(Vec<Positions>, Duration), DemoError> {
     Ok((ends, arm.simulator().time()))
 }
 
-/// Joint angles for a pose, away from the limits.
+/// Returns joint angles for a pose, away from the limits.
 fn preferred_joints(model: &WamModel<7>, target: &Pose) -> Result<Joints<7>, DemoError> {
     let options = SolverOptions {
         redundancy: Redundancy::AwayFromLimits,
@@ -170,12 +174,12 @@ fn format_position(millimetres: &[f64; 3], decimals: usize) -> String {
     format!("({x:.decimals$}, {y:.decimals$}, {z:.decimals$})")
 }
 
-/// What the thesis's table says of a point.
+/// Statistics of one pose, as in the thesis's table.
 struct Statistics {
     mean: Vector3<f64>,
-    /// The mean of the distances to the target.
+    /// Mean distance to the target.
     error: f64,
-    /// The standard deviation of the distances to the target.
+    /// Standard deviation of the distances to the target.
     spread: f64,
 }
 
@@ -201,7 +205,8 @@ impl Statistics {
 mod tests {
     use super::*;
 
-    /// Checks our reading of the thesis's columns: the mean of distances is a little more than the distance of the mean.
+    /// Checks the interpretation of the thesis's columns: the mean of the distances is slightly
+    /// larger than the distance of the mean.
     #[test]
     fn the_thesis_errors_are_mean_distances() {
         for row in &THESIS {

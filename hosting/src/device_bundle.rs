@@ -1,4 +1,4 @@
-//! A device from its parameters, alone or together with what serves it.
+//! Opens a device from its parameters, alone or together with its server.
 
 use yarp_ports::Network;
 use yarp_wire::settings::Parameters;
@@ -6,11 +6,11 @@ use yarp_wire::settings::Parameters;
 use crate::device_types::{self, DeviceType, Opening};
 use crate::{Attached, Future, HostError, Hosted, Parts};
 
-/// Opens a device of a kind.
+/// Opens a device from its parameters.
 ///
-/// * `deviceBundler`, with `wrapper_device` and `attached_device`, is both, the one attached to the other. Both read
-///   the same parameters, as in stock. With `doNotAttach` they stay apart.
-/// * `subdevice` is what a wrapper attaches to at once; it reads the same parameters too.
+/// * `deviceBundler`, with `wrapper_device` and `attached_device`, opens both and attaches one to
+///   the other. Both read the same parameters, as in stock. With `doNotAttach` they stay separate.
+/// * `subdevice` is a device that a wrapper attaches to at once; it reads the same parameters too.
 /// * Errors: [`HostError`]; then nothing stays open.
 pub async fn open(
     network: &Network,
@@ -50,8 +50,7 @@ pub async fn open(
     }
 }
 
-/// As [`open`], but a device that is served by a wrapper of its own is opened together with it, as stock's `yarpdev`
-/// does.
+/// Opens a device together with the wrapper of its type, if it has one, as stock's `yarpdev` does.
 pub async fn open_wrapped(
     network: &Network,
     kind: &str,
@@ -65,7 +64,7 @@ pub async fn open_wrapped(
                 network,
                 parameters,
             };
-            // It may have a subdevice of its own.
+            // The device may have a subdevice of its own.
             let opened = open(network, kind, parameters).await?;
             return bundle(opening, wrapper, inner.name, opened, false).await;
         }
@@ -103,14 +102,14 @@ async fn bundle(
     Ok(Box::new(Bundle { wrapper, inner }))
 }
 
-/// A device, and what serves it.
+/// A device and its server.
 struct Bundle {
     wrapper: Box<dyn Hosted>,
     inner: Box<dyn Hosted>,
 }
 
 impl Hosted for Bundle {
-    /// Those of the one in front, if it has any.
+    /// Returns the parts of the server, if it has any.
     fn parts(&self) -> Parts {
         let front = self.wrapper.parts();
         match (&front.board, &front.camera) {

@@ -1,99 +1,99 @@
-//! Why a device could not be hosted.
+//! Errors of hosting.
 
 use yarp_devices::DeviceError;
 use yarp_devices::remapper::RemapError;
 use yarp_wire::settings::{Origin, ParameterError};
 use yarp_wrappers::OpenError;
 
-/// Why a device could not be opened or attached.
+/// Error from opening or attaching a device.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum HostError {
-    /// A parameter is missing or wrong.
+    /// A parameter is missing or invalid.
     #[error(transparent)]
     Parameter(#[from] ParameterError),
-    /// There is no device of this kind.
+    /// The device type is unknown.
     #[error(
         "{origin}: device {device}: there is no device {kind}{hint}; `yarp dev --list` shows all"
     )]
     UnknownDeviceType {
-        /// Where it is asked for.
+        /// Position of the parameter.
         origin: Origin,
-        /// Its name.
+        /// Name of the device.
         device: String,
-        /// What it should be.
+        /// Requested type.
         kind: String,
-        /// What may have been meant.
+        /// Suggestion of a similar type.
         hint: String,
     },
     /// The device did not start.
     #[error("{origin}: device {device} did not start")]
     Device {
-        /// Where it is described.
+        /// Position of its description.
         origin: Origin,
-        /// Its name.
+        /// Name of the device.
         device: String,
-        /// Why not.
+        /// Cause.
         #[source]
         source: Box<DeviceError>,
     },
-    /// Its ports did not open.
+    /// The ports of the device could not be opened.
     #[error("{origin}: device {device} did not open")]
     Open {
-        /// Where it is described.
+        /// Position of its description.
         origin: Origin,
-        /// Its name.
+        /// Name of the device.
         device: String,
-        /// Why not.
+        /// Cause.
         #[source]
         source: Box<OpenError>,
     },
-    /// The device attaches to nothing.
-    #[error("it is no device that attaches to others")]
+    /// The device cannot attach to others.
+    #[error("the device cannot attach to others")]
     NoWrapper,
     /// The device cannot attach to this one.
     #[error("it cannot attach to {device}, expected {expected}")]
     Unsuitable {
-        /// What it should attach to.
+        /// Name of the device to attach to.
         device: String,
-        /// What it attaches to.
+        /// Kind of device that it can attach to.
         expected: &'static str,
     },
-    /// The device cannot attach to so many.
+    /// The device cannot attach to several devices.
     #[error(
         "it attaches to one device, got {got}; attach a controlboardremapper to them, and it to that"
     )]
     Several {
-        /// How many were asked for.
+        /// Number of devices.
         got: usize,
     },
-    /// The server of a camera cannot attach to so many.
-    #[error("it attaches to one camera, got {got}; give each a server of its own")]
+    /// The server of a camera cannot attach to several cameras.
+    #[error("it attaches to one camera, got {got}; give each its own server")]
     SeveralCameras {
-        /// How many were asked for.
+        /// Number of devices.
         got: usize,
     },
-    /// Devices do not make one board.
-    #[error("{origin}: device {device}: the devices do not make one board")]
+    /// The devices cannot be combined to one board.
+    #[error("{origin}: device {device}: the devices cannot be combined to one board")]
     Remap {
-        /// Where the board is described.
+        /// Position of the description of the board.
         origin: Origin,
-        /// Its name.
+        /// Name of the board.
         device: String,
-        /// Why not.
+        /// Cause.
         #[source]
         source: Box<RemapError>,
     },
-    /// No device was attached as this network.
+    /// No device was attached for this network.
     #[error(
         "{origin}: device {device}: no device is attached as {network}, expected one for each of its networks"
     )]
     NoNetwork {
-        /// Where the board is described.
+        /// Position of the description of the board.
         origin: Origin,
-        /// Its name.
+        /// Name of the board.
         device: String,
-        /// The network.
+        /// Name of the network.
         network: String,
     },
     /// The device is attached already.

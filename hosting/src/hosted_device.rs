@@ -1,4 +1,4 @@
-//! A device that is open.
+//! An open device.
 
 use std::pin::Pin;
 use std::sync::Arc;
@@ -7,58 +7,58 @@ use yarp_devices::Device;
 
 use crate::HostError;
 
-/// Work that is waited for.
+/// A boxed future.
 pub type Future<'a, T> = Pin<Box<dyn std::future::Future<Output = T> + Send + 'a>>;
 
-/// What a device offers to those that attach to it. A new kind of thing to offer is a new field.
+/// Parts that a device offers to devices that attach to it. A new kind of part is a new field.
 #[derive(Clone, Default)]
 #[non_exhaustive]
 pub struct Parts {
-    /// Joints that move.
+    /// Control board.
     pub board: Option<Arc<dyn Device>>,
-    /// Images.
+    /// Camera.
     pub camera: Option<Arc<dyn Device>>,
 }
 
 /// A device that another one attaches to.
 #[derive(Clone)]
 pub struct Attached {
-    /// The name of the device.
+    /// Name of the device.
     pub device: String,
-    /// What the one that attaches calls it.
+    /// Name that the attaching device uses for it.
     pub network: String,
-    /// What it offers.
+    /// Parts that it offers.
     pub parts: Parts,
 }
 
-/// A device that is open. It is closed with [`close`](Self::close).
+/// An open device, closed with [`close`](Self::close).
 pub trait Hosted: Send {
-    /// What it offers to others; nothing unless told otherwise.
+    /// Returns the parts it offers to others; none by default.
     fn parts(&self) -> Parts {
         Parts::default()
     }
 
-    /// What is parked before the device is closed: the machine behind it, if it is ours.
+    /// Returns the device to park before closing, if it runs in this process.
     fn machine(&self) -> Option<Arc<dyn Device>> {
         None
     }
 
-    /// Whether it calibrates and parks others.
+    /// Returns true if it calibrates and parks other devices.
     fn is_calibrator(&self) -> bool {
         false
     }
 
-    /// Attaches to others, as a network wrapper does.
+    /// Attaches to other devices, like a network wrapper.
     fn attach(&mut self, others: Vec<Attached>) -> Future<'_, Result<(), HostError>> {
         drop(others);
         Box::pin(async { Err(HostError::NoWrapper) })
     }
 
-    /// Lets go of the others.
+    /// Detaches from the other devices.
     fn detach(&mut self) -> Future<'_, Result<(), HostError>> {
         Box::pin(async { Err(HostError::NoWrapper) })
     }
 
-    /// Ends it, in bounded time.
+    /// Closes the device, in bounded time.
     fn close(self: Box<Self>) -> Future<'static, ()>;
 }

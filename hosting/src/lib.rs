@@ -1,12 +1,12 @@
-//! Hosting: devices by name from configuration files, and robots made of several of them.
+//! Hosting: opens devices by name from configuration files, and robots made of several devices.
 //!
-//! * [`device_types`]: the table of devices. A new one is one line there.
-//! * [`Hosted`]: a device that is open: what it offers to others, and what it can attach to.
-//! * [`open`], [`open_wrapped`]: a device from its parameters, as stock's `yarpdev` opens one.
-//! * [`robot`]: descriptions of robots in XML and TOML, and the phases of their lives, as stock's
-//!   `yarprobotinterface` runs them.
+//! * [`device_types`]: the table of device types. A new one is one line there.
+//! * [`Hosted`]: an open device, with the parts it offers to others and what it can attach to.
+//! * [`open`], [`open_wrapped`]: open a device from its parameters, like stock's `yarpdev`.
+//! * [`robot`]: descriptions of robots in XML and TOML, and the phases of a robot's life, like
+//!   stock's `yarprobotinterface`.
 //!
-//! A parameter that is missing or wrong is an error with file and line, and says what was expected.
+//! A missing or invalid parameter is an error with file and line, and with the expected value.
 
 mod device_bundle;
 pub mod device_types;

@@ -1,17 +1,17 @@
-//! Joints go where they are parked before their device ends.
+//! Parks the joints of a device before it is closed.
 
 use std::sync::Arc;
 use std::time::Duration;
 
 use yarp_devices::{Axes, Device, DeviceError, Mode};
 
-/// How long joints have to get there.
+/// Timeout for parking.
 const PARK_TIMEOUT: Duration = Duration::from_secs(120);
 
-/// Parks all joints of a device and waits until they are there; cancelling leaves them on their way.
+/// Parks all joints of a device and waits for completion. Cancelling does not stop the joints.
 ///
-/// Joints that follow a stream of commands are told to move by positions first. A device that knows no parking stays
-/// as it is.
+/// Joints in a streaming mode are switched to position mode first. A device without parking is left
+/// unchanged.
 pub async fn park(device: Arc<dyn Device>) -> Result<(), DeviceError> {
     let work = tokio::task::spawn_blocking(move || {
         let Some(calibration) = device.control_calibration() else {

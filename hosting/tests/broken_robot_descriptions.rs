@@ -1,4 +1,4 @@
-//! Descriptions of robots that are broken anywhere are refused, and never more than that.
+//! Descriptions of robots with errors are refused, without a panic or a hang.
 
 use std::path::Path;
 
@@ -70,11 +70,11 @@ fn both_forms_say_the_same() {
     }
 }
 
-/// Files that include themselves, and elements without end, end.
+/// Checks files that include themselves, and elements nested without end.
 #[test]
 fn nothing_goes_on_for_ever() {
     let folder = tempfile::tempdir().unwrap();
-    // A file that is included has no [robot].
+    // An included file has no [robot].
     let own = "include = [\"loop.toml\"]\n";
     std::fs::write(folder.path().join("loop.toml"), own).unwrap();
     let toml = format!("{own}[robot]\nname = \"r\"");
@@ -96,7 +96,7 @@ fn nothing_goes_on_for_ever() {
         deep("(", ")")
     );
     assert!(read(folder.path(), "list.xml", &text, &[]).is_err());
-    // Each entity is ten times the one before.
+    // Each entity is ten times as long as the one before.
     let mut entities = "<!ENTITY e0 \"ha\">".to_owned();
     for n in 1..12 {
         let inner = format!("&e{};", n - 1).repeat(10);

@@ -1,4 +1,4 @@
-//! Arms, a hand and cameras of the table of devices, each with the other end that it needs.
+//! Arms, a hand and cameras of the table of device types, each with the peer that it needs.
 
 mod support;
 
@@ -19,7 +19,7 @@ fn eventually(what: &str, mut condition: impl FnMut() -> bool) {
     }
 }
 
-/// Of one program, and seen by another.
+/// Checks a camera that one program serves and another one reads.
 #[test]
 fn a_camera_is_served_and_seen() {
     let stage = Stage::new();

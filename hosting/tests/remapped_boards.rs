@@ -8,7 +8,7 @@ use std::time::Duration;
 use support::{Stage, TIMEOUT};
 use yarp_devices::{Axes, AxisIndex, AxisInfo, Device, Encoders, checks};
 
-/// Two arms, and a server of its own for each.
+/// Two arms, each with its server.
 const ARMS: &str = r#"
 [robot]
 name = "two"
@@ -33,7 +33,7 @@ params = { name = "/two/right", period = 0.01 }
 action = [{ phase = "startup", level = 5, type = "attach", params = { device = "right_arm" } }]
 "#;
 
-/// A server of the remapped board, whatever it is made by.
+/// A server of the remapped board.
 const SERVED: &str = r#"
 [[device]]
 name = "both_nws"
@@ -45,7 +45,7 @@ action = [
 ]
 "#;
 
-/// The description of the remapper in stock's XML, with the same arms.
+/// Description of the remapper in stock's XML, with the same arms.
 const XML: &str = r#"<robot name="two" build="1" portprefix="two">
 <device name="left_arm" type="fakeMotionControl">
   <group name="GENERAL"><param name="Joints">2</param><param name="AxisName">shoulder elbow</param></group>
@@ -77,7 +77,7 @@ fn names(board: &dyn AxisInfo) -> Vec<String> {
         .collect()
 }
 
-/// The three joints of the board, in its order, move on the arms that they belong to.
+/// Checks that the three joints of the board move the right joints of the arms.
 #[track_caller]
 fn drives_both_arms(board: &dyn Device) {
     let info = board.axis_info().expect("it has joints");
@@ -108,7 +108,7 @@ action = [
     drives_both_arms(&both);
     let ours = both.encoder_readings(Axes::All).unwrap()[0].position;
     let deadline = std::time::Instant::now() + TIMEOUT;
-    // The other server tells the same place of the elbow, once its next state has come.
+    // The other server reports the same position of the elbow in its next state.
     while (left
         .encoder_readings(Axes::All)
         .map_or(f64::NAN, |all| all[1].position)
@@ -126,7 +126,7 @@ action = [
     stage.end(robot);
 }
 
-/// With stretches of networks that are attached in another order.
+/// Checks ranges of networks that are attached in another order.
 #[test]
 fn two_arms_are_one_board_by_networks_in_xml() {
     let stage = Stage::new();
@@ -138,7 +138,7 @@ fn two_arms_are_one_board_by_networks_in_xml() {
     stage.end(robot);
 }
 
-/// As stock's older descriptions have it: the server itself is made of networks.
+/// Checks stock's older descriptions, where the server itself combines networks.
 #[test]
 fn the_old_server_is_made_of_networks() {
     let stage = Stage::new();
@@ -178,9 +178,9 @@ fn boards_of_other_programs_are_one_board() {
         .expect("no such joint");
     assert_eq!(
         refused,
-        "d.ini:1: device d: the devices do not make one board: no device has a joint ankle; there is shoulder, elbow, hip, knee"
+        "d.ini:1: device d: the devices cannot be combined to one board: no device has a joint ankle; there is shoulder, elbow, hip, knee"
     );
-    // What was opened before the refusal is closed: its names are free.
+    // The devices opened before the refusal are closed: their names are free.
     let hosted = stage
         .open("remotecontrolboardremapper", text)
         .expect("both are there");
@@ -188,7 +188,7 @@ fn boards_of_other_programs_are_one_board() {
     stage.end(robot);
 }
 
-/// As `yarp dev --device controlboardremapper --subdevice ...` makes it.
+/// Checks `yarp dev --device controlboardremapper --subdevice ...`.
 #[test]
 fn a_part_of_one_device_is_a_bundle() {
     let stage = Stage::new();
@@ -223,13 +223,13 @@ fn what_is_wrong_is_said_with_its_line() {
         (
             "controlboardremapper",
             "subdevice simulatedWam\naxesNames (knee)\n",
-            "d.ini:1: device d: the devices do not make one board: no device has a joint knee; there is",
+            "d.ini:1: device d: the devices cannot be combined to one board: no device has a joint knee; there is",
         ),
     ] {
         let refused = stage.open(kind, text).err().expect("it is refused");
         assert!(refused.starts_with(expected), "{refused}");
     }
-    // Of a robot, the action is named; the robot is not ready then.
+    // In a robot the error names the action, and the robot is not ready.
     let wrong = XML.replace("<elem name=\"r\">right_arm</elem><elem", "<elem");
     let robot = stage.run("r.xml", &wrong);
     assert!(!robot.is_ready());

@@ -1,14 +1,16 @@
-//! What a request needs of the roles in force.
+//! Access control for name server requests: the rights that each command needs under the roles in
+//! force.
 
 use yarp_ports::roles::{Peer, Right, Roles};
 use yarp_wire::name_service::{Command, SERVER_CHOOSES};
 
 use crate::registry::bare_name;
 
-/// Under which name a port is looked at that has none yet.
+/// Name under which rights are checked for a port whose name the server has yet to choose.
 const ANONYMOUS_PREFIX: &str = "/tmp/port/";
 
-/// Why `peer` may not ask `command` of the server called `own`; none if it may.
+/// Returns the reason why `peer` may not send `command` to the server named `own`, or `None` if it
+/// may.
 pub(crate) fn refusal(
     roles: &Roles,
     own: &str,
@@ -22,14 +24,14 @@ pub(crate) fn refusal(
     ))
 }
 
-/// The rights that a command needs, and on which ports.
+/// Returns the rights that a command needs, each with the port it concerns.
 fn needed<'a>(own: &'a str, command: &'a Command) -> Vec<(Right, &'a str)> {
     match command {
         Command::Register(asked) if asked.name == SERVER_CHOOSES || asked.name.starts_with('=') => {
             vec![(Right::Administer, ANONYMOUS_PREFIX)]
         }
         Command::Register(asked) => vec![(Right::Administer, &asked.name)],
-        // What one port says to own goes with it.
+        // The names that a port declares to own are removed together with it.
         Command::Set { name, key, values } if key == "owns" => {
             let owned = values.iter().map(String::as_str);
             let names = std::iter::once(name.as_str()).chain(owned);
@@ -44,7 +46,7 @@ fn needed<'a>(own: &'a str, command: &'a Command) -> Vec<(Right, &'a str)> {
             ..
         } => vec![
             (Right::Connect, bare_name(source)),
-            // A topic connects its writers to whoever subscribes.
+            // A topic connects its writers to every subscriber.
             (Right::Connect, bare_name(destination)),
         ],
         Command::Unsubscribe { source, .. } => vec![(Right::Connect, bare_name(source))],

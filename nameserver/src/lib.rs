@@ -1,7 +1,8 @@
-//! The YARP name server: who is where.
+//! The YARP name server: maps port names to addresses.
 //!
-//! [`registry`] is a plain state machine that answers requests; [`store`] keeps what changes, [`shared`] what several servers share;
-//! [`Server`] puts them behind a port and looks after who lives; `web` shows it to browsers.
+//! [`registry`] is a plain state machine that answers requests; [`store`] keeps its changes on
+//! disk, [`shared`] in a store that several servers use. [`Server`] serves the registry on a port
+//! and probes registered ports; `web` serves pages and JSON to browsers.
 
 mod access_control;
 pub mod multicast_discovery;

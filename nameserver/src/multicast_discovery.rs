@@ -1,6 +1,6 @@
-//! The answer to clients that look for the server by multicast.
+//! Multicast discovery: answers clients that look for the server with a datagram.
 //!
-//! A client sends one datagram with a request line to the group, and hears one datagram with the
+//! A client sends one datagram with a request line to the group and receives one datagram with the
 //! first line of the answer:
 //!
 //! ```text
@@ -8,7 +8,7 @@
 //! registration name /root ip 192.0.2.2 port 10000 type tcp\n
 //! ```
 //!
-//! Everybody in the group hears both. Source: datagrams of stock 3.5.0.
+//! Every member of the group receives both. Source: datagrams of stock 3.5.0.
 
 use std::net::IpAddr;
 use std::time::Instant;
@@ -21,14 +21,14 @@ use crate::registry::Registry;
 /// The multicast group of name servers; the UDP port is the usual TCP port, 10000.
 pub use yarp_ports::discovery_client::GROUP;
 
-/// Longest request that is answered, in bytes.
+/// Maximum length of a request that is answered, in bytes.
 const MAX_DATAGRAM_BYTES: usize = 4096;
 
-/// The datagram to send to the group in answer to `packet`, or none.
+/// Returns the datagram to send to the group in answer to `packet`, if any.
 ///
-/// Answers whatever changes nothing and asks for lines of text. Requests that would change the
-/// registry are for TCP only: a datagram can come twice, and reaches every server in the group
-/// (stock serves them). Like stock it is silent on `bot` and on a line without line end.
+/// Answers requests that change nothing and ask for lines of text. Requests that would change the
+/// registry are accepted over TCP only: a datagram may arrive twice, and reaches every server in
+/// the group (stock serves them). Like stock it does not answer `bot` or a line without a line end.
 pub fn respond(
     registry: &mut Registry,
     now: Instant,
@@ -44,7 +44,7 @@ pub fn respond(
     Some(datagram::encode(0, answer.as_bytes()))
 }
 
-/// Whether `packet` asks where the server called `name` is, and nothing else.
+/// Returns true if `packet` asks only for the address of the server named `name`.
 pub fn asks_for(name: &str, packet: &[u8]) -> bool {
     let text = datagram::decode(packet).ok().map(|datagram| datagram.data);
     let line = text.and_then(|text| std::str::from_utf8(text).ok());
@@ -54,7 +54,7 @@ pub fn asks_for(name: &str, packet: &[u8]) -> bool {
     )
 }
 
-/// The same on the text inside: the first line of the answer, ended by LF.
+/// Returns the first line of the answer to the request line inside a datagram, ended by LF.
 pub fn respond_line(
     registry: &mut Registry,
     now: Instant,

@@ -1,4 +1,4 @@
-//! The registry behind a port.
+//! The name server: the registry served on a port.
 
 use std::collections::VecDeque;
 use std::io;
@@ -32,68 +32,67 @@ use crate::shared::{Content, SharedStore, SharedStoreError, WRITE_TIMEOUT, Write
 use crate::store::{Journal, Store, StoreError};
 use crate::web::{self, Survey, Web};
 
-/// How a name server is to be started.
+/// Options of a name server.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct ServerOptions {
-    /// The host that clients are told, and that is registered.
+    /// Host that the server registers for itself and announces to clients.
     pub host: String,
-    /// The address of this machine that it listens at, and is found by multicast through; none
-    /// for all of them. Clients are told [`ServerOptions::host`], whatever this is.
+    /// Local address to listen on, and to receive multicast discovery through; `None` means all
+    /// addresses. Clients are always told [`ServerOptions::host`].
     pub bind: Option<Ipv4Addr>,
-    /// The TCP port; 0 takes a free one.
+    /// TCP port; 0 selects a free one.
     pub port: u16,
-    /// The name of its own port: the namespace.
+    /// Name of the server's own port: the namespace.
     pub namespace: String,
-    /// The UDP port on which it answers multicast detection, if it shall.
+    /// UDP port for multicast discovery; `None` disables it.
     pub multicast_port: Option<u16>,
-    /// Whether a name goes to whoever asks for it, as in stock; else its owner keeps it while it
-    /// lives.
+    /// Gives a name to any port that asks for it, as stock does. Otherwise a live owner keeps its
+    /// name.
     pub replace: bool,
-    /// Time between two looks at the same port that holds no lease; none to look at none.
+    /// Interval between two probes of the same port without a lease; `None` disables probing.
     pub probe_interval: Option<Duration>,
-    /// How long a port must have been gone to be dropped; none if that never happens.
+    /// Time for which a port must have been gone before its name expires; `None` means never.
     pub expire_after: Option<Duration>,
-    /// The rest between two rounds in which all ports are asked for their connections, while
-    /// somebody looks at the page; none asks nobody.
+    /// Interval between two rounds that query all ports for their connections while a browser shows
+    /// the page; `None` disables them.
     pub survey: Option<Duration>,
-    /// The TCP ports that it hands out, if not those above its own.
+    /// TCP ports to hand out, instead of those above the server's own.
     pub port_range: Option<RangeInclusive<u16>>,
-    /// How much silence, and how many connections, it puts up with. Unless told otherwise: half a
-    /// minute until a client has said who it is, a day between its messages, so that clients of
-    /// stock may keep a connection open, and 8192 connections.
+    /// Timeouts and maximum number of client connections. Default: 30 s for the handshake; one day
+    /// between messages, because stock clients may keep a connection open; 8192 connections.
     pub connection_limits: ConnectionLimits,
-    /// The key that clients must hold, if there is one.
+    /// Key that clients must hold, if any.
     pub key: Option<Key>,
-    /// Who may look up, register and connect; see [`yarp_ports::roles`].
+    /// Roles that say which peers may look up, register and connect; see [`yarp_ports::roles`].
     pub roles: Roles,
-    /// How long questions are answered that may be out of date, where names are shared with other
-    /// servers and nothing is heard of them.
+    /// Maximum age of the data from which queries are answered when names are shared with other
+    /// servers and the store does not respond.
     pub max_staleness: Duration,
-    /// What tells ports that all names were lost; each start does if none is given.
+    /// Number by which ports detect that all names were lost; by default a new one for each start.
     incarnation: Option<u64>,
 }
 
-/// Why a name server does not start.
+/// Error from starting a name server.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StartError {
-    /// It cannot listen.
+    /// The server cannot listen.
     #[error(transparent)]
     Port(#[from] PortError),
-    /// It cannot get at what it has kept.
+    /// The stored names cannot be read.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// It cannot get at what it shares with other servers.
+    /// The shared store cannot be used.
     #[error(transparent)]
     Shared(#[from] SharedStoreError),
-    /// The system gives no thread.
-    #[error("no thread to keep names with: {0}")]
+    /// The system cannot create a thread.
+    #[error("cannot start the thread that stores names: {0}")]
     Thread(#[source] io::Error),
 }
 
 impl Default for ServerOptions {
-    /// `/root` on port 10000 of this machine, found by multicast.
+    /// Returns options for `/root` on port 10000 of this machine, with multicast discovery.
     fn default() -> Self {
         let settings = Settings::at(&addresses::best(), DEFAULT_PORT);
         Self {
@@ -116,44 +115,46 @@ impl Default for ServerOptions {
     }
 }
 
-/// Longer than it takes to bring machines back, shorter than a night.
+/// Default for [`ServerOptions::max_staleness`]: longer than restarting machines takes, shorter
+/// than a night.
 const DEFAULT_MAX_STALENESS: Duration = Duration::from_secs(600);
-/// How long the end of a server waits until the others know.
+/// Maximum time that closing a server waits to sign off from the shared store.
 const LEAVE_TIMEOUT: Duration = Duration::from_secs(2);
-/// Rest between two attempts to reach what is shared, at the start.
+/// Delay between two attempts to reach the shared store at startup.
 const STORE_RETRY_INTERVAL: Duration = Duration::from_millis(200);
-/// Often enough to tell who is gone, too seldom to be felt.
+/// Default for [`ServerOptions::probe_interval`].
 const DEFAULT_PROBE_INTERVAL: Duration = Duration::from_secs(30);
-/// Longer than anybody takes to start a program again.
+/// Default for [`ServerOptions::expire_after`]: longer than restarting a program takes.
 const DEFAULT_EXPIRE_AFTER: Duration = Duration::from_secs(3600);
 
-/// Clients of stock say who they are at once, and some keep a connection open for hours.
+/// Default connection limits. Stock clients identify themselves at once, and some keep a connection
+/// open for hours.
 const DEFAULT_CONNECTION_LIMITS: ConnectionLimits = ConnectionLimits {
     handshake_timeout: Some(Duration::from_secs(30)),
     idle_timeout: Some(Duration::from_secs(24 * 3600)),
     max_connections: Some(8192),
 };
 
-/// Where stock's name server listens.
+/// TCP port of stock's name server.
 const DEFAULT_PORT: u16 = 10000;
-/// Effects that may be waiting; what comes beyond is dropped with a warning.
+/// Maximum number of queued effects; further ones are dropped with a warning.
 const MAX_QUEUED_EFFECTS: usize = 4096;
-/// Longest datagram of a client that looks for us.
+/// Maximum length of a discovery datagram, in bytes.
 const MAX_DATAGRAM_BYTES: usize = 8192;
-/// Rest between two rounds of questions to all ports.
+/// Default interval between two rounds that query all ports.
 const DEFAULT_SURVEY_INTERVAL: Duration = Duration::from_secs(2);
-/// What a port may take for each answer, when all are asked.
+/// Timeout for each answer of a port during a round of queries.
 const SURVEY_TIMEOUT: Duration = Duration::from_secs(2);
-/// Rest after a failure of the socket.
+/// Delay after a receive error on the discovery socket.
 const RECEIVE_RETRY_DELAY: Duration = Duration::from_millis(100);
 
 impl ServerOptions {
-    /// The network of a server that listens on this port.
+    /// Returns the network of a server that listens on this port.
     fn network(&self, port: u16) -> Network {
         Network::at(&self.host, port).with_key(self.key.clone())
     }
 
-    /// The same options at another place, not found by multicast.
+    /// Sets host and TCP port, and disables multicast discovery.
     pub fn at(mut self, host: &str, port: u16) -> Self {
         host.clone_into(&mut self.host);
         self.port = port;
@@ -161,57 +162,57 @@ impl ServerOptions {
         self
     }
 
-    /// The same options, listening at this address of the machine alone.
+    /// Listens on this local address only.
     pub fn bind(mut self, address: Ipv4Addr) -> Self {
         self.bind = Some(address);
         self
     }
 
-    /// The same options in another namespace.
+    /// Sets the namespace.
     pub fn namespace(mut self, namespace: &str) -> Self {
         namespace.clone_into(&mut self.namespace);
         self
     }
 
-    /// The same options, handing out these TCP ports and no others.
+    /// Hands out these TCP ports and no others.
     pub fn port_range(mut self, port_range: RangeInclusive<u16>) -> Self {
         self.port_range = Some(port_range);
         self
     }
 
-    /// The same options for clients that hold this key.
+    /// Sets the key that clients must hold.
     pub fn key(mut self, key: Option<Key>) -> Self {
         self.key = key;
         self
     }
 
-    /// The same options with these roles.
+    /// Sets the roles.
     pub fn roles(mut self, roles: Roles) -> Self {
         self.roles = roles;
         self
     }
 
-    /// The same options, found by multicast on UDP port `port`.
+    /// Enables multicast discovery on UDP port `port`.
     pub fn multicast(mut self, port: u16) -> Self {
         self.multicast_port = Some(port);
         self
     }
 
-    /// The same options; a name goes to whoever asks for it, as in stock.
+    /// Gives a name to any port that asks for it, as stock does.
     pub fn replace(mut self) -> Self {
         self.replace = true;
         self
     }
 
-    /// The same options with another rest between two rounds of questions to all ports, while
-    /// somebody looks at the page; none asks nobody.
+    /// Sets the interval between two rounds that query all ports while a browser shows the page;
+    /// `None` disables them.
     pub fn survey(mut self, interval: Option<Duration>) -> Self {
         self.survey = interval;
         self
     }
 }
 
-/// A name server that runs.
+/// A running name server.
 ///
 /// ```no_run
 /// # async fn example() -> Result<(), yarp_ports::PortError> {
@@ -228,21 +229,20 @@ pub struct Server {
     host: String,
     key: Option<Key>,
     request_handler: Arc<RequestHandler>,
-    /// The tasks that see to effects and to multicast detection.
+    /// Tasks that run effects and answer multicast discovery.
     tasks: Vec<JoinHandle<()>>,
-    /// The task that writes what is shared; it ends by itself, unless that is away.
+    /// Task that writes to the shared store. It ends by itself unless the store is unreachable.
     writer: Option<JoinHandle<()>>,
 }
 
 impl Server {
-    /// Starts a name server: listens, and answers from then on. What is registered is forgotten at
-    /// the end.
+    /// Starts a name server, which answers from then on. Registrations are lost when it ends.
     pub async fn start(options: ServerOptions) -> Result<Self, PortError> {
         Self::open(options, &[], |_| Ok(Persistence::Memory)).await
     }
 
-    /// As [`Server::start`], with the names that `store` has kept, and keeps them there: nobody is
-    /// told of a change before it is kept.
+    /// Starts a name server with the names in `store`, and stores changes there: a change is stored
+    /// before it is acknowledged.
     pub async fn start_with(
         options: ServerOptions,
         mut store: impl Store,
@@ -257,10 +257,10 @@ impl Server {
         Self::open(options, &kept, start).await
     }
 
-    /// As [`Server::start`], with names that are shared with other servers: nobody is told of a change
-    /// before it is committed there. See [`crate::shared`].
+    /// Starts a name server whose names are shared with other servers: a change is committed to the
+    /// shared store before it is acknowledged. See [`crate::shared`].
     ///
-    /// Waits some seconds for `store` to answer.
+    /// Waits a few seconds for `store` to answer.
     pub async fn start_shared(
         mut options: ServerOptions,
         mut store: impl SharedStore,
@@ -310,7 +310,8 @@ impl Server {
         Ok(server)
     }
 
-    /// `persistence` gets the registry as it is when the first request comes.
+    /// Opens the server's port and starts its tasks. `persistence` receives the registry in the
+    /// state in which it answers its first request.
     async fn open<E: From<PortError>>(
         options: ServerOptions,
         kept: &[Change],
@@ -325,7 +326,7 @@ impl Server {
             effects,
             options.replace,
             Network::none().with_key(options.key.clone()),
-            // Who looks at none, drops none.
+            // Without probes no port is found gone, so none expires.
             options.probe_interval.and(options.expire_after),
         ));
         let handler = {
@@ -363,8 +364,8 @@ impl Server {
             .host(&options.host)
             .tcp_port(options.port)
             .pages(move |request| pages.page(request))
-            .connection_limits(options.connection_limits)
-            // Each request is looked at by itself.
+            .callers(options.connection_limits)
+            // The handler checks the rights for each request.
             .allow_any_writer()
             .handler(handler);
         if let Some(address) = options.bind {
@@ -376,7 +377,7 @@ impl Server {
         let port = Port::open(&network, &options.namespace, port_options).await?;
         let port = Arc::new(port);
         if port.tcp_port() != options.port {
-            // The system has chosen, and nobody knows what yet.
+            // The system chose the port; no client knows it yet.
             *request_handler.registry() = options.registry(port.tcp_port(), kept);
         }
         let network = options.network(port.tcp_port());
@@ -388,7 +389,8 @@ impl Server {
             tasks.push(tokio::spawn(prober::run(request_handler.clone(), every)));
         }
         if let Some(number) = options.multicast_port {
-            // Nobody shows a key in a datagram: where this server is, is all that is told then.
+            // Datagrams carry no key, so a guarded server answers only the question for its own
+            // address.
             let only = options.is_guarded().then(|| options.namespace.clone());
             tasks.extend(answer_detection(
                 number,
@@ -407,22 +409,22 @@ impl Server {
         })
     }
 
-    /// The host that clients are told.
+    /// Returns the host that clients are told.
     pub fn host(&self) -> &str {
         &self.host
     }
 
-    /// The TCP port that it listens on.
+    /// Returns the TCP port that the server listens on.
     pub fn port(&self) -> u16 {
         self.port.tcp_port()
     }
 
-    /// The network of this name server.
+    /// Returns the network of this name server.
     pub fn network(&self) -> Network {
         Network::at(&self.host, self.port()).with_key(self.key.clone())
     }
 
-    /// Every registered port, sorted by name.
+    /// Returns every registered port, sorted by name.
     pub fn registrations(&self) -> Vec<Registration> {
         self.request_handler
             .registry()
@@ -431,7 +433,7 @@ impl Server {
             .collect()
     }
 
-    /// Every registered port with what is known of its life, sorted by name.
+    /// Returns every registered port with its liveness, sorted by name.
     pub fn port_statuses(&self) -> Vec<PortStatus> {
         self.request_handler
             .registry()
@@ -439,11 +441,11 @@ impl Server {
             .collect()
     }
 
-    /// Stops listening; what a store keeps stays there.
+    /// Stops listening. Stored names stay in the store.
     pub async fn close(mut self) {
         for task in self.tasks.drain(..) {
             task.abort();
-            // An aborted task has nothing to report.
+            // An aborted task returns nothing of use.
             let _ = task.await;
         }
         if let Some(port) = Arc::into_inner(self.port) {
@@ -453,7 +455,8 @@ impl Server {
         if let Some(mut writer) = self.writer.take()
             && timeout(LEAVE_TIMEOUT, &mut writer).await.is_err()
         {
-            // What is shared is away. Others notice by themselves, a little later.
+            // The shared store is unreachable. Other servers notice when this server's lease there
+            // ends.
             writer.abort();
             let _ = writer.await;
         }
@@ -461,7 +464,7 @@ impl Server {
 }
 
 impl ServerOptions {
-    /// Whether some are served and some are not.
+    /// Returns true if a key or roles restrict the clients.
     fn is_guarded(&self) -> bool {
         self.key.is_some() || self.roles.are_any()
     }
@@ -479,7 +482,7 @@ impl ServerOptions {
         settings
     }
 
-    /// The registry as it is when the server starts.
+    /// Builds the registry for the start of the server.
     fn registry(&self, port: u16, kept: &[Change]) -> Registry {
         let mut registry = Registry::new(self.settings(port));
         let own = match self.bind {
@@ -492,7 +495,7 @@ impl ServerOptions {
     }
 }
 
-/// What tells one start from another: microseconds since 1970.
+/// Returns a number that distinguishes one start from another: microseconds since 1970.
 pub(crate) fn stamp() -> u64 {
     let now = SystemTime::now().duration_since(UNIX_EPOCH);
     now.map_or(0, |now| now.as_micros() as u64)
@@ -502,7 +505,7 @@ pub(crate) fn lock(registry: &Mutex<Registry>) -> MutexGuard<'_, Registry> {
     registry.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The server says about its own port what any port says.
+/// Registers the properties of the server's own port, as every port does for itself.
 fn register_properties(registry: &mut Registry, name: &str, addresses: Vec<String>) {
     let mut carriers: Vec<String> = ALL.map(|carrier| carrier.name.to_owned()).to_vec();
     carriers.dedup();
@@ -521,7 +524,7 @@ fn register_properties(registry: &mut Registry, name: &str, addresses: Vec<Strin
     }
 }
 
-/// Sees to what requests cause besides their answers, one thing after the other.
+/// Runs the effects of requests one after the other.
 async fn run_effects(mut effects: mpsc::Receiver<Effect>, port: Arc<Port>, network: Network) {
     while let Some(effect) = effects.recv().await {
         match effect {
@@ -537,13 +540,13 @@ async fn run_effects(mut effects: mpsc::Receiver<Effect>, port: Arc<Port>, netwo
     }
 }
 
-/// Tells everybody who reads from the server's port.
+/// Publishes an event to all readers of the server's port.
 fn publish(port: &Port, what: &str, name: &str) {
     let event = Bottle::from_iter([Vocab32::new(what).into(), name.into()]);
     port.write_if_idle(&event, None);
 }
 
-/// Makes a persistent connection, unless it is there.
+/// Makes a persistent connection unless it exists.
 async fn connect(network: Network, link: Link) {
     let (source, destination) = (&link.source, &link.destination);
     let known = remote_admin::connection(&network, source, &destination.name).await;
@@ -558,15 +561,16 @@ async fn connect(network: Network, link: Link) {
     }
 }
 
-/// Ends a persistent connection.
+/// Removes a persistent connection.
 async fn disconnect(network: Network, link: Link) {
     let request = yarp_wire::admin::remove(&link.destination.name);
-    // A port that is gone has no connections left to end.
+    // A port that is gone has no connections left to remove.
     let _ = remote_admin::administer(&network, &link.source, &request).await;
 }
 
-/// Answers multicast detection on UDP port `number`, if the system lets us, of those who are on the
-/// network of `address`; `only` questions for the server of this name, if there is one.
+/// Answers multicast discovery on UDP port `number`, received through the network of `address`.
+/// With `only`, answers only the question for the server of that name. Returns `None` if the socket
+/// cannot be opened.
 fn answer_detection(
     number: u16,
     address: Option<Ipv4Addr>,
@@ -608,7 +612,7 @@ fn answer_detection(
                 packet,
             );
             if let Some(answer) = answer {
-                // What is lost is asked for again.
+                // Clients repeat a request whose answer is lost.
                 let _ = socket
                     .send_to(&answer, (multicast_discovery::GROUP, number))
                     .await;
@@ -617,16 +621,16 @@ fn answer_detection(
     }))
 }
 
-/// A socket in the group of name servers.
+/// Opens a socket that has joined the multicast group of name servers.
 fn group_socket(number: u16, address: Option<Ipv4Addr>) -> io::Result<UdpSocket> {
     let socket = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
-    // Clients that look for servers listen on the same port of the same machine.
+    // Clients that look for servers bind the same UDP port of the same machine.
     socket.set_reuse_address(true)?;
     socket.set_nonblocking(true)?;
     socket.bind(&SocketAddrV4::new(Ipv4Addr::UNSPECIFIED, number).into())?;
     if let Some(address) = address {
         socket.set_multicast_if_v4(&address)?;
-        // Else what comes through networks that others have joined would come here, too.
+        // Without this, datagrams from networks that other sockets joined would arrive here too.
         #[cfg(target_os = "linux")]
         socket.set_multicast_all_v4(false)?;
     }

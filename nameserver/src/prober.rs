@@ -1,7 +1,8 @@
-//! Looking after the ports that do not speak up by themselves.
+//! Probes registered ports that hold no lease.
 //!
-//! A port is looked at by asking it to describe itself, as `yarp ping` does: one short connection, at
-//! most so many at once, each with a deadline, and no port more often than configured.
+//! A probe asks a port to describe itself, as `yarp ping` does: one short connection with a
+//! timeout. The number of concurrent probes is bounded, and no port is probed more often than
+//! configured.
 
 use std::io;
 use std::sync::Arc;
@@ -15,16 +16,17 @@ use yarp_wire::name_service::Registration;
 use crate::registry::{Probe, ProbeResult};
 use crate::request_handler::RequestHandler;
 
-/// How we introduce ourselves; ports keep quiet about who is no port.
+/// Name that the prober sends in the handshake; ports do not log connections from names that are
+/// not ports.
 const ADMIN_NAME: &str = "admin";
-/// Ports that are looked at at once.
+/// Maximum number of concurrent probes.
 const MAX_CONCURRENT_PROBES: usize = 32;
-/// How long a port has to answer.
+/// Timeout of a probe.
 const PROBE_TIMEOUT: Duration = Duration::from_secs(2);
-/// Time between two rounds; in each, those are looked at that are due.
+/// Interval between two rounds; each probes the ports that are due.
 const ROUND_INTERVAL: Duration = Duration::from_secs(1);
 
-/// Looks at ports for ever, at each once in the time given.
+/// Probes all ports forever, each once per interval `every`.
 pub(crate) async fn run(request_handler: Arc<RequestHandler>, every: Duration) {
     let mut probing = JoinSet::new();
     let mut round = tokio::time::interval(ROUND_INTERVAL.min(every));
@@ -54,17 +56,17 @@ pub(crate) async fn run(request_handler: Arc<RequestHandler>, every: Duration) {
     }
 }
 
-/// Looks at one port, at most until twice the deadline.
+/// Probes one port; takes at most twice `deadline`.
 pub(crate) async fn probe(network: &Network, port: &Registration, deadline: Duration) -> Probe {
     probe_connected(&network.with_timeout(deadline), port)
         .await
         .0
 }
 
-/// Looks at one port, each step in the deadline of the network; gives the conversation, if somebody is
-/// there to go on with.
+/// Probes one port, with the timeout of the network for each step. Also returns the open connection
+/// if the port answered.
 ///
-/// This is the one place where it is judged whether a port is there.
+/// Liveness is decided here and nowhere else.
 pub(crate) async fn probe_connected(
     network: &Network,
     port: &Registration,
@@ -96,21 +98,21 @@ pub(crate) async fn probe_connected(
     }
 }
 
-/// Whether nobody is there who could come back by waiting.
+/// Returns true if waiting cannot help: no port of this name listens at the address.
 pub(crate) fn is_not_there(how: &Probe) -> bool {
     matches!(how.result, ProbeResult::Refused | ProbeResult::WrongPort)
 }
 
-/// Ports of all versions begin with `This is NAME at ADDRESS`.
+/// Checks a description: ports of all versions begin it with `This is NAME at ADDRESS`.
 fn check_description(port: &Registration, lines: &[String]) -> Probe {
     let name = lines.iter().find_map(|line| line.strip_prefix("This is "));
     let name = name.and_then(|rest| rest.split(' ').next());
     match name {
         Some(name) if name != port.name => Probe {
             result: ProbeResult::WrongPort,
-            reason: Some(format!("another port, {name}, is where it should be")),
+            reason: Some(format!("another port, {name}, listens at its address")),
         },
-        // It speaks the protocol, whatever it says.
+        // Any answer in the protocol counts as alive.
         _ => ProbeResult::Answered.into(),
     }
 }

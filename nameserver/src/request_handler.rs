@@ -1,4 +1,5 @@
-//! Where requests are answered: the registry, the journal, and who else is told.
+//! Handles requests: applies them to the registry, stores the changes, and dispatches their
+//! effects.
 
 use std::net::IpAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -15,33 +16,33 @@ use crate::registry::{Body, ClaimResult, Effect, Probe, Registry, Reply};
 use crate::shared::{self, LeaseForwarder, Precondition, WriterChannel};
 use crate::store::{Journal, StoreError, StoreResult};
 
-/// How long the owner of a name that somebody else wants has to answer.
+/// Timeout for probing the owner of a name that another port asks for.
 const OWNER_PROBE_TIMEOUT: Duration = Duration::from_secs(2);
-/// Time between two looks at an owner that may not listen yet.
+/// Interval between two probes of an owner that may not listen yet.
 const OWNER_PROBE_INTERVAL: Duration = Duration::from_millis(50);
-/// Owners that are looked at at once, whoever wants their names.
+/// Maximum number of owners that are probed concurrently.
 const MAX_CONCURRENT_OWNER_PROBES: usize = 64;
-/// Owners of one name that are looked at before the request is refused: each time somebody else was
-/// faster.
+/// Maximum number of owners of one name that are probed before a request is refused; each time
+/// another request was faster.
 const MAX_OWNERS_PROBED: usize = 5;
 
-/// What to tell somebody who was overtaken by others too often.
+/// Refusal for a request that other requests overtook too often.
 const TOO_MANY_REQUESTS: &str = "too many requests for this name at once, try again";
 
-/// Takes requests from any number of connections.
+/// Handles requests from any number of connections.
 pub(crate) struct RequestHandler {
     registry: Arc<Mutex<Registry>>,
     persistence: Mutex<Persistence>,
-    /// What ports have told this server alone, if there are others.
+    /// LeaseForwarder that ports renewed at this server, to be forwarded to the other servers.
     leases: Arc<LeaseForwarder>,
     effects: mpsc::Sender<Effect>,
-    /// Whether a name goes to whoever asks for it.
+    /// Gives a name to any port that asks for it.
     replace: bool,
-    /// Owners that may be looked at at once.
+    /// Permits for concurrent probes of owners.
     probe_permits: Semaphore,
-    /// How ports are spoken with.
+    /// Network through which ports are reached.
     network: Network,
-    /// How long a port must have been gone to be dropped; none if that never happens.
+    /// Time for which a port must have been gone before its name expires; `None` means never.
     expire_after: Option<Duration>,
 }
 
@@ -53,18 +54,18 @@ impl std::fmt::Debug for RequestHandler {
 
 /// Where names are kept.
 pub(crate) enum Persistence {
-    /// Nowhere, or nowhere any more.
+    /// In memory only, or no longer anywhere after [`RequestHandler::close`].
     Memory,
-    /// By this server alone.
+    /// In a journal of this server.
     Journal(Journal),
-    /// Together with other servers.
+    /// In a store shared with other servers.
     Shared(Arc<WriterChannel>),
 }
 
-/// An answer that may have to wait.
+/// An answer, possibly pending.
 enum Handled {
     Now(Body),
-    /// Once it is kept.
+    /// To be sent once the changes are stored.
     OnceStored(Body, StoreResult),
 }
 
@@ -93,17 +94,17 @@ impl RequestHandler {
         lock(&self.registry)
     }
 
-    /// The registry, for who changes it besides.
+    /// Returns the registry, for other tasks that change it.
     pub(crate) fn shared_registry(&self) -> Arc<Mutex<Registry>> {
         self.registry.clone()
     }
 
-    /// Who sees to what requests cause.
+    /// Returns the queue of effects.
     pub(crate) fn effects(&self) -> mpsc::Sender<Effect> {
         self.effects.clone()
     }
 
-    /// Waits until everything is kept; what is asked later is not.
+    /// Waits until all changes are stored; later changes are not stored.
     pub(crate) fn close(&self) {
         let persistence = std::mem::replace(&mut *self.persistence(), Persistence::Memory);
         drop(persistence);
@@ -115,7 +116,7 @@ impl RequestHandler {
             .unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The way to what is shared with other servers, if names are.
+    /// Returns the channel to the task that writes the shared store, if names are shared.
     fn writer_channel(&self) -> Option<Arc<WriterChannel>> {
         match &*self.persistence() {
             Persistence::Shared(channel) => Some(channel.clone()),
@@ -123,7 +124,7 @@ impl RequestHandler {
         }
     }
 
-    /// What ports have told this server alone.
+    /// Returns the leases that ports renewed at this server.
     pub(crate) fn leases(&self) -> &Arc<LeaseForwarder> {
         &self.leases
     }
@@ -160,7 +161,7 @@ impl RequestHandler {
         }
     }
 
-    /// Whether somebody else has the name that `request` wants.
+    /// Returns whether another port holds the name that `request` asks for.
     fn claim(&self, registry: &Registry, request: &Request) -> ClaimResult {
         match &request.command {
             Command::Register(asked) if !self.replace => registry.claim(Instant::now(), asked),
@@ -168,7 +169,7 @@ impl RequestHandler {
         }
     }
 
-    /// Registers a name that somebody has, if that one turns out not to be there.
+    /// Registers a name that another port holds, if a probe shows that this port is gone.
     async fn contest(
         &self,
         from: IpAddr,
@@ -210,7 +211,8 @@ impl RequestHandler {
         })
     }
 
-    /// The answer of one of several servers, or none if the others have nothing to do with it.
+    /// Answers a request as one of several servers; returns `None` if the shared store is not
+    /// involved.
     fn answer_shared(
         request_handler: &Arc<Self>,
         channel: Arc<WriterChannel>,
@@ -248,7 +250,7 @@ impl RequestHandler {
         })))
     }
 
-    /// Has a change done that all servers see.
+    /// Commits a change to the shared store.
     async fn change_shared(&self, channel: &WriterChannel, from: IpAddr, request: Request) -> Body {
         let mut gone = None;
         for _ in 0..MAX_OWNERS_PROBED {
@@ -280,8 +282,8 @@ impl RequestHandler {
         Body::refusal(TOO_MANY_REQUESTS)
     }
 
-    /// Renews leases. That a port is not registered is said only by who is up to date: the port would
-    /// give up its name.
+    /// Renews leases. Before it reports a port as not registered, it catches up with the shared
+    /// store, because the port would give up its name.
     async fn lease(&self, channel: &WriterChannel, from: IpAddr, request: &Request) -> Body {
         let renew = || {
             let now = Instant::now();
@@ -303,7 +305,7 @@ impl RequestHandler {
         }
     }
 
-    /// Looks at an owner, again and again if it may not listen yet.
+    /// Probes an owner, repeatedly until `retry_until` if it may not listen yet.
     async fn probe_until(&self, holder: &Registration, retry_until: Option<Instant>) -> Probe {
         let mut how = self.probe(holder).await;
         while prober::is_not_there(&how) && retry_until.is_some_and(|until| Instant::now() < until)
@@ -314,18 +316,18 @@ impl RequestHandler {
         how
     }
 
-    /// Looks at an owner, once there is room for it.
+    /// Probes an owner as soon as a permit is free.
     async fn probe(&self, holder: &Registration) -> Probe {
         let _room = self.probe_permits.acquire().await;
         prober::probe(&self.network, holder, OWNER_PROBE_TIMEOUT).await
     }
 
-    /// How ports are spoken with.
+    /// Returns the network through which ports are reached.
     pub(crate) fn network(&self) -> &Network {
         &self.network
     }
 
-    /// Takes note of what came of looking at a port, and drops it if it has been gone for long.
+    /// Records the result of a probe, and drops the port if it has expired.
     pub(crate) fn record_probe(&self, port: &Registration, probe: Probe) {
         let now = Instant::now();
         let drop = self
@@ -336,7 +338,7 @@ impl RequestHandler {
         }
     }
 
-    /// Forgets a port that is gone, unless it has moved.
+    /// Unregisters a port that has expired, unless its address changed.
     fn expire_port(&self, port: &Registration) {
         let name = port.name.clone();
         let request = Request::plain(Command::Unregister { name });
@@ -344,9 +346,9 @@ impl RequestHandler {
             let port = port.clone();
             tokio::spawn(async move {
                 let unmoved = Precondition::Unmoved(port.clone());
-                // As below.
+                // The error is ignored, as below.
                 let outcome = channel.perform(None, Some(request), unmoved).await;
-                // Nothing is said of one that has moved.
+                // The answer is empty if the address changed.
                 if let shared::WriteOutcome::Done(Body::Lines(lines)) = outcome
                     && !lines.is_empty()
                 {
@@ -364,12 +366,12 @@ impl RequestHandler {
                 "{} expired: the port has been gone for too long, its name is free",
                 port.name
             );
-            // If it cannot be kept, it will be gone the next time as well.
+            // If the change cannot be stored, the port expires again after the next probe.
             let _ = self.perform(&mut registry, None, &request);
         }
     }
 
-    /// Does as asked. The answer must not go out before what changed is kept.
+    /// Applies a request. The answer must not be sent before the changes are stored.
     fn perform(&self, registry: &mut Registry, from: Option<IpAddr>, request: &Request) -> Handled {
         let Reply {
             body,
@@ -393,7 +395,7 @@ impl RequestHandler {
     }
 }
 
-/// The answer once its changes are kept, or why they are not.
+/// Returns the answer once its changes are stored, or an error if they are not.
 async fn once_stored(body: Body, kept: StoreResult, request: &Request) -> Body {
     let error = match kept.await {
         Ok(Ok(())) => return body,
@@ -406,13 +408,14 @@ async fn once_stored(body: Body, kept: StoreResult, request: &Request) -> Body {
     )
 }
 
-/// A refusal that is about this server: another one of the same names may do it.
+/// Returns a refusal that concerns this server only: another server of the same names may accept
+/// the request.
 fn refused_by_this_server(request: &Request, reason: &str) -> Body {
     let said = UNSUPPORTED_PREFIX.trim_start_matches("refused: ");
     refused(request, &format!("{said}: {reason}"))
 }
 
-/// A refusal in the form in which the request is answered.
+/// Returns a refusal in the form that the request expects.
 fn refused(request: &Request, reason: &str) -> Body {
     match request.command.is_structured() {
         true => Body::failure(reason),

@@ -1,16 +1,16 @@
-//! The server hands out the TCP ports of its range, and ports keep to it.
+//! The server hands out the TCP ports of its range, and ports use no others.
 
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_ports::{Port, PortError, PortOptions};
 
-/// A TCP port that is taken by somebody whom no name server knows.
+/// Returns a TCP port in use by a program unknown to the name server.
 fn stranger() -> (std::net::TcpListener, u16) {
     let listener = std::net::TcpListener::bind("0.0.0.0:0").unwrap();
     let port = listener.local_addr().unwrap().port();
     (listener, port)
 }
 
-/// A stranger's port with room for others above it.
+/// Returns such a port with free ports above it.
 fn stranger_with_room(room: u16) -> (std::net::TcpListener, u16) {
     loop {
         let (listener, port) = stranger();
@@ -34,11 +34,11 @@ async fn a_number_that_is_taken_is_stepped_over_within_the_range() {
         .unwrap();
     assert!(range.contains(&port.tcp_port()) && port.tcp_port() != first);
     assert_eq!(network.query("/p").await.unwrap().port, port.tcp_port());
-    // Names that were used on the way are gone.
+    // Names used in between are gone.
     let names = server.registrations();
     let names: Vec<_> = names.iter().map(|held| held.name.as_str()).collect();
     assert_eq!(names, ["/p", "/root", "fallback"]);
-    // The same name again: the number that it had last is free again.
+    // The same name again: its last number is free again.
     let number = port.tcp_port();
     port.close().await;
     let again = Port::open(&network, "/p", PortOptions::new())
@@ -51,8 +51,8 @@ async fn a_number_that_is_taken_is_stepped_over_within_the_range() {
 }
 
 #[tokio::test]
-async fn a_name_of_the_servers_choice_stays_when_its_number_is_taken() {
-    // It was given away on the way to another number, and taken back in its stead.
+async fn anonymous_names_are_kept_when_their_number_is_in_use() {
+    // It was handed out in between, and returned.
     let (_stranger, first) = stranger_with_room(20);
     let options = ServerOptions::default().at("127.0.0.1", 0);
     let server = Server::start(options.port_range(first..=first + 20))

@@ -30,7 +30,7 @@ async fn until(what: &str, mut reached: impl FnMut() -> bool) {
     }
 }
 
-/// A name at this address that nobody of ours keeps.
+/// Registers a name with this address and without a lease.
 async fn register(network: &Network, name: &str, number: u16) {
     let request = format!("register {name} tcp 127.0.0.1 {number}");
     network.ask(&request).await.unwrap();
@@ -69,7 +69,7 @@ async fn ports_are_looked_at_and_their_states_are_told() {
     let states: Vec<_> = told.iter().map(|(_, state)| *state).collect();
     assert_eq!(states, ["alive", "gone", "alive", "unreachable"]);
 
-    // It comes back where it was.
+    // The port comes back at the same address.
     let options = PortOptions::new().unregistered().tcp_port(gone_number);
     let back = Port::open(&network, "/gone", options).await.unwrap();
     until("back", || state(&server, "/gone") == Some(Liveness::Alive)).await;
@@ -103,7 +103,7 @@ async fn names_are_dropped_when_their_ports_are_gone_and_not_before() {
     server.close().await;
 }
 
-/// A port of ours says itself that it is there.
+/// Ports of this project hold a lease.
 #[tokio::test]
 async fn ports_of_ours_hold_a_lease() {
     let server = Server::start(options()).await.unwrap();
@@ -122,7 +122,7 @@ async fn ports_of_ours_hold_a_lease() {
     server.close().await;
 }
 
-/// However many ports there are, few are looked at at the same time.
+/// The number of concurrent probes is bounded for any number of ports.
 #[tokio::test]
 async fn looks_are_bounded() {
     const PORTS: usize = 80;
@@ -140,14 +140,14 @@ async fn looks_are_bounded() {
     let watching = async {
         while come < PORTS {
             tokio::select! {
-                // Who is gone is counted out first.
+                // Ports that are gone are counted first.
                 biased;
                 Some(_) = open.join_next() => {}
                 accepted = silent.accept() => {
                     let (mut stream, _) = accepted.unwrap();
                     come += 1;
                     open.spawn(async move {
-                        // Takes what is said and answers nothing.
+                        // Accepts connections and never answers.
                         let _ = tokio::io::copy(&mut stream, &mut tokio::io::sink()).await;
                     });
                     most = most.max(open.len());
@@ -156,8 +156,8 @@ async fn looks_are_bounded() {
         }
     };
     let all = tokio::time::timeout(TIMEOUT, watching).await;
-    assert!(all.is_ok(), "only {come} have been looked at");
-    // 32, and some whose end has not been heard of.
+    assert!(all.is_ok(), "only {come} have been probed");
+    // 32, and some whose end is not known yet.
     assert!((1..=64).contains(&most), "{most} at once");
     server.close().await;
 }

@@ -1,6 +1,6 @@
-//! The page, its JSON, `yarp name list --state` and `Server::known` never disagree about who lives.
+//! The page, its JSON, `yarp name list --state` and `Server::port_statuses` agree about liveness.
 //!
-//! They once kept states of their own, so that a port was gone on the page and alive in the list.
+//! They once kept separate states, so that a port was gone on the page and alive in the list.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -16,7 +16,7 @@ const TIMEOUT: Duration = Duration::from_secs(60);
 
 type States = BTreeMap<String, String>;
 
-/// As `/api/names` says, from which the page is made.
+/// Returns the states of `/api/names`, from which the page is made.
 async fn on_the_page(server: &Server) -> States {
     let exchange = async {
         let mut stream = TcpStream::connect(("127.0.0.1", server.port())).await?;
@@ -37,7 +37,7 @@ async fn on_the_page(server: &Server) -> States {
         .collect()
 }
 
-/// As `yarp name list --state` prints.
+/// Returns the states that `yarp name list --state` prints.
 async fn in_the_list(server: &Server) -> States {
     let answer = server.network().ask("state ").await.unwrap();
     let split = |line: &str| {
@@ -62,7 +62,7 @@ fn ages(known: &[PortStatus]) -> Vec<(Liveness, Instant)> {
         .collect()
 }
 
-/// Compares what is said until `/a` is in this state, wherever one looks.
+/// Compares all views until `/a` has this state in each.
 async fn until(server: &Server, state: Liveness) {
     let began = Instant::now();
     loop {
@@ -83,7 +83,7 @@ async fn until(server: &Server, state: Liveness) {
     }
 }
 
-/// Who listens at the number of `/a`, until it is dropped.
+/// Socket at the port number of `/a`, until dropped.
 enum There {
     Nobody,
     Stuck(TcpListener),
@@ -106,13 +106,13 @@ async fn put(server: &Server, state: Liveness, number: u16) -> There {
     }
 }
 
-/// With looks of the server alone, of the page alone, and of both.
+/// Runs with probes of the server alone, of the page alone, and of both.
 async fn check(looks: Option<Duration>, survey: Option<Duration>) {
     let mut options = ServerOptions::default().at("127.0.0.1", 0).survey(survey);
     options.probe_interval = looks;
     options.expire_after = None;
     let server = Server::start(options).await.unwrap();
-    // The number stays ours while nobody listens.
+    // The number stays reserved while no socket listens.
     let kept = TcpSocket::new_v4().unwrap();
     kept.set_reuseaddr(true).unwrap();
     kept.bind(([0, 0, 0, 0], 0).into()).unwrap();
@@ -120,7 +120,7 @@ async fn check(looks: Option<Duration>, survey: Option<Duration>) {
     let request = format!("register /a tcp 127.0.0.1 {number}");
     server.network().ask(&request).await.unwrap();
     let (alive, stuck, gone) = (Liveness::Alive, Liveness::Unreachable, Liveness::Gone);
-    // Every change from one to another.
+    // Every transition between two states.
     for state in [alive, stuck, gone, alive, gone, stuck, alive] {
         let there = put(&server, state, number).await;
         until(&server, state).await;

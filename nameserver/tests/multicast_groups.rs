@@ -1,4 +1,5 @@
-//! Ports that share a multicast group: one transmission, given out and taken back by the server.
+//! Ports that share a multicast group, which the server assigns and reclaims: one of them
+//! transmits.
 
 use std::time::Duration;
 
@@ -56,7 +57,7 @@ async fn readers_share_one_transmission_and_the_group_goes_with_the_last() {
             assert_eq!(next(reader).await, Bottle::of(number));
         }
     }
-    // The one that transmitted goes; the other takes over.
+    // The transmitting connection ends; the other takes over.
     assert!(writer.disconnect("/first").await);
     assert_eq!(writer.write(&Bottle::of("still")).await, 1);
     assert_eq!(next(&second).await, Bottle::of("still"));
@@ -68,7 +69,8 @@ async fn readers_share_one_transmission_and_the_group_goes_with_the_last() {
     server.close().await;
 }
 
-/// Copies of what arrives have a group of their own: who reads what the owner writes does not get them.
+/// Copies of received messages have their own group: readers of the owner's messages do not get
+/// them.
 #[tokio::test]
 async fn those_who_look_on_share_another_group() {
     let server = server().await;
@@ -94,7 +96,7 @@ async fn those_who_look_on_share_another_group() {
         assert_eq!(looked_at.write(&Bottle::of(-number)).await, 1);
         assert_eq!(next(&reader).await, Bottle::of(-number));
     }
-    // The one that transmitted goes; the other takes over.
+    // The transmitting connection ends; the other takes over.
     assert!(looked_at.disconnect("/first").await);
     assert_eq!(writer.write(&Bottle::of("still")).await, 1);
     assert_eq!(next(&lookers[1]).await, Bottle::of("still"));
@@ -103,7 +105,7 @@ async fn those_who_look_on_share_another_group() {
     server.close().await;
 }
 
-/// Nothing is answered on the connection itself: the writer asks the reader over another.
+/// The connection itself has no reply: the writer asks the reader over another connection.
 #[tokio::test]
 async fn a_reader_that_lacks_a_modifier_is_not_transmitted_to() {
     let server = server().await;

@@ -13,7 +13,7 @@ async fn server(namespace: &str) -> Server {
     Server::start(options.namespace(namespace)).await.unwrap()
 }
 
-/// The network of a process that is told of `/a` and `/b` at these ports.
+/// Returns the network of a process configured for `/a` and `/b` at these ports.
 fn network(a: u16, b: u16) -> Network {
     let variables = [("YARP_CONFIG_HOME", "/c"), ("YARP_NAMESPACE", "/a /b")];
     let read = |file: &Path| match file.to_str() {
@@ -25,7 +25,7 @@ fn network(a: u16, b: u16) -> Network {
     Network::from_configuration(Configuration::load(environment, read).unwrap())
 }
 
-/// A TCP port on which nobody listens.
+/// Returns a TCP port on which no program listens.
 fn nobody() -> u16 {
     let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     listener.local_addr().unwrap().port()

@@ -1,4 +1,4 @@
-//! A name whose owner lives is not given to another; one whose owner is gone is, at once.
+//! A name whose owner is alive is not given to another port; one whose owner is gone is, at once.
 
 use std::time::Duration;
 
@@ -42,7 +42,7 @@ async fn a_port_that_lives_keeps_its_name() {
     let line = first_line(&network, "register /root").await;
     assert!(line.starts_with("refused: /root belongs"), "{line}");
 
-    // The owner itself may register again, and its name is free when it has gone.
+    // The owner itself may register again, and its name is free when it is gone.
     let again = format!("register /a tcp {} {}", place.host, place.port);
     assert_eq!(first_line(&network, &again).await, place.to_string());
     owner.close().await;
@@ -53,8 +53,7 @@ async fn a_port_that_lives_keeps_its_name() {
     server.close().await;
 }
 
-/// A program that was killed and starts again, in time for its old lease and after saying all of
-/// itself.
+/// A program that was killed and restarts while its old lease and properties exist.
 #[tokio::test]
 async fn the_name_of_a_port_that_is_gone_is_free() {
     let server = serve().await;
@@ -81,7 +80,7 @@ async fn the_name_of_a_port_that_is_gone_is_free() {
 async fn a_port_that_is_stuck_keeps_its_name_and_a_stranger_does_not() {
     let server = serve().await;
     let network = server.network();
-    // Takes connections and says nothing.
+    // Accepts connections and sends nothing.
     let stuck = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let number = stuck.local_addr().unwrap().port();
     let stranger = Port::open(&network, "/stranger", PortOptions::new().unregistered())

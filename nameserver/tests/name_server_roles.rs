@@ -1,4 +1,4 @@
-//! The name server heeds the roles in force, request by request.
+//! The name server applies the roles to each request.
 
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_ports::roles::Roles;
@@ -31,7 +31,7 @@ async fn server(text: &str) -> (Server, tempfile::TempDir) {
     (Server::start(options).await.unwrap(), folder)
 }
 
-/// The answer to who calls himself `name`, less its quotes.
+/// Returns the answer to a client named `name`, without its quotes.
 async fn ask(network: &Network, name: &str, request: &str) -> String {
     let carrier = Carrier::by_name("text_ack").unwrap();
     let server = network.server().unwrap();
@@ -87,7 +87,7 @@ async fn looking_up_needs_the_right_to_read() {
         let answer = ask(&network, "/friend", request).await;
         assert!(!answer.contains("refused: "), "{request}: {answer}");
     }
-    // Those who ask as programs do, without a name, are no friends.
+    // Programs that ask without a name have no role.
     assert!(network.query("/root").await.is_err());
 }
 

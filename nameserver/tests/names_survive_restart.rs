@@ -1,4 +1,4 @@
-//! What was answered is there after a restart.
+//! Acknowledged changes survive a restart.
 
 use std::sync::{Arc, Mutex};
 
@@ -19,7 +19,7 @@ async fn start(file: &std::path::Path) -> Server {
     Server::start_with(options(), store).await.unwrap()
 }
 
-/// The lines of an answer, as `yarp name` has them; one line if it is a bottle.
+/// Returns the lines of an answer, like `yarp name`; one line if it is a bottle.
 async fn ask(network: &Network, request: &str) -> Vec<String> {
     let structured = ["subscribe", "unsubscribe", "topic", "untopic", "type"];
     if !structured
@@ -39,7 +39,7 @@ async fn ask(network: &Network, request: &str) -> Vec<String> {
     vec![answer.unwrap().to_bottle().unwrap().to_string()]
 }
 
-/// Everything but the server's own entries, whose port another start changes.
+/// Returns everything except the server's own entries, whose port changes at a restart.
 async fn everything(network: &Network) -> Vec<String> {
     let mut all = Vec::new();
     for request in [
@@ -90,7 +90,7 @@ async fn names_properties_and_connections_outlive_the_server() {
     server.close().await;
 }
 
-/// A topic that was removed came back with the connection that had made it.
+/// A removed topic once came back with the connection that had created it.
 #[tokio::test]
 async fn a_topic_that_was_removed_stays_so() {
     let directory = tempfile::tempdir().unwrap();
@@ -123,7 +123,7 @@ async fn one_server_at_a_time_has_the_file() {
     start(&file).await.close().await;
 }
 
-/// A store whose disk is full when it is told so.
+/// A store whose disk is full on request.
 #[derive(Clone, Default)]
 struct Disk(Arc<Mutex<(Vec<Change>, bool)>>);
 
@@ -148,8 +148,8 @@ impl Store for Disk {
     }
 }
 
-/// A name that was refused for want of room must not be there, and one that could not be taken back
-/// must still be.
+/// A name that was refused because the disk is full must not exist, and one that could not be
+/// removed must still exist.
 #[tokio::test]
 async fn what_cannot_be_kept_is_refused_and_did_not_happen() {
     let disk = Disk::default();

@@ -1,4 +1,4 @@
-//! Questions and answers recorded between stock programs (3.12.3 and 4.0.0, the same in both).
+//! Requests and answers recorded between stock programs (3.12.3 and 4.0.0, the same in both).
 
 use std::net::Ipv4Addr;
 use std::time::Instant;
@@ -6,8 +6,8 @@ use std::time::Instant;
 use yarp_nameserver::registry::{Registry, Settings};
 use yarp_wire::name_service::Request;
 
-/// What `yarp name ...`, a port over `mcast` and `yarp topic` asked, in that order, and the bytes
-/// that came back, each line ended by CR LF.
+/// Requests of `yarp name ...`, of a port over `mcast` and of `yarp topic`, in that order, with the
+/// answers as bytes, each line ended by CR LF.
 const RECORDED: &[(&str, &str)] = &[
     (
         "bot list",

@@ -1,4 +1,4 @@
-//! Ports of ours register again with a name server that has been started anew and knows nobody.
+//! Ports register again with a name server that was restarted without its names.
 
 use std::net::TcpListener;
 use std::sync::{Arc, Mutex};
@@ -50,7 +50,7 @@ async fn with_a_server_of_ours() {
     let first = Port::open(&network, "/first", options()).await.unwrap();
     let closed = Port::open(&network, "/closed", options()).await.unwrap();
     closed.close().await;
-    // A visit between the first start and the second is what tells them apart.
+    // A lease renewed between the two starts tells them apart.
     let began = Instant::now();
     while !server.port_statuses().iter().any(|known| known.leased) {
         assert!(began.elapsed() < TIMEOUT, "no lease");
@@ -66,7 +66,7 @@ async fn with_a_server_of_ours() {
     server.close().await;
 }
 
-/// A name server of stock: it knows neither leases nor states.
+/// Starts a stock-like name server, without leases and states.
 async fn stock(number: u16, process: u32) -> Port {
     let registry = Arc::new(Mutex::new(Registry::new(Settings::at("127.0.0.1", number))));
     let handler = move |message: &mut yarp_ports::Received| {

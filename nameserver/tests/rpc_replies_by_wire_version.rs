@@ -1,5 +1,5 @@
-//! A port of another program that calls one of ours gets its replies in what it reads, also if its requests
-//! hold nothing that the generations write differently.
+//! A port of another program that calls one of ours gets replies in its wire version, also if its
+//! requests look the same in all wire versions.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -16,19 +16,20 @@ use yarp_wire::connection::{Acceptor, Event};
 use yarp_wire::message::Command;
 use yarp_wire::{Bottle, Limits, WireVersion};
 
-/// The most that anything here may take; nothing is right or wrong because of it.
+/// Timeout of every step.
 const DEADLINE: Duration = Duration::from_secs(60);
 
 const REPLY: &str = "1.5 (2.5 3.5)";
 
-/// A port of another program: what it answers to any admin request, and how often it was asked.
+/// A port of another program, with its answer to any admin request, and the number of these
+/// requests.
 struct Caller {
     name: String,
     asked: Arc<AtomicUsize>,
 }
 
 impl Caller {
-    /// Opens one that gives this answer; none at all without one.
+    /// Opens a port with this answer; it does not answer without one.
     async fn open(network: &Network, name: &str, answer: Option<&'static str>) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let number = listener.local_addr().unwrap().port();
@@ -45,7 +46,7 @@ impl Caller {
         Self { name, asked }
     }
 
-    /// Calls a port of ours over a carrier, and tells what generation the reply is written for.
+    /// Calls a port of ours over a carrier, and returns the wire version of the reply.
     async fn call(&self, port: &Port, carrier: &str) -> WireVersion {
         let carrier = Carrier::by_name(carrier).unwrap();
         let address = ("127.0.0.1", port.tcp_port());
@@ -103,7 +104,7 @@ async fn network() -> (Server, Network) {
     (server, network)
 }
 
-/// A port of ours that replies with floats.
+/// Opens a port of ours that replies with floats.
 async fn replying(network: &Network, name: &str, wire_version: WireVersion) -> Port {
     let handler = |_: &mut Received| Answer::reply(Bottle::parse(REPLY).unwrap());
     let options = PortOptions::new()
@@ -112,7 +113,7 @@ async fn replying(network: &Network, name: &str, wire_version: WireVersion) -> P
     Port::open(network, name, options).await.unwrap()
 }
 
-/// What 3.5.0 and 4.0.0 answer to a request for the number of their process.
+/// Answers of 3.5.0 and 4.0.0 to a request for their process id.
 const ANSWERS: [(&str, WireVersion); 2] = [
     ("1 \"\" 4412", WireVersion::V3),
     (
@@ -129,7 +130,7 @@ async fn replies_are_written_as_their_reader_reads() {
         for default in [WireVersion::V3, WireVersion::V4] {
             let port = replying(&network, &format!("/{reads}/{default}"), default).await;
             for carrier in ["tcp", "fast_tcp"] {
-                // On a machine that stands still for a while the answer comes too late.
+                // On a machine that stalls the answer comes too late.
                 let mut tries = 1;
                 while caller.call(&port, carrier).await != reads {
                     assert!(tries < 10, "over {carrier}");

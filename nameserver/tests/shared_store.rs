@@ -1,7 +1,7 @@
-//! Several servers of one namespace: what one was told all know, whatever goes wrong in between.
+//! Several servers of one namespace: a change at one is known to all, whatever fails in between.
 //!
-//! The truth here is in the memory of the test, and fails when it is told so; `conformance/etcd` does the
-//! same with etcd.
+//! The store is in the memory of the test, and fails on request; `conformance/etcd` runs the same
+//! with etcd.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex};
@@ -16,32 +16,32 @@ use yarp_nameserver::{Server, ServerOptions, StartError};
 use yarp_ports::config::{Configuration, Environment};
 use yarp_ports::{Network, Port, PortOptions};
 
-/// Seconds that a step may take.
+/// Timeout of a step.
 const TIMEOUT: Duration = Duration::from_secs(60);
 
 #[derive(Default)]
 struct StoredState {
-    /// By key: when it was made, and what it is.
+    /// Sequence number and value, by key.
     entries: BTreeMap<String, (usize, Vec<u8>)>,
     commits: Vec<Commit>,
     servers: BTreeSet<(String, u16)>,
 }
 
-/// What the servers of a test share.
+/// Store shared by the servers of a test.
 #[derive(Clone)]
 struct Memory {
     state: Arc<Mutex<StoredState>>,
     generation: Arc<watch::Sender<i64>>,
 }
 
-/// The way of one server there.
+/// Access of one server to the store.
 struct TestStore {
     memory: Memory,
     heard: watch::Receiver<i64>,
-    /// The last commit that was told.
+    /// The last commit that was delivered.
     told: i64,
     cut: Arc<Mutex<bool>>,
-    /// Every so many commits the answer is lost, or the request.
+    /// Number of commits after which one answer is lost, or one request.
     trouble: usize,
     asked: usize,
 }
@@ -221,7 +221,7 @@ async fn ask(network: &Network, request: &str) -> String {
     }
 }
 
-/// Asks until the answer holds the words, or does not any more.
+/// Sends a request until the answer contains the words, or no longer does.
 async fn until(network: &Network, request: &str, words: &str, there: bool) {
     let end = Instant::now() + TIMEOUT;
     loop {
@@ -237,7 +237,7 @@ async fn until(network: &Network, request: &str, words: &str, there: bool) {
     }
 }
 
-/// The names of ports of this test, with their places.
+/// Returns the names of ports of this test, with their addresses.
 async fn names(network: &Network) -> BTreeMap<String, String> {
     let answer = network.ask("list /t").await.unwrap();
     let places = answer.lines().filter_map(|line| {
@@ -249,7 +249,7 @@ async fn names(network: &Network) -> BTreeMap<String, String> {
 }
 
 /// Allocation under contention, with commits whose answer is lost and others that never arrive: no
-/// number twice, no acknowledged name missing, no name that was taken back there.
+/// number twice, no acknowledged name missing, no removed name present.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn no_number_is_handed_out_twice_and_no_name_is_lost() {
     let memory = Memory::new();
@@ -283,7 +283,7 @@ async fn no_number_is_handed_out_twice_and_no_name_is_lost() {
     assert_eq!(numbers.len(), given.len(), "a number was handed out twice");
     for server in [&one, &other] {
         let network = server.network();
-        // The last commit of the other one may still be on its way.
+        // The last commit of the other server may still be in transit.
         let end = Instant::now() + TIMEOUT;
         while names(&network).await.len() != given.len() && Instant::now() < end {
             tokio::time::sleep(Duration::from_millis(20)).await;
@@ -332,12 +332,12 @@ async fn what_one_was_told_the_other_answers_and_a_third_finds_it() {
         until(&network, "get /t/a type", "= yarp", false).await;
         until(&network, "get /t/a offers", "= tcp udp", true).await;
         assert_eq!(names(&network).await, names(&one.network()).await);
-        // Each speaks for itself.
+        // Each server's own entry is its own.
         let root = format!("port {} ", server.port());
         assert!(ask(&network, "query /root").await.contains(&root));
         until(&network, "get /root mine", "yes", false).await;
     }
-    // The last word of either holds.
+    // The last change by either server holds.
     ask(&other.network(), "set /t/a offers local").await;
     ask(&other.network(), "unregister /t/b").await;
     until(&network, "get /t/a offers", "= local", true).await;
@@ -347,7 +347,7 @@ async fn what_one_was_told_the_other_answers_and_a_third_finds_it() {
     }
 }
 
-/// A server that is cut off must not say of a change that it was made, nor hang.
+/// A server without access to the store must not acknowledge a change, nor hang.
 #[tokio::test]
 async fn who_is_cut_off_refuses_changes_and_answers_questions() {
     let memory = Memory::new();
@@ -362,7 +362,7 @@ async fn who_is_cut_off_refuses_changes_and_answers_questions() {
     let words = "this name server cannot: not committed within 4 s, the outcome is unknown";
     assert!(refusal.contains(words), "{refusal}");
     assert!(refusal.contains("it was cut off"), "{refusal}");
-    // A port is not told that its name is lost by who cannot know.
+    // A server that is out of date does not tell a port that its name is lost.
     let answer = ask(&one.network(), "lease /t/b 127.0.0.1 20501").await;
     assert!(answer.contains("this name server cannot"), "{answer}");
     assert!(names(&one.network()).await.contains_key("/t/a"));
@@ -376,7 +376,7 @@ async fn who_is_cut_off_refuses_changes_and_answers_questions() {
     strict.close().await;
 }
 
-/// The task that writes went on for ever if requests waited for a store that was away.
+/// The writing task once ran forever if requests waited for an unreachable store.
 #[tokio::test]
 async fn nothing_is_left_of_a_server_that_is_closed_while_it_is_cut_off() {
     let memory = Memory::new();
@@ -385,12 +385,12 @@ async fn nothing_is_left_of_a_server_that_is_closed_while_it_is_cut_off() {
     let (server, cut) = memory.server_with(0, impatient).await;
     let network = server.network();
     *cut.lock().unwrap() = true;
-    // From then on the task does nothing but try to get back in touch, and what is asked waits.
+    // From then on the task only tries to reconnect, and requests wait.
     until(&network, "list", "it was cut off", true).await;
     let refusal = ask(&network, "register /t/a").await;
     assert!(refusal.contains("it was cut off"), "{refusal}");
     server.close().await;
-    // The task has the other one.
+    // The task has the other reference.
     assert_eq!(Arc::strong_count(&cut), 1);
 }
 
@@ -408,7 +408,7 @@ async fn owners_keep_their_names_at_all_servers() {
         "{refusal}"
     );
     port.close().await;
-    // Nobody listens there: the name of who was killed is free.
+    // The address is closed: the name of the killed port is free.
     ask(&one.network(), "register /t/dead tcp 127.0.0.1 1").await;
     let answer = ask(&other.network(), "register /t/dead tcp 127.0.0.1 20501").await;
     assert!(
@@ -448,7 +448,7 @@ async fn a_lease_that_one_server_is_told_holds_at_the_others() {
 }
 
 /// `yarp.conf` with two lines: a program finds the second server when the first is gone, and its
-/// ports stay what they were.
+/// ports stay unchanged.
 #[tokio::test]
 async fn programs_go_on_with_the_next_server() {
     let memory = Memory::new();
@@ -539,7 +539,7 @@ async fn what_others_have_written_there_is_refused_and_left() {
         assert!(error.to_string().contains(words), "{error}");
         assert_eq!(memory.state.lock().unwrap().entries.len(), entries.len());
     }
-    // Nobody there: said, in bounded time.
+    // The store is unreachable: the error comes in bounded time.
     let (way, cut) = Memory::new().way(0);
     *cut.lock().unwrap() = true;
     let error = Server::start_shared(options(), way).await.unwrap_err();

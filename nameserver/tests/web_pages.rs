@@ -1,4 +1,4 @@
-//! The pages of the name server: what they show, and that they harm nobody.
+//! The pages of the name server: their content, and that they affect no port.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -11,23 +11,23 @@ use yarp_nameserver::{Server, ServerOptions};
 use yarp_ports::{Port, PortOptions, Queue, remote_admin};
 use yarp_wire::Bottle;
 
-/// The most that anything here may take; nothing is right or wrong because of it.
+/// Timeout of every step.
 const DEADLINE: Duration = Duration::from_secs(60);
 const HOSTILE: &str = "/<img/src=x/onerror=alert(1)>\"&'</script>";
 
 async fn server(interval: Option<Duration>) -> Server {
     let mut options = ServerOptions::default().at("127.0.0.1", 0);
-    // Ports are asked for the page alone.
+    // Ports are queried by the page alone.
     options.probe_interval = None;
     Server::start(options.survey(interval)).await.unwrap()
 }
 
-/// A server that asks again at once.
+/// Starts a server without a delay between rounds.
 async fn eager_server() -> Server {
     server(Some(Duration::from_millis(1))).await
 }
 
-/// Sends a request as it stands, and gives head and body of the answer.
+/// Sends a request unchanged, and returns head and body of the answer.
 async fn send(server: &Server, request: &str) -> (String, String) {
     let exchange = async {
         let mut stream = TcpStream::connect(("127.0.0.1", server.port())).await?;
@@ -57,7 +57,7 @@ async fn json(server: &Server, target: &str) -> Value {
     serde_json::from_str(&body).unwrap_or_else(|error| panic!("{error}: {body}"))
 }
 
-/// Asks until the answer fits.
+/// Repeats a request until the answer passes a test.
 #[track_caller]
 fn until(
     server: &Server,
@@ -79,7 +79,7 @@ fn until(
     }
 }
 
-/// The entry of a name in the answer of `/api/names`.
+/// Returns the entry of a name in the answer of `/api/names`.
 fn entry<'a>(names: &'a Value, name: &str) -> &'a Value {
     let list = names["names"].as_array().expect("a list");
     let found = list.iter().find(|entry| entry["name"] == name);
@@ -90,15 +90,14 @@ async fn open(server: &Server, name: &str, options: PortOptions) -> Port {
     Port::open(&server.network(), name, options).await.unwrap()
 }
 
-/// Registers a name at a place of this machine.
+/// Registers a name at a port of this machine.
 async fn register(server: &Server, name: &str, number: u16) {
     let request = format!("register {name} tcp 127.0.0.1 {number}");
     let answer = server.network().ask(&request).await.unwrap();
     assert!(answer.registration().is_some(), "{answer:?}");
 }
 
-/// A port that answers each request of a conversation with what `answer` makes of it, and counts
-/// conversations.
+/// Opens a port that answers each request with the result of `answer`, and counts connections.
 async fn fake(
     answer: impl Fn(&str) -> Option<String> + Send + Sync + 'static,
 ) -> (u16, Arc<AtomicUsize>) {
@@ -192,7 +191,7 @@ async fn names_come_with_place_state_program_and_type() {
         PortOptions::new().type_name("yarp/vector"),
     )
     .await;
-    // A number that nobody else can take, and nobody listens at.
+    // A reserved number on which no program listens.
     let taken = TcpSocket::new_v4().unwrap();
     taken.bind(([127, 0, 0, 1], 0).into()).unwrap();
     register(&server, "/gone", taken.local_addr().unwrap().port()).await;
@@ -248,7 +247,7 @@ async fn connections_come_with_what_passes() {
     for i in 0..5 {
         writer.write(&Bottle::of(i)).await;
     }
-    // Both ends have been asked, and asked again.
+    // Both ends were queried twice.
     let told = |answer: &Value| {
         let link = &answer["connections"][0];
         link["sent"]["messages"] == 5
@@ -269,7 +268,7 @@ async fn connections_come_with_what_passes() {
     assert_eq!(link["sent"]["dropped"], 0);
     assert_eq!(link["queued"], 0);
     assert_eq!(link["age"], Value::Null);
-    // Messages that keep coming have a rate.
+    // Periodic messages have a rate.
     let end = tokio::time::Instant::now() + DEADLINE;
     loop {
         writer.write(&Bottle::of(1)).await;
@@ -291,7 +290,7 @@ async fn connections_come_with_what_passes() {
     server.close().await;
 }
 
-/// As ports of stock answer, which do not count.
+/// Answers like a stock port, which has no counters.
 #[tokio::test]
 async fn a_port_that_does_not_count_is_asked_for_its_lists() {
     let server = eager_server().await;
@@ -351,7 +350,7 @@ async fn what_names_and_ports_say_stays_text() {
     assert_eq!(link["to"], said);
     assert_eq!(link["carrier"], "<b>");
     assert_eq!(link["sent"]["messages"], 0);
-    // The pages that are not made in the browser say it as text, too.
+    // The pages rendered by the server escape it, too.
     for target in ["/data=list", "/"] {
         let (_, page) = get(&server, target).await;
         assert!(!page.contains("<img/src=x"), "{page}");
@@ -370,7 +369,7 @@ async fn a_port_that_does_not_answer_is_unreachable_and_holds_up_nobody() {
     let asked = |answer: &Value| {
         entry(answer, "/fine")["state"] == "alive"
             && entry(answer, "/silent")["state"] == "unreachable"
-            // It speaks the protocol.
+            // The port speaks the protocol.
             && entry(answer, "/odd")["state"] == "alive"
     };
     let names = until(&server, "/api/names?wait=0", asked).await;
@@ -416,7 +415,7 @@ async fn ports_are_asked_only_while_somebody_looks_and_not_too_often() {
     }
 }
 
-/// As recorded from stock 3.12.3 and 4.0.0, and as ports of stock link to.
+/// As recorded from stock 3.12.3 and 4.0.0, and as pages of stock ports link to.
 #[tokio::test]
 async fn what_stock_offers_to_browsers_is_still_there() {
     let server = server(None).await;

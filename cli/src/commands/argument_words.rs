@@ -1,23 +1,23 @@
-//! Options that stock takes anywhere among the words of a command.
+//! Parses options that stock accepts anywhere among the words of a command.
 
 use yarp_wire::Value;
 use yarp_wire::settings::{Group, Settings};
 
-/// Takes `option` out of the words; tells whether it was there.
+/// Removes `option` from the words; returns true if it was there.
 pub(super) fn take_flag(words: &mut Vec<String>, option: &str) -> bool {
     let before = words.len();
     words.retain(|word| word != option);
     words.len() < before
 }
 
-/// Takes `option` and the word after it out of the words; gives that word.
+/// Removes `option` and the word after it; returns that word.
 pub(super) fn take_value(words: &mut Vec<String>, option: &str) -> Option<String> {
     let index = words.iter().position(|word| word == option)?;
     words.remove(index);
     (index < words.len()).then(|| words.remove(index))
 }
 
-/// Options such as `--rate 50` as stock's `Property` reads them.
+/// Options such as `--rate 50`, parsed like stock's `Property`.
 pub(super) struct Options(Settings);
 
 impl Options {
@@ -27,33 +27,33 @@ impl Options {
         Self(settings)
     }
 
-    /// Whether the option is there.
+    /// Returns true if the option is present.
     pub(super) fn has(&self, name: &str) -> bool {
         self.0.has(name)
     }
 
-    /// The value of an option as text, if it is there.
+    /// Returns the value of an option as text, if present.
     pub(super) fn text(&self, name: &str) -> Option<String> {
         self.value(name).map(|value| value.to_plain_string())
     }
 
-    /// The value of an option as a number, if it is there; 0 if it is none, as in stock.
+    /// Returns the value of an option as a number, if present; 0 if it is no number, as in stock.
     pub(super) fn number(&self, name: &str) -> Option<f64> {
         self.value(name).map(|value| value.as_f64().unwrap_or(0.0))
     }
 
-    /// The value of an option, if it is there; an empty text if it has none.
+    /// Returns the value of an option, if present; an empty text if it has no value.
     pub(super) fn value(&self, name: &str) -> Option<Value> {
         let value = self.0.get(name).map(|setting| setting.value());
         value.or_else(|| self.has(name).then(|| "".into()))
     }
 
-    /// All options, as text.
+    /// Returns all options as text.
     pub(super) fn described(&self) -> String {
         self.0.to_string()
     }
 
-    /// An option with all its values, if it is there.
+    /// Returns an option with all its values, if present.
     pub(super) fn group(&self, name: &str) -> Option<Group<'_>> {
         self.0.group(name)
     }

@@ -16,35 +16,35 @@ use crate::error::Result;
 use crate::network_access;
 use crate::signals::Interrupt;
 
-/// show a test pattern, a picture or a film as a camera
+/// show a test pattern, an image or a video as a camera
 ///
 /// Serves a simulated camera, for programs of YARP 3.x and of 4.0: NAME streams images, NAME/rpc sets its features.
 ///
-/// Ctrl-C ends it and takes the names back.
+/// Ctrl-C ends it and unregisters its names.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The port with the images
+    /// Name of the port with the images
     #[arg(long, value_name = "NAME", default_value = "/grabber")]
     name: String,
-    /// What it shows: line, ball, grid, rand (noise), none (black)
+    /// Test pattern: line, ball, grid, rand (noise), none (black)
     #[arg(long, value_name = "PATTERN", default_value = "line", value_parser = pattern)]
     mode: Pattern,
-    /// Shows this instead: a picture (ppm, pgm, png, jpeg), a film (.mjpeg) or a folder of pictures
+    /// Image (ppm, pgm, png, jpeg), video (.mjpeg) or folder of images to show instead
     #[arg(long, value_name = "PATH")]
     src: Option<PathBuf>,
-    /// Pixels in a row; files have their own size
+    /// Image width in pixels; files have their own size
     #[arg(long, default_value_t = 320)]
     width: usize,
-    /// Rows
+    /// Image height in pixels
     #[arg(long, default_value_t = 240)]
     height: usize,
-    /// Images a second
+    /// Images per second
     #[arg(long, value_name = "HERTZ", default_value_t = 30.0)]
     freq: f64,
-    /// Is a camera on IEEE 1394, with video modes, rates and windows
+    /// Simulate an IEEE 1394 camera, with video modes, rates and windows
     #[arg(long)]
     firewire: bool,
-    /// Streams images in grey
+    /// Stream grey images
     #[arg(long)]
     raw: bool,
 }
@@ -68,7 +68,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         .rate(args.freq)
         .firewire(args.firewire);
     let camera = Arc::new(SimulatedCamera::start(options)?);
-    // Looked for twice as often as images are taken, so that none is missed; up to 1000 times a second.
+    // Polls at twice the frame rate, at most 1000 times a second, so that no image is missed.
     let period = Duration::from_secs_f64(0.5 / args.freq).max(Duration::from_millis(1));
     let served = FrameGrabberOptions::new()
         .period(period.min(Duration::from_millis(33)))
@@ -91,8 +91,8 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     told.map(|()| ExitCode::SUCCESS)
 }
 
-/// Prints what to try.
-fn tell(name: &str, out: &mut dyn Write) -> Result<()> {
+/// Prints the names of the ports and examples.
+fn print_help(name: &str, out: &mut dyn Write) -> Result<()> {
     writeln!(
         out,
         "Camera {name}: images on {name}, RPC (YARP 3.x and 4.0) on {name}/rpc

@@ -14,7 +14,7 @@ use crate::signals::Interrupt;
 
 const RULE: &str = "==================================================================";
 const TEST_VALUE: i32 = 42;
-/// How long the message may take.
+/// Timeout for the message.
 const MESSAGE_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// run a simple sanity check to see if yarp is working
@@ -82,7 +82,7 @@ fn broken(out: &mut dyn Write) -> Result<ExitCode> {
     Ok(ExitCode::FAILURE)
 }
 
-/// A port with a name that the name server chooses, or that it would have chosen.
+/// Opens a port, with a name chosen by the name server if there is one.
 async fn open(network: &Network, number: usize, options: PortOptions) -> Result<Option<Port>> {
     if network.server().is_some() {
         return network_access::open(network, "...", options).await;

@@ -1,4 +1,4 @@
-//! `yarp clean`: takes back the names of ports that are gone.
+//! `yarp clean`: unregisters ports that are gone.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -14,22 +14,22 @@ use crate::stock_format::general;
 
 /// try to remove inactive entries from the name server
 ///
-/// Takes back the names of ports that are gone: whose address refuses a connection.
+/// Unregisters ports that are gone: those whose address refuses a connection.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// How long to wait for a port, in seconds
+    /// Timeout for each port, in seconds
     #[arg(long, value_name = "SECONDS", num_args = 0..=1, default_missing_value = "")]
     timeout: Option<String>,
     #[arg(hide = true, allow_hyphen_values = true, trailing_var_arg = true)]
     rest: Vec<String>,
 }
 
-/// How long a port may take unless told otherwise. Stock waits for ever.
+/// Default timeout for a port. Stock waits forever.
 const DEFAULT_TIMEOUT: Duration = Duration::from_secs(2);
-/// Ports that are tested at once.
+/// Maximum number of ports that are tested concurrently.
 const MAX_CONCURRENT_PROBES: usize = 256;
 
-/// Whether a port listens; waits until there is room to test it.
+/// Returns true if a port listens; waits for a permit first.
 async fn test(room: Arc<Semaphore>, network: Network, place: Endpoint) -> bool {
     let _room = room.acquire().await;
     remote_admin::listens(&network, &place).await
@@ -76,7 +76,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     }
     let patient = network.with_timeout(timeout.unwrap_or(DEFAULT_TIMEOUT));
     let room = Arc::new(Semaphore::new(MAX_CONCURRENT_PROBES));
-    // Many at once, told in their order.
+    // Tests many ports concurrently, and prints them in order.
     let tests: Vec<_> = places
         .into_iter()
         .map(|place| {
@@ -93,7 +93,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         };
         let (carrier, host, port) = (&place.carrier, &place.host, place.port);
         writeln!(out, "Testing {} at {carrier}://{host}:{port}/", place.name)?;
-        // A test that broke says nothing about the port.
+        // A test that panicked says nothing about the port.
         if !test.await.unwrap_or(true) {
             writeln!(out, "* No response, removing port {}", place.name)?;
             network.unregister(&place.name).await?;

@@ -1,4 +1,4 @@
-//! `yarp clock`: a clock that others follow.
+//! `yarp clock`: publishes a time that other programs follow.
 
 use std::env;
 use std::io::Write;
@@ -25,14 +25,14 @@ systemTime: If present the published time will start at the same value as system
 help:       print this help
 ";
 
-/// How often it says that it runs.
+/// Interval between two progress reports, in seconds.
 const REPORT_SECONDS: u64 = 5;
-/// The shortest pause between two messages.
+/// Minimum sleep between two messages.
 const MIN_SLEEP: Duration = Duration::from_millis(1);
 
 /// creates a server publishing the system time
 ///
-/// Sends seconds and nanoseconds, two integers, to whoever reads its port. Programs of stock's that are started with
+/// Publishes seconds and nanoseconds, two integers, on its port. Stock programs started with
 /// YARP_CLOCK follow it.
 #[derive(Debug, clap::Args)]
 #[command(disable_help_flag = true)]
@@ -86,13 +86,13 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     done.map(|()| ExitCode::SUCCESS)
 }
 
-/// The name of a clock that was not given one.
+/// Returns the default port name of a clock.
 fn usual_name() -> String {
     let named = env::var("YARP_CLOCK").ok().filter(|name| !name.is_empty());
     named.unwrap_or_else(|| "/clock".to_owned())
 }
 
-/// Tells the time until a signal.
+/// Publishes the time until a signal.
 async fn tick(
     port: &Port,
     clock: &Clock,
@@ -117,7 +117,7 @@ async fn tick(
     }
 }
 
-/// A time that passes faster or slower than that of the world.
+/// A time that passes faster or slower than real time.
 struct Clock {
     began: Instant,
     offset: f64,
@@ -125,17 +125,17 @@ struct Clock {
 }
 
 impl Clock {
-    /// What it shows so long after it began, in seconds.
+    /// Returns the time shown after `elapsed`, in seconds.
     fn after(&self, elapsed: Duration) -> f64 {
         elapsed.as_secs_f64() * self.factor + self.offset
     }
 }
 
-/// A time as stock's clocks say it: whole seconds, and nanoseconds.
-fn shown(seconds: f64) -> Bottle {
+/// Returns a time in the form of stock's clocks: whole seconds, and nanoseconds.
+fn time_bottle(seconds: f64) -> Bottle {
     let whole = seconds.trunc();
     let parts = [whole, (seconds - whole) * 1e9];
-    // Beyond 2038 the seconds stay where they are: there are 32 bits for them.
+    // Seconds have 32 bits, so they stop in 2038.
     parts
         .map(|part| Value::Int32(part as i32))
         .into_iter()

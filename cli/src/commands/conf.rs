@@ -1,4 +1,4 @@
-//! `yarp conf`: the file that says where the name server is.
+//! `yarp conf`: the file with the address of the name server.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -12,16 +12,16 @@ use crate::stock_format::complain;
 
 /// report location of configuration file, and optionally fix it
 ///
-/// Tells which file says where the name server is, writes it, or empties it.
+/// Shows, writes or clears the file with the address of the name server.
 ///
 /// Without arguments: prints the name of the file.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Empty the file
+    /// Clear the file
     #[arg(long)]
     clean: bool,
-    /// Host and TCP port of the name server, and its kind (yarp); then hosts and ports of other servers
-    /// of the same names, which are asked if that one does not answer
+    /// Host and TCP port of the name server, and its kind (yarp); then hosts and ports of other
+    /// servers of the same names, which are used if that one does not answer
     #[arg(
         value_name = "HOST PORT [MODE [HOST PORT]...]",
         allow_hyphen_values = true,
@@ -87,20 +87,20 @@ pub(super) fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The file for the namespace in force, whatever it contains.
+/// Returns the file of the current namespace.
 fn file() -> Result<PathBuf> {
     let directories = namespace::directories()?;
     let names = namespace::names(&directories)?;
     Ok(directories.config_home.join(file_name(&names[0])))
 }
 
-/// What the file says now; what it says wrongly does not matter any more.
+/// Returns the address in the file, if it is valid.
 fn stored(file: &Path) -> Result<Option<NameServer>> {
     let text = read(file)?;
     Ok(NameServer::parse(file, &text).ok().flatten())
 }
 
-/// The text of a file; none if there is no file.
+/// Returns the content of a file; empty if the file does not exist.
 pub(super) fn read(file: &Path) -> std::result::Result<String, ConfigError> {
     match std::fs::read_to_string(file) {
         Ok(text) => Ok(text),

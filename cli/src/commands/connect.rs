@@ -1,4 +1,4 @@
-//! `yarp connect`: connects two ports, now or whenever they are there.
+//! `yarp connect`: connects two ports, once or persistently.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -13,12 +13,12 @@ use crate::network_access;
 use crate::port_connections::{self, Verbosity};
 use crate::stock_format::complain;
 
-/// What a carrier may have, under the names that stock lists.
+/// Modifiers of carriers, with the names under which stock lists them.
 const MODIFIERS: [&str; 3] = ["bayer", "portmonitor", "priority"];
 
 /// create a connection between two ports
 ///
-/// Connects two ports, now or whenever they are there.
+/// Connects two ports, once or persistently.
 ///
 /// With source and destination: makes a connection between two ports that exist. It ends when
 /// either port closes. The carrier is the one given, else the one in a contact such as
@@ -29,16 +29,16 @@ const MODIFIERS: [&str; 3] = ["bayer", "portmonitor", "priority"];
 /// With none: lists all persistent connections.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Ask the name server to make the connection whenever both ports are there
+    /// Let the name server make the connection whenever both ports are registered
     #[arg(long)]
     persist: bool,
-    /// As --persist, until the source closes
+    /// Like --persist, until the source closes
     #[arg(long)]
     persist_from: bool,
-    /// As --persist, until the destination closes
+    /// Like --persist, until the destination closes
     #[arg(long)]
     persist_to: bool,
-    /// List the carriers that there are
+    /// List the available carriers
     #[arg(long)]
     list_carriers: bool,
     /// Source, destination and carrier
@@ -52,7 +52,7 @@ pub(crate) struct Args {
 
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     if args.list_carriers {
-        // Some have a name for several ways; as in stock, modifiers stand behind.
+        // Some carriers have one name for several transports; as in stock, modifiers come last.
         let mut names = ALL.map(|carrier| carrier.name).to_vec();
         names.dedup();
         names.extend(MODIFIERS);
@@ -86,7 +86,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     };
     let network = network_access::network()?;
     if !persist && (is_topic(source) || is_topic(destination)) {
-        // Stock names the carrier of a writer to a topic, and only of it.
+        // Stock prints the carrier of a writer to a topic, and of nothing else.
         let source = match source.starts_with('/') {
             true => format!("tcp:/{source}"),
             false => source.to_owned(),
@@ -129,7 +129,7 @@ async fn subscribe(
     subscription(network, &request).await
 }
 
-/// `/y` over `fast_tcp` is `fast_tcp://y`.
+/// Adds a carrier to a name: `/y` over `fast_tcp` is `fast_tcp://y`.
 fn with_carrier(destination: &str, carrier: Option<&str>) -> String {
     match carrier {
         Some(carrier) => format!("{carrier}:/{destination}"),
@@ -137,7 +137,7 @@ fn with_carrier(destination: &str, carrier: Option<&str>) -> String {
     }
 }
 
-/// Tells the name server of a persistent connection; gives whether it agreed.
+/// Sends the name server a request about a persistent connection; returns true if it agreed.
 pub(super) async fn subscription(network: &Network, request: &Bottle) -> bool {
     match network_access::ask_server(network, request).await {
         Ok(answer) => answer.get(0).map(Value::to_plain_string).as_deref() == Some("ok"),
@@ -148,7 +148,7 @@ pub(super) async fn subscription(network: &Network, request: &Bottle) -> bool {
     }
 }
 
-/// Lists the persistent connections (of one port); tells whether the name server answered.
+/// Lists the persistent connections (of one port); returns true if the name server answered.
 async fn list(network: &Network, port: Option<&str>, out: &mut dyn Write) -> Result<bool> {
     let words = ["subscribe"].into_iter().chain(port);
     let request: Bottle = words.map(Value::from).collect();
@@ -168,7 +168,7 @@ async fn list(network: &Network, port: Option<&str>, out: &mut dyn Write) -> Res
     Ok(true)
 }
 
-/// What stock prints of `subscriptions (subscription (src S) (dest D) [(mode M)]) ...`.
+/// Formats `subscriptions (subscription (src S) (dest D) [(mode M)]) ...` like stock.
 fn persistent(answer: &Bottle) -> Vec<String> {
     let mut lines = Vec::new();
     for connection in answer.iter().filter_map(Value::as_list) {

@@ -21,7 +21,7 @@ pub(crate) struct Args {
 enum Demo {
     /// sends the arm to four poses again and again: table 5 of the thesis beside ours
     Repeatability {
-        /// How often each pose is visited
+        /// Number of visits to each pose
         #[arg(long, value_name = "N", default_value_t = 500, value_parser = clap::value_parser!(u32).range(1..))]
         repeat: u32,
     },

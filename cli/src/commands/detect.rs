@@ -1,4 +1,4 @@
-//! `yarp detect`: looks for the name server, by multicast if need be.
+//! `yarp detect`: looks for the name server, by multicast if necessary.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -13,16 +13,16 @@ use crate::network_access;
 use crate::stock_format::complain;
 
 const RULE: &str = "=========================================================";
-/// How often stock asks, and how long it waits each time.
+/// Maximum number of multicast requests, and timeout of each, as in stock.
 const MAX_ROUNDS: u32 = 3;
 const ROUND_TIMEOUT: Duration = Duration::from_millis(750);
 
 /// search for the yarp name server
 ///
-/// Looks for the name server: where the configuration says, else by multicast.
+/// Looks for the name server: at the configured address, else by multicast.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Store what multicast finds in the configuration
+    /// Store the address found by multicast in the configuration
     #[arg(long)]
     write: bool,
     #[arg(hide = true, allow_hyphen_values = true, trailing_var_arg = true)]

@@ -15,9 +15,9 @@ use crate::signals::Interrupt;
 use crate::{network_access, systemd_notify};
 
 const COMPONENT: &str = "yarp.dev.Drivers";
-/// What stock's yarpdev ends with if there is no name server.
+/// Exit code of stock's yarpdev without a name server.
 const NO_NETWORK: u8 = 255;
-/// What is for us and not for the device.
+/// Options of the command; all others belong to the device.
 const OURS: [&str; 9] = [
     "device",
     "from",
@@ -42,8 +42,8 @@ You can always move options to a configuration file:
 
 /// host a device, as stock's yarpdev
 ///
-/// Opens a device with what serves it, until `quit` comes to its port NAME/quit or a signal to the process. Then the
-/// device is parked and closed; a second signal ends at once.
+/// Opens a device with its server, until `quit` arrives at its port NAME/quit or a signal at the
+/// process. Then the device is parked and closed; a second signal ends at once.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// --device NAME, --from FILE, --context CONTEXT, --list, --nested "(a b) ...", --nopark, and the options of the
@@ -120,7 +120,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     Ok(code)
 }
 
-/// Every kind of device, one a line.
+/// Prints every device type, one per line.
 fn list(out: &mut dyn Write) -> Result<()> {
     let bundler = (
         device_types::BUNDLER,
@@ -150,11 +150,11 @@ fn report_unused(parameters: &Parameters) {
     }
     for (name, origin) in parameters.unused() {
         let device = parameters.device();
-        tracing::warn!(target: COMPONENT, "{origin}: device {device} has no use for parameter {name}");
+        tracing::warn!(target: COMPONENT, "{origin}: device {device} ignores parameter {name}");
     }
 }
 
-/// The port that takes `quit`, called as stock calls it.
+/// Returns the name of the port that accepts `quit`, as in stock.
 fn quit_name(parameters: &Parameters, device: &str) -> String {
     let name = parameters
         .settings()
@@ -164,7 +164,7 @@ fn quit_name(parameters: &Parameters, device: &str) -> String {
     format!("/{}/quit", name.trim_start_matches('/'))
 }
 
-/// Runs the device until it shall end, parks it and closes it.
+/// Runs the device until the end is requested, parks it and closes it.
 async fn serve(
     network: &Network,
     hosted: Box<dyn Hosted>,
@@ -193,13 +193,13 @@ async fn serve(
             tracing::warn!(target: COMPONENT, "cannot park: {}", yarp_ports::error_chain(&error));
         }
     }
-    // Before the device: whoever waits for it knows that it ends.
+    // Closed before the device, so that clients learn of the end.
     port.close().await;
     hosted.close().await;
     Ok(ExitCode::SUCCESS)
 }
 
-/// The port that ends us, as stock's `Terminee`: there once the device is active.
+/// Opens the port that accepts `quit`, like stock's `Terminee`, once the device is active.
 async fn quit_port(
     network: &Network,
     name: &str,

@@ -1,4 +1,4 @@
-//! `yarp disconnect`: ends the connection between two ports.
+//! `yarp disconnect`: disconnects two ports.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -14,10 +14,10 @@ use crate::stock_format::complain;
 
 /// remove a connection between two ports
 ///
-/// Ends the connection between two ports.
+/// Disconnects two ports.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// End a persistent connection: the name server forgets it
+    /// Remove a persistent connection from the name server
     #[arg(long)]
     persist: bool,
     /// Source and destination

@@ -1,4 +1,4 @@
-//! `yarp env`: variables of the environment.
+//! `yarp env`: environment variables.
 
 use std::env;
 use std::io::Write;
@@ -9,11 +9,11 @@ use crate::error::Result;
 
 /// print the value of environment variables
 ///
-/// With no word: all of them.
+/// Without a word: all variables.
 #[derive(Debug, clap::Args)]
 #[command(disable_help_flag = true)]
 pub(crate) struct Args {
-    /// The variable
+    /// Name of the variable
     #[arg(
         value_name = "VARIABLE",
         allow_hyphen_values = true,

@@ -1,4 +1,4 @@
-//! `yarp exists`: is a port or a connection alive?
+//! `yarp exists`: checks a port or a connection.
 
 use std::io::Write;
 use std::process::ExitCode;

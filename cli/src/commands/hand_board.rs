@@ -1,4 +1,4 @@
-//! `yarp hand-board`: a hand as a control board, and as a hand.
+//! `yarp hand-board`: serves a hand as a control board and as a hand.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -21,13 +21,13 @@ use crate::signals::Interrupt;
 /// The hand is initialised first: its fingers open.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The serial line of the hand, for instance /dev/ttyUSB0 or what `yarp hand-sim` prints
+    /// Serial port of the hand, such as /dev/ttyUSB0, or the path that `yarp hand-sim` prints
     #[arg(long, value_name = "PATH")]
     serial: String,
-    /// The speed of the line, bits per second
+    /// Baud rate
     #[arg(long, value_name = "BAUD", default_value_t = 9600)]
     baud: u32,
-    /// What the ports of the hand have in front of their names
+    /// Prefix of the names of the hand's ports
     #[arg(long, value_name = "PREFIX", default_value = "/hand")]
     name: String,
 }

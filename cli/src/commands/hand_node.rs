@@ -1,4 +1,4 @@
-//! `yarp hand-node`: the server beside a hand.
+//! `yarp hand-node`: connects a hand to a driver on another machine.
 
 use std::io::Write;
 use std::net::ToSocketAddrs;
@@ -12,18 +12,19 @@ use yarp_devices::hand::{BarrettHand, HandOptions};
 use crate::error::Result;
 use crate::signals::Interrupt;
 
-/// serve a BarrettHand on a serial line to a driver elsewhere
+/// serve a BarrettHand on a serial port to a driver elsewhere
 ///
-/// Connects to a driver that waits on a TCP port, and carries out its requests on the hand at the end of a serial line.
+/// Connects to a driver that listens on a TCP port, and executes its requests on the hand on a
+/// serial port.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The serial line of the hand, for instance /dev/ttyUSB0 or what `yarp hand-sim` prints
+    /// Serial port of the hand, such as /dev/ttyUSB0, or the path that `yarp hand-sim` prints
     #[arg(long, value_name = "PATH")]
     serial: String,
-    /// The speed of the line, bits per second
+    /// Baud rate
     #[arg(long, value_name = "BAUD", default_value_t = 9600)]
     baud: u32,
-    /// Where the driver waits
+    /// Address on which the driver listens
     #[arg(long, value_name = "HOST:PORT", default_value_t = format!("127.0.0.1:{}", node::PORT))]
     driver: String,
 }
@@ -49,8 +50,8 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         args.serial
     )?;
     out.flush()?;
-    interrupt.heard().await;
-    // Stops a motion under way, which takes a moment.
+    interrupt.interrupted().await;
+    // Stops a motion in progress, which takes a moment.
     drop(server);
     Ok(ExitCode::SUCCESS)
 }

@@ -1,4 +1,4 @@
-//! `yarp hand-sim`: a simulated hand on a serial line.
+//! `yarp hand-sim`: a simulated hand on a pseudo-terminal.
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -11,14 +11,14 @@ use crate::signals::Interrupt;
 
 /// run a simulated BarrettHand on a serial line
 ///
-/// Runs a simulated BarrettHand at the other end of a pseudo-terminal and prints its path, which any program opens as
-/// the serial line of a hand.
+/// Runs a simulated BarrettHand on a pseudo-terminal and prints its path, which any program opens
+/// as the serial port of a hand.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// A path that shall lead to the line; otherwise the system chooses one
+    /// Symbolic link to the pseudo-terminal
     #[arg(long, value_name = "PATH")]
     link: Option<PathBuf>,
-    /// How much faster than a real hand it is
+    /// Speed relative to a real hand
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = factor)]
     speed: f64,
 }

@@ -1,4 +1,4 @@
-//! `yarp merge`: several ports in one.
+//! `yarp merge`: merges the messages of several ports.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -21,21 +21,22 @@ This is yarp merge. Please provide a list of ports to read from, e.g:
 Alternative syntax:
   yarp merge --input /p1 /p2 --output /p3 --worker /prefix --carrier udp";
 
-/// Merged messages that a reader may be behind before it misses one. Stock leaves one out whenever the one before it was not
-/// acknowledged yet, and who sends nothing more is then missing.
+/// Maximum number of merged messages queued for a reader before it misses one. Stock omits one
+/// whenever the one before it was not acknowledged yet, and then the last message of a burst may be
+/// missing.
 const MAX_BACKLOG: usize = 16;
 
-/// What stock ends with if it cannot begin.
+/// Exit code of stock if the command cannot start.
 const EXIT_FAILED: u8 = 255;
 
 /// concatenate input from several ports into a single unit
 ///
-/// Whenever one of the ports sends something, the newest messages of all of them, one behind the other,
-/// are sent as one. `--output PORT` (/portsMerge/o0) is where; `--worker PREFIX` (/portsMerge/i) begins
-/// the names of the ports that read, `--carrier CARRIER` (udp) is what they read over.
+/// Whenever one of the ports sends a message, the latest messages of all of them, concatenated, are
+/// sent as one. `--output PORT` (/portsMerge/o0) is the output; `--worker PREFIX` (/portsMerge/i)
+/// is the prefix of the input ports, and `--carrier CARRIER` (udp) the carrier they read over.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The ports, or options
+    /// Ports and options
     #[arg(
         value_name = "PORT ... | --input PORT ... [--output PORT] [--worker PREFIX] [--carrier CARRIER]",
         allow_hyphen_values = true,
@@ -44,7 +45,7 @@ pub(crate) struct Args {
     words: Vec<String>,
 }
 
-/// The newest messages, by the place of their port.
+/// Latest messages, by index of their port.
 #[derive(Default)]
 struct LatestInputs {
     bottles: Mutex<Vec<Bottle>>,
@@ -101,7 +102,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     Ok(ExitCode::from(EXIT_FAILED))
 }
 
-/// Opens the ports that read, until one does not open.
+/// Opens the input ports; stops at the first failure.
 async fn open(
     network: &Network,
     names: impl Iterator<Item = String>,
@@ -127,7 +128,7 @@ async fn open(
     Ok(ports)
 }
 
-/// Sends on what comes, until a signal.
+/// Forwards messages until a signal.
 async fn pass_on(newest: &LatestInputs, writer: &Port, interrupt: &mut Interrupt) {
     // Stock counts from 0.
     let mut stamp = Stamp::new(-1, 0.0);

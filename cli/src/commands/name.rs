@@ -1,4 +1,4 @@
-//! `yarp name`: what the name server is asked by hand.
+//! `yarp name`: sends requests to the name server.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -14,15 +14,15 @@ use crate::stock_format::complain;
 
 /// send commands to the yarp name server
 ///
-/// Asks the name server.
+/// Sends a request to the name server.
 ///
-/// `query PORT` tells where a port is; `register PORT [CARRIER [IP [NUMBER]]]` registers one by
-/// hand; `unregister PORT` takes a name back. Anything else is sent as it stands: `list`,
-/// `set PORT KEY VALUE`, `get PORT KEY`, `check PORT KEY VALUE`, `help`. `list --state [PREFIX]`
-/// tells which ports are alive, unreachable or gone, if the name server is one of ours.
+/// `query PORT` prints the address of a port; `register PORT [CARRIER [IP [NUMBER]]]` registers a
+/// port; `unregister PORT` unregisters it. Any other request is sent unchanged: `list`, `set PORT
+/// KEY VALUE`, `get PORT KEY`, `check PORT KEY VALUE`, `help`. `list --state [PREFIX]` shows which
+/// ports are alive, unreachable or gone, if the name server is one of ours.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The request
+    /// Request
     #[arg(
         value_name = "REQUEST",
         allow_hyphen_values = true,
@@ -34,7 +34,7 @@ pub(crate) struct Args {
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let words: Vec<&str> = args.words.iter().map(String::as_str).collect();
     let Some((command, rest)) = words.split_first() else {
-        // Stock asks nothing and waits for the answer.
+        // Stock sends nothing and waits for the answer.
         complain(out, "Please supply a request, for example: yarp name list")?;
         return Ok(ExitCode::FAILURE);
     };
@@ -51,7 +51,8 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     }
 }
 
-/// Requests that stock's own client cannot ask this way: it waits for an end that never comes.
+/// Returns true for requests whose answer is a bottle: stock's client waits for an end that never
+/// comes.
 fn answers_with_a_bottle(words: &[&str]) -> bool {
     matches!(
         words[0],
@@ -134,7 +135,7 @@ async fn unregister(network: &Network, name: &str, out: &mut dyn Write) -> Resul
     }
 }
 
-/// The list with the state of each port; a name server of stock does not know them.
+/// Lists ports with their states, which a stock name server does not know.
 async fn states(network: &Network, prefix: &str, out: &mut dyn Write) -> Result<ExitCode> {
     let asking = async {
         let states = network.ask(&format!("state {prefix}")).await?;

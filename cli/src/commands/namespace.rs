@@ -12,12 +12,12 @@ use crate::error::Result;
 
 /// set or query the name of the yarp name server (default is /root)
 ///
-/// Tells or sets the name of the name server (/root unless told otherwise).
+/// Shows or sets the name of the name server (default: /root).
 ///
-/// The variable YARP_NAMESPACE wins over what is set here.
+/// The variable YARP_NAMESPACE takes precedence over the name set here.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The name to use from now on; with several, queries go to the first that answers
+    /// Name to use from now on; with several, queries go to the first server that answers
     #[arg(
         value_name = "NAME",
         allow_hyphen_values = true,
@@ -44,12 +44,12 @@ pub(super) fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Where configuration files are.
+/// Returns the directories of configuration files.
 pub(super) fn directories() -> std::result::Result<Directories, ConfigError> {
     Directories::of(&Environment::from_process())
 }
 
-/// The names in force, one at least.
+/// Returns the current names, at least one.
 pub(super) fn names(directories: &Directories) -> std::result::Result<Vec<String>, ConfigError> {
     match Environment::from_process().get("YARP_NAMESPACE") {
         Some(text) => Ok(parse_namespaces(text)),

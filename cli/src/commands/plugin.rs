@@ -1,6 +1,6 @@
-//! `yarp plugin`: the carriers, monitors and devices that there are.
+//! `yarp plugin`: lists the built-in carriers, monitors and devices.
 //!
-//! Stock loads them from libraries when they are asked for; here all are built in, and none is loaded.
+//! Stock loads them from libraries on demand; here all are built in, and none can be loaded.
 
 use std::io::{self, Write};
 use std::process::ExitCode;
@@ -31,11 +31,11 @@ Usage:
 
 /// check properties of a YARP plugin (device/carrier)
 ///
-/// Tells which carriers, monitors and devices there are. All are built in: libraries of stock's cannot be loaded.
+/// Lists carriers, monitors and devices. All are built in: stock's libraries cannot be loaded.
 #[derive(Debug, clap::Args)]
 #[command(disable_help_flag = true)]
 pub(crate) struct Args {
-    /// What to tell
+    /// Name or list
     #[arg(
         value_name = "NAME | --list | --all | --search-path | --help",
         allow_hyphen_values = true,
@@ -44,7 +44,7 @@ pub(crate) struct Args {
     words: Vec<String>,
 }
 
-/// Something that stock has as a plugin.
+/// A feature that stock has as a plugin.
 struct Plugin {
     /// `carrier`, `portmonitor` or `device`.
     kind: &'static str,
@@ -65,7 +65,7 @@ pub(super) fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         }
         ["--help", ..] => writeln!(out, "{USAGE}")?,
         ["--search-path", ..] => {
-            // There are no libraries to be searched for.
+            // There are no libraries to search.
             writeln!(out, "No search path.")?;
             return Ok(ExitCode::FAILURE);
         }
@@ -86,7 +86,7 @@ pub(super) fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         }
         [name, ..] => {
             let plugins = all();
-            // A library and a part of it name nothing here.
+            // Options that name a library have no effect.
             let mut named = plugins
                 .iter()
                 .filter(|plugin| words.len() == 1 && plugin.name == name)
@@ -103,7 +103,7 @@ pub(super) fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Everything that is built in.
+/// Returns everything that is built in.
 fn all() -> Vec<Plugin> {
     let plugin = |kind, name, about| Plugin { kind, name, about };
     let mut carriers: Vec<_> = carrier::ALL.iter().map(|carrier| carrier.name).collect();

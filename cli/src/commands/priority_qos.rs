@@ -1,4 +1,4 @@
-//! `yarp priority-qos`: how urgent the packets of a connection are.
+//! `yarp priority-qos`: packet priority of a connection.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -14,13 +14,13 @@ use crate::stock_format::complain;
 
 /// set/get the packet priority for a given connection
 ///
-/// `describe [VALUE]` shows what there is. `get SOURCE DESTINATION [--src|--des] [--dscp|--level|--tos]` tells the type of service of the
-/// packets that either end sends; `set SOURCE DESTINATION --src|--des VALUE` sets it: a number, the
-/// name of a class such as AF42, LOW, NORM, HIGH or CRIT, or one of these behind `TOS:`, `DSCP:` or
-/// `LEVEL:`.
+/// `describe [VALUE]` lists the values. `get SOURCE DESTINATION [--src|--des]
+/// [--dscp|--level|--tos]` shows the type of service of the packets that either end sends; `set
+/// SOURCE DESTINATION --src|--des VALUE` sets it: a number, the name of a class such as AF42, LOW,
+/// NORM, HIGH or CRIT, or one of these behind `TOS:`, `DSCP:` or `LEVEL:`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// What to do, and with which connection
+    /// Command and connection
     #[arg(
         value_name = "describe|get|set SOURCE DESTINATION ...",
         allow_hyphen_values = true,
@@ -86,14 +86,14 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     command.tell(text, out)
 }
 
-/// A type of service as it is to be shown; as a number where it has no name.
-fn shown(service: i32, format: &str) -> (&'static str, String) {
+/// Formats a type of service; as a number if it has no name.
+fn format_service(service: i32, format: &str) -> (&'static str, String) {
     let point = u8::try_from(service).ok().map(|service| service >> 2);
     let point = point.and_then(CodePoint::new);
     let name = match format {
         "--dscp" => point.and_then(CodePoint::name).map(|name| ("dscp", name)),
         "--level" => {
-            // Stock spells it out here, and takes either spelling.
+            // Stock spells it out here, and accepts either spelling.
             let levels = [
                 (Level::Low, "LOW"),
                 (Level::Normal, "NORMAL"),
@@ -112,7 +112,7 @@ fn shown(service: i32, format: &str) -> (&'static str, String) {
     }
 }
 
-/// The type of service that a word stands for.
+/// Parses a type of service.
 fn service(word: &str) -> Option<i32> {
     let (label, value) = word.split_once(':').unwrap_or(("", word));
     let class = || match value.parse::<u8>() {

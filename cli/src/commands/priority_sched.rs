@@ -1,4 +1,4 @@
-//! `yarp priority-sched`: how the threads behind a connection are scheduled.
+//! `yarp priority-sched`: scheduling of the threads of a connection.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -13,13 +13,14 @@ use crate::stock_format::complain;
 
 /// set/get the thread policy and priority for a given connection
 ///
-/// `describe [POLICY]` shows what there is. `get SOURCE DESTINATION [--src|--des] [--policy|--policy-label|--priority]` tells it; `set SOURCE
-/// DESTINATION --src|--des POL:POLICY` sets the policy, a number or SCHED_OTHER, SCHED_FIFO or
-/// SCHED_RR, and `PRT:NUMBER` the priority. A connection of a port of ours gets a thread of its own with
-/// that; where the system does not allow it, nothing changes, and the port says what to try.
+/// `describe [POLICY]` lists the policies. `get SOURCE DESTINATION [--src|--des]
+/// [--policy|--policy-label|--priority]` shows the present one; `set SOURCE DESTINATION --src|--des
+/// POL:POLICY` sets the policy, a number or SCHED_OTHER, SCHED_FIFO or SCHED_RR, and `PRT:NUMBER`
+/// the priority. A connection of one of our ports gets a dedicated thread with it; if the system
+/// denies it, nothing changes, and the port reports what to try.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// What to do, and with which connection
+    /// Command and connection
     #[arg(
         value_name = "describe|get|set SOURCE DESTINATION ...",
         allow_hyphen_values = true,
@@ -29,14 +30,14 @@ pub(crate) struct Args {
 }
 
 const FORMATS: [&str; 3] = ["--policy", "--policy-label", "--priority"];
-/// Each with its number, and with the priorities that it has.
+/// Policies with their numbers and ranges of priorities.
 const POLICIES: [(&str, i32, std::ops::RangeInclusive<i32>); 3] = [
     ("SCHED_OTHER", 0, 0..=0),
     ("SCHED_FIFO", 1, 1..=99),
     ("SCHED_RR", 2, 1..=99),
 ];
 
-/// Policy and priority.
+/// Scheduling policy and priority.
 #[derive(Clone, Copy)]
 struct Schedule {
     policy: i32,
@@ -95,7 +96,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         [one] => side(one, "").map(|(index, _)| told(index, "")),
         [first, second, ..] => side(first, second)
             .filter(|(_, format)| FORMATS.contains(format))
-            // Stock calls the name of a policy by another word here.
+            // Stock uses another word for the name of a policy here.
             .map(|(index, format)| match format {
                 "--policy-label" => told(index, format).replace("(policy ", "(policy-label "),
                 format => told(index, format),
@@ -118,7 +119,7 @@ impl Schedule {
         }
     }
 
-    /// The schedule with what a word asks for, and what there is to say about it.
+    /// Returns the schedule changed by a word, with a message for the user, if any.
     fn with(mut self, word: &str) -> std::result::Result<(Self, Option<String>), String> {
         let Some((label @ ("POL" | "PRT"), value)) = word.split_once(':') else {
             let text = "The label used for the data has not been recognised. Try again";

@@ -1,19 +1,19 @@
-//! What `yarp priority-qos describe` and `yarp priority-sched describe` print: stock's tables.
+//! Tables of `yarp priority-qos describe` and `yarp priority-sched describe`, as stock prints them.
 
 use std::io::{self, Write};
 
 use yarp_wire::qos::{CodePoint, Level};
 
-/// The head of a table, and a line for each thing, with the words that name it.
+/// Header of a table, and rows with the words that select them.
 pub(super) struct Table {
     head: &'static str,
     rows: Vec<(Vec<String>, String)>,
-    /// What stands behind all rows.
+    /// Text after all rows.
     end: &'static str,
 }
 
 impl Table {
-    /// Prints the whole table, or the line of what `word` names; nothing if it names nothing.
+    /// Prints the whole table, or the row that `word` selects, if any.
     pub(super) fn show(&self, word: Option<&String>, out: &mut dyn Write) -> io::Result<()> {
         let named = |names: &[String]| word.is_none_or(|word| names.contains(word));
         let mut rows = self.rows.iter().filter(|(names, _)| named(names));
@@ -36,7 +36,7 @@ const CLASSES: [&str; 22] = [
     "AF23", "AF31", "AF32", "AF33", "AF41", "AF42", "AF43", "VA", "EF",
 ];
 const LEVELS: [Level; 4] = [Level::Low, Level::Normal, Level::High, Level::Critical];
-/// What the upper three bits of the type of service were called once. Source: RFC 791.
+/// Former names of the upper three bits of the type of service. Source: RFC 791.
 const PRECEDENCES: [&str; 8] = [
     "-",
     "Priority",
@@ -48,7 +48,7 @@ const PRECEDENCES: [&str; 8] = [
     "Networkcontrol",
 ];
 
-/// How urgent packets can be.
+/// Returns the table of packet priorities.
 pub(super) fn packets() -> Table {
     let row = |class: &&str| {
         let point: CodePoint = class.parse().expect("all of them are known");
@@ -80,7 +80,7 @@ pub(super) fn packets() -> Table {
     }
 }
 
-/// What policies threads can have: label, number and range of priorities.
+/// Returns the table of thread policies: label, number and range of priorities.
 pub(super) fn threads(policies: &[(&str, i32, std::ops::RangeInclusive<i32>)]) -> Table {
     let row = |(label, number, priorities): &(&str, i32, std::ops::RangeInclusive<i32>)| {
         let (least, most) = (priorities.start(), priorities.end());

@@ -1,4 +1,4 @@
-//! `yarp read`: prints what arrives at a port.
+//! `yarp read`: prints the messages that a port receives.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -14,9 +14,9 @@ use crate::port_connections::{self, Verbosity};
 use crate::signals::Interrupt;
 use crate::stock_format::{complain, leading_integer};
 
-/// Messages that may wait to be printed; beyond that the writer waits.
+/// Maximum number of messages queued for printing; beyond that the writer waits.
 const MAX_QUEUED: usize = 64;
-/// Characters of a message under `trim` without a number.
+/// Default maximum number of characters of a message with `trim`.
 const DEFAULT_TRIM: usize = 80;
 
 /// read from the network and print to standard output
@@ -34,7 +34,7 @@ Words after the port:
   once         end after one message
   --type TYPE  register the port with this message type")]
 pub(crate) struct Args {
-    /// The port to open
+    /// Port to open
     port: Option<String>,
     /// See below
     #[arg(
@@ -66,7 +66,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         return Ok(ExitCode::FAILURE);
     };
     if let Some(remote) = &read_options.remote {
-        // Stock reads on even so: somebody else may connect.
+        // Stock continues even so: another port may connect.
         port_connections::connect(&network, remote, port.name(), None, Verbosity::FailuresOnly)
             .await;
     }
@@ -91,12 +91,12 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     printed.map(|()| ExitCode::SUCCESS)
 }
 
-/// Whether a word says how to read, rather than from where or how much.
+/// Returns true if a word is an option, rather than a port or a number.
 fn is_option(word: &str) -> bool {
     matches!(word, "envelope" | "envelope2" | "once" | "trim") || word.starts_with('/')
 }
 
-/// What is asked for beside the name of the port.
+/// Options after the name of the port.
 #[derive(Debug, Default, Eq, PartialEq)]
 struct ReadOptions {
     remote: Option<String>,
@@ -119,7 +119,7 @@ impl ReadOptions {
                 "once" => read_options.once = true,
                 "trim" => {
                     let number = words.next_if(|word| !is_option(word));
-                    // As in stock, what is no number or 0 means no limit.
+                    // As in stock, 0 and anything that is no number mean no limit.
                     read_options.trim = match number.map(|word| leading_integer(&word)) {
                         None => Some(DEFAULT_TRIM),
                         Some(number) => usize::try_from(number).ok().filter(|limit| *limit > 0),
@@ -148,7 +148,7 @@ impl Printer {
         }
     }
 
-    /// Prints a message; tells whether to go on.
+    /// Prints a message; returns false at the end.
     pub(super) fn print(&mut self, message: &Received, out: &mut dyn Write) -> Result<bool> {
         let bottle = match message.bottle() {
             Ok(bottle) => bottle,
@@ -158,7 +158,7 @@ impl Printer {
             }
         };
         if message.envelope.is_some() {
-            // As in stock, an envelope holds until the next one comes.
+            // As in stock, an envelope holds until the next one arrives.
             self.last_envelope.clone_from(&message.envelope);
         }
         let line = match shown(&bottle) {
@@ -176,14 +176,14 @@ impl Printer {
     }
 }
 
-/// How a message is printed.
+/// Printed form of a message.
 #[derive(Debug, Eq, PartialEq)]
-enum Shown {
-    /// As the Bottle that it is.
+enum PrintedForm {
+    /// The Bottle itself.
     Bottle,
-    /// `0 "text"`, as `write ... verbatim` sends it: as the text.
+    /// `0 "text"`, as sent by `write ... verbatim`: printed as text.
     Raw(String),
-    /// `1 "<EOF>"`: the writer has ended, and so do we.
+    /// `1 "<EOF>"`: the writer has ended.
     End,
 }
 

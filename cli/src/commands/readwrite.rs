@@ -14,16 +14,16 @@ use crate::network_access;
 use crate::signals::Interrupt;
 use crate::stock_format::complain;
 
-/// Messages that may wait to be printed; beyond that the writer waits.
+/// Maximum number of messages queued for printing; beyond that the writer waits.
 const MAX_QUEUED: usize = 64;
 
 /// read from the network and print to standard output, write to the network from standard input
 ///
-/// Opens a port to read from and a port to write to: prints what arrives, and sends each line of
-/// standard input verbatim.
+/// Opens a port to read from and a port to write to: prints received messages, and sends each line
+/// of standard input verbatim.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The port to read from, the port to write to, and what that connects to
+    /// Port to read from, port to write to, and targets to connect to
     #[arg(
         value_name = "READER WRITER [TARGET ...]",
         allow_hyphen_values = true,
@@ -63,7 +63,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
                 biased;
                 () = interrupt.heard() => break Ok(false),
                 message = reader.read() => match message {
-                    // The end of what the other side says is not the end of what we say.
+                    // The end of the received messages does not end standard input.
                     Ok(_) if !reading => {}
                     Ok(message) => match printer.print(&message, out) {
                         Ok(more) => reading = more,

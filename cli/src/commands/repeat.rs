@@ -1,4 +1,4 @@
-//! `yarp repeat`: sends on what arrives.
+//! `yarp repeat`: forwards the messages that a port receives.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -13,15 +13,15 @@ use crate::network_access;
 use crate::signals::Interrupt;
 use crate::stock_format::complain;
 
-/// Messages that may wait to be sent on; beyond that the writer waits.
+/// Maximum number of messages queued for sending; beyond that the writer waits.
 const MAX_QUEUED: usize = 64;
 
 /// repeats on the output port the same data received in the input port
 ///
-/// Opens a port that writes whatever it reads.
+/// Opens a port that writes every message it reads.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The port to open
+    /// Port to open
     #[arg(
         value_name = "PORT",
         allow_hyphen_values = true,
@@ -58,7 +58,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         };
         let envelope = envelope(&message);
         let same = ForwardedPayload(message.payload);
-        // A reader that is stuck holds up the writer, not the signal.
+        // A blocked reader delays the writer, but not the handling of signals.
         tokio::select! {
             biased;
             () = interrupt.heard() => break,
@@ -74,7 +74,7 @@ fn envelope(message: &Received) -> Option<Envelope> {
     Some(text.into())
 }
 
-/// A payload that goes on as it came, or translated where the reader speaks otherwise.
+/// A payload that is forwarded unchanged, or translated for a reader with another wire version.
 struct ForwardedPayload(Payload);
 
 impl WireObject for ForwardedPayload {
@@ -90,7 +90,7 @@ impl WireObject for ForwardedPayload {
     fn write_text(&self, out: &mut BytesMut) {
         match self.0.to_bottle() {
             Ok(bottle) => bottle.write_text(out),
-            // What is no bottle has no text.
+            // A payload that is no bottle has no text.
             Err(_) => out.put_slice(b"\r\n"),
         }
     }
@@ -102,7 +102,7 @@ mod tests {
     use yarp_wire::Bottle;
 
     #[test]
-    fn payloads_go_on_in_any_wire_version() {
+    fn payloads_are_forwarded_in_any_wire_version() {
         let bottle = Bottle::parse("hello 1.5 (a b)").unwrap();
         for from in [WireVersion::V3, WireVersion::V4] {
             let payload = Payload::new(bottle.encode(from), Form::Binary(from));

@@ -1,4 +1,4 @@
-//! `yarp resource`: where a file is.
+//! `yarp resource`: finds configuration files.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -20,7 +20,7 @@ variable YARP_ROBOT_NAME might affect the final result";
 
 /// find configuration files
 ///
-/// Looks for a file where programs look for theirs, and prints where it is.
+/// Searches for a file like other programs do, and prints its path.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// --context CONTEXT, --from FILE or --find FILE, --show

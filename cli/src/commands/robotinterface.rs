@@ -15,9 +15,9 @@ use crate::signals::Interrupt;
 use crate::{network_access, systemd_notify};
 
 const COMPONENT: &str = "yarprobotinterface";
-/// Where the description is named if the command line does not.
+/// File that names the description if the command line does not.
 const DEFAULT_INI: &str = "yarprobotinterface.ini";
-/// One for the shutdown, and two for the phases of later interrupts.
+/// One signal for the shutdown, and two for the phases of later interrupts.
 const MAX_SIGNALS: u32 = 3;
 
 const HELP: [(&str, &str); 8] = [
@@ -36,8 +36,9 @@ const HELP: [(&str, &str); 8] = [
 
 /// host a robot of several devices, as stock's yarprobotinterface
 ///
-/// Reads the description of a robot (XML, or TOML), opens its devices and attaches them, until `quit` comes to its
-/// port PREFIX/yarprobotinterface or a signal to the process. Then machines are parked and all is closed.
+/// Reads the description of a robot (XML, or TOML), opens its devices and attaches them, until
+/// `quit` arrives at its port PREFIX/yarprobotinterface or a signal at the process. Then all
+/// devices are parked and closed.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// --config FILE (or `config FILE` in yarprobotinterface.ini), --context CONTEXT, --portprefix /P, --dryrun,
@@ -91,7 +92,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     Ok(super::code(well))
 }
 
-/// What would be hosted.
+/// Prints the devices that would be hosted.
 fn describe(robot: &Robot, out: &mut dyn Write) -> Result<()> {
     writeln!(out, "robot {}, ports /{}", robot.name, robot.port_prefix)?;
     for device in &robot.devices {
@@ -103,7 +104,7 @@ fn describe(robot: &Robot, out: &mut dyn Write) -> Result<()> {
     Ok(())
 }
 
-/// The whole life of the robot; tells whether it went well.
+/// Runs the robot until the end is requested; returns true on success.
 async fn live(
     network: &Network,
     robot: Robot,
@@ -142,8 +143,12 @@ async fn live(
     well
 }
 
-/// The interrupts and the shutdown.
-async fn end(robot: &mut RunningRobot, parks: bool, interrupt: &mut Interrupt) -> bool {
+/// Runs the interrupt phases and the shutdown.
+async fn shut_down_on_interrupts(
+    robot: &mut RunningRobot,
+    parks: bool,
+    interrupt: &mut Interrupt,
+) -> bool {
     tokio::select! {
         well = robot.shut_down(parks) => return well,
         () = interrupt.heard_times(2) => {}
@@ -157,7 +162,7 @@ async fn end(robot: &mut RunningRobot, parks: bool, interrupt: &mut Interrupt) -
     robot.phase(Phase::Shutdown).await
 }
 
-/// The port that tells where the robot is in its life, and ends it.
+/// Opens the port that reports the phase of the robot and accepts the request to end.
 async fn rpc(
     network: &Network,
     name: &str,
@@ -194,7 +199,7 @@ async fn rpc(
     .await
 }
 
-/// The command, said as one word or as several (`get_phase`, `get phase`), and what follows it.
+/// Returns the command, given as one word or several (`get_phase`, `get phase`), and its argument.
 fn command(asked: &Bottle) -> (String, Option<&Value>) {
     let mut words = String::new();
     for (at, word) in asked.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! `yarp rpc`: asks a port and prints what it replies.
+//! `yarp rpc`: sends requests to a port and prints the replies.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -16,22 +16,22 @@ use crate::signals::Interrupt;
 use crate::stdin_lines::Lines;
 use crate::stock_format::complain;
 
-/// What we call ourselves if nothing else is wished.
+/// Default name of the client.
 const ANONYMOUS_NAME: &str = "anon_rpc";
-/// How long a port has to take a connection; its replies may take as long as they like.
+/// Timeout for connecting; a reply may take any time.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// write commands to a port, and read replies
 ///
 /// Sends each line of standard input to a port and prints the reply.
 ///
-/// `yarp admin rpc PORT` talks to the port itself instead of to its owner: try `[help]`.
+/// `yarp admin rpc PORT` sends administration requests to the port: try `[help]`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Open a port and wait for somebody to connect it
+    /// Open a port and wait until it is connected
     #[arg(long)]
     client: bool,
-    /// The port to ask (or, with --client, to open), and what we call ourselves
+    /// Port to send requests to (with --client: to open), and name of the client
     #[arg(
         value_name = "PORT [OWN_NAME]",
         allow_hyphen_values = true,
@@ -104,7 +104,7 @@ fn cannot_connect(out: &mut dyn Write) -> Result<ExitCode> {
     Ok(ExitCode::FAILURE)
 }
 
-/// A connection from us to the port, reported as that of a port if we call ourselves one.
+/// Connection to a port, reported as that of a port if the client has a port name.
 struct Connection {
     client: AdminClient,
     from: String,
@@ -162,7 +162,7 @@ impl Drop for Connection {
     }
 }
 
-/// `[many]` in front makes each item a line.
+/// Prints a reply; `[many]` in front prints each item on a line.
 fn print(reply: &Bottle, out: &mut dyn Write) -> Result<()> {
     if reply.get(0) != Some(&Value::Vocab32(Vocab32::new("many"))) {
         writeln!(out, "Response: {reply}")?;
@@ -175,7 +175,7 @@ fn print(reply: &Bottle, out: &mut dyn Write) -> Result<()> {
     Ok(())
 }
 
-/// `rpc --client`: a port of ours that somebody connects.
+/// Runs `rpc --client`: opens a port that another program connects.
 async fn client(name: &str, out: &mut dyn Write) -> Result<ExitCode> {
     let network = network_access::network()?;
     let mut interrupt = Interrupt::listen();
@@ -192,7 +192,7 @@ async fn client(name: &str, out: &mut dyn Write) -> Result<ExitCode> {
                 let request = Bottle::parse(&line).unwrap_or_default();
                 match port.call::<Bottle>(&request).await {
                     Ok(reply) => writeln!(out, "{reply}")?,
-                    // Stock ends so as well: there is nobody to ask, or no more.
+                    // Stock ends here as well: there is no server, or no longer one.
                     Err(error) => {
                         tracing::warn!(target: "yarp.companion", "{}", error.error_chain());
                         break;

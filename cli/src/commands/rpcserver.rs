@@ -1,4 +1,4 @@
-//! `yarp rpcserver`: replies by hand.
+//! `yarp rpcserver`: an RPC server with replies from standard input.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -25,7 +25,7 @@ By default, this shows commands and waits for user to enter replies. Flags:
 /// Opens a port, prints each request, and replies with a line of standard input.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// End each connection after one request
+    /// Close each connection after one request
     #[arg(long)]
     single: bool,
     /// End after one request
@@ -34,7 +34,7 @@ pub(crate) struct Args {
     /// Reply with the request
     #[arg(long)]
     echo: bool,
-    /// The port to open
+    /// Port to open
     #[arg(
         value_name = "PORT",
         allow_hyphen_values = true,

@@ -1,4 +1,4 @@
-//! `yarp sample`: what arrives, at a constant rate.
+//! `yarp sample`: forwards messages at a constant rate.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -27,11 +27,11 @@ on standard output.";
 
 /// drop or duplicate messages to achieve a constant frame-rate
 ///
-/// Opens a port that reads, and sends on the newest message once per period: what came in between is dropped, what is
-/// missing is sent again. Before the first message it sends empty ones.
+/// Opens a port that reads, and forwards the latest message once per period: messages in between
+/// are dropped, missing ones are repeated. Before the first message it sends empty ones.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The options
+    /// Options
     #[arg(
         value_name = "--output PORT --period SECONDS|--rate HERTZ [--input PORT] [--carrier CARRIER] [--show]",
         allow_hyphen_values = true,
@@ -62,7 +62,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         let carrier = options
             .text("carrier")
             .filter(|carrier| !carrier.is_empty());
-        // Stock goes on even so: somebody else may connect.
+        // Stock continues even so: another port may connect.
         port_connections::connect(
             &network,
             &input,
@@ -78,7 +78,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     done.map(|()| ExitCode::SUCCESS)
 }
 
-/// Sends on the newest message at each beat, until a signal.
+/// Forwards the latest message at each tick, until a signal.
 async fn pass_on(
     port: &Port,
     mut sampler: Sampler,
@@ -104,16 +104,17 @@ async fn pass_on(
     }
 }
 
-/// When messages go on: at fixed times after the first one.
+/// Timer of forwarded messages: ticks at fixed intervals after the first message.
 struct Sampler {
-    /// Without it each message goes on as it comes.
+    /// Without a period each message is forwarded when it arrives.
     period: Option<Duration>,
-    /// Of the last beat; none before the first message.
+    /// Time of the last tick; `None` before the first message.
     last: Option<Instant>,
 }
 
 impl Sampler {
-    /// A beat every so many seconds; what is no time or none at all lets each message go on as it comes.
+    /// Creates a sampler that ticks every `seconds`; an invalid or zero period forwards each
+    /// message when it arrives.
     fn of(seconds: f64) -> Self {
         let period = match seconds > 0.0 {
             true => Some(Duration::try_from_secs_f64(seconds).unwrap_or(network_access::FOREVER)),
@@ -125,7 +126,7 @@ impl Sampler {
         }
     }
 
-    /// Waits for the next beat; gives the newest message if one came since the last.
+    /// Waits for the next tick; returns the latest message if one arrived since the last tick.
     async fn next(&mut self, port: &Port) -> std::result::Result<Option<Received>, PortError> {
         let Some(period) = self.period else {
             return port.read().await.map(Some);
@@ -133,7 +134,7 @@ impl Sampler {
         let due = self.last.unwrap_or_else(Instant::now) + period;
         let came = timeout_at(due, port.read()).await.ok().transpose()?;
         let Some(message) = came else {
-            // Before the first message there is no beat to keep.
+            // Before the first message there is no tick.
             self.last = self.last.map(|_| due);
             return Ok(None);
         };

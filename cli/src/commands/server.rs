@@ -31,76 +31,76 @@ const BANNER: &str = r"
     |                          |
      ==========================
 ";
-/// Descriptors for other things than clients.
+/// File descriptors reserved for other purposes than clients.
 const OWN_DESCRIPTORS: usize = 256;
 const MEMORY: &str = ":memory:";
-/// The signal of a file that has reached its largest size, on all systems that have it.
+/// Signal for a file that has reached its maximum size, on all systems that have it.
 const SIGXFSZ: i32 = 25;
 
 /// run the yarp name server
 ///
 /// Runs the name server until Ctrl-C.
 ///
-/// Without options: on TCP port 10000 (YARP_PORT_RANGE) of this machine, found by multicast. The
-/// place is written to the configuration unless another is written there. What was registered is
-/// there again after a restart, however the server ended.
+/// Without options: on TCP port 10000 (YARP_PORT_RANGE) of this machine, with multicast discovery.
+/// The address is written to the configuration unless another one is configured. Registrations
+/// survive a restart, however the server ended.
 ///
-/// A name whose owner lives is not given to another. Ports of ours say every few seconds that they
-/// are there; others are asked now and then. See them with `yarp name list --state`.
+/// A live owner keeps its name. Ports of this project renew a lease every few seconds; other ports
+/// are probed. See the states with `yarp name list --state`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Write the place to the configuration, whatever is written there
+    /// Write the address to the configuration, whatever is configured
     #[arg(long)]
     write: bool,
-    /// Take the host from the configuration, which must be there
+    /// Take the host from the configuration, which must exist
     #[arg(long)]
     read: bool,
-    /// Address of this machine to listen at, instead of all; clients are told it, too, unless --ip
-    /// or --advertise names another
+    /// Local address to listen on, instead of all; clients are told the same address, unless --ip
+    /// or --advertise gives another
     #[arg(long, value_name = "ADDRESS")]
     bind: Option<String>,
-    /// Address to be reached under; what it listens at is another thing, see --bind
+    /// Address of the server for clients; see --bind for the address to listen on
     #[arg(long, value_name = "ADDRESS")]
     ip: Option<String>,
-    /// Address that clients are told, also if this machine does not have it: behind a translation
-    /// of addresses, in a container
+    /// Address that clients are told, also if this machine does not have it: behind address
+    /// translation, in a container
     #[arg(long, value_name = "ADDRESS")]
     advertise: Option<String>,
-    /// TCP ports to hand out, instead of those above its own
+    /// TCP ports to hand out, instead of those above the server's own
     #[arg(long, value_name = "FIRST-LAST")]
     ports: Option<String>,
-    /// TCP port; 0 takes the configured one
+    /// TCP port; 0 selects the configured one
     #[arg(long, value_name = "NUMBER")]
     socket: Option<String>,
-    /// Where names, properties and persistent connections are kept; :memory: keeps nothing. Usually
+    /// File for names, properties and persistent connections; :memory: stores nothing. Default:
     /// nameserver/NAMESPACE_PORT.db in the data directory of YARP (YARP_DATA_HOME, XDG_DATA_HOME)
     #[arg(long, value_name = "FILE")]
     portdb: Option<String>,
-    /// The same; stock keeps persistent connections apart, here they are in the file of --portdb
+    /// Same as --portdb; stock stores persistent connections separately, here they are in one file
     #[arg(long, value_name = "FILE")]
     subdb: Option<String>,
-    /// Keep names in etcd instead, together with other servers of them:
-    /// etcd://HOST:PORT,HOST:PORT/PREFIX. The members of the cluster are tried in this order
+    /// Store names in etcd instead, shared with other servers: etcd://HOST:PORT,HOST:PORT/PREFIX.
+    /// The members of the cluster are tried in this order
     #[arg(long, value_name = "URL")]
     store: Option<String>,
-    /// Keep nothing: a restart forgets every name
+    /// Store nothing: a restart loses every name
     #[arg(long)]
     memory: bool,
-    /// Wait for the disk before each answer: what was answered survives the loss of power too.
-    /// Without it, it survives the end of the program, however sudden; after the loss of power
+    /// Wait for the disk before each answer, so that acknowledged changes survive a loss of power
+    /// too. Without it they survive the end of the program at any instant; after a loss of power
     /// the names are those of some seconds before
     #[arg(long, alias = "cautious")]
     sync: bool,
-    /// Give a name to whoever asks for it, as stock does, whether its owner lives or not
+    /// Give a name to any port that asks for it, as stock does, even if its owner is alive
     #[arg(long)]
     replace: bool,
-    /// Time between two looks at a port that does not speak up by itself; 0 looks at none
+    /// Interval between two probes of a port without a lease; 0 disables probing
     #[arg(long, alias = "look-every", value_name = "SECONDS")]
     probe_interval: Option<String>,
-    /// Drop the name of a port that has been gone for so long; 0 drops none
+    /// Time after which the name of a port that is gone expires; 0 means never
     #[arg(long, alias = "drop-after", value_name = "SECONDS")]
     expire_after: Option<String>,
-    /// End connections that have not said who they are by then; 0 ends none
+    /// Close connections that have not completed the handshake by then; 0 means never
     #[arg(
         long,
         alias = "header-within",
@@ -108,8 +108,8 @@ pub(crate) struct Args {
         default_value = "30"
     )]
     handshake_timeout: Option<String>,
-    /// End connections that have said nothing more for so long; 0 ends none. A client of stock may
-    /// keep a connection open for hours and say nothing
+    /// Close connections without a message for this long; 0 means never. A stock client may keep a
+    /// connection open for hours without a message
     #[arg(
         long,
         alias = "message-within",
@@ -117,17 +117,17 @@ pub(crate) struct Args {
         default_value = "86400"
     )]
     idle_timeout: Option<String>,
-    /// Connections at once; one more ends the one that has been silent for longest. Never more than
-    /// the system lets the program have
+    /// Maximum number of connections; one more closes the one that has been idle longest. Never
+    /// more than the system allows
     #[arg(long, value_name = "NUMBER", default_value = "8192")]
     connections: Option<String>,
-    /// Print nothing but errors
+    /// Print only errors
     #[arg(long)]
     silent: bool,
     /// Neither read nor write the configuration
     #[arg(long)]
     local: bool,
-    /// What stock accepts besides: --web DIR, --no-web-cache, --config FILE, --verbose; has no
+    /// Other options of stock: --web DIR, --no-web-cache, --config FILE, --verbose; they have no
     /// effect
     #[arg(
         value_name = "OTHER",
@@ -156,7 +156,8 @@ fn rename_options(words: &mut [String]) {
 }
 
 impl Args {
-    /// Accepts its options in any order, between words that mean nothing.
+    /// Extracts options from the other words: stock accepts them in any order, between words
+    /// without meaning.
     fn sort(mut self) -> Self {
         let rest = &mut self.rest;
         self.write |= take_flag(rest, "--write");
@@ -279,7 +280,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     if let (Some(most), Some(allowed)) = (most, allow_many_connections()) {
         *most = allowed.min(*most);
     }
-    // Else the system would end the program when the database may grow no more.
+    // Otherwise the system would end the program when the database reaches a file size limit.
     let _oversize = signal(SignalKind::from_raw(SIGXFSZ));
     let server = match database.start(options, args.sync).await {
         Ok(server) => server,
@@ -305,7 +306,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         if is_open && configuration.key().is_none() {
             tracing::warn!(
                 target: "yarp.serversql.Server",
-                "No auth.conf with a key: whoever reaches TCP port {} can use this name server",
+                "No auth.conf with a key: every client that reaches TCP port {} can use this name server",
                 place.port
             );
         }
@@ -318,7 +319,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Where names are kept.
+/// Storage of the names.
 enum Database {
     Memory,
     File(PathBuf),
@@ -326,14 +327,14 @@ enum Database {
     Etcd(Box<EtcdStore>),
 }
 
-/// The store that servers share.
+/// Opens the store that several servers share.
 #[cfg(feature = "etcd")]
 fn shared(url: &str) -> std::result::Result<Database, String> {
     let truth = EtcdStore::at(url).map_err(|error| format!("--store: {error}"))?;
     Ok(Database::Etcd(Box::new(truth)))
 }
 
-/// The same where the program was built without.
+/// Returns an error: this program was built without etcd.
 #[cfg(not(feature = "etcd"))]
 fn shared(url: &str) -> std::result::Result<Database, String> {
     Err(format!(
@@ -415,7 +416,7 @@ impl std::fmt::Display for Database {
     }
 }
 
-/// A time in seconds; none for 0.
+/// Parses a time in seconds; 0 means none.
 fn seconds(option: &str, text: &str) -> std::result::Result<Option<Duration>, String> {
     let seconds = text.parse().ok();
     match seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok()) {
@@ -425,8 +426,8 @@ fn seconds(option: &str, text: &str) -> std::result::Result<Option<Duration>, St
     }
 }
 
-/// Takes as many descriptors as the system lets us have; tells how many are there for clients, the
-/// rest being for the database and for connections to ports.
+/// Raises the limit of file descriptors as far as the system allows; returns the number left for
+/// clients. The rest is for the database and for connections to ports.
 fn allow_many_connections() -> Option<usize> {
     let limit = getrlimit(Resource::Nofile);
     let most = Rlimit {
@@ -468,7 +469,7 @@ fn register_properties(
     Ok(())
 }
 
-/// Where to serve, or why that cannot be, in stock's words.
+/// Returns the address to serve at, or stock's error message.
 fn choose(
     args: &Args,
     held: &Namespace,
@@ -483,7 +484,7 @@ fn choose(
         _ if args.advertise.is_some() => args.advertise.clone().unwrap_or_default(),
         (Some(ip), _) if args.read => ip.clone(),
         (None, Some(stored)) if args.read => stored.host.clone(),
-        // Who says where to listen knows where it can be reached.
+        // The address to listen on is also the one to be reached at.
         (ip, _) if args.bind.as_deref().is_some_and(|bind| bind != "0.0.0.0") => {
             ip.clone().or(args.bind.clone()).unwrap_or_default()
         }
@@ -502,7 +503,7 @@ fn choose(
     if args.store.is_some()
         && let Some(stored) = stored
     {
-        // Where the same names are served besides.
+        // Addresses of the other servers of the same names.
         let first = (stored.host.clone(), stored.port);
         let known = std::iter::once(&first).chain(&stored.others);
         let own = (host.clone(), port);
@@ -541,14 +542,15 @@ delete {file}",
     }
 }
 
-/// `FIRST-LAST`.
+/// Parses `FIRST-LAST`.
 fn parse_range(text: &str) -> Option<RangeInclusive<u16>> {
     let (first, last) = text.split_once('-')?;
     let (first, last) = (first.trim().parse().ok()?, last.trim().parse().ok()?);
     (0 < first && first <= last).then_some(first..=last)
 }
 
-/// An address that others can use: as asked if it is one of ours and no loopback, else our best.
+/// Returns an address that other machines can reach: `ip` if it is a local address other than
+/// loopback, else the best local address.
 fn reachable(ip: &str) -> String {
     let best = addresses::best();
     let loopback = ip == "localhost" || ip.starts_with("127.");
@@ -563,7 +565,7 @@ fn reachable(ip: &str) -> String {
     }
 }
 
-/// Says why the server did not start.
+/// Logs why the server did not start.
 pub(super) fn failed(namespace: &str, place: &NameServer, error: &PortError) {
     let NameServer { host, port, .. } = place;
     let reason = match error {

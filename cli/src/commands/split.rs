@@ -1,4 +1,5 @@
-//! `yarp split`: each element of what a port sends on a port of its own. Stock has it since 3.12.
+//! `yarp split`: sends each element of a port's messages on a port of its own. Stock has it since
+//! 3.12.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -17,19 +18,19 @@ const USAGE: &str = "\
 This is yarp split. Please provide the name of the port to process, e.g:
   yarp split /port1";
 
-/// What stock ends with if it cannot begin.
+/// Exit code of stock if the command cannot start.
 const EXIT_FAILED: u8 = 255;
-/// The most ports that one message opens.
+/// Maximum number of ports opened for one message.
 const MAX_PORTS: usize = 256;
 
 /// splits data received in a bottle onto multiple ports, one for each element
 ///
-/// Reads from the port over `--carrier CARRIER` (udp), and sends the element N of each message from `PORT/splitN:o`,
-/// with the envelope of the message. The first message says how many there are; others that have another number of
-/// elements are complained about.
+/// Reads from the port over `--carrier CARRIER` (udp), and sends element N of each message from
+/// `PORT/splitN:o`, with the envelope of the message. The first message determines the number of
+/// elements; a message with another number of elements is reported as an error.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The port, and options
+    /// Port and options
     #[arg(
         value_name = "PORT [--carrier CARRIER]",
         allow_hyphen_values = true,
@@ -70,7 +71,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     })
 }
 
-/// Sends on what comes, until a signal; tells whether it could.
+/// Forwards messages until a signal; returns false on failure.
 async fn split(
     network: &Network,
     source: &str,

@@ -1,4 +1,4 @@
-//! `yarp stats`: how much a port sends.
+//! `yarp stats`: message rate and bandwidth of a port.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -26,18 +26,18 @@ yarp stats /remote_port --duration <time_in_s> --protocol <protocol_name>
 
 If port_type is not specified, BufferedPort is assumed as default";
 
-/// What stock ends with if it cannot begin.
+/// Exit code of stock if the command cannot start.
 const EXIT_FAILED: u8 = 255;
-/// What is counted in one line.
+/// Interval between two reports.
 const REPORT_INTERVAL: Duration = Duration::from_secs(1);
 
 /// print statics about the data received from a specific port
 ///
-/// Connects to a port, and prints once a second how much it sends: as binary messages, without what the carrier adds.
-/// Ends after `--duration SECONDS`, or on a signal.
+/// Connects to a port, and prints once a second how much it sends: as binary messages, without the
+/// overhead of the carrier. Ends after `--duration SECONDS`, or on a signal.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The port, and options
+    /// Port and options
     #[arg(
         value_name = "PORT [--duration SECONDS] [--protocol CARRIER] [--port_type BufferedPort|Port]",
         allow_hyphen_values = true,
@@ -46,7 +46,7 @@ pub(crate) struct Args {
     words: Vec<String>,
 }
 
-/// What has arrived.
+/// Counters of received messages.
 #[derive(Default)]
 struct Arrived {
     messages: AtomicU64,
@@ -59,7 +59,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         return Ok(ExitCode::from(EXIT_FAILED));
     };
     let options = Options::parse(&args.words);
-    // Here the two do the same: each message is counted where it arrives.
+    // Both options do the same here: each message is counted when it arrives.
     match options.text("port_type").as_deref() {
         None | Some("BufferedPort") => writeln!(out, "Using BufferedPort for connection")?,
         Some("Port") => writeln!(out, "Using standard Port for connection")?,
@@ -102,8 +102,8 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     })
 }
 
-/// Tells once a second what arrived, for so many seconds or until a signal; then all of it.
-async fn tell(
+/// Prints the counters once a second, for the given duration or until a signal; then the totals.
+async fn report(
     arrived: &Arrived,
     seconds: Option<f64>,
     interrupt: &mut Interrupt,
@@ -128,14 +128,14 @@ async fn tell(
     Ok(())
 }
 
-/// What is told of one second.
+/// Formats the counters of one second.
 fn line(messages: u64, bytes: u64) -> String {
     let rate = general(bytes as f64 * 8.0 / 1e6);
     let period = general(1.0 / messages as f64);
     format!("{rate} Mb/s, {messages} btl/s, {period} mean period (s)")
 }
 
-/// What is told of all seconds.
+/// Formats the totals.
 fn summary(seconds: u32, messages: u64, bytes: u64) -> String {
     let size = general(bytes as f64 / 1e6);
     let period = general(f64::from(seconds) / messages as f64);
@@ -148,14 +148,14 @@ fn summary(seconds: u32, messages: u64, bytes: u64) -> String {
 
 impl Arrived {
     fn add(&self, received: &Received) {
-        // What cannot be read is no message.
+        // Unreadable messages are not counted.
         if let Ok(binary) = received.payload.to_binary(WireVersion::V3) {
             self.messages.fetch_add(1, Ordering::Relaxed);
             self.bytes.fetch_add(binary.len() as u64, Ordering::Relaxed);
         }
     }
 
-    /// Messages and bytes since the last time.
+    /// Returns messages and bytes since the last call.
     fn take(&self) -> (u64, u64) {
         let messages = self.messages.swap(0, Ordering::Relaxed);
         (messages, self.bytes.swap(0, Ordering::Relaxed))

@@ -13,9 +13,9 @@ use crate::error::Result;
 use crate::network_access;
 use crate::stock_format::complain;
 
-/// What stock calls itself when it asks so.
+/// Port name of the sender, as in stock.
 const SENDER_NAME: &str = "/terminate";
-/// How long the program has to take note.
+/// Timeout for the program's reply.
 const REPLY_TIMEOUT: Duration = Duration::from_secs(3);
 
 /// terminate a yarp-terminate-aware process by name

@@ -1,4 +1,4 @@
-//! `yarp time`: the time, again and again.
+//! `yarp time`: prints the time repeatedly.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -7,7 +7,7 @@ use std::time::{Duration, SystemTime};
 use super::argument_words::take_flag;
 use crate::error::Result;
 
-/// Pause between two lines.
+/// Interval between two lines.
 const PRINT_INTERVAL: Duration = Duration::from_millis(100);
 
 /// show the time
@@ -16,7 +16,7 @@ const PRINT_INTERVAL: Duration = Duration::from_millis(100);
 /// machine.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// `--ros`: seconds and nanoseconds apart
+    /// `--ros`: seconds and nanoseconds separately
     #[arg(
         value_name = "--ros",
         allow_hyphen_values = true,

@@ -1,4 +1,4 @@
-//! `yarp topic`: names that several ports share.
+//! `yarp topic`: manages topics, names that several ports share.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -11,7 +11,7 @@ use crate::stock_format::complain;
 
 /// set a topic name
 ///
-/// Makes, lists and removes topics: every port connected to a topic is connected with every port
+/// Adds, lists and removes topics: every port connected to a topic is connected with every port
 /// connected from it.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {

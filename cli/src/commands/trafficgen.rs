@@ -1,4 +1,4 @@
-//! `yarp trafficgen`: messages of a size, at a rate.
+//! `yarp trafficgen`: sends messages of a given size at a given rate.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -21,18 +21,19 @@ This is yarp trafficgen. Syntax/available options:
   yarp trafficgen /port --period [s] --size [MB]
   yarp trafficgen /port --period [s] --size [MB] --duration [s]";
 
-/// The largest message in MB: a quarter of what the length of a text on the wire can say.
+/// Maximum size of a message in MB: a quarter of what the length field of a text can express.
 const MAX_MEGABYTES: f64 = 500.0;
-/// The shortest pause between two messages.
+/// Minimum sleep between two messages.
 const MIN_SLEEP: Duration = Duration::from_millis(1);
 
 /// generates and streams some test data traffic on a port
 ///
-/// Each message is one text of zeros. Only what somebody reads is sent; a reader that is slow slows it down.
+/// Each message is one text of zeros. Messages are sent only while a reader is connected; a slow
+/// reader slows the generator down.
 #[derive(Debug, clap::Args)]
 #[command(disable_help_flag = true)]
 pub(crate) struct Args {
-    /// The port, and options
+    /// Port and options
     #[arg(
         value_name = "PORT [--bandwidth MBIT/S | --period SECONDS --size MB] [--duration SECONDS]",
         allow_hyphen_values = true,
@@ -41,14 +42,14 @@ pub(crate) struct Args {
     words: Vec<String>,
 }
 
-/// What is sent.
+/// Parameters of the traffic.
 #[derive(Debug, PartialEq)]
 struct Traffic {
     /// Seconds between two messages.
     period: f64,
-    /// Megabytes of a message.
+    /// Size of a message in megabytes.
     size: f64,
-    /// Seconds until the end.
+    /// Duration in seconds.
     duration: f64,
 }
 
@@ -117,9 +118,9 @@ fn seconds(number: f64) -> Duration {
 }
 
 impl Traffic {
-    /// What the options ask for; nothing if they contradict each other.
+    /// Parses the options; returns `None` if they contradict each other.
     fn of(options: &Options) -> Option<Self> {
-        // Stock takes numbers of 32 bits.
+        // Stock reads 32-bit numbers.
         let number = |name| options.number(name).map(|number| f64::from(number as f32));
         let (period, size) = match (number("bandwidth"), number("period"), number("size")) {
             (Some(bandwidth), None, None) => (1.0, bandwidth / 8.0),
@@ -135,7 +136,7 @@ impl Traffic {
         })
     }
 
-    /// The bytes of a message.
+    /// Returns the size of a message in bytes.
     fn bytes(&self) -> usize {
         (self.size * 1e6) as usize
     }

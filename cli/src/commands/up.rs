@@ -22,7 +22,7 @@ use crate::error::{Failure, Result};
 use crate::network_access;
 use crate::signals::Interrupt;
 
-/// What a port of the arm is for.
+/// Ports of the arm, with their purposes.
 const PORTS: [(&str, &str); 6] = [
     ("rpc:i", "RPC (YARP 3.x)"),
     ("nws/rpc:i", "RPC (YARP 4.0)"),
@@ -32,10 +32,10 @@ const PORTS: [(&str, &str); 6] = [
     ("async:o", "motion completion events"),
 ];
 
-/// What stands in front of the name of an arm for the controller of its tool, as at iCub.
+/// Prefix of the port names of the tool controller, as on iCub.
 const TOOL_PREFIX: &str = "/cartController";
 
-/// What a port of that controller is for.
+/// Ports of the tool controller, with their purposes.
 const TOOL_PORTS: [(&str, &str); 4] = [
     ("rpc:i", "RPC of the tool controller"),
     ("command:i", "targets and velocities of the tool"),
@@ -47,21 +47,21 @@ const TOOL_PORTS: [(&str, &str); 4] = [
 ///
 /// Brings up a whole network: a name server unless one answers, and a simulated WAM arm on it.
 ///
-/// Ctrl-C ends both and takes every name back.
+/// Ctrl-C ends both and unregisters every name.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// What the ports of the arm have in front of their names
+    /// Prefix of the names of the arm's ports
     #[arg(long, value_name = "PREFIX", default_value = "/wam")]
     name: String,
-    /// How the arm is simulated
+    /// Type of the simulation
     #[arg(long, value_enum, conflicts_with = "arm")]
     simulation: Option<Simulation>,
     /// Which arm: simulated, dynamic (with masses and friction), embedded (behind its own PC, which runs `yarp wam-node`),
     /// or can:INTERFACE (on a CAN bus of this machine that is up, as in can:can0)
     #[arg(long, default_value_t = Arm::Simulated)]
     arm: Arm,
-    /// Serve a controller of the arm's tool too, as iCub has one, as /cartController and PREFIX; works with every arm.
-    /// Clients of icub-main 1.x want 1.1, later ones 2.0
+    /// Also serve a controller of the arm's tool, like iCub's, as /cartController and PREFIX; works
+    /// with every arm. Clients of icub-main 1.x need 1.1, later ones 2.0
     #[arg(long, value_name = "VERSION", num_args = 0..=1, require_equals = true, default_missing_value = "2.0",
           value_parser = cartesian_version)]
     cartesian: Option<CartesianVersion>,
@@ -71,7 +71,7 @@ pub(crate) struct Args {
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 enum Simulation {
-    /// Moves exactly as it is told
+    /// Moves exactly as commanded
     Ideal,
     /// Has masses, friction, encoders and a controller: ends near its targets, sinks when idle
     Dynamic,
@@ -130,14 +130,14 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     told.map(|()| ExitCode::SUCCESS)
 }
 
-/// The network, and the name server if it is ours.
+/// The network, and its name server if this command started it.
 struct NameServerAccess {
     network: Network,
     server: Option<Server>,
 }
 
 impl NameServerAccess {
-    /// The configured name server if it answers, else one of our own where the configuration says.
+    /// Uses the configured name server if it answers, else starts one at the configured address.
     async fn find(out: &mut dyn Write) -> Result<Self> {
         let configuration = Configuration::from_process()?;
         let network = Network::from_process()?;
@@ -174,7 +174,7 @@ impl NameServerAccess {
             writeln!(out, "Wrote {}", held.file.display())?;
         }
         Ok(Self {
-            // The one that every other program will use.
+            // The configuration that every other program will use.
             network: Network::from_process()?,
             server: Some(server),
         })
@@ -231,7 +231,7 @@ async fn open_tool(
     Ok(CartesianServer::open(network, Arc::new(tool), &name, options).await?)
 }
 
-/// The arm, and the controller of its tool if there is one.
+/// The arm, and the controller of its tool, if any.
 struct Served {
     board: ControlBoardServer,
     tool: Option<CartesianServer>,
@@ -246,7 +246,7 @@ impl Served {
     }
 }
 
-/// How the PC of an arm is met.
+/// Describes the connection to the PC of an arm.
 fn describe_link(link_mode: LinkMode) -> String {
     let at = |places: LinkAddresses| format!("{} and {}", places.arm, places.packets);
     match link_mode {
@@ -257,14 +257,14 @@ fn describe_link(link_mode: LinkMode) -> String {
             )
         }
         LinkMode::Connect(places) => format!(
-            "going to it at {}; run `yarp wam-node --listen` on it",
+            "connecting to it at {}; run `yarp wam-node --listen` on it",
             at(places)
         ),
     }
 }
 
-/// Prints what is there and what to try.
-async fn tell(
+/// Prints the ports and examples.
+async fn print_summary(
     base: &NameServerAccess,
     name: &str,
     arm: Arm,

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use crate::error::Result;
 
-/// The stock version whose commands and protocol these are.
+/// Stock version whose commands and protocol are implemented.
 const STOCK: &str = "3.5.0";
 
 /// get version information

@@ -1,4 +1,4 @@
-//! `yarp wait`: waits until a port or a connection is there.
+//! `yarp wait`: waits for a port or a connection.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -12,15 +12,15 @@ use crate::error::Result;
 use crate::network_access;
 use crate::stock_format::complain;
 
-/// How often we look.
+/// Interval between two checks.
 const POLL_INTERVAL: Duration = Duration::from_millis(100);
-/// How often we say that we still wait.
+/// Interval between two progress messages.
 const REMINDER_INTERVAL: Duration = Duration::from_secs(3);
 
 /// wait for a port to be alive
 ///
-/// Waits until a port listens, or until two ports are connected. Waits on if the name server does
-/// not answer yet.
+/// Waits until a port listens, or until two ports are connected. Continues to wait if the name
+/// server does not answer yet.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// A port, or the source and the destination of a connection

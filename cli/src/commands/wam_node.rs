@@ -10,7 +10,7 @@ use crate::arm_selection::{Arm, LinkModeArgs};
 use crate::error::{Failure, Result};
 use crate::signals::Interrupt;
 
-/// How often is looked whether somebody came or went.
+/// Interval between two checks of the connection to the driver.
 const STATUS_POLL_INTERVAL: Duration = Duration::from_millis(100);
 
 /// serve an arm to its driver, on the arm's own PC
@@ -18,19 +18,19 @@ const STATUS_POLL_INTERVAL: Duration = Duration::from_millis(100);
 /// Runs on the PC in the arm and speaks the protocol of the thesis with the driver, which `yarp up --arm embedded` serves
 /// to the network. Needs no name server.
 ///
-/// The arm is idle until the driver switches gravity compensation on. When the driver goes away the arm stops and
-/// holds; Ctrl-C ends the server and lets go of the arm.
+/// The arm is idle until the driver switches gravity compensation on. When the driver disconnects,
+/// the arm stops and holds; Ctrl-C ends the server and releases the arm.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Which arm: simulated (moves exactly as told), dynamic (with masses and friction), or can:INTERFACE (on a CAN bus of
-    /// this machine that is up, as in can:can0)
+    /// Arm to serve: simulated (moves exactly as commanded), dynamic (with masses and friction), or
+    /// can:INTERFACE (on a CAN bus of this machine that is up, as in can:can0)
     #[arg(long, default_value_t = Arm::Dynamic, value_parser = own_arm)]
     arm: Arm,
     #[command(flatten)]
     link_mode: LinkModeArgs,
 }
 
-/// An arm that this PC can drive.
+/// Parses an arm that this PC can drive.
 fn own_arm(text: &str) -> std::result::Result<Arm, String> {
     match text.parse()? {
         Arm::Embedded => Err("an arm behind an embedded PC is served by that PC".to_owned()),
@@ -48,7 +48,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let places = node.addresses();
     let verb = match link_mode {
         LinkMode::Listen(_) => "waits for the driver at",
-        LinkMode::Connect(_) => "goes to the driver at",
+        LinkMode::Connect(_) => "connects to the driver at",
     };
     writeln!(
         out,
@@ -61,8 +61,12 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     told.map(|()| ExitCode::SUCCESS)
 }
 
-/// Prints who comes and goes, until a signal.
-async fn tell(node: &WamNode, interrupt: &mut Interrupt, out: &mut dyn Write) -> Result<()> {
+/// Prints connections and disconnections of the driver, until a signal.
+async fn print_events(
+    node: &WamNode,
+    interrupt: &mut Interrupt,
+    out: &mut dyn Write,
+) -> Result<()> {
     let mut connected = false;
     loop {
         let status = node.status();

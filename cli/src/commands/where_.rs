@@ -1,4 +1,4 @@
-//! `yarp where`: where the name server is.
+//! `yarp where`: shows the address of the name server.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -38,7 +38,7 @@ const SOLUTIONS: &str = "\
 
 /// report where the yarp name server is running
 ///
-/// Tells where the configured name server is, and whether it answers.
+/// Shows the address of the configured name server, and checks if it answers.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     #[arg(hide = true, allow_hyphen_values = true, trailing_var_arg = true)]

@@ -1,4 +1,4 @@
-//! `yarp write`: sends what is typed.
+//! `yarp write`: sends lines of standard input.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -18,7 +18,7 @@ use crate::signals::Interrupt;
 use crate::stdin_lines::Lines;
 use crate::stock_format::complain;
 
-/// How often we look whether somebody reads.
+/// Interval between two checks for a reader.
 const READER_POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 /// write to the network from standard input
@@ -32,7 +32,7 @@ Words after the port:
   --wait-connect  send nothing before somebody reads
   --type TYPE     register the port with this message type")]
 pub(crate) struct Args {
-    /// The port to open, and what else there is; see below
+    /// Port to open, and further words; see below
     #[arg(
         value_name = "PORT [TARGET ...] [verbatim]",
         allow_hyphen_values = true,
@@ -85,7 +85,7 @@ pub(super) async fn run(args: Args, prefixes: Prefixes, out: &mut dyn Write) -> 
     sent.map(super::code)
 }
 
-/// Connects a port of ours to targets; ends at the first that fails.
+/// Connects a local port to targets; stops at the first failure.
 pub(super) async fn connect(network: &Network, port: &Port, targets: &[String]) -> bool {
     for target in targets {
         if !port_connections::connect(network, port.name(), target, None, Verbosity::FailuresOnly)
@@ -97,10 +97,10 @@ pub(super) async fn connect(network: &Network, port: &Port, targets: &[String]) 
     true
 }
 
-/// What a line becomes.
+/// Form of the messages.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub(super) enum Form {
-    /// The Bottle that it spells.
+    /// The Bottle that the line spells.
     Bottle,
     /// `0 "LINE"`.
     Verbatim,
@@ -109,8 +109,8 @@ pub(super) enum Form {
 impl Form {
     fn message(self, line: &str) -> Bottle {
         match self {
-            // What is nested too deep to read is sent as nothing, as stock does with what it
-            // cannot read.
+            // A line that is nested too deep is sent as nothing, as stock does with unreadable
+            // text.
             Self::Bottle => Bottle::parse(line).unwrap_or_default(),
             Self::Verbatim => Bottle::from_iter([Value::Int32(0), line.into()]),
         }
@@ -124,7 +124,7 @@ impl Form {
     }
 }
 
-/// Sends the lines of standard input until it ends.
+/// Sends the lines of standard input until its end.
 pub(super) async fn send(port: &Port, form: Form, wait: bool) {
     while wait && port.outputs().is_empty() {
         tokio::time::sleep(READER_POLL_INTERVAL).await;
@@ -138,7 +138,7 @@ pub(super) async fn send(port: &Port, form: Form, wait: bool) {
     }
 }
 
-/// Sends the lines to the administration of the targets.
+/// Sends the lines as administration requests to the targets.
 async fn administer(network: &Network, port: &Port, targets: &[String]) -> Result<bool> {
     let mut dialogues = Vec::new();
     for target in targets {
@@ -154,7 +154,7 @@ async fn administer(network: &Network, port: &Port, targets: &[String]) -> Resul
     let mut lines = Lines::open();
     while let Some(line) = lines.next().await {
         for client in &mut dialogues {
-            // The answer of an administration is for `rpc` to print.
+            // Replies to administration requests are printed by `rpc` only.
             client
                 .request(&Command::Admin, &Form::Bottle.message(&line))
                 .await?;

@@ -1,4 +1,4 @@
-//! Runs the `yarp` command with a configuration of its own.
+//! Runs the `yarp` command with its own configuration.
 
 #![allow(
     dead_code,
@@ -16,14 +16,14 @@ use std::time::{Duration, Instant};
 /// Longer than any step takes on a busy machine.
 const TIMEOUT: Duration = Duration::from_secs(60);
 
-/// A configuration directory, and what all commands of a test have in common.
+/// A configuration directory, shared by all commands of a test.
 pub(crate) struct Home {
     directory: tempfile::TempDir,
-    /// Far from the ports of other tests and of other networks.
+    /// Base of the TCP ports, far from those of other tests and networks.
     range: u16,
 }
 
-/// What a command that has ended did.
+/// Output and exit code of a command.
 #[derive(Debug)]
 pub(crate) struct Ended {
     pub(crate) code: Option<i32>,
@@ -32,19 +32,19 @@ pub(crate) struct Ended {
 }
 
 impl Ended {
-    /// The same, if it ended with `code`.
+    /// Asserts that the command ended with `code`.
     #[track_caller]
     pub(crate) fn with(self, code: i32) -> Self {
         assert_eq!(self.code, Some(code), "{self:?}");
         self
     }
 
-    /// Whether a line of standard output holds `text`.
+    /// Returns true if a line of standard output contains `text`.
     pub(crate) fn says(&self, text: &str) -> bool {
         self.out.iter().any(|line| line.contains(text))
     }
 
-    /// A line of standard error holds `text`.
+    /// Asserts that a line of standard error contains `text`.
     #[track_caller]
     pub(crate) fn complains(&self, text: &str) {
         let said = self.err.iter().any(|line| line.contains(text));
@@ -53,7 +53,7 @@ impl Ended {
 }
 
 impl Home {
-    /// A directory without any configuration.
+    /// Creates an empty configuration.
     pub(crate) fn new() -> Self {
         Self {
             directory: tempfile::tempdir().unwrap(),
@@ -65,12 +65,12 @@ impl Home {
         self.directory.path()
     }
 
-    /// The TCP port of servers that are not told another.
+    /// Returns the default TCP port of servers.
     pub(crate) fn range(&self) -> u16 {
         self.range
     }
 
-    /// Runs `yarp` with these words again and again until it says `text`.
+    /// Runs `yarp` with these arguments repeatedly until it prints `text`.
     #[track_caller]
     pub(crate) fn run_until(&self, line: &str, text: &str) -> Ended {
         let start = Instant::now();
@@ -83,23 +83,23 @@ impl Home {
         }
     }
 
-    /// What stands in a file of the configuration, if it is there.
+    /// Returns the content of a configuration file, if it exists.
     pub(crate) fn file(&self, name: &str) -> Option<String> {
         std::fs::read_to_string(self.path().join(name)).ok()
     }
 
-    /// Starts `yarp` with these words, separated by blanks.
+    /// Starts `yarp` with these arguments, separated by blanks.
     pub(crate) fn start(&self, line: &str) -> Running {
         let mut command = Command::new(env!("CARGO_BIN_EXE_yarp"));
         command.args(line.split_whitespace());
         self.spawn(command, line)
     }
 
-    /// Starts a command that ends up as `yarp` of this home.
+    /// Starts a command that executes `yarp` with this configuration.
     pub(crate) fn spawn(&self, mut command: Command, line: &str) -> Running {
         let mut child = command
             .env("YARP_CONFIG_HOME", self.path())
-            // No files of the user's shall play a part.
+            // Files of the user must not be read.
             .env("YARP_DATA_HOME", self.path().join("data"))
             .env("YARP_PORT_RANGE", self.range.to_string())
             .env_remove("YARP_NAMESPACE")
@@ -121,24 +121,24 @@ impl Home {
         }
     }
 
-    /// Runs `yarp` with these words and `input` on standard input.
+    /// Runs `yarp` with these arguments and `input` on standard input.
     pub(crate) fn run_with(&self, line: &str, input: &str) -> Ended {
         let mut running = self.start(line);
         running.type_text(input);
         running.finish()
     }
 
-    /// Runs `yarp` with these words.
+    /// Runs `yarp` with these arguments.
     pub(crate) fn run(&self, line: &str) -> Ended {
         self.run_with(line, "")
     }
 
-    /// Starts a name server that the other commands of this home use.
+    /// Starts a name server for the other commands of this configuration.
     pub(crate) fn serve(&self) -> Running {
         self.serve_with("")
     }
 
-    /// As [`Home::serve`], with further options.
+    /// Starts a name server with further options.
     pub(crate) fn serve_with(&self, options: &str) -> Running {
         let mut last = None;
         for _ in 0..5 {
@@ -148,19 +148,19 @@ impl Home {
             if server.sees("Ok. Ready!") {
                 return server;
             }
-            // Somebody else was faster with that port.
+            // Another program took the port.
             last = Some(server.finish());
         }
         panic!("no name server starts: {last:?}");
     }
 
-    /// The TCP port that the configuration names.
+    /// Returns the TCP port in the configuration.
     pub(crate) fn server_port(&self) -> u16 {
         let place = self.file("yarp.conf").unwrap();
         place.split_whitespace().nth(1).unwrap().parse().unwrap()
     }
 
-    /// The names that the name server knows, but its own.
+    /// Returns the names that the name server knows, except its own.
     pub(crate) fn names(&self) -> Vec<String> {
         let list = self.run("name list").with(0);
         let words = list.out.iter().map(|line| line.split(' '));
@@ -171,13 +171,13 @@ impl Home {
     }
 }
 
-/// A TCP port that nobody has at the moment.
+/// Returns a free TCP port.
 fn free_port() -> u16 {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     listener.local_addr().unwrap().port()
 }
 
-/// A command that runs. Dropping it kills it.
+/// A running command. Dropping it kills it.
 pub(crate) struct Running {
     line: String,
     child: Child,
@@ -186,17 +186,18 @@ pub(crate) struct Running {
 }
 
 impl Running {
-    /// Waits until a line of standard output holds `text`; tells whether one does before the end.
+    /// Waits until a line of standard output contains `text`; returns false if none does before the
+    /// timeout.
     pub(crate) fn sees(&mut self, text: &str) -> bool {
         self.sees_within(text, TIMEOUT)
     }
 
-    /// As [`Running::sees`], for no longer than `timeout`.
+    /// Waits like [`Running::sees`], at most for `timeout`.
     pub(crate) fn sees_within(&mut self, text: &str, timeout: Duration) -> bool {
         self.out.wait(|line| line.contains(text), timeout)
     }
 
-    /// Waits until so many lines of standard output are `text`.
+    /// Waits until `count` lines of standard output are `text`.
     #[track_caller]
     pub(crate) fn see_often(self, text: &str, count: usize) -> Self {
         let often = |lines: &[String]| lines.iter().filter(|line| *line == text).count() >= count;
@@ -210,12 +211,12 @@ impl Running {
         self
     }
 
-    /// What it has printed so far.
+    /// Returns the output so far.
     pub(crate) fn printed(&self) -> Vec<String> {
         self.out.lines()
     }
 
-    /// Types `text` as a line again and again until `reader` prints it.
+    /// Writes `text` as a line repeatedly until `reader` prints it.
     #[track_caller]
     pub(crate) fn reaches(&mut self, reader: &mut Self, text: &str) {
         let deadline = Instant::now() + TIMEOUT;
@@ -230,12 +231,12 @@ impl Running {
         }
     }
 
-    /// The number of its process.
+    /// Returns the process id.
     pub(crate) fn id(&self) -> u32 {
         self.child.id()
     }
 
-    /// As [`Running::sees`], and insists.
+    /// Asserts [`Running::sees`].
     #[track_caller]
     pub(crate) fn see(mut self, text: &str) -> Self {
         let seen = self.sees(text);
@@ -244,7 +245,7 @@ impl Running {
         self
     }
 
-    /// Types at it.
+    /// Writes to its standard input.
     pub(crate) fn type_text(&mut self, text: &str) {
         let input = self.child.stdin.as_mut().unwrap();
         // Some commands end before they have read everything.
@@ -253,7 +254,7 @@ impl Running {
             .and_then(|()| input.flush());
     }
 
-    /// Kills it as it is: it says no goodbye.
+    /// Kills it without an orderly end.
     pub(crate) fn kill(mut self) {
         self.child.kill().unwrap();
         self.child.wait().unwrap();
@@ -271,7 +272,7 @@ impl Running {
         self
     }
 
-    /// Ends its input and waits for its end.
+    /// Closes its input and waits for its end.
     pub(crate) fn finish(mut self) -> Ended {
         drop(self.child.stdin.take());
         let deadline = Instant::now() + TIMEOUT;
@@ -301,14 +302,14 @@ impl Drop for Running {
     }
 }
 
-/// What a thread has collected of a stream.
+/// Output collected by a thread.
 #[derive(Default)]
 struct Collected {
     lines: Vec<String>,
     ended: bool,
 }
 
-/// Lines that a thread collects as they come.
+/// Lines that a thread collects when they arrive.
 struct Watched {
     state: Arc<(Mutex<Collected>, Condvar)>,
     thread: Option<JoinHandle<()>>,

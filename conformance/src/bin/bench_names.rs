@@ -1,4 +1,5 @@
-//! The name server of ours beside stock's and beside a bare loop, under the same load in one run.
+//! Benchmarks the name server against stock's and against a bare loop, under the same load in one
+//! run.
 //!
 //! ```text
 //! bench_names                    runs everything, prints tables with ratios; medians of five
@@ -8,10 +9,10 @@
 //! bench_names visit PORT NAME    registers, asks and unregisters once; what a short program does
 //! ```
 //!
-//! As with stock clients every request has a TCP connection of its own. Clients use addresses of
-//! their own (127.1.0.x), so that none waits for TCP ports of ended connections. `YARP` names the
-//! command of ours, `STOCK` the folder of stock YARP; without it stock is left out. `ROUNDS=1` is
-//! for a look at whether it works.
+//! As with stock clients every request has a TCP connection of its own. Clients use their own
+//! addresses (127.1.0.x), so that none waits for TCP ports of ended connections. `YARP` is the path
+//! of our command, `STOCK` the folder of stock YARP; without it stock is skipped. `ROUNDS=1` is a
+//! quick test.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{Ipv4Addr, SocketAddrV4, TcpListener, TcpStream};
@@ -26,19 +27,19 @@ use yarp_conformance::benchmark_statistics::median;
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;
 
-/// Clients at once.
+/// Number of concurrent clients.
 const CLIENTS: usize = 50;
-/// How long each load lasts.
+/// Duration of each load.
 const LOAD_DURATION: Duration = Duration::from_secs(2);
-/// How often each load is put on, unless `ROUNDS` says otherwise; the medians are told.
+/// Number of runs of each load, unless `ROUNDS` says otherwise; medians are printed.
 const ROUNDS: usize = 5;
-/// Names of a large laboratory.
+/// Number of names of a large laboratory.
 const NAMES: usize = 10_000;
-/// Processes that come and go at once.
+/// Number of concurrent short-lived processes.
 const PROCESSES: usize = 500;
-/// Names whose ports are gone.
+/// Number of names whose ports are gone.
 const DEAD_NAMES: usize = 1000;
-/// Longest wait for an answer.
+/// Timeout for an answer.
 const REPLY_TIMEOUT: Duration = Duration::from_secs(20);
 const END: &[u8] = b"*** end of message\r\n";
 const ACK: &[u8] = b"<ACK>\r\n";
@@ -78,7 +79,7 @@ fn main() -> ExitCode {
 
 // ---- One request ------------------------------------------------------------------------------
 
-/// How requests travel, both as stock clients have them.
+/// Form of the requests; stock clients use both.
 #[derive(Clone, Copy)]
 enum Style {
     /// `NAME_SERVER ...` and lines until the end.
@@ -87,7 +88,7 @@ enum Style {
     TextAck,
 }
 
-/// Sends one request on a connection of its own and reads all of the answer.
+/// Sends one request on its own connection and reads the whole answer.
 fn ask(port: u16, client: u8, style: Style, request: &str) -> Result<Vec<u8>, Failure> {
     let socket = Socket::new(Domain::IPV4, Type::STREAM, None)?;
     let from = SocketAddrV4::new(Ipv4Addr::new(127, 1, 0, client), 0);
@@ -114,7 +115,7 @@ fn ask(port: u16, client: u8, style: Style, request: &str) -> Result<Vec<u8>, Fa
     Ok(answer)
 }
 
-/// What a short program does, and whether it got what it asked for.
+/// Does what a short program does, and checks the answers.
 fn register_and_leave(port: u16, name: &str) -> Result<(), Failure> {
     for request in [
         format!("register {name}"),
@@ -136,7 +137,7 @@ fn register_and_leave(port: u16, name: &str) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The least that a server can do: one thread, one connection after the other.
+/// Runs the minimal server: one thread, one connection after the other.
 fn bare(port: &str) -> Result<(), Failure> {
     let listener = TcpListener::bind(("127.0.0.1", port.parse()?))?;
     for stream in listener.incoming() {
@@ -157,12 +158,12 @@ fn bare(port: &str) -> Result<(), Failure> {
 
 // ---- Servers ----------------------------------------------------------------------------------
 
-/// The command of ours.
+/// Returns the path of our command.
 fn yarp() -> String {
     std::env::var("YARP").unwrap_or_else(|_| "target/release/yarp".into())
 }
 
-/// A server in a process of its own, ended with this.
+/// A server in its own process, which ends when this is dropped.
 struct Server {
     child: Child,
     port: u16,
@@ -195,7 +196,7 @@ impl Kind {
     }
 
     fn start(self, home: &Path) -> Result<Server, Failure> {
-        // Below the numbers that the system gives to clients: those are all in use for a while.
+        // Below the ephemeral ports, all of which are in use for a while.
         let first = 20_000 + (std::process::id() % 5000) as u16;
         let mut ports =
             (first..30_000).filter(|port| TcpListener::bind(("0.0.0.0", *port)).is_ok());
@@ -263,18 +264,18 @@ impl Kind {
 
 // ---- Loads ------------------------------------------------------------------------------------
 
-/// What a load came to.
+/// Result of a load.
 struct Load {
     per_second: f64,
     p50: Duration,
     p99: Duration,
     errors: u64,
-    /// Processor time of the server per request, in seconds.
+    /// CPU time of the server per request, in seconds.
     processor: f64,
 }
 
 impl Load {
-    /// The medians of each figure, and all errors.
+    /// Returns the median of each figure, and all errors.
     fn median(loads: &[Self]) -> Self {
         Self {
             per_second: median(loads.iter().map(|load| load.per_second)),
@@ -286,7 +287,7 @@ impl Load {
     }
 }
 
-/// Registers, asks and unregisters from many clients at once.
+/// Registers, queries and unregisters from many concurrent clients.
 fn load(port: u16, style: Style) -> Load {
     let stop = AtomicBool::new(false);
     let errors = AtomicU64::new(0);
@@ -361,7 +362,7 @@ fn compare() -> Result<(), Failure> {
     beside_bad_clients(&home)
 }
 
-/// How often each load is put on.
+/// Returns the number of runs of each load.
 fn rounds() -> Result<usize, Failure> {
     match std::env::var("ROUNDS") {
         Ok(text) => Ok(text.parse::<usize>()?.max(1)),
@@ -369,9 +370,9 @@ fn rounds() -> Result<usize, Failure> {
     }
 }
 
-/// Requests per second and their times.
+/// Measures requests per second and their times.
 ///
-/// The servers take turns, so that whatever else the machine does meets all of them.
+/// The servers take turns, so that other load on the machine affects all of them.
 fn rates(home: &Home) -> Result<(), Failure> {
     let mut kinds = vec![Kind::Bare, Kind::Ours, Kind::OursInMemory];
     if std::env::var_os("STOCK").is_some() {
@@ -420,10 +421,10 @@ fn rates(home: &Home) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Processor time that a server has used so far.
+/// Returns the CPU time that a server has used so far.
 fn processor_time(server: &Server) -> Result<Duration, Failure> {
     let status = std::fs::read_to_string(format!("/proc/{}/stat", server.child.id()))?;
-    // The name of the program, in brackets, may hold anything.
+    // The program name in brackets may contain any character.
     let (_, fields) = status.rsplit_once(')').ok_or("no fields")?;
     let fields: Vec<&str> = fields.split_whitespace().collect();
     let ticks = fields[11].parse::<u64>()? + fields[12].parse::<u64>()?;
@@ -431,12 +432,12 @@ fn processor_time(server: &Server) -> Result<Duration, Failure> {
     Ok(Duration::from_millis(10 * ticks))
 }
 
-/// Many names: what they cost, how long they take to be listed and to be there again.
+/// Measures many names: memory, and time for listing and for a restart.
 fn laboratory(home: &Home) -> Result<(), Failure> {
     let home = home.fresh()?;
     let mut server = Kind::Ours.start(&home)?;
     let port = server.port;
-    // Once, so that what the first requests take is not counted.
+    // Once, so that the cost of the first requests is not counted.
     let _ = load(port, Style::Plain);
     let before = memory(&server)?;
     for index in 0..NAMES {
@@ -497,7 +498,7 @@ fn laboratory(home: &Home) -> Result<(), Failure> {
     Ok(())
 }
 
-/// How many registrations an answer holds.
+/// Returns the number of registrations in an answer.
 fn names(answer: &[u8]) -> usize {
     let lines = answer.split(|byte| *byte == b'\n');
     lines
@@ -505,7 +506,7 @@ fn names(answer: &[u8]) -> usize {
         .count()
 }
 
-/// Resident memory of a server in bytes.
+/// Returns the resident memory of a server in bytes.
 fn memory(server: &Server) -> Result<u64, Failure> {
     let status = std::fs::read_to_string(format!("/proc/{}/status", server.child.id()))?;
     let line = status.lines().find(|line| line.starts_with("VmRSS:"));
@@ -513,7 +514,7 @@ fn memory(server: &Server) -> Result<u64, Failure> {
     Ok(kilobytes.ok_or("no VmRSS")?.parse::<u64>()? * 1024)
 }
 
-/// Many programs that come and go at once.
+/// Runs many concurrent short-lived programs.
 fn process_crowd(server: &Server) -> Result<(), Failure> {
     let port = server.port.to_string();
     let began = Instant::now();
@@ -537,12 +538,12 @@ fn process_crowd(server: &Server) -> Result<(), Failure> {
     Ok(())
 }
 
-/// How long `yarp clean` takes for names whose ports are gone: half of them where nobody listens, half
-/// where no answer comes at all, as from a machine that is off.
+/// Measures the time of `yarp clean` for names whose ports are gone: half of them with a closed
+/// port, half without any answer, as from a machine that is off.
 fn dead_names(home: &Home) -> Result<(), Failure> {
     let home = home.fresh()?;
     let server = Kind::Ours.start(&home)?;
-    // Who has no room for connections lets the system drop what asks for them.
+    // With a full backlog the system drops connection requests.
     let off = Socket::new(Domain::IPV4, Type::STREAM, None)?;
     off.bind(&SocketAddrV4::new(Ipv4Addr::LOCALHOST, 0).into())?;
     off.listen(0)?;
@@ -551,7 +552,7 @@ fn dead_names(home: &Home) -> Result<(), Failure> {
     for _ in 0..4 {
         let filler = Socket::new(Domain::IPV4, Type::STREAM, None)?;
         filler.set_nonblocking(true)?;
-        // It is under way, which is as good as there.
+        // A pending connection serves as well.
         let _ = filler.connect(&off.local_addr()?.into());
         fillers.push(filler);
     }
@@ -586,7 +587,7 @@ fn dead_names(home: &Home) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The same load while others say nothing, or nonsense.
+/// Repeats the load while other clients send nothing, or garbage.
 fn beside_bad_clients(home: &Home) -> Result<(), Failure> {
     let server = Kind::Ours.start(&home.fresh()?)?;
     let port = server.port;
@@ -607,7 +608,7 @@ fn beside_bad_clients(home: &Home) -> Result<(), Failure> {
                 let garbage = [0xa5 ^ client; 512];
                 while !stop.load(Ordering::Relaxed) {
                     if let Ok(mut stream) = TcpStream::connect(("127.0.0.1", port)) {
-                        // The server hangs up, which is what is wanted.
+                        // The server closes the connection, as intended.
                         let _ = stream.write_all(&garbage);
                         let _ = stream.set_read_timeout(Some(Duration::from_millis(100)));
                         let _ = BufReader::new(&stream).read_until(0, &mut Vec::new());
@@ -643,7 +644,7 @@ impl Home {
         Ok(Self { path, next })
     }
 
-    /// An empty directory in it.
+    /// Returns a new empty directory in it.
     fn fresh(&self) -> Result<PathBuf, Failure> {
         let number = self.next.fetch_add(1, Ordering::Relaxed);
         let path = self.path.join(number.to_string());

@@ -1,11 +1,11 @@
-//! Casts a stock camera with our client, and prints `ok` or `FAIL` per check.
+//! Drives a stock camera with our client, and prints `ok` or `FAIL` per check.
 //!
 //! ```text
 //! drive_camera /camera 3.x
 //! ```
 //!
-//! Made for `fakeFrameGrabber` of 32 x 24 pixels in mode `line` behind `frameGrabber_nws_yarp` of 3.5.0 and of 4.0.0,
-//! whose knobs do nothing in 3.5.0. Ends with 1 if any check failed.
+//! Made for `fakeFrameGrabber` of 32 x 24 pixels in mode `line` behind `frameGrabber_nws_yarp` of
+//! 3.5.0 and of 4.0.0, whose features have no effect in 3.5.0. Exits with 1 if any check failed.
 
 use std::process::ExitCode;
 
@@ -125,8 +125,8 @@ fn drive(checks: &mut Checks, camera: &RemoteFrameGrabber, generation: &str, str
         checks.check("a knob", camera.feature(Feature::Gain), |value| {
             *value == 0.5
         });
-        // The fake camera keeps one knob for all of them, says of itself that it has none, and describes itself by
-        // nothing.
+        // The fake camera stores one value for all features, reports that it has none, and has no
+        // description.
         checks.check("has a knob", camera.has_feature(Feature::Gain), |has| !has);
         checks.check("description", camera.camera_description(), |about| {
             about.description.is_empty()
@@ -148,7 +148,7 @@ fn drive(checks: &mut Checks, camera: &RemoteFrameGrabber, generation: &str, str
     } else {
         let refused = camera.video_mode().is_err() && camera.set_rate(1).is_err();
         checks.check("IEEE 1394 is refused", Ok(refused), |refused| *refused);
-        // Of no meaning, but an answer.
+        // Without meaning, but an answer.
         checks.check("a knob is answered", camera.feature(Feature::Gain), |_| {
             true
         });
@@ -160,8 +160,8 @@ fn drive(checks: &mut Checks, camera: &RemoteFrameGrabber, generation: &str, str
     }
 }
 
-/// The fake camera keeps numbers of no meaning, and says nothing of windows; its server gives the coding for the mask of
-/// the codings.
+/// Checks FireWire: the fake camera stores numbers without meaning, and reports no windows; its
+/// server returns the coding for the mask of codings.
 fn firewire(checks: &mut Checks, camera: &RemoteFrameGrabber) {
     checks.check("video modes", camera.video_modes(), |mask| *mask == 10);
     checks.check("rates", camera.rates(), |mask| *mask == 12);

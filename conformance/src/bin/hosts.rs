@@ -1,7 +1,7 @@
-//! `hosts watch READER CARRIER`: a writer on one of two hosts whose link comes and goes.
+//! `hosts watch READER CARRIER`: a writer on one of two hosts whose link goes down and up.
 //!
-//! Opens `/hosts/watch`, which looks after a connection to `READER`, and `/hosts/plain`, which does
-//! not; writes numbers to both, and calls `/hosts/server`. Prints what happens, a line each:
+//! Opens `/hosts/watch`, which supervises a connection to `READER`, and `/hosts/plain`, which does
+//! not; writes numbers to both, and calls `/hosts/server`. Prints one line per event:
 //!
 //! ```text
 //! link STATE              the supervised connection changed
@@ -10,8 +10,8 @@
 //! closed                  after the end of the input: everything was closed
 //! ```
 //!
-//! `hosts serve`: opens `/hosts/server`, which echoes, and `/hosts/reader`; prints `read NUMBER` for
-//! what arrives from `/hosts/watch`.
+//! `hosts serve`: opens `/hosts/server`, which echoes, and `/hosts/reader`; prints `read NUMBER`
+//! for each message from `/hosts/watch`.
 
 use std::process::ExitCode;
 use std::time::Duration;
@@ -21,11 +21,11 @@ use yarp_wire::Bottle;
 
 type Failure = Box<dyn std::error::Error>;
 
-/// Between two messages.
+/// Interval between two messages.
 const WRITE_INTERVAL: Duration = Duration::from_millis(100);
-/// For a call.
+/// Timeout of a call.
 const CALL_TIMEOUT: Duration = Duration::from_secs(2);
-/// After that much silence a host is taken for gone.
+/// Time without data after which a host counts as gone.
 const PEER_TIMEOUT: Duration = Duration::from_secs(3);
 
 #[tokio::main]
@@ -46,7 +46,7 @@ async fn main() -> ExitCode {
     }
 }
 
-/// Waits for the end of the input.
+/// Waits for the end of standard input.
 async fn end_of_input() {
     let reading = tokio::task::spawn_blocking(|| std::io::stdin().lines().for_each(drop));
     // A thread that panicked has ended, too.
@@ -115,7 +115,7 @@ async fn watch(reader: &str, carrier: &str) -> Result<(), Failure> {
         let mut last = None;
         loop {
             if caller.outputs().is_empty() {
-                // Also a try to connect ends in time.
+                // An attempt to connect also ends within its timeout.
                 let _ = caller.connect("/hosts/server").await;
             }
             let answer = caller.call_within::<Bottle>(&hello, CALL_TIMEOUT).await;

@@ -1,11 +1,13 @@
-//! `hour [--minutes N] [--hertz N] [--arm simulated|dynamic]`: the arm behind its embedded PC, at work for an hour.
+//! `hour [--minutes N] [--hertz N] [--arm simulated|dynamic]`: runs the arm behind its embedded PC
+//! for an hour.
 //!
-//! A driver reads the joints of an arm at 500 Hz from its embedded server over TCP and moves it from pose to pose, and counts
-//! the deadlines that were missed: readings that were not there when the next was due. Beside it, in the same run and
-//! with the same timer, a thread that does nothing and a bare exchange of as many bytes over TCP show what the machine
-//! itself misses. The longest time of the driver is that since its start, a little before the hour begins.
+//! A driver reads the joints of an arm at 500 Hz from its embedded server over TCP and moves it
+//! from pose to pose, and counts missed deadlines: readings that had not arrived when the next was
+//! due. In the same run and with the same timer, an idle thread and a bare exchange of as many
+//! bytes over TCP show what the machine itself misses. The maximum time of the driver is that since
+//! its start, a little before the hour begins.
 //!
-//! Ends with 1 if the connection broke or a move did not end at its target; the deadlines are for the reader to judge.
+//! Exits with 1 if the connection broke or a move missed its target; the deadlines are not judged.
 
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -22,20 +24,22 @@ use yarp_devices::{Axes, Device, Encoders, PositionControl};
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;
 
-/// Where the arm goes, degrees, again and again.
+/// Poses of the arm, in degrees, repeated.
 const POSES: [[f64; 7]; 3] = [
     [10.0, -60.0, 10.0, 120.0, -20.0, 20.0, 20.0],
     [-10.0, -80.0, -10.0, 140.0, 20.0, -20.0, -20.0],
     [0.0, -70.0, 0.0, 110.0, 0.0, 10.0, 0.0],
 ];
-/// How far from its target a joint may end, degrees: gains and friction of the simulated arm leave tenths.
+/// Maximum distance of a joint from its target, in degrees: gains and friction of the simulated arm
+/// leave tenths.
 const MAX_POSITION_ERROR: f64 = 1.5;
-/// What a question for the joints and its answer have, in bytes.
+/// Sizes of a request for the joints and of its reply, in bytes.
 const REQUEST_BYTES: usize = 3;
 const REPLY_BYTES: usize = 57;
-/// How long both ends wait for each other: a machine that stands still for seconds is to be counted, not to end the run.
+/// Timeout of both ends for each other: a machine that stalls for seconds must be counted, not end
+/// the run.
 const PEER_TIMEOUT: Duration = Duration::from_secs(20);
-/// How long a move may take.
+/// Timeout of a move.
 const MOVE_TIMEOUT: Duration = Duration::from_secs(120);
 
 struct Words {
@@ -85,7 +89,7 @@ fn words() -> Option<Words> {
     Some(words)
 }
 
-/// Runs; whether nothing broke.
+/// Runs the test; returns true if nothing failed.
 fn run(words: &Words) -> Result<bool, Failure> {
     let period = Duration::try_from_secs_f64(1.0 / words.hertz)?;
     let arm: Arc<dyn Device> = if words.dynamic {
@@ -135,7 +139,7 @@ fn run(words: &Words) -> Result<bool, Failure> {
     let ours = CycleStatistics {
         cycles: ours.cycles - before.cycles,
         missed: ours.missed - before.missed,
-        // From the start of the driver on: nobody knows which was the longest since.
+        // Since the start of the driver: a later maximum is not known.
         longest: ours.longest,
     };
     let idle = idle.join().map_err(|_| "the idle thread panicked")??;
@@ -174,8 +178,8 @@ fn run(words: &Words) -> Result<bool, Failure> {
     Ok(broken.is_empty())
 }
 
-/// Moves there; how far off the farthest joint ended.
-fn go(driver: &EmbeddedWam, target: &[f64; 7]) -> Result<f64, Failure> {
+/// Moves to a pose; returns the largest error of a joint.
+fn move_to(driver: &EmbeddedWam, target: &[f64; 7]) -> Result<f64, Failure> {
     driver.position_move(Axes::All, target)?;
     rest(driver)?;
     if let Some(reason) = driver.link().last_interruption {
@@ -202,8 +206,8 @@ fn rest(driver: &EmbeddedWam) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Does something at the rate of the driver until the end.
-fn keep(
+/// Repeats an action at the rate of the driver until the end.
+fn run_periodically(
     end: Instant,
     period: Duration,
     mut what: impl FnMut() -> std::io::Result<()>,
@@ -223,7 +227,7 @@ fn keep(
     Ok(pace.timing())
 }
 
-/// As many bytes there and back as a question for the joints, without anything around it.
+/// Exchanges as many bytes as a request for the joints, without any protocol.
 fn bare(end: Instant, period: Duration) -> Result<CycleStatistics, Failure> {
     let listener = TcpListener::bind("127.0.0.1:0")?;
     let mut near = TcpStream::connect(listener.local_addr()?)?;
@@ -232,7 +236,7 @@ fn bare(end: Instant, period: Duration) -> Result<CycleStatistics, Failure> {
     far.set_nodelay(true)?;
     let answering = thread::spawn(move || {
         let mut question = [0; REQUEST_BYTES];
-        // Ends when the other side closes.
+        // The thread ends when the other side closes.
         while far.read_exact(&mut question).is_ok() && far.write_all(&[0; REPLY_BYTES]).is_ok() {}
     });
     let timing = keep(end, period, || {

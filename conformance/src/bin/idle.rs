@@ -1,12 +1,13 @@
-//! `idle [CONNECTIONS PORTS]`: what connections cost that are open and at rest.
+//! `idle [CONNECTIONS PORTS]`: cost of open, idle connections.
 //!
-//! Opens 1000 connections to one port over each of some carriers, 1000 from one port, and 100 ports that nobody uses, each
-//! having said something once; prints the memory, descriptors and shared mappings of each and the CPU time of all of them at
-//! rest. Memory that is shared with the other end counts in full once it was touched here.
-//! Ends with 1 if a connection takes 20 KiB or more, or if the CPU is not at rest.
+//! Opens 1000 connections to one port over each of some carriers, 1000 from one port, and 100
+//! unused ports, after one message each; prints the memory, descriptors and shared mappings of each
+//! and the CPU time of all of them while idle. Memory shared with the other end counts in full once
+//! it was touched here. Exits with 1 if a connection takes 20 KiB or more, or if the CPU is not
+//! idle.
 //!
-//! The connections of the other ends are in a process of their own, so that they do not count. Needs
-//! some more descriptors than connections: `ulimit -n 16384`.
+//! The other ends of the connections are in another process, so that they do not count. Needs some
+//! more descriptors than connections: `ulimit -n 16384`.
 
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, Command, ExitCode, Stdio};
@@ -22,13 +23,13 @@ static COUNTING: Counting = Counting;
 
 type Failure = Box<dyn std::error::Error>;
 
-/// Bytes that an idle connection may take.
+/// Maximum number of bytes of an idle connection.
 const MAX_BYTES_PER_CONNECTION: f64 = 20.0 * 1024.0;
-/// How long the CPU is watched.
+/// Duration of the CPU measurement.
 const CPU_SAMPLE_DURATION: Duration = Duration::from_secs(5);
-/// The part of a CPU that counts as rest: what looking at it costs, and no more.
+/// Maximum CPU share that counts as idle: the cost of measuring it.
 const MAX_IDLE_CPU: f64 = 0.001;
-/// For each step; nothing is right or wrong because of it.
+/// Timeout of each step.
 const STEP_TIMEOUT: Duration = Duration::from_secs(60);
 
 #[tokio::main]
@@ -53,7 +54,7 @@ async fn main() -> ExitCode {
     }
 }
 
-/// Where things stand: bytes that the system has given, and what a program holds itself.
+/// Memory that the system has given, and memory that the program has allocated.
 struct Memory {
     resident: f64,
     held: Footprint,
@@ -74,7 +75,7 @@ impl Memory {
         })
     }
 
-    /// Prints what each of `count` things took since `before`; the larger of the two figures.
+    /// Prints the cost of each of `count` things since `before`; the larger of the two figures.
     fn per(&self, before: &Self, count: usize, what: &str) -> f64 {
         let per = |now: f64, before: f64| (now - before) / count as f64;
         let heap = per(self.held.bytes as f64, before.held.bytes as f64);
@@ -162,7 +163,7 @@ async fn measure(connections: usize, ports: usize) -> Result<(), Failure> {
     Ok(())
 }
 
-/// CPU time that the threads of this process have used.
+/// Returns the CPU time that the threads of this process have used.
 fn cpu() -> Result<Duration, Failure> {
     let mut sum = 0;
     for thread in std::fs::read_dir("/proc/self/task")? {
@@ -173,7 +174,7 @@ fn cpu() -> Result<Duration, Failure> {
     Ok(Duration::from_nanos(sum))
 }
 
-/// The process with the other ends of connections; it ends when it is dropped.
+/// The process with the other ends of connections; it ends when dropped.
 struct Other {
     child: Child,
     output: BufReader<std::process::ChildStdout>,
@@ -191,7 +192,7 @@ impl Other {
         Ok(Self { child, output })
     }
 
-    /// Waits until it is ready; what it says.
+    /// Waits until it is ready; returns its output.
     fn ready(&mut self) -> Result<String, Failure> {
         let mut line = String::new();
         self.output.read_line(&mut line)?;
@@ -202,13 +203,14 @@ impl Other {
 
 impl Drop for Other {
     fn drop(&mut self) {
-        // It is of no use any more; it may have ended.
+        // It is not needed any more; it may have ended.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
 }
 
-/// The other ends: writers over a carrier to port `number`, or readers, whose numbers it prints.
+/// Runs the other ends: writers over a carrier to port `number`, or readers, whose numbers it
+/// prints.
 async fn other(what: &str, number: &str, count: &str) -> Result<(), Failure> {
     let network = Network::none().with_timeout(STEP_TIMEOUT);
     let mut held = Vec::new();

@@ -1,7 +1,7 @@
-//! `soak [CYCLES]`: connects and disconnects, 100 000 times, and looks for what is left behind.
+//! `soak [CYCLES]`: connects and disconnects 100 000 times, and looks for leaks.
 //!
-//! Ends with 1 if a descriptor, a task, shared memory or more than some bytes are. The work is done by a process of its own,
-//! in a folder for temporary files of its own.
+//! Exits with 1 if a descriptor, a task, shared memory or more than some bytes leaked. The work is
+//! done by another process, with its own folder for temporary files.
 
 use std::process::ExitCode;
 use std::time::Instant;
@@ -12,7 +12,7 @@ use yarp_conformance::soak;
 #[global_allocator]
 static COUNTING: Counting = Counting;
 
-/// A day in cycles.
+/// One day, in cycles.
 const CYCLES: usize = 100_000;
 
 fn main() -> ExitCode {
@@ -57,7 +57,7 @@ async fn measure() -> ExitCode {
     match outcome.is_clean() {
         true => ExitCode::SUCCESS,
         false => {
-            eprintln!("soak: something is left behind");
+            eprintln!("soak: something leaked");
             ExitCode::FAILURE
         }
     }

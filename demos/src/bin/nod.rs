@@ -1,4 +1,4 @@
-//! The same code moves a local arm and a remote one.
+//! Runs the same code on a local arm and on a remote one.
 //!
 //! ```text
 //! nod             a simulated WAM inside this program
@@ -15,7 +15,7 @@ use yarp_devices::wam::SimulatedWam;
 
 /// The elbow of the WAM.
 const ELBOW: AxisIndex = AxisIndex::new(3);
-/// Degrees it moves to and fro.
+/// Amplitude of the nod, in degrees.
 const NOD_DEGREES: f64 = -10.0;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -26,7 +26,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     nod(arm.as_ref())
 }
 
-/// Moves the elbow a little and back, and says where it is.
+/// Moves the elbow a little and back, and prints its position.
 fn nod(arm: &dyn Device) -> Result<(), Box<dyn Error>> {
     let modes = arm.control_mode().ok_or("the arm has no control modes")?;
     let encoders = arm.encoders().ok_or("the arm has no encoders")?;
@@ -48,7 +48,7 @@ fn nod(arm: &dyn Device) -> Result<(), Box<dyn Error>> {
         while !motion.motion_done(elbow)? && Instant::now() < deadline {
             sleep(Duration::from_millis(20));
         }
-        // The last reading of a remote arm may be one period old.
+        // The last state of a remote arm may be one period old.
         sleep(Duration::from_millis(50));
         println!("the elbow stands at {:.1} degrees", position()?);
     }

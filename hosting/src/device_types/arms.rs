@@ -1,4 +1,4 @@
-//! Arms: simulated ones, one behind its embedded PC, and one on its CAN bus.
+//! Arms: simulated ones, one behind its embedded PC, and one on a CAN bus.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, ToSocketAddrs};
 use std::sync::Arc;
@@ -25,7 +25,8 @@ pub(super) async fn dynamic(opening: Opening<'_>) -> OpenResult {
     Ok(Box::new(LocalDevice::machine(arm)))
 }
 
-/// The driver listens unless it is told where to go, as `yarp up --arm embedded` does.
+/// Opens an arm behind its embedded PC. The driver listens unless an address to connect to is
+/// given, like `yarp up --arm embedded`.
 pub(super) async fn embedded(opening: Opening<'_>) -> OpenResult {
     let parameters = opening.parameters;
     let options = DriverOptions::new(link_mode(parameters)?);

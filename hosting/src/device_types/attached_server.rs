@@ -1,4 +1,4 @@
-//! What servers that are open while they are attached have in common.
+//! Common part of servers that are open while they are attached.
 
 use std::time::Duration;
 
@@ -9,7 +9,7 @@ use crate::HostError;
 
 /// A server on ports.
 pub(super) trait Server {
-    /// Closes its ports.
+    /// Closes the ports.
     fn close(self) -> impl Future<Output = ()> + Send;
 }
 
@@ -25,7 +25,7 @@ impl Server for FrameGrabberServer {
     }
 }
 
-/// A server, if it is open, and what errors say it is.
+/// A server, if open, with its description for errors.
 pub(super) struct AttachedServer<S> {
     origin: Origin,
     device: String,
@@ -41,7 +41,7 @@ impl<S: Server> AttachedServer<S> {
         }
     }
 
-    /// An error while it is open.
+    /// Returns an error while the server is open.
     pub(super) fn check_free(&self) -> Result<(), HostError> {
         match self.running {
             Some(_) => Err(HostError::Attached),
@@ -66,7 +66,7 @@ impl<S: Server> AttachedServer<S> {
     }
 }
 
-/// That the ports of a device did not open.
+/// Returns the error for ports that could not be opened.
 pub(super) fn not_opened(origin: &Origin, device: &str, source: OpenError) -> HostError {
     HostError::Open {
         origin: origin.clone(),
@@ -75,7 +75,7 @@ pub(super) fn not_opened(origin: &Origin, device: &str, source: OpenError) -> Ho
     }
 }
 
-/// Checks the parameter `period`; `expected` is in the unit that it was given in.
+/// Checks the parameter `period`; `expected` is in the unit of the parameter.
 pub(super) fn check_period(
     parameters: &Parameters,
     period: Duration,

@@ -1,4 +1,4 @@
-//! The BarrettHand on its serial line, as a board of four axes.
+//! The BarrettHand on a serial port, as a board of four axes.
 
 use yarp_devices::hand::{BarrettHand, HandBoard, HandOptions};
 use yarp_devices::{DeviceError, Hand};
@@ -6,10 +6,10 @@ use yarp_devices::{DeviceError, Hand};
 use super::local_device::{self, LocalDevice};
 use super::{OpenResult, Opening};
 
-/// What a hand that was reset speaks, bits per second.
+/// Baud rate of a hand after its reset.
 const DEFAULT_BAUD: usize = 9600;
 
-/// The hand is initialised first: its fingers open.
+/// Opens the hand, which is initialised first: its fingers open.
 pub(super) async fn open(opening: Opening<'_>) -> OpenResult {
     let parameters = opening.parameters;
     let path: String = parameters.need("serial")?;

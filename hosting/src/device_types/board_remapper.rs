@@ -1,8 +1,9 @@
 //! Several devices as one control board, with the parameters of stock's `controlboardremapper` and
 //! `remotecontrolboardremapper`.
 //!
-//! Joints are listed by `axesNames (a b)`, or as stretches of networks: `networks (left right)`, `joints 5`,
-//! `left (0 2 0 2)` for joints 0 to 2 of the board, which are 0 to 2 of the device that is attached as `left`.
+//! Joints are listed by `axesNames (a b)`, or as ranges of networks: `networks (left right)`,
+//! `joints 5`, `left (0 2 0 2)` for joints 0 to 2 of the board, which are joints 0 to 2 of the
+//! device attached as `left`.
 //!
 //! Source: `ControlBoardRemapper.cpp` and `RemoteControlBoardRemapper.cpp` of YARP 3.5.
 
@@ -16,11 +17,11 @@ use yarp_wire::settings::{Origin, ParameterError, Parameters};
 use super::{OpenResult, Opening, remote_board};
 use crate::{Attached, Future, HostError, Hosted, Parts};
 
-/// As many as a board may have on the wire of a state.
+/// Maximum number of joints that fit the state of a board on the wire.
 const MAX_JOINTS: usize = 1000;
-/// What a device is attached as if no network is named.
+/// Network names of a device that is attached without a name.
 const UNNAMED: [&str; 2] = ["...", "all"];
-/// What stock attaches a calibrator as; boards calibrate themselves here.
+/// Network names of a calibrator in stock; boards calibrate themselves here.
 const CALIBRATORS: [&str; 2] = ["Calibrator", "calibrator"];
 
 pub(super) async fn open(opening: Opening<'_>) -> OpenResult {
@@ -81,36 +82,36 @@ fn missing(parameters: &Parameters) -> ParameterError {
     }
 }
 
-/// Remote boards close their ports with a wait.
+/// Drops boards on a blocking thread, because remote boards close their ports synchronously.
 async fn release<T: Send + 'static>(boards: T) {
     let _ = tokio::task::spawn_blocking(move || drop(boards)).await;
 }
 
-/// Which joints a board has.
+/// Selection of the joints of a board.
 #[derive(Clone, Debug)]
 pub(super) struct Mapping {
     joints: Joints,
-    /// Where it is described.
+    /// Position of the description.
     origin: Origin,
-    /// The device that it is of.
+    /// Name of the board.
     device: String,
 }
 
 #[derive(Clone, Debug, Eq, PartialEq)]
 enum Joints {
-    /// Those with these names.
+    /// Joints with these names.
     Names(Vec<String>),
-    /// For each, its network and its number there.
+    /// Joints by network and index.
     Networks {
-        /// The networks.
+        /// Names of the networks.
         names: Vec<String>,
-        /// The number of the network, and the joint there.
+        /// Index of the network, and joint of its device.
         joints: Vec<(usize, AxisIndex)>,
     },
 }
 
 impl Mapping {
-    /// What the parameters say, if they say anything about it.
+    /// Reads the selection from parameters, if they contain one.
     pub(super) fn read(parameters: &Parameters) -> Result<Option<Self>, HostError> {
         let names = parameters.list::<String>("axesNames")?;
         let networks = parameters.list::<String>("networks")?;
@@ -136,7 +137,7 @@ impl Mapping {
         }))
     }
 
-    /// The board.
+    /// Creates the board.
     pub(super) async fn apply(&self, others: Vec<Attached>) -> Result<Arc<Remapper>, HostError> {
         let mut devices: Vec<Named> = Vec::new();
         for other in others {
@@ -160,7 +161,7 @@ impl Mapping {
             }
         }
         let mapping = self.clone();
-        // Boards elsewhere are asked for the names of their joints.
+        // Remote boards are queried for the names of their joints.
         let made = tokio::task::spawn_blocking(move || mapping.remap(devices));
         let made = made
             .await
@@ -173,7 +174,7 @@ impl Mapping {
             Joints::Names(names) => Remapper::of_names(devices, &names),
             Joints::Networks { names, joints } => {
                 if let ([name], [(device, _)]) = (&names[..], &mut devices[..]) {
-                    // The only one can be meant only.
+                    // A single device needs no name.
                     device.clone_from(name);
                 }
                 let place = |network: &String| {
@@ -199,7 +200,8 @@ impl Mapping {
     }
 }
 
-/// The joints of networks: for each network first and last joint here, and first and last joint there.
+/// Reads the joints of networks: for each network, first and last joint of the board, and first and
+/// last joint of the device.
 fn joint_ranges(parameters: &Parameters, names: Vec<String>) -> Result<Joints, HostError> {
     let total: usize = parameters.need("joints")?;
     if !(1..=MAX_JOINTS).contains(&total) {
@@ -245,7 +247,7 @@ fn joint_ranges(parameters: &Parameters, names: Vec<String>) -> Result<Joints, H
     }
 }
 
-/// A board of devices of this process: there while it is attached.
+/// A board made of local devices, which exists while it is attached.
 struct RemappedDevice {
     mapping: Mapping,
     board: Option<Arc<Remapper>>,
@@ -282,7 +284,7 @@ impl Hosted for RemappedDevice {
     }
 }
 
-/// A board of boards that other programs serve.
+/// A board made of boards that other programs serve.
 struct Remote(Arc<Remapper>);
 
 impl Hosted for Remote {
@@ -313,7 +315,7 @@ mod tests {
         Ok(mapping.map(|mapping| mapping.joints))
     }
 
-    /// Stretches in brackets, and as stock's older files have them.
+    /// Checks ranges in brackets, and in the form of stock's older files.
     #[test]
     fn stretches_of_networks_become_joints() {
         let text = "networks (left right)\njoints 5\nleft (3 4 0 1)\nright 0 2 5 7\n";

@@ -1,4 +1,4 @@
-//! Joints on ports.
+//! Servers of control boards.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -18,8 +18,8 @@ pub(super) async fn open(opening: Opening<'_>) -> OpenResult {
     with_period(opening, period, "0.001 to 60 seconds", None)
 }
 
-/// With the period as stock's `controlboardwrapper2` wants it, a whole number of milliseconds; and of several devices if
-/// there are `networks`.
+/// Opens a server with the parameters of stock's `controlboardwrapper2`: the period is a whole
+/// number of milliseconds, and `networks` combine several devices.
 pub(super) async fn open_old(opening: Opening<'_>) -> OpenResult {
     let period = opening.parameters.get::<usize>("period")?;
     let period = period.map(|period| Duration::from_millis(period as u64));
@@ -51,12 +51,12 @@ fn with_period(
     }))
 }
 
-/// Its ports are open while it is attached.
+/// A server whose ports are open while it is attached.
 struct Server {
     network: Network,
     name: String,
     options: ControlBoardOptions,
-    /// How it is made of several devices, if it is.
+    /// Selection of joints, if it combines several devices.
     networks: Option<Mapping>,
     ports: AttachedServer<ControlBoardServer>,
 }
@@ -87,8 +87,8 @@ impl Hosted for Server {
     }
 }
 
-/// The board of the only device.
-fn only(others: Vec<Attached>) -> Result<Arc<dyn Device>, HostError> {
+/// Returns the board of a single device.
+fn single_board(others: Vec<Attached>) -> Result<Arc<dyn Device>, HostError> {
     let [other] = &others[..] else {
         return Err(HostError::Several { got: others.len() });
     };

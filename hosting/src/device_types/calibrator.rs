@@ -1,4 +1,4 @@
-//! What actions of a robot name to have a board calibrate and park itself.
+//! The calibrator that a robot's actions name; the board calibrates and parks itself.
 
 use super::{OpenResult, Opening};
 use crate::{Future, Hosted};

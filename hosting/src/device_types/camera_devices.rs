@@ -1,4 +1,4 @@
-//! Cameras: a simulated one, one served on ports, and one that another program serves.
+//! Cameras: a simulated one, a server, and a client of a camera that another program serves.
 //!
 //! Parameters are those of stock's `fakeFrameGrabber`, `frameGrabber_nws_yarp` and `frameGrabber_nwc_yarp`.
 //! Source: `FakeFrameGrabber.cpp`, `FrameGrabber_nws_yarp.cpp` and `FrameGrabber_nwc_yarp.cpp` of YARP 3.5.
@@ -22,7 +22,7 @@ use super::remote_board::cast;
 use super::{OpenResult, Opening};
 use crate::{Attached, Future, HostError, Hosted};
 
-/// What stock's simulated camera has, and ours does without.
+/// Parameters of stock's simulated camera that have no effect here.
 const IGNORED_PARAMETERS: [&str; 9] = [
     "fakeFrameGrabber_rpc_port",
     "syncro",
@@ -134,7 +134,7 @@ pub(super) async fn server(opening: Opening<'_>) -> OpenResult {
         Some("RAW") => options.capability(Capability::Raw),
         Some(_) => return Err(parameters.refuse("capabilities", "COLOR or RAW").into()),
     };
-    // Every reader gets the newest image here.
+    // Every reader gets the latest image here.
     parameters.has("no_drop");
     Ok(Box::new(Server {
         network: opening.network.clone(),
@@ -144,7 +144,7 @@ pub(super) async fn server(opening: Opening<'_>) -> OpenResult {
     }))
 }
 
-/// A camera on ports, which are open while it is attached.
+/// A camera server whose ports are open while it is attached.
 struct Server {
     network: Network,
     name: String,

@@ -1,6 +1,7 @@
-//! Joints of any number, with the parameters of stock's `fakeMotionControl`.
+//! Simulated joints, with the parameters of stock's `fakeMotionControl`.
 //!
-//! Source: `fakeMotionControl.cpp` of YARP 3.5. Where stock's joints are at their targets at once, these move there.
+//! Source: `fakeMotionControl.cpp` of YARP 3.5. Stock's joints reach their targets at once; these
+//! move there.
 
 use std::sync::Arc;
 
@@ -13,16 +14,16 @@ use super::local_device::LocalDevice;
 use super::{OpenResult, Opening};
 use crate::HostError;
 
-/// As many as a board may have on the wire of a state.
+/// Maximum number of joints that fit the state of a board on the wire.
 const MAX_JOINTS: usize = 1000;
-/// What stock's joints have, deg/s.
+/// Maximum speed of stock's joints, deg/s.
 const MAX_SPEED: f64 = 50.0;
 const REFERENCE_SPEED: f64 = 10.0;
-/// Stock knows none, deg/s².
+/// Maximum acceleration, deg/s²; stock has none.
 const MAX_ACCELERATION: f64 = 500.0;
 const REFERENCE_ACCELERATION: f64 = 100.0;
 
-/// What stock reads and has no use for without hardware.
+/// Parameters that stock reads and ignores without hardware.
 const IGNORED_PARAMETERS: [&str; 5] = [
     "GENERAL::AxisMap",
     "GENERAL::Encoder",
@@ -91,7 +92,7 @@ fn axes(parameters: &Parameters) -> Result<Vec<AxisParameters>, HostError> {
     Ok(axes)
 }
 
-/// One value per joint.
+/// Reads one value per joint.
 fn row<T: Expected>(
     parameters: &Parameters,
     name: &str,

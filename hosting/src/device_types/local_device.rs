@@ -7,7 +7,7 @@ use yarp_wire::settings::Parameters;
 
 use crate::{Future, HostError, Hosted, Parts};
 
-/// Starts a device on a thread that may wait.
+/// Starts a device on a thread that may block.
 pub(super) async fn start<D: Device + 'static>(
     parameters: &Parameters,
     start: impl FnOnce() -> Result<D, DeviceError> + Send + 'static,
@@ -23,16 +23,16 @@ pub(super) async fn start<D: Device + 'static>(
     Ok(Arc::new(device))
 }
 
-/// A device and what it offers.
+/// A device with its parts.
 pub(super) struct LocalDevice {
     device: Arc<dyn Device>,
     parts: Parts,
-    /// Whether it is parked in the end.
+    /// True if it is parked before it is closed.
     parks: bool,
 }
 
 impl LocalDevice {
-    /// A machine whose joints are parked in the end.
+    /// Creates a device whose joints are parked before it is closed.
     pub(super) fn machine(device: Arc<dyn Device>) -> Self {
         let board = Some(device.clone());
         Self {
@@ -45,7 +45,7 @@ impl LocalDevice {
         }
     }
 
-    /// A camera.
+    /// Creates a camera.
     pub(super) fn camera(device: Arc<dyn Device>) -> Self {
         let camera = Some(device.clone());
         Self {
@@ -70,7 +70,7 @@ impl Hosted for LocalDevice {
 
     fn close(self: Box<Self>) -> Future<'static, ()> {
         Box::pin(async {
-            // A thread that is joined, and ports of a remote one, are waited for.
+            // Dropping a device joins its threads and closes its remote ports, which blocks.
             let _ = tokio::task::spawn_blocking(move || drop(self)).await;
         })
     }

@@ -1,7 +1,7 @@
-//! The table of devices.
+//! The table of device types.
 //!
-//! A device is one line in [`DEVICE_TYPES`]: its name, the names that stock has for it, what it is, the wrapper that `yarp dev`
-//! serves it with, and how it is opened.
+//! A device type is one line in [`DEVICE_TYPES`]: its name, the names that stock has for it, a
+//! description, the wrapper with which `yarp dev` serves it, and the function that opens it.
 
 mod arms;
 mod attached_server;
@@ -19,27 +19,27 @@ use yarp_wire::settings::{Origin, Parameters};
 
 use crate::{Future, HostError, Hosted};
 
-/// What a device is opened with.
+/// Arguments for opening a device.
 #[derive(Clone, Copy)]
 pub struct Opening<'a> {
-    /// Where its ports are opened.
+    /// Network for its ports.
     pub network: &'a Network,
-    /// Its parameters; whatever it has no use for is reported.
+    /// Its parameters; unused ones are reported.
     pub parameters: &'a Parameters,
 }
 
 type OpenResult = Result<Box<dyn Hosted>, HostError>;
 type Open = for<'a> fn(Opening<'a>) -> Future<'a, OpenResult>;
 
-/// A kind of device.
+/// A device type.
 pub struct DeviceType {
-    /// Its name.
+    /// Name.
     pub name: &'static str,
-    /// Other names of it.
+    /// Other names.
     pub aliases: &'static [&'static str],
-    /// What it is, on one line.
+    /// Description, on one line.
     pub about: &'static str,
-    /// The kind that serves it on the network if nothing else is said.
+    /// Default wrapper, which serves the device on the network.
     pub wrapper: Option<&'static str>,
     open: Open,
 }
@@ -47,27 +47,27 @@ pub struct DeviceType {
 const SERVER: &str = "controlBoard_nws_yarp";
 const CAMERA_SERVER: &str = "frameGrabber_nws_yarp";
 
-/// The device that is two; see [`open`](crate::open).
+/// The device type that opens two devices; see [`open`](crate::open).
 pub const BUNDLER: &str = "deviceBundler";
 
-/// Every kind of device.
+/// All device types.
 #[rustfmt::skip]
 pub const DEVICE_TYPES: &[DeviceType] = &[
     device_type("controlBoard_nws_yarp", &[], "serves joints on ports; name, period in seconds", None, |opening| Box::pin(board_server::open(opening))),
     device_type("controlboardwrapper2", &[], "the same with stock's old parameters; name, period in milliseconds, networks and joints for several devices", None, |opening| Box::pin(board_server::open_old(opening))),
-    device_type("barrettHand", &[], "a BarrettHand on its serial line as joints: three fingers and the spread; serial, baud", Some(SERVER), |opening| Box::pin(barrett_hand::open(opening))),
-    device_type("boardCalibrator", &[], "has boards calibrate and park themselves, in actions of a robot", None, |opening| Box::pin(calibrator::open(opening))),
+    device_type("barrettHand", &[], "a BarrettHand on a serial port as axes: three fingers and the spread; serial, baud", Some(SERVER), |opening| Box::pin(barrett_hand::open(opening))),
+    device_type("boardCalibrator", &[], "calibrates and parks boards, in actions of a robot", None, |opening| Box::pin(calibrator::open(opening))),
     device_type("canWam", &[], "a WAM arm on a CAN bus of this machine that is up; interface", Some(SERVER), |opening| Box::pin(arms::on_can_bus(opening))),
     device_type("controlboardremapper", &["controlBoardRemapper"], "several devices as one board, or a part of one; axesNames, or joints, networks and a row of four numbers for each", Some(SERVER), |opening| Box::pin(board_remapper::open(opening))),
     device_type("dynamicWam", &[], "a simulated WAM arm with masses, friction and control", Some(SERVER), |opening| Box::pin(arms::dynamic(opening))),
     device_type("embeddedWam", &[], "a WAM arm behind its embedded PC, which runs yarp wam-node; listen or connect, ports", Some(SERVER), |opening| Box::pin(arms::embedded(opening))),
-    device_type("fakeFrameGrabber", &[], "a simulated camera: a test pattern, a picture or a film; mode, src, width, height, freq or period, mirror", Some(CAMERA_SERVER), |opening| Box::pin(camera_devices::simulated(opening))),
+    device_type("fakeFrameGrabber", &[], "a simulated camera: a test pattern, an image or a video; mode, src, width, height, freq or period, mirror", Some(CAMERA_SERVER), |opening| Box::pin(camera_devices::simulated(opening))),
     device_type("fakeMotionControl", &[], "simulated joints of any number; GENERAL::Joints, GENERAL::AxisName, GENERAL::AxisType, LIMITS::Min, LIMITS::Max", Some(SERVER), |opening| Box::pin(fake_motion_control::open(opening))),
     device_type("remote_controlboard", &["controlBoard_nwc_yarp"], "joints served by another program; remote, local, carrier, timeout", None, |opening| Box::pin(remote_board::open(opening))),
     device_type("frameGrabber_nwc_yarp", &[], "a camera served by another program; remote, local, stream, no_stream", None, |opening| Box::pin(camera_devices::remote(opening))),
     device_type("frameGrabber_nws_yarp", &[], "serves a camera on ports; name, period in seconds, capabilities", None, |opening| Box::pin(camera_devices::server(opening))),
     device_type("remotecontrolboardremapper", &["remoteControlBoardRemapper"], "boards served by other programs as one; axesNames, remoteControlBoards, localPortPrefix, REMOTE_CONTROLBOARD_OPTIONS", Some(SERVER), |opening| Box::pin(board_remapper::open_remote(opening))),
-    device_type("simulatedWam", &[], "a simulated WAM arm that moves exactly as it is told", Some(SERVER), |opening| Box::pin(arms::ideal(opening))),
+    device_type("simulatedWam", &[], "a simulated WAM arm that moves exactly as commanded", Some(SERVER), |opening| Box::pin(arms::ideal(opening))),
 ];
 
 const fn device_type(
@@ -87,7 +87,7 @@ const fn device_type(
 }
 
 impl DeviceType {
-    /// Opens a device of this kind.
+    /// Opens a device of this type.
     pub fn open<'a>(&self, opening: Opening<'a>) -> Future<'a, OpenResult> {
         (self.open)(opening)
     }
@@ -97,7 +97,7 @@ impl DeviceType {
     }
 }
 
-/// The kind called `name`, which stands in the parameter `asked`.
+/// Returns the type named `name`, the value of the parameter `asked`.
 pub fn find<'a>(
     name: &str,
     parameters: &Parameters,

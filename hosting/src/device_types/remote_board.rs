@@ -1,4 +1,4 @@
-//! Joints that another program serves.
+//! A client of a control board that another program serves.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -12,7 +12,7 @@ use super::attached_server::not_opened;
 use super::{OpenResult, Opening};
 use crate::{Future, HostError, Hosted, Parts};
 
-/// What stock reads, and what we do without.
+/// Parameters that stock reads and that have no effect here.
 const IGNORED_PARAMETERS: [&str; 5] = [
     "writeStrict",
     "diagnostic",
@@ -29,7 +29,7 @@ pub(super) async fn open(opening: Opening<'_>) -> OpenResult {
     Ok(Box::new(Remote(connect(opening, options).await?)))
 }
 
-/// How to connect to a board, from parameters whose names begin with `group`.
+/// Reads the options of a connection to a board, from parameters with the prefix `group`.
 pub(super) fn options(
     parameters: &Parameters,
     group: &str,
@@ -58,7 +58,7 @@ pub(super) fn options(
     Ok(options)
 }
 
-/// Connects to a board; waits until it has answered.
+/// Connects to a board; waits for its first answer.
 pub(super) async fn connect(
     opening: Opening<'_>,
     options: RemoteControlBoardOptions,
@@ -71,7 +71,7 @@ pub(super) async fn connect(
     .await
 }
 
-/// Connects to a device of another program, on a thread that may wait.
+/// Connects to a device of another program, on a thread that may block.
 pub(super) async fn cast<D: Device + 'static>(
     parameters: &Parameters,
     open: impl FnOnce() -> Result<D, OpenError> + Send + 'static,
@@ -97,7 +97,7 @@ impl Hosted for Remote {
 
     fn close(self: Box<Self>) -> Future<'static, ()> {
         Box::pin(async {
-            // Its ports are closed with a wait.
+            // Closing its ports blocks.
             let _ = tokio::task::spawn_blocking(move || drop(self)).await;
         })
     }

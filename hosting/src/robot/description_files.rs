@@ -1,4 +1,4 @@
-//! The files of a description, which include one another.
+//! Reads the files of a description, which may include one another.
 
 use std::path::Path;
 
@@ -6,17 +6,17 @@ use yarp_wire::settings::Origin;
 
 use super::RobotError;
 
-/// How deep files may include one another.
+/// Maximum depth of includes.
 const MAX_INCLUDE_DEPTH: usize = 16;
-/// How many files a robot may have.
+/// Maximum number of files of a robot.
 const MAX_FILES: usize = 1000;
 
-/// Reads files, and counts them.
+/// Reads and counts files.
 #[derive(Debug, Default)]
 pub(super) struct Files(usize);
 
 impl Files {
-    /// The text of a file that is included `by` a place at this depth, or was asked for itself.
+    /// Returns the text of a file, included `by` another at this depth, or requested itself.
     pub(super) fn read(
         &mut self,
         file: &Path,

@@ -1,4 +1,4 @@
-//! Parameters of devices as settings.
+//! Converts the parameters of devices to settings.
 
 use yarp_wire::settings::{Origin, Parameters, Setting, Settings};
 use yarp_wire::{Bottle, Value};
@@ -6,9 +6,10 @@ use yarp_wire::{Bottle, Value};
 use super::{DeviceEntry, Param, ParamValue, Robot, RobotError};
 
 impl Robot {
-    /// The parameters of a device: its own, those of the robot, and `device`, `id` and `robotName`.
+    /// Returns the parameters of a device: its own, those of the robot, and `device`, `id` and
+    /// `robotName`.
     ///
-    /// Groups of one name are one group. Errors: [`RobotError::Repeated`].
+    /// Groups of the same name are merged. Errors: [`RobotError::Repeated`].
     pub(super) fn parameters(&self, device: &DeviceEntry) -> Result<Parameters, RobotError> {
         let mut settings = Settings::new();
         let given = [
@@ -20,7 +21,7 @@ impl Robot {
             settings.put(name, value.as_str(), &Origin::Program);
         }
         for param in &self.params {
-            // Devices may well have no use for them.
+            // Devices may ignore these.
             let items = entry(param, Some(&Origin::Program));
             settings.put_entry(param.name.clone(), items);
         }
@@ -53,7 +54,7 @@ impl Robot {
         ))
     }
 
-    /// Puts `${portprefix}`, `${portprefixnoslash}` and `${robotname}` in place.
+    /// Replaces `${portprefix}`, `${portprefixnoslash}` and `${robotname}`.
     pub(super) fn replace_variables(&mut self) {
         let values = [
             ("${portprefixnoslash}", self.port_prefix.clone()),
@@ -97,7 +98,7 @@ fn with_variables(value: Value, variables: &[(&str, String)]) -> Value {
     }
 }
 
-/// The entry of a parameter: its name, and its values or the entries of its group.
+/// Returns the settings of a parameter: its name, and its values or the settings of its group.
 fn entry(param: &Param, origin: Option<&Origin>) -> Vec<Setting> {
     let at = origin.unwrap_or(&param.origin);
     let mut items = vec![Setting::new(param.name.as_str().into(), at)];
@@ -117,7 +118,7 @@ fn entry(param: &Param, origin: Option<&Origin>) -> Vec<Setting> {
 }
 
 impl Param {
-    /// A parameter whose value is given from outside.
+    /// Creates a parameter whose value is given on the command line.
     pub(super) fn given(name: String, given: &Setting) -> Self {
         Self {
             name,
@@ -126,11 +127,11 @@ impl Param {
         }
     }
 
-    /// A parameter whose value is the text of a bottle, as in XML.
+    /// Creates a parameter whose value is the text of a bottle, as in XML.
     pub(super) fn from_text(name: String, text: &str, origin: Origin) -> Result<Self, RobotError> {
         let open = text.matches('(').count();
         let values = Bottle::parse(text).ok();
-        // What is left open would be lost.
+        // An unclosed bracket or quote would be lost.
         let whole =
             open == text.matches(')').count() && text.matches('"').count().is_multiple_of(2);
         let values = values.filter(|_| whole).ok_or_else(|| {
@@ -147,7 +148,7 @@ impl Param {
         })
     }
 
-    /// The text of the first value.
+    /// Returns the text of the first value.
     pub(super) fn word(&self) -> Option<String> {
         match &self.value {
             ParamValue::Values(values) => values.first().map(Value::to_plain_string),
@@ -156,7 +157,7 @@ impl Param {
     }
 }
 
-/// The parameter called `name`.
+/// Returns the parameter named `name`.
 pub(super) fn find<'a>(params: &'a [Param], name: &str) -> Option<&'a Param> {
     params.iter().find(|param| param.name == name)
 }

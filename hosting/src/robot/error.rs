@@ -1,60 +1,60 @@
-//! What is wrong with the description of a robot.
+//! Errors in the description of a robot.
 
 use std::io;
 
 use yarp_wire::settings::Origin;
 
-/// What is wrong with the description of a robot.
+/// Error in the description of a robot.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RobotError {
     /// A file cannot be read.
     #[error("cannot read {file}{by}")]
     Read {
-        /// The file.
+        /// File.
         file: String,
-        /// Who asked for it, ` (included by FILE:LINE)`.
+        /// Including file, as ` (included by FILE:LINE)`.
         by: String,
-        /// What the system says.
+        /// Error of the system.
         #[source]
         source: io::Error,
     },
-    /// A file is no XML, or no TOML.
+    /// A file is not well-formed XML or TOML.
     #[error("{origin}: {what}")]
     Syntax {
-        /// Where.
+        /// Position.
         origin: Origin,
-        /// What the reader says.
+        /// Error of the parser.
         what: String,
     },
-    /// Something else stands where something is expected.
+    /// The description contains something unexpected.
     #[error("{origin}: expected {expected}, got {found}")]
     Expected {
-        /// Where.
+        /// Position.
         origin: Origin,
-        /// What should stand there.
+        /// Expected content.
         expected: String,
-        /// What stands there.
+        /// Content found.
         found: String,
     },
-    /// A name is there twice.
-    #[error("{origin}: {what} {name} is there already, at {first}")]
+    /// A name occurs twice.
+    #[error("{origin}: {what} {name} is defined already, at {first}")]
     Repeated {
-        /// Where the second one is.
+        /// Position of the second occurrence.
         origin: Origin,
-        /// What has the name.
+        /// Kind of entry.
         what: &'static str,
-        /// The name.
+        /// Name.
         name: String,
-        /// Where the first one is.
+        /// Position of the first occurrence.
         first: Origin,
     },
-    /// Files include one another without end.
-    #[error("{origin}: files are included more than {limit} deep, or too many altogether")]
+    /// Files include one another too deeply.
+    #[error("{origin}: files are included more than {limit} levels deep, or too many in total")]
     TooDeep {
-        /// Where.
+        /// Position.
         origin: Origin,
-        /// The limit in force.
+        /// Limit.
         limit: usize,
     },
 }

@@ -1,10 +1,11 @@
-//! Whether a file is included: tags, as 4.0 has them.
+//! Tags that select included files, as in 4.0.
 
 use yarp_wire::Bottle;
 use yarp_wire::settings::Settings;
 
-/// Included unless told otherwise: with `enabled_by` only if one of the tags is given with `--enable_tags` (or all are,
-/// with `enable_all`), and never if one of `disabled_by` is given with `--disable_tags`.
+/// Returns true if a file is included: with `enabled_by` only if one of the tags is given with
+/// `--enable_tags` (or all are, with `enable_all`), and never if one of `disabled_by` is given with
+/// `--disable_tags`.
 pub(super) fn enabled(enabled_by: &[String], disabled_by: &[String], given: &Settings) -> bool {
     let (on, off) = (tags(given, "enable_tags"), tags(given, "disable_tags"));
     let all = on.iter().any(|tag| tag == "enable_all");
@@ -12,7 +13,7 @@ pub(super) fn enabled(enabled_by: &[String], disabled_by: &[String], given: &Set
     wanted && !disabled_by.iter().any(|tag| off.contains(tag))
 }
 
-/// The words of `cams` or `(cams arm)`.
+/// Returns the words of `cams` or `(cams arm)`.
 pub(super) fn words(text: &str) -> Vec<String> {
     let items = Bottle::parse(text).unwrap_or_default();
     items.iter().map(|item| item.to_plain_string()).collect()

@@ -1,4 +1,4 @@
-//! The phases of a robot's life.
+//! Runs the phases of a robot's life.
 
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -11,7 +11,7 @@ use super::device_parameters::find;
 use super::{Action, ActionKind, DeviceEntry, Param, ParamValue, Phase, Robot};
 use crate::{Attached, Hosted, open, park};
 
-/// Where a robot is in its life, for whoever asks.
+/// Progress of a robot, shared with other tasks.
 #[derive(Clone, Debug, Default)]
 pub struct Progress(Arc<State>);
 
@@ -23,7 +23,7 @@ struct State {
 }
 
 impl Progress {
-    /// Has the startup begin nothing more; what it waits for it still waits for.
+    /// Ends the startup before its next action; an action in progress is completed.
     pub fn interrupt(&self) {
         self.0.interrupted.store(true, Ordering::Relaxed);
     }
@@ -32,12 +32,12 @@ impl Progress {
         phase != Phase::Startup || !self.0.interrupted.load(Ordering::Relaxed)
     }
 
-    /// The phase it is in; none before the first.
+    /// Returns the current phase; `None` before the first.
     pub fn phase(&self) -> Option<Phase> {
         *self.0.phase.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The level of the actions that were begun last in this phase.
+    /// Returns the level of the latest actions in this phase.
     pub fn level(&self) -> u32 {
         self.0.level.load(Ordering::Relaxed)
     }
@@ -50,20 +50,21 @@ impl Progress {
 
 /// A robot whose devices are open.
 ///
-/// It is ended with [`shut_down`](Self::shut_down); dropped, it ends without any action.
+/// It ends with [`shut_down`](Self::shut_down); dropping it runs no action.
 pub struct RunningRobot {
     robot: Robot,
     devices: Vec<(DeviceEntry, Box<dyn Hosted>)>,
     progress: Progress,
-    /// Whether all actions of the startup were done.
+    /// True if all actions of the startup succeeded.
     ready: bool,
 }
 
 impl RunningRobot {
-    /// Opens all devices in their order, and does the actions of the startup.
+    /// Opens all devices in order, and runs the actions of the startup.
     ///
-    /// What fails is told in the log, with file and line. If a device does not open, the others are tried, and then all
-    /// are closed: `None`. If an action fails, the others are done, and the robot is not [`ready`](Self::is_ready).
+    /// Errors are logged, with file and line. If a device does not open, the others are tried, then
+    /// all are closed and the result is `None`. If an action fails, the others are run, and the
+    /// robot is not [`ready`](Self::is_ready).
     pub async fn start(network: &Network, robot: Robot, progress: Progress) -> Option<Self> {
         progress.enter(Phase::Startup);
         tracing::info!("startup phase starting...");
@@ -101,17 +102,17 @@ impl RunningRobot {
         Some(running)
     }
 
-    /// Whether the startup went well.
+    /// Returns true if the startup succeeded.
     pub fn is_ready(&self) -> bool {
         self.ready
     }
 
-    /// Goes through `interrupt1` and `shutdown`, parks what is ours and was not parked by an action, and closes the
-    /// devices in reverse order. Tells whether all went well.
+    /// Runs `interrupt1` and `shutdown`, parks local devices that no action parked, and closes the
+    /// devices in reverse order. Returns true if everything succeeded.
     ///
-    /// * `parks`: whether machines are parked without an action that says so. Whether they are or not, none is if the
-    ///   startup failed.
-    /// * Cancelling leaves out what is not done yet, but for [`close`](Self::close), which has to be called then.
+    /// * `parks`: parks devices without an action that says so. If the startup failed, none is
+    ///   parked.
+    /// * Cancelling skips all remaining steps; then [`close`](Self::close) must be called.
     pub async fn shut_down(&mut self, parks: bool) -> bool {
         let mut well = true;
         for phase in [Phase::Interrupt1, Phase::Shutdown] {
@@ -124,13 +125,13 @@ impl RunningRobot {
         well
     }
 
-    /// Does the actions of a phase: of a later interrupt, or of the shutdown after one.
+    /// Runs the actions of a phase: of a later interrupt, or of the shutdown after one.
     pub async fn phase(&mut self, phase: Phase) -> bool {
         self.progress.enter(phase);
         self.actions(phase).await
     }
 
-    /// Closes the devices, the last one first.
+    /// Closes the devices in reverse order.
     pub async fn close(&mut self) {
         while let Some((_, device)) = self.devices.pop() {
             device.close().await;
@@ -149,15 +150,13 @@ impl RunningRobot {
         let device = open(network, &entry.kind, &parameters).await;
         let device = device.map_err(|error| error_chain(&error))?;
         for (name, origin) in parameters.unused() {
-            tracing::warn!(
-                "{origin}: device {} has no use for parameter {name}",
-                entry.name
-            );
+            tracing::warn!("{origin}: device {} ignores parameter {name}", entry.name);
         }
         Ok(device)
     }
 
-    /// Level after level; at the end of each, calibrations and parkings are waited for.
+    /// Runs the actions level by level; each level ends when its calibrations and parkings are
+    /// complete.
     async fn actions(&mut self, phase: Phase) -> bool {
         let mut actions: Vec<(usize, Action)> = Vec::new();
         for (at, (entry, _)) in self.devices.iter().enumerate() {
@@ -245,7 +244,7 @@ impl RunningRobot {
         }
     }
 
-    /// The devices that an attach action names.
+    /// Returns the devices that an attach action names.
     fn others(&self, params: &[Param]) -> Result<Vec<Attached>, String> {
         let one = |device: String, network: String| {
             let parts = self.device(&device)?.parts();
@@ -315,7 +314,7 @@ impl RunningRobot {
         }
     }
 
-    /// Parks the machines that no action of the end parks.
+    /// Parks the devices that no action parks.
     async fn park_remaining(&mut self) -> bool {
         let ends = |action: &&Action| {
             let end = matches!(action.phase, Phase::Interrupt1 | Phase::Shutdown);
@@ -324,7 +323,7 @@ impl RunningRobot {
         let entries = self.devices.iter().map(|(entry, _)| entry);
         let actions = entries.flat_map(|entry| entry.actions.iter().filter(ends));
         if actions.count() > 0 {
-            // The description says what is parked, and when.
+            // The description says which devices are parked, and when.
             return true;
         }
         let mut moving = JoinSet::new();
@@ -342,7 +341,7 @@ impl RunningRobot {
                     tracing::error!("cannot park {name}: {}", error_chain(&error));
                     well = false;
                 }
-                // The others are on their way still.
+                // The other joints are still moving.
                 Err(panicked) => {
                     tracing::error!("cannot park a device: {panicked}");
                     well = false;

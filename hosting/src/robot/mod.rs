@@ -1,11 +1,11 @@
-//! Robots: several devices, and what is done with them when the robot starts and ends.
+//! Robots: several devices, and the actions at the start and end of the robot.
 //!
-//! | file | what it is about |
+//! | file | content |
 //! | --- | --- |
-//! | `xml` | descriptions in XML, as stock's `yarprobotinterface` reads them |
-//! | `toml` | the same in TOML |
-//! | `parameters` | parameters of devices as settings |
-//! | `run` | the phases of a robot's life |
+//! | `xml_description` | descriptions in XML, as stock's `yarprobotinterface` reads them |
+//! | `toml_description` | descriptions in TOML |
+//! | `device_parameters` | parameters of devices as settings |
+//! | `lifecycle` | the phases of a robot's life |
 //!
 //! Source: `XMLReaderFileV3.cpp`, `XMLReaderFileV1.cpp`, `Robot.cpp`, `Device.cpp` of YARP 3.5, tags, `${portprefix}`
 //! and the order of actions as in 4.0.
@@ -27,74 +27,74 @@ use yarp_wire::settings::{Origin, Settings};
 pub use error::RobotError;
 pub use lifecycle::{Progress, RunningRobot};
 
-/// A robot, as described.
+/// Description of a robot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Robot {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// Which build of it.
+    /// Build number.
     pub build: u32,
-    /// What the names of its ports begin with, less the first `/`.
+    /// Prefix of its port names, without the first `/`.
     pub port_prefix: String,
-    /// Whether interrupts and shutdown go through the levels from the highest to the lowest.
+    /// True if interrupts and shutdown run the levels in descending order.
     pub reversed: bool,
-    /// Parameters for every device that has none of that name.
+    /// Default parameters of every device.
     pub params: Vec<Param>,
-    /// The devices, in the order in which they are opened.
+    /// Devices, in the order in which they are opened.
     pub devices: Vec<DeviceEntry>,
 }
 
-/// A device of a robot.
+/// Description of a device of a robot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DeviceEntry {
-    /// Its name among the devices.
+    /// Name.
     pub name: String,
-    /// Its kind, as in [`kinds`](crate::device_types).
+    /// Device type, as in [`device_types`](crate::device_types).
     pub kind: String,
-    /// Its parameters.
+    /// Parameters.
     pub params: Vec<Param>,
-    /// What is done with it, and when.
+    /// Actions of the device.
     pub actions: Vec<Action>,
-    /// Where it is described.
+    /// Position of the description.
     pub origin: Origin,
 }
 
 /// A parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Param {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// What it is.
+    /// Value.
     pub value: ParamValue,
-    /// Where it is written.
+    /// Position of the description.
     pub origin: Origin,
 }
 
-/// What a parameter is.
+/// Value of a parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ParamValue {
-    /// Values, one usually.
+    /// Values, usually one.
     Values(Vec<Value>),
-    /// Parameters of its own.
+    /// Nested parameters.
     Group(Vec<Param>),
 }
 
-/// Something that is done with a device.
+/// An action of a device.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Action {
-    /// When.
+    /// Phase in which it runs.
     pub phase: Phase,
-    /// When within the phase.
+    /// Level within the phase.
     pub level: u32,
-    /// What.
+    /// Kind of action.
     pub kind: ActionKind,
-    /// With what.
+    /// Parameters.
     pub params: Vec<Param>,
-    /// Where it is described.
+    /// Position of the description.
     pub origin: Origin,
 }
 
-/// Words of the description, with their meaning.
+/// Declares an enum of words in a description.
 macro_rules! words {
     ($(#[$about:meta])* $name:ident { $($(#[$doc:meta])* $variant:ident = $word:literal,)* }) => {
         $(#[$about])*
@@ -121,17 +121,17 @@ macro_rules! words {
 }
 
 words! {
-    /// A part of a robot's life.
+    /// A phase of a robot's life.
     Phase {
         /// Devices are opened and attached.
         Startup = "startup",
-        /// It works.
+        /// The robot is in operation.
         Run = "run",
-        /// It is told to end.
+        /// The first interrupt: the robot is asked to end.
         Interrupt1 = "interrupt1",
-        /// It is told again.
+        /// The second interrupt.
         Interrupt2 = "interrupt2",
-        /// And again.
+        /// The third interrupt.
         Interrupt3 = "interrupt3",
         /// Devices are closed.
         Shutdown = "shutdown",
@@ -139,35 +139,35 @@ words! {
 }
 
 words! {
-    /// What can be done with a device.
+    /// Kind of action.
     ActionKind {
-        /// Nothing, as in stock.
+        /// No effect, as in stock.
         Configure = "configure",
-        /// Has the board `target` calibrate itself.
+        /// Calibrates the board `target`.
         Calibrate = "calibrate",
         /// Attaches to `device`, to those of `networks`, or to `all`.
         Attach = "attach",
-        /// Nothing, as in stock.
+        /// No effect, as in stock.
         Abort = "abort",
-        /// Lets go of what it is attached to.
+        /// Detaches from all devices.
         Detach = "detach",
-        /// Has the board `target` park.
+        /// Parks the board `target`.
         Park = "park",
-        /// Nothing, as in stock.
+        /// No effect, as in stock.
         Custom = "custom",
     }
 }
 
-/// How a description is read.
+/// Options for reading a description.
 #[derive(Clone, Debug, Default)]
 pub struct ReadOptions {
-    /// What the command line says: `portprefix`, `enable_tags`, `disable_tags`, `allow-deprecated-dtd`, and values
-    /// for parameters that can be given from outside.
+    /// Settings of the command line: `portprefix`, `enable_tags`, `disable_tags`,
+    /// `allow-deprecated-dtd`, and values of parameters with an external name.
     pub given: Settings,
 }
 
 impl Robot {
-    /// Reads the description in a file: TOML if its name ends so, else XML.
+    /// Reads the description in a file: TOML if the name ends with `.toml`, else XML.
     ///
     /// Errors: [`RobotError`], with file and line.
     pub fn read(file: &Path, options: &ReadOptions) -> Result<Self, RobotError> {
@@ -184,7 +184,7 @@ impl Robot {
         Ok(robot)
     }
 
-    /// Two devices of one name could not be told apart.
+    /// Checks that the names of devices are unique.
     fn check(&self) -> Result<(), RobotError> {
         for (at, device) in self.devices.iter().enumerate() {
             if let Some(first) = self.devices[..at]

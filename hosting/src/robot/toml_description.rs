@@ -1,4 +1,4 @@
-//! Robots in TOML.
+//! Reads descriptions of robots in TOML.
 //!
 //! ```toml
 //! [robot]
@@ -18,8 +18,8 @@
 //! action = [{ phase = "startup", level = 5, type = "attach", params = { device = "arm" } }]
 //! ```
 //!
-//! `include = ["arm.toml", { file = "cams.toml", enabled_by = ["cams"], disabled_by = ["dark"] }]` at the top adds the
-//! devices and `[params]` of other files, which are beside this one.
+//! `include = ["arm.toml", { file = "cams.toml", enabled_by = ["cams"], disabled_by = ["dark"] }]`
+//! at the top adds the devices and `[params]` of other files in the same folder.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -63,7 +63,7 @@ struct Reader<'a> {
     files: Files,
 }
 
-/// A file, to tell lines in it.
+/// A source file, which converts offsets to lines.
 struct SourceFile<'a> {
     file: Arc<str>,
     text: &'a str,
@@ -115,8 +115,13 @@ impl SourceFile<'_> {
             .ok_or_else(|| RobotError::expected(at, format!("key {key} in {what}"), "none"))
     }
 
-    /// Keys that mean nothing are slips of the pen.
-    fn only(&self, table: &DeTable<'_>, known: &[&str], what: &str) -> Result<(), RobotError> {
+    /// Rejects unknown keys, which are typing errors.
+    fn check_keys(
+        &self,
+        table: &DeTable<'_>,
+        known: &[&str],
+        what: &str,
+    ) -> Result<(), RobotError> {
         for key in table.keys() {
             if !known.contains(&key.get_ref().as_ref()) {
                 let expected = format!("one of {} in {what}", known.join(", "));
@@ -257,7 +262,7 @@ impl Reader<'_> {
             Some(params) => self.params(source, params, outside)?,
             None => Vec::new(),
         };
-        // A parameter may be there from outside only.
+        // The parameter may be given on the command line only.
         for (key, option) in outside.into_iter().flat_map(|table| table.iter()) {
             let name = key.get_ref().to_string();
             let option = source.text(option, "the name of an option")?;
@@ -392,7 +397,7 @@ fn read_robot(source: &SourceFile<'_>, value: &SpannedValue<'_>) -> Result<Robot
     })
 }
 
-/// A value that is no table.
+/// Converts a value that is no table.
 fn plain(source: &SourceFile<'_>, value: &SpannedValue<'_>) -> Result<Value, RobotError> {
     let number = |text: &str| {
         let text = text.replace('_', "");

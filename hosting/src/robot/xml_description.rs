@@ -1,4 +1,4 @@
-//! Robots in XML.
+//! Reads descriptions of robots in XML.
 //!
 //! ```xml
 //! <robot name="wam" build="0" portprefix="wam" xmlns:xi="http://www.w3.org/2001/XInclude">
@@ -30,9 +30,9 @@ use super::{
     include_tags,
 };
 
-/// How many elements a file may have.
+/// Maximum number of elements of a file.
 const MAX_ELEMENTS: u32 = 1_000_000;
-/// How deep elements may stand in one another.
+/// Maximum depth of nested elements.
 const MAX_ELEMENT_DEPTH: usize = 100;
 
 pub(super) fn read(file: &Path, options: &ReadOptions) -> Result<Robot, RobotError> {
@@ -91,7 +91,7 @@ impl Element {
 
 struct Reader<'a> {
     given: &'a Settings,
-    /// Whether the format is 1.
+    /// True for format 1.
     old: bool,
     files: Files,
 }
@@ -115,7 +115,7 @@ impl Reader<'_> {
         };
         let document = Document::parse_with_options(&text, options).map_err(|error| {
             let what = error.to_string();
-            // It ends with the position, which is said in front.
+            // The message ends with the position, which the error contains already.
             let what = what
                 .rsplit_once(" at ")
                 .map_or(what.as_str(), |(what, _)| what);
@@ -128,7 +128,7 @@ impl Reader<'_> {
         self.element(document.root_element(), &name, folder, depth, 0)
     }
 
-    /// Which format the document type names: 3 if none.
+    /// Returns true if the document type names format 1; without one the format is 3.
     fn is_old(&self, text: &str, file: &Arc<str>) -> Result<bool, RobotError> {
         const BEFORE: &str = "http://www.yarp.it/DTD/yarprobotinterfaceV";
         let Some(at) = text.find(BEFORE) else {
@@ -220,7 +220,7 @@ impl Reader<'_> {
         };
         let prefix = element.attribute("portprefix").unwrap_or_else(|| {
             let at = &element.origin;
-            tracing::warn!("{at}: no attribute portprefix in <robot>, its name is taken");
+            tracing::warn!("{at}: no attribute portprefix in <robot>, its name is used");
             &name
         });
         let reversed = match element.attribute("reverse-shutdown-action-order") {
@@ -332,7 +332,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// The list of the names of its elements, and each element by its name.
+    /// Reads a list of names, and an element for each name.
     fn paramlist(&self, element: &Element, into: &mut Vec<Param>) -> Result<(), RobotError> {
         let name = element.need("name")?.to_owned();
         let mut names: Vec<Value> = Vec::new();
@@ -384,7 +384,7 @@ impl Reader<'_> {
     }
 }
 
-/// An attribute that is one of some words.
+/// Parses an attribute that is one of several words.
 fn word<T>(
     element: &Element,
     attribute: &str,

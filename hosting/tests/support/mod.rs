@@ -1,4 +1,4 @@
-//! A network with nobody on it yet, and devices from texts.
+//! An empty network, and devices opened from texts.
 #![allow(dead_code, reason = "each test file uses a part of it")]
 
 use std::time::Duration;
@@ -11,7 +11,7 @@ use yarp_ports::{Network, error_chain};
 use yarp_wire::settings::{NoSource, Origin, Parameters, Settings};
 use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions};
 
-/// Longer than anything here takes on a busy machine.
+/// Longer than any test takes on a busy machine.
 pub(crate) const TIMEOUT: Duration = Duration::from_secs(60);
 
 pub(crate) struct Stage {

@@ -1,4 +1,4 @@
-//! What the server chooses when a port leaves it open: number, name, multicast address.
+//! Allocates what a port leaves open when it registers: number, name, multicast group.
 
 use std::collections::{BTreeSet, HashMap, VecDeque};
 use std::net::Ipv4Addr;
@@ -8,39 +8,39 @@ use super::registry_limits::Refusal;
 
 /// Port numbers that the server hands out, one pool for all hosts.
 ///
-/// In stock's order: the number that the name had before, if nobody has it now; else the next
-/// number that was never handed out; else the one that has been free longest. Unlike stock, a
-/// number that a live port asked for itself is never handed out to another, and a network of more
-/// ports than stock has numbers for gets those up to [`LAST_SPARE_NUMBER`].
+/// Order of allocation, as in stock: the number that the name had before, if it is free; else the
+/// next number that was never handed out; else the number that has been free longest. Unlike stock,
+/// a number that a live port chose itself is never handed out to another port, and when stock's
+/// numbers are used up, those up to [`LAST_SPARE_NUMBER`] follow.
 #[derive(Debug)]
 pub(super) struct PortNumbers {
     first: u32,
-    /// First number that was never handed out.
+    /// First number of the range that was never handed out.
     next: u32,
     last: u32,
     /// First number beyond `last` that was never handed out.
     spare: u32,
-    /// The last of those.
+    /// Last number beyond `last`.
     most: u32,
     previous: HashMap<String, u16>,
     names: HashMap<u16, String>,
     freed: VecDeque<u16>,
-    /// How many live ports have each number.
+    /// Number of live ports with each number.
     used: HashMap<u16, usize>,
 }
 
-/// The last number before those that Linux gives to clients.
+/// Last number below those that Linux gives to clients.
 const LAST_SPARE_NUMBER: u32 = 32_767;
 
 impl PortNumbers {
-    /// Stock's range above its own number: from the second to the 9999th.
+    /// Creates stock's range above the server's own number: from the second to the 9999th.
     pub(super) fn above(server: u16) -> Self {
         let server = u32::from(server);
         let last = (server + 9999).min(u16::MAX.into());
         Self::between(server + 2, last, LAST_SPARE_NUMBER)
     }
 
-    /// Any other range.
+    /// Creates a pool with another range.
     pub(super) fn within(range: RangeInclusive<u16>) -> Self {
         let last = (*range.end()).into();
         Self::between((*range.start()).into(), last, last)
@@ -60,7 +60,7 @@ impl PortNumbers {
         }
     }
 
-    /// A number for `name`, or none if all are taken. It counts as used only after
+    /// Returns a number for `name`, or `None` if all are in use. It counts as used only after
     /// [`take`](Self::take).
     pub(super) fn choose(&mut self, name: &str) -> Option<u16> {
         let number = self.candidate(name)?;
@@ -104,13 +104,14 @@ impl PortNumbers {
         None
     }
 
-    /// Whether the number was handed out before.
+    /// Returns true if the number was handed out before.
     fn is_ours(&self, number: u16) -> bool {
         let number = u32::from(number);
         (self.first..self.next).contains(&number) || (self.last + 1..self.spare).contains(&number)
     }
 
-    /// A port of an earlier registry has `number`; [`settle`](Self::settle) comes after the last.
+    /// Records that a port of an earlier registry has `number`; call [`free_unused`](Self::free_unused) after
+    /// the last one.
     pub(super) fn restore(&mut self, name: &str, number: u16) {
         self.take(number);
         let after = u32::from(number) + 1;
@@ -125,8 +126,8 @@ impl PortNumbers {
         self.previous.insert(name.to_owned(), number);
     }
 
-    /// What nobody has of the numbers that were handed out is free.
-    pub(super) fn settle(&mut self) {
+    /// Marks the restored numbers that no port has as free.
+    pub(super) fn free_unused(&mut self) {
         let numbers = (self.first..self.next).chain(self.last + 1..self.spare);
         let numbers = numbers.filter_map(|number| u16::try_from(number).ok());
         self.freed = numbers
@@ -134,7 +135,7 @@ impl PortNumbers {
             .collect();
     }
 
-    /// The refusal for when [`choose`](Self::choose) gave none.
+    /// Returns the refusal for the case that [`choose`](Self::choose) returned `None`.
     pub(super) fn none_left(&self) -> Refusal {
         Refusal::NoNumber {
             first: self.first,
@@ -142,12 +143,12 @@ impl PortNumbers {
         }
     }
 
-    /// A live port has `number` now.
+    /// Records that a live port has `number`.
     pub(super) fn take(&mut self, number: u16) {
         *self.used.entry(number).or_default() += 1;
     }
 
-    /// One live port that had `number` has gone.
+    /// Records that a live port with `number` is gone.
     pub(super) fn free(&mut self, number: u16) {
         let Some(count) = self.used.get_mut(&number) else {
             return;
@@ -163,7 +164,7 @@ impl PortNumbers {
     }
 }
 
-/// Counts from 1; what is given back is used again first, smallest first.
+/// Counts from 1; numbers that are returned are reused first, smallest first.
 #[derive(Debug)]
 struct Counter {
     next: u32,
@@ -171,7 +172,8 @@ struct Counter {
 }
 
 impl Counter {
-    /// PortNumbers beyond that are not ours, or will be skipped when it comes to them.
+    /// PortNumbers further ahead than this are not tracked; they are skipped when the counter reaches
+    /// them.
     const GAP: u32 = 100_000;
 
     fn from(next: u32) -> Self {
@@ -192,7 +194,7 @@ impl Counter {
         }
     }
 
-    /// Somebody has `number` from before; numbers below it may be free.
+    /// Records that `number` is in use; lower numbers may be free.
     fn restore(&mut self, number: u32) {
         if number >= self.next && number < self.next + Self::GAP {
             self.freed.extend(self.next..number);
@@ -203,7 +205,7 @@ impl Counter {
     }
 }
 
-/// Invented names: `/tmp/port/1`, `/tmp/port/2`...
+/// Anonymous names: `/tmp/port/1`, `/tmp/port/2`...
 #[derive(Debug)]
 pub(super) struct AnonymousNames(Counter);
 
@@ -214,7 +216,7 @@ impl AnonymousNames {
         Self(Counter::from(1))
     }
 
-    /// A name that `taken` does not know, with `suffix` appended: stock makes
+    /// Returns a name for which `taken` is false, with `suffix` appended: stock makes
     /// `/tmp/port/3=x` of `=x`.
     pub(super) fn choose(&mut self, suffix: &str, taken: impl Fn(&str) -> bool) -> String {
         loop {
@@ -225,14 +227,14 @@ impl AnonymousNames {
         }
     }
 
-    /// Gives an invented name back; others are ignored.
+    /// Returns an anonymous name to the pool; other names are ignored.
     pub(super) fn free(&mut self, name: &str) {
         if let Some(number) = Self::number(name) {
             self.0.free(number);
         }
     }
 
-    /// A port of an earlier registry has `name`.
+    /// Records that a port of an earlier registry has `name`.
     pub(super) fn restore(&mut self, name: &str) {
         if let Some(number) = Self::number(name) {
             self.0.restore(number);
@@ -246,19 +248,19 @@ impl AnonymousNames {
     }
 }
 
-/// Multicast groups: `224.1.1.3`, `224.1.1.4`...
+/// Pool of multicast groups: `224.1.1.3`, `224.1.1.4`...
 #[derive(Debug)]
 pub(super) struct MulticastGroups(Counter);
 
 impl MulticastGroups {
-    /// MulticastGroups after which the second last byte would be 256.
+    /// Number of groups, after which the second last byte would be 256.
     const COUNT: u32 = 255 * 255;
 
     pub(super) fn new() -> Self {
         Self(Counter::from(2))
     }
 
-    /// A group that `taken` does not know, or none if all are taken.
+    /// Returns a group for which `taken` is false, or `None` if all are in use.
     pub(super) fn choose(&mut self, taken: impl Fn(&str) -> bool) -> Option<String> {
         loop {
             let index = self.0.take();
@@ -273,14 +275,14 @@ impl MulticastGroups {
         }
     }
 
-    /// Gives a group back; addresses that were never ours are ignored.
+    /// Returns a group to the pool; other addresses are ignored.
     pub(super) fn free(&mut self, group: &str) {
         if let Some(index) = Self::index(group) {
             self.0.free(index);
         }
     }
 
-    /// A port of an earlier registry has `group`.
+    /// Records that a port of an earlier registry has `group`.
     pub(super) fn restore(&mut self, group: &str) {
         if let Some(index) = Self::index(group) {
             self.0.restore(index);
@@ -295,7 +297,7 @@ impl MulticastGroups {
         ours.then_some(index)
     }
 
-    /// Stock's `224.1.(n/255+1).(n%255+1)`.
+    /// Returns stock's address `224.1.(n/255+1).(n%255+1)`.
     fn address(index: u32) -> Ipv4Addr {
         Ipv4Addr::new(224, 1, (index / 255 + 1) as u8, (index % 255 + 1) as u8)
     }

@@ -1,9 +1,8 @@
-//! What a registry remembers beyond its own life.
+//! Changes of a registry, from which a store restores it.
 //!
-//! Every request leaves its [`Change`]s in the [`Reply`](super::Reply), in order. A store that
-//! applies them, and later gives back what is left as changes again, brings the registry back.
-//! The server itself and its multicast group are never among them: they are what it is told at its
-//! start.
+//! Every request returns its [`Change`]s in the [`Reply`](super::Reply), in order. A store that
+//! applies them, and later returns its content as changes again, restores the registry. The server
+//! itself and its multicast group are never among them: they come from its settings.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -14,66 +13,66 @@ use super::liveness::LivenessRecord;
 use super::persistent_connections::ConnectionEnd;
 use super::{Entry, FALLBACK, Registry};
 
-/// One thing to remember, or to forget.
+/// One change of the registry.
 #[derive(Clone, Debug, Eq, PartialEq)]
 #[non_exhaustive]
 pub enum Change {
-    /// A port is here now; its properties stay as they are.
+    /// A port has this address now; its properties are unchanged.
     Port(Registration),
-    /// A port and its properties are gone.
+    /// A port and its properties are removed.
     PortGone(String),
-    /// A property has these values now, sorted; none if it is gone.
+    /// A property has these values now, sorted; no values remove it.
     Property {
-        /// The port.
+        /// Name of the port.
         name: String,
-        /// The property.
+        /// Name of the property.
         key: String,
-        /// Its values.
+        /// Values.
         values: Arc<[String]>,
     },
-    /// A port said that it listens, or was found not to.
+    /// A port announced that it listens, or was found not to.
     Announced {
-        /// The port.
+        /// Name of the port.
         name: String,
-        /// Whether it listens.
+        /// True if it listens.
         announced: bool,
     },
-    /// A connection outlives its ports.
+    /// A persistent connection was added.
     Subscription {
-        /// The writing end as it was written, carrier included.
+        /// Writing end as written, carrier included.
         source: String,
-        /// The reading end as it was written, carrier included.
+        /// Reading end as written, carrier included.
         destination: String,
-        /// `from`, `to`, or empty.
+        /// Mode: `from`, `to`, or empty.
         mode: String,
     },
-    /// A connection does so no longer.
+    /// A persistent connection was removed.
     SubscriptionGone {
-        /// The bare name of the writing end.
+        /// Bare name of the writing end.
         source: String,
-        /// The bare name of the reading end.
+        /// Bare name of the reading end.
         destination: String,
     },
-    /// There is a topic.
+    /// A topic was added.
     Topic {
-        /// Its name.
+        /// Name of the topic.
         name: String,
-        /// What it carries, empty if not said.
+        /// Type of its messages; empty if unknown.
         structure: String,
     },
-    /// A topic is gone.
+    /// A topic was removed.
     TopicGone(String),
-    /// The definition of a type.
+    /// A type was defined.
     Type {
-        /// Its name.
+        /// Name of the type.
         name: String,
-        /// The definition.
+        /// Definition.
         value: String,
     },
 }
 
 impl Change {
-    /// The bare names of both ends of a subscription given as they were written.
+    /// Returns the bare names of both ends of a subscription, given as written.
     pub fn bare_ends(source: &str, destination: &str) -> (String, String) {
         (
             ConnectionEnd::parse(source).name,
@@ -81,7 +80,7 @@ impl Change {
         )
     }
 
-    /// The port that it is about, if it is about one.
+    /// Returns the port that the change concerns, if it concerns one.
     fn port(&self) -> Option<&str> {
         match self {
             Self::Port(registration) => Some(&registration.name),
@@ -94,7 +93,7 @@ impl Change {
 }
 
 impl Registry {
-    /// Takes note of a change.
+    /// Records a change.
     pub(super) fn record(&mut self, change: Change) {
         if !self.is_own(&change) {
             self.journal.push(change);
@@ -106,10 +105,11 @@ impl Registry {
         change.port().is_some_and(own)
     }
 
-    /// Brings back what an earlier registry left: `changes` in any order that could have happened.
+    /// Restores what an earlier registry left: `changes` in any order in which they could have
+    /// happened.
     ///
-    /// Changes that make no sense here, such as a property of a port that is not there, are left
-    /// out. Ports that had announced themselves count as announced at `now`.
+    /// Changes that do not apply, such as a property of an unknown port, are ignored. Ports that
+    /// had announced themselves count as announced at `now`.
     pub fn restore(&mut self, now: Instant, changes: impl IntoIterator<Item = Change>) {
         for change in changes {
             if !self.is_own(&change) {
@@ -119,8 +119,8 @@ impl Registry {
         self.numbers.settle();
     }
 
-    /// The registry as it would be if `changes` were all that ever happened to others; what is known
-    /// of the server itself, and of who lives, stays.
+    /// Returns a registry built from `changes`, which keeps the entry of the server itself and the
+    /// liveness of ports whose address is unchanged.
     pub(crate) fn rebuilt(&self, now: Instant, changes: Vec<Change>) -> Self {
         let mut rebuilt = Self::new(self.settings.clone());
         rebuilt.restore(now, changes);
@@ -147,7 +147,7 @@ impl Registry {
             }
             Change::Property { name, key, values } => {
                 if let Some(entry) = self.ports.get_mut(&name) {
-                    // It was within the bounds when it was kept.
+                    // It was within the limits when it was stored.
                     let _ = entry.properties.set(&mut self.pool, &key, &values);
                 }
             }
@@ -163,7 +163,7 @@ impl Registry {
             } => {
                 let ends = [&source, &destination].map(|text| ConnectionEnd::parse(text));
                 let [source, destination] = ends;
-                // As above.
+                // It was within the limits, as above.
                 let _ = self.persistent.restore(source, destination, &mode);
             }
             Change::SubscriptionGone {
@@ -213,8 +213,8 @@ mod tests {
         Settings::at("192.0.2.2", 10310)
     }
 
-    /// Everything that can be asked of a registry.
-    fn told(registry: &mut Registry, names: &[&str]) -> Vec<String> {
+    /// Returns every answer that a registry can give.
+    fn all_answers(registry: &mut Registry, names: &[&str]) -> Vec<String> {
         let ask = |registry: &mut Registry, line: &str| {
             let request = Request::parse(line).unwrap();
             let reply = registry.handle(Instant::now(), None, &request);
@@ -263,7 +263,7 @@ mod tests {
         assert_eq!(changes, []);
     }
 
-    /// Two answers of a restored server must not give one number or name to two ports.
+    /// Checks that a restored server never gives one number or name to two ports.
     #[test]
     fn what_is_in_use_is_not_handed_out_again() {
         let mut registry = Registry::new(settings());
@@ -300,8 +300,8 @@ mod tests {
     }
 
     proptest! {
-        /// Another registry that is told of items as they are written answers the same, and goes
-        /// back to what it was when it adopts what a third one has.
+        /// Checks that a registry which adopts items as they are written answers like their origin,
+        /// and returns to its former state when it adopts the items of a third one.
         #[test]
         fn a_registry_that_adopts_all_items_answers_the_same(
             lines in prop::collection::vec(line(), 0..60),
@@ -335,7 +335,7 @@ mod tests {
             for item in &later {
                 other.adopt(Instant::now(), item, past.held(item));
             }
-            // A topic that was made again is listed last.
+            // A topic that was added again is listed last.
             let unordered = |mut told: Vec<String>| {
                 told[2].clear();
                 told
@@ -344,7 +344,7 @@ mod tests {
             prop_assert_eq!(back, past);
         }
 
-        /// Whatever somebody else writes under our keys.
+        /// Checks any key and value that another program may write.
         #[test]
         fn no_value_makes_trouble(key in "(port|connection|topic|type)/[ -~]{0,9}", value in "\\PC{0,40}") {
             let item = crate::shared::store_format::item_of(&key, Some(value.as_bytes()));

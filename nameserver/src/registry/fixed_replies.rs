@@ -1,4 +1,4 @@
-//! Answers that depend on nothing.
+//! Answers that do not depend on the state of the registry.
 
 use yarp_wire::name_service::{Form, plain_text};
 use yarp_wire::{Bottle, Value};
@@ -32,13 +32,13 @@ pub(super) fn help(form: Form) -> Body {
     }
 }
 
-/// Stock always proposes `tcp`, whatever the two ports are.
+/// Returns the answer to `route`: stock always proposes `tcp`, for any two ports.
 pub(super) fn route(source: &str, destination: &str) -> String {
     let [source, destination] = [source, destination].map(plain_text);
     format!("port {source} route {destination} = tcp:/{destination}")
 }
 
-/// The page of the web command: what stock answers to any page that it does not have.
+/// Returns the answer to the web command: stock's answer for a page that it does not have.
 pub(super) fn web() -> Body {
     Body::Bottle(Bottle::of("web").with("Hmm."))
 }

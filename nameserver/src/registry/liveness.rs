@@ -1,8 +1,9 @@
-//! Who lives, and whose name may be given to another.
+//! Liveness of registered ports, and claims to names that are in use.
 //!
-//! Ports of ours hold a lease: they say every few seconds that they are there ([`Registry::lease`]).
-//! The others are looked at now and then by the server ([`Registry::due_for_probe`], [`Registry::record_probe`]). The
-//! registry only takes note: `list` and `query` answer as in stock, whoever lives.
+//! Ports of this project hold a lease, which they renew every few seconds ([`Registry::lease`]).
+//! The server probes all other ports periodically ([`Registry::due_for_probe`],
+//! [`Registry::record_probe`]). The registry only records the results: `list` and `query` answer as
+//! in stock, whatever the state of a port.
 
 use std::fmt;
 use std::time::{Duration, Instant};
@@ -13,14 +14,15 @@ use super::lookup::is_below;
 use super::registry_limits::Refusal;
 use super::{Body, Entry, FALLBACK, Registry};
 
-/// How a port was found.
+/// Liveness of a port.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum Liveness {
-    /// It holds a lease, or answered when it was looked at.
+    /// The port holds a lease, or answered the last probe.
     Alive,
-    /// Nothing is known to be wrong, but it does not answer: its machine is away, or it is stuck.
+    /// The port does not answer and nothing else is known: its machine is unreachable, or the port
+    /// is stuck.
     Unreachable,
-    /// Its machine says that nobody listens there, or another port does.
+    /// Its machine refuses connections at that address, or another port answers there.
     Gone,
 }
 
@@ -34,27 +36,27 @@ impl fmt::Display for Liveness {
     }
 }
 
-/// What came of looking at a port.
+/// Result of a probe.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum ProbeResult {
-    /// It answered to its name.
+    /// The port answered with its name.
     Answered,
-    /// Somebody took the connection and said nothing: a port that is stopped or stuck.
+    /// The connection was accepted and nothing was received: the port is stopped or stuck.
     NoReply,
-    /// There is no way there.
+    /// The address could not be reached.
     Unroutable,
-    /// Its machine refused the connection.
+    /// The machine refused the connection.
     Refused,
-    /// Another port answered there.
+    /// Another port answered at the address.
     WrongPort,
 }
 
-/// What came of looking at a port, and why it was no better.
+/// Result of a probe, with the reason for a failure.
 #[derive(Clone, Debug, Eq, PartialEq)]
 pub struct Probe {
-    /// What came of it.
+    /// Result of the probe.
     pub result: ProbeResult,
-    /// In words, if the port did not answer.
+    /// Reason, if the port did not answer.
     pub reason: Option<String>,
 }
 
@@ -75,55 +77,56 @@ impl ProbeResult {
     }
 }
 
-/// A registered port, and what is known of its life.
+/// A registered port and its liveness.
 #[derive(Clone, Debug, Eq, PartialEq)]
 pub struct PortStatus {
     /// Name and address.
     pub registration: Registration,
-    /// How it was found last.
+    /// Liveness after the last probe or lease renewal.
     pub state: Liveness,
-    /// Since when.
+    /// Time of the last change of state.
     pub since: Instant,
-    /// Why it is not alive, in words, if that is known.
+    /// Reason why the port is not alive, if known.
     pub reason: Option<String>,
-    /// Whether it holds a lease.
+    /// True while the port holds a lease.
     pub leased: bool,
 }
 
-/// Whether a name may be given away.
+/// Result of claiming a name.
 #[derive(Clone, Debug, Eq, PartialEq)]
 pub enum ClaimResult {
-    /// Nobody has it, or who asks has it already.
+    /// No port has the name, or the claiming port has it already.
     Free,
-    /// This port has it and must be looked at first.
+    /// This port has the name and must be probed first.
     Held {
-        /// Who has it.
+        /// Present owner of the name.
         holder: Registration,
-        /// It has just come and may not listen yet: if nobody does, look again until then.
+        /// The owner registered a moment ago and may not listen yet: repeat a failed probe until
+        /// then.
         retry_until: Option<Instant>,
     },
-    /// It cannot be had.
+    /// The name cannot be claimed.
     Refused(Refusal),
 }
 
-/// A port that has registered needs some time until it listens.
+/// Time that a port may take from its registration until it listens.
 const REGISTRATION_GRACE: Duration = Duration::from_secs(1);
 
-/// What is known of the life of one port.
+/// Recorded liveness of one port.
 #[derive(Clone, Debug)]
 pub(super) struct LivenessRecord {
     state: Liveness,
-    /// Why the last look did not find it alive.
+    /// Reason why the last probe failed.
     reason: Option<Box<str>>,
     since: Option<Instant>,
-    /// When it was registered, if that was in this life of the server.
+    /// Time of registration, if it happened since the server started.
     registered: Option<Instant>,
     probed_at: Option<Instant>,
     leased_until: Option<Instant>,
 }
 
 impl LivenessRecord {
-    /// A port that has just registered speaks to us: it lives.
+    /// Returns the record of a port that has just registered, which counts as alive.
     pub(super) fn registered(now: Instant) -> Self {
         Self {
             state: Liveness::Alive,
@@ -135,7 +138,8 @@ impl LivenessRecord {
         }
     }
 
-    /// Nothing is known of a port that was registered before the server started.
+    /// Returns the record of a port that was registered before the server started: nothing is known
+    /// of it.
     pub(super) fn restored() -> Self {
         Self {
             state: Liveness::Unreachable,
@@ -167,9 +171,10 @@ impl LivenessRecord {
 }
 
 impl Registry {
-    /// Whether `asked` may have its name.
+    /// Checks if `asked` may have its name.
     ///
-    /// A group and a topic have no owner that could be asked: they are given away as in stock.
+    /// A group and a topic have no owner that could be probed: their names are given away as in
+    /// stock.
     pub fn claim(&self, now: Instant, asked: &RegisterRequest) -> ClaimResult {
         let Some(entry) = self.ports.get(&asked.name) else {
             return ClaimResult::Free;
@@ -183,7 +188,7 @@ impl Registry {
         if self.is_ours(&asked.name) {
             return ClaimResult::Refused(taken(holder));
         }
-        // One that has said what it is listens by now.
+        // A port that has set its properties listens by now.
         let settled = entry.announced.is_some() || !entry.properties.get("process").is_empty();
         let registered = entry.liveness.registered.filter(|_| !settled);
         let retry_until = registered.map(|then| then + REGISTRATION_GRACE);
@@ -193,10 +198,11 @@ impl Registry {
         }
     }
 
-    /// What to tell somebody who wants the name of `holder`, now that it was looked at: nothing, if
-    /// it may be had.
+    /// Decides a claim to the name of `holder` after a probe; returns a refusal, or `None` if the
+    /// name is free.
     ///
-    /// Who takes connections keeps the name. So does who cannot be reached but holds a lease.
+    /// An owner that accepts connections keeps its name, as does an unreachable owner that holds a
+    /// lease.
     pub fn resolve_claim(
         &mut self,
         now: Instant,
@@ -215,8 +221,8 @@ impl Registry {
         keeps.then(|| taken(holder))
     }
 
-    /// The ports that are to be looked at, each once in `every`, at most `most`; they count as looked
-    /// at.
+    /// Returns at most `most` ports that are due for a probe, each once per `every`, and marks them
+    /// as probed.
     pub fn due_for_probe(
         &mut self,
         now: Instant,
@@ -224,7 +230,8 @@ impl Registry {
         most: usize,
     ) -> Vec<Registration> {
         let own = self.settings.name.clone();
-        // Each of several servers looks for itself, all together no more often than configured.
+        // Each of several servers probes all ports; together they do so no more often than
+        // configured.
         let servers = u32::try_from(self.settings.others.len()).map_or(u32::MAX, |n| n + 1);
         let every = every.saturating_mul(servers);
         let waits = |entry: &Entry| {
@@ -243,8 +250,8 @@ impl Registry {
             .collect()
     }
 
-    /// Takes note of what came of looking at `port`; tells whether it is to be dropped now.
-    /// `expire_after`: how long a port must have been gone to be dropped; none if that never happens.
+    /// Records the result of a probe of `port`; returns true if its name expires now.
+    /// `expire_after`: time for which a port must have been gone; `None` means never.
     pub fn record_probe(
         &mut self,
         now: Instant,
@@ -259,7 +266,7 @@ impl Registry {
         liveness.state == Liveness::Gone && expire_after.is_some_and(waited)
     }
 
-    /// Takes note of what came of looking at `port`, unless it has moved.
+    /// Records the result of a probe of `port`, unless its address changed since.
     pub(super) fn apply_probe(
         &mut self,
         now: Instant,
@@ -273,13 +280,13 @@ impl Registry {
         liveness.transition_to(now, how.result.state());
         liveness.reason = how.reason.map(String::into_boxed_str);
         if liveness.state == Liveness::Gone {
-            // Whoever held it has no need of it any more.
+            // The owner of the lease is gone.
             liveness.leased_until = None;
         }
         Some(liveness)
     }
 
-    /// Every registered port with its state, sorted by name.
+    /// Returns every registered port with its liveness, sorted by name.
     pub fn port_statuses(&self, now: Instant) -> impl Iterator<Item = PortStatus> {
         self.ports
             .values()
@@ -309,9 +316,10 @@ impl Registry {
         }
     }
 
-    /// `lease NAME HOST NUMBER ...`: these ports are there. The answer tells how long that holds,
-    /// which server it is, who of them is registered no longer (`lost`) or elsewhere (`taken`), and
-    /// where other servers of the same names are (`also HOST PORT`).
+    /// Handles `lease NAME HOST NUMBER ...`, the renewal of leases. The answer contains the
+    /// duration of the lease, the incarnation of the server, the ports that are not registered
+    /// (`lost`) or are registered with another address (`taken`), and the addresses of other
+    /// servers of the same names (`also HOST PORT`).
     pub(super) fn lease(&mut self, now: Instant, holders: &[LeaseHolder]) -> Body {
         let (incarnation, lease) = (self.settings.incarnation, self.settings.lease);
         let first = format!("lease {} server {incarnation}", lease.as_secs());
@@ -339,20 +347,20 @@ impl Registry {
         Body::lines(lines)
     }
 
-    /// `state [PREFIX]`: the lines of `list`, each with a state behind it.
+    /// Handles `state [PREFIX]`: the lines of `list`, each followed by a state.
     pub(super) fn states(&self, now: Instant, prefix: &str) -> Body {
         let known = self.port_statuses(now);
         let known = known.filter(|known| is_below(&known.registration.name, prefix));
         Body::lines(known.map(|known| format!("{} state {}", known.registration, known.state)))
     }
 
-    /// Whether it is the server itself, or its group.
+    /// Returns true for the name of the server itself and of its group.
     pub(crate) fn is_ours(&self, name: &str) -> bool {
         name == self.settings.name || name == FALLBACK
     }
 }
 
-/// MulticastGroups and topics are only words between ports.
+/// Returns false for groups and topics, which are names without a port.
 fn has_owner(registration: &Registration) -> bool {
     !matches!(registration.carrier.as_str(), "mcast" | "topic")
 }

@@ -1,4 +1,4 @@
-//! Questions about ports.
+//! Queries about ports.
 
 use std::net::IpAddr;
 
@@ -12,7 +12,7 @@ use super::{Body, Change, Entry, Registry, subnets};
 impl Registry {
     pub(super) fn query(&self, form: Form, from: Option<IpAddr>, name: &str) -> Body {
         let mut found = self.find(name);
-        // Who names a network gets an address there.
+        // A query that names a network gets an address there.
         if let Some(found) = &mut found
             && !name.contains("/net=")
         {
@@ -30,9 +30,9 @@ impl Registry {
         }
     }
 
-    /// The port that a query means: `NAME`, `CARRIER:/NAME` (the carrier does not matter) or
-    /// `/net=PREFIX/NAME`, which answers with the first of the port's addresses that starts with
-    /// PREFIX, if there is one.
+    /// Returns the port that a query names: `NAME`, `CARRIER:/NAME` (the carrier is ignored) or
+    /// `/net=PREFIX/NAME`, which selects the first address of the port that starts with PREFIX, if
+    /// any.
     pub(crate) fn find(&self, query: &str) -> Option<Registration> {
         let (_, name) = split_carrier(query);
         let Some(selector) = name.strip_prefix("/net=") else {
@@ -48,7 +48,7 @@ impl Registry {
         Some(registration)
     }
 
-    /// Tells an asker at `from` an address that it can reach.
+    /// Selects the address of a port that the client at `from` can reach.
     fn suit(&self, registration: &mut Registration, from: Option<IpAddr>) {
         if let Some(entry) = self.ports.get(&registration.name) {
             let ips = entry.properties.get("ips");
@@ -56,7 +56,7 @@ impl Registry {
         }
     }
 
-    /// Ports that are called `prefix` or lie below it, sorted by the bytes of their names.
+    /// Returns the ports named `prefix` or below it, sorted by the bytes of their names.
     pub(super) fn list(&self, form: Form, from: Option<IpAddr>, prefix: &str) -> Body {
         let below = self.entries().filter(|(name, _)| is_below(name, prefix));
         self.listing(form, from, below)
@@ -95,7 +95,7 @@ impl Registry {
             .map(|(name, entry)| (name.as_str(), entry))
     }
 
-    /// Sets a property. `carrier` is that of the registration itself, as in stock.
+    /// Sets a property. The property `carrier` is that of the registration itself, as in stock.
     pub(super) fn set(&mut self, form: Form, name: &str, key: &str, values: &[String]) -> Body {
         let Some(entry) = self.ports.get_mut(name) else {
             return unknown(form);
@@ -142,7 +142,7 @@ impl Registry {
     }
 }
 
-/// What stock answers about the properties of a port it does not know.
+/// Returns stock's answer about the properties of an unknown port.
 fn unknown(form: Form) -> Body {
     match form {
         Form::Plain => Body::end(),

@@ -1,18 +1,18 @@
-//! Who is where: the state of the name server.
+//! The registry: the state of the name server.
 //!
-//! [`Registry::handle`] takes one request and the time, and gives the [`Reply`] with the
-//! [`Effect`]s that the server must see to and the [`Change`]s that a store must keep, from which
-//! [`Registry::restore`] makes the same registry again. Nothing here has a socket, a clock, a file
-//! or a task.
+//! [`Registry::handle`] takes one request and the time, and returns the [`Reply`] with the
+//! [`Effect`]s that the server must run and the [`Change`]s that a store must keep.
+//! [`Registry::restore`] builds the same registry from these changes. Nothing here has a socket, a
+//! clock, a file or a task.
 //!
-//! Answers and their order are those of stock 3.5.0, asked request by request, except:
+//! Answers and their order are those of stock 3.5.0, verified request by request, except:
 //!
-//! * names and words that an answer could not hold (empty, with blanks, quotes or line ends),
-//!   numbers that no port has, and stores that are full are refused with a reason, where stock
-//!   stores anything and exits when its numbers run out;
-//! * a number that is in use is never handed out to another port (stock minds only the numbers
+//! * names and words that an answer could not represent (empty, with blanks, quotes or line ends),
+//!   numbers that are no port numbers, and requests beyond a limit are refused with a reason, where
+//!   stock stores anything and exits when its numbers run out;
+//! * a number that is in use is never handed out to another port (stock considers only the numbers
 //!   that it chose itself);
-//! * of several addresses of a port each asker is told one that it can reach (`subnets.rs`);
+//! * of several addresses of a port each client is told one that it can reach (`subnets.rs`);
 //! * `(format json)` is not taken for an argument (stock stores it as a value with `set`).
 
 mod allocator;
@@ -52,31 +52,32 @@ pub use reply_and_effects::{Body, Effect, Link, Reply};
 pub(crate) use shared_item::{Item, ItemValue};
 pub use subnets::Subnet;
 
-/// The name in a contact such as `tcp://name`, as persistent connections have them.
+/// Returns the name in a contact such as `tcp://name`, as used in persistent connections.
 pub(crate) fn bare_name(contact: &str) -> &str {
     persistent_connections::split_carrier(contact).1
 }
 
-/// What the server knows of itself.
+/// Settings of the server.
 #[derive(Clone, Debug)]
 pub struct Settings {
-    /// The name of its port: the namespace.
+    /// Name of the server's port: the namespace.
     pub name: String,
-    /// The host that it tells clients.
+    /// Host that clients are told.
     pub host: String,
-    /// Its TCP port; the numbers it hands out begin two above.
+    /// TCP port of the server; the numbers it hands out begin two above.
     pub port: u16,
-    /// The UDP port of multicast detection, listed as `fallback`.
+    /// UDP port of multicast discovery, listed as `fallback`.
     pub multicast_port: u16,
-    /// The networks that it has addresses in.
+    /// Networks in which the server has addresses.
     pub subnets: Vec<Subnet>,
-    /// The numbers that it hands out, if not those above its own.
+    /// PortNumbers to hand out, instead of those above the server's own.
     pub port_range: Option<RangeInclusive<u16>>,
-    /// Told to ports that keep a lease: another one says that the server was started anew.
+    /// Number sent to ports that hold a lease; a new number tells them that the server lost all
+    /// names.
     pub incarnation: u64,
-    /// How long a lease holds.
+    /// Duration of a lease.
     pub lease: Duration,
-    /// Where other servers of the same names are: host and TCP port. Ports that keep a lease are told.
+    /// Host and TCP port of each other server of the same names, sent to ports that hold a lease.
     pub others: Vec<(String, u16)>,
 }
 
@@ -91,7 +92,7 @@ pub struct Registry {
     persistent: PersistentConnections,
     types: BTreeMap<String, String>,
     pool: Pool,
-    /// What the request in hand has changed so far.
+    /// Changes made by the current request.
     journal: Vec<Change>,
 }
 
@@ -100,13 +101,14 @@ pub struct Registry {
 struct Entry {
     registration: Registration,
     properties: Properties,
-    /// When it last said that it listens; none before it did, or once it was found dead.
+    /// Time of the last announcement that the port listens; `None` before the first, or once the
+    /// port was found dead.
     announced: Option<Instant>,
     liveness: LivenessRecord,
 }
 
 impl Settings {
-    /// Namespace `/root` at `host:port`, multicast on the usual port.
+    /// Returns settings for namespace `/root` at `host:port`, with multicast on the default port.
     pub fn at(host: &str, port: u16) -> Self {
         Self {
             name: DEFAULT_NAMESPACE.to_owned(),
@@ -122,16 +124,17 @@ impl Settings {
     }
 }
 
-/// How long a lease holds unless configured otherwise: our ports renew it every five seconds.
+/// Default duration of a lease; ports renew it every five seconds.
 const LEASE: Duration = Duration::from_secs(20);
 /// Name under which stock lists the multicast group of the name server.
 const FALLBACK: &str = "fallback";
-/// That group.
+/// Multicast group of the name server.
 pub(crate) const GROUP: &str = "224.2.1.1";
 
 impl Registry {
-    /// A registry that knows the server itself and its multicast group, as after a start of
-    /// stock. Its properties `offers`, `accepts` and `ips` are set by requests, like anybody's.
+    /// Creates a registry that contains the server itself and its multicast group, as stock's after
+    /// its start. The properties `offers`, `accepts` and `ips` of the server are set by requests,
+    /// like those of any port.
     pub fn new(settings: Settings) -> Self {
         let mut registry = Self {
             ports: BTreeMap::new(),
@@ -147,7 +150,7 @@ impl Registry {
             journal: Vec::new(),
             settings,
         };
-        // Nobody asks how old these two are.
+        // The age of these two entries is never used.
         let now = Instant::now();
         let own = |name: &str, carrier: &str, host: &str, port| RegisterRequest {
             carrier: Some(carrier.to_owned()),
@@ -170,12 +173,12 @@ impl Registry {
         registry
     }
 
-    /// Answers one request.
+    /// Handles one request.
     ///
-    /// * `now`: when it came; only `announce NAME 0` minds.
-    /// * `from`: the address of the asker, which becomes that of a port it registers without
-    ///   one (`localhost` if unknown, as in stock), and decides which of several addresses of a
-    ///   port it is told.
+    /// * `now`: time of arrival; only `announce NAME 0` depends on it.
+    /// * `from`: address of the client. It becomes the address of a port that registers without one
+    ///   (`localhost` if unknown, as in stock), and selects which of several addresses of a port
+    ///   the client is told.
     pub fn handle(&mut self, now: Instant, from: Option<IpAddr>, request: &Request) -> Reply {
         let mut reply = self.answer(now, from, request);
         reply.changes = std::mem::take(&mut self.journal);
@@ -220,34 +223,34 @@ impl Registry {
             } => self.type_definition(family, name, value.as_deref()).into(),
             Command::Web(_) => fixed_replies::web().into(),
             Command::Lease { holders } => self.lease(now, holders).into(),
-            // Told to another server, which passes it on.
+            // Sent to another server, which forwards it.
             Command::Passed { holders } => self.lease(now, holders).into(),
             Command::States { prefix } => self.states(now, prefix).into(),
             _ => Body::end().into(),
         }
     }
 
-    /// What the server knows of itself.
+    /// Returns the settings of the server.
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
 
-    /// Other servers of the same names have been heard of, or are gone.
+    /// Sets the addresses of the other servers of the same names.
     pub(crate) fn set_others(&mut self, others: Vec<(String, u16)>) {
         self.settings.others = others;
     }
 
-    /// All names were lost, or found again, elsewhere.
+    /// Sets the incarnation, after all names were lost or restored in the shared store.
     pub(crate) fn set_incarnation(&mut self, incarnation: u64) {
         self.settings.incarnation = incarnation;
     }
 
-    /// Every registered port, sorted by name.
+    /// Returns every registered port, sorted by name.
     pub fn registrations(&self) -> impl Iterator<Item = &Registration> {
         self.ports.values().map(|entry| &entry.registration)
     }
 
-    /// The values of a property of a port, sorted; none if port or property is not known.
+    /// Returns the values of a property of a port, sorted; empty if port or property is unknown.
     pub fn values(&self, name: &str, key: &str) -> &[String] {
         let entry = self.ports.get(name);
         entry.map_or(&[], |entry| entry.properties.get(key))

@@ -9,11 +9,11 @@ use super::registry_limits::{self, Refusal};
 
 /// All persistent connections and topics.
 ///
-/// A topic is a name between ports: whoever is subscribed to it is connected with everybody who
-/// is subscribed from it.
+/// A topic is a name between ports: all ports that write to it are connected to all ports that read
+/// from it.
 #[derive(Debug, Default)]
 pub(super) struct PersistentConnections {
-    /// By bare names of source and destination, which is also the order of stock's listing.
+    /// Keyed by the bare names of source and destination, in the order of stock's listing.
     subscriptions: BTreeMap<(String, String), Subscription>,
     topics: BTreeMap<String, Topic>,
     topics_made: u64,
@@ -21,7 +21,7 @@ pub(super) struct PersistentConnections {
 
 #[derive(Debug)]
 struct Topic {
-    /// Which one it was to be made: stock lists topics in that order.
+    /// Sequence number: stock lists topics in the order of their creation.
     order: u64,
     structure: String,
 }
@@ -36,10 +36,10 @@ struct Subscription {
 /// One end of a subscription.
 #[derive(Clone, Debug)]
 pub(super) struct ConnectionEnd {
-    /// As it was written: `udp://b`.
+    /// Text as written: `udp://b`.
     text: String,
     carrier: Option<String>,
-    /// The bare name: `/b`.
+    /// Bare name: `/b`.
     pub(super) name: String,
 }
 
@@ -53,12 +53,12 @@ impl ConnectionEnd {
         }
     }
 
-    /// As it was written.
+    /// Returns the text as written.
     pub(super) fn text(&self) -> &str {
         &self.text
     }
 
-    /// The carrier to connect by, if one was written.
+    /// Returns the carrier, if one was written.
     pub(super) fn carrier(&self) -> Option<&str> {
         self.carrier
             .as_deref()
@@ -71,7 +71,7 @@ impl ConnectionEnd {
 }
 
 /// Splits `CARRIER:/NAME`. The slash of `://` belongs to the name: `tcp://a` is `/a`, and stock
-/// takes `tcp:/a` for `a`.
+/// reads `tcp:/a` as `a`.
 pub(super) fn split_carrier(text: &str) -> (Option<&str>, &str) {
     match text.split_once(":/") {
         Some((carrier, name)) if !carrier.is_empty() && !carrier.contains('/') => {
@@ -82,7 +82,7 @@ pub(super) fn split_carrier(text: &str) -> (Option<&str>, &str) {
 }
 
 impl PersistentConnections {
-    /// Adds a subscription, or replaces the one between the same two names; makes the topics that
+    /// Adds a subscription, or replaces the one between the same two names; creates the topics that
     /// it names.
     pub(super) fn subscribe(
         &mut self,
@@ -100,8 +100,8 @@ impl PersistentConnections {
         Ok(())
     }
 
-    /// Adds a subscription as it was kept: topics are kept by themselves, and one that it names may
-    /// have been removed since.
+    /// Restores a stored subscription. Topics are stored separately, and one that it names may have
+    /// been removed since.
     pub(super) fn restore(
         &mut self,
         source: ConnectionEnd,
@@ -113,7 +113,7 @@ impl PersistentConnections {
         Ok(())
     }
 
-    /// Whether there is room for a subscription, and its words can be told.
+    /// Checks that a subscription is within the limits and can be listed.
     fn check(
         &self,
         source: &ConnectionEnd,
@@ -151,7 +151,7 @@ impl PersistentConnections {
         self.subscriptions.insert(key, subscription);
     }
 
-    /// Removes the subscription between two names; tells whether there was one.
+    /// Removes the subscription between two names; returns true if it existed.
     pub(super) fn unsubscribe(
         &mut self,
         source: &ConnectionEnd,
@@ -161,7 +161,7 @@ impl PersistentConnections {
         self.subscriptions.remove(&key).is_some()
     }
 
-    /// Source and destination as they were written, and the mode, of the subscription between two
+    /// Returns source and destination as written, and the mode, of the subscription between two
     /// bare names.
     pub(super) fn held(&self, source: &str, destination: &str) -> Option<(&str, &str, &str)> {
         let key = (source.to_owned(), destination.to_owned());
@@ -169,9 +169,9 @@ impl PersistentConnections {
         Some((&held.source.text, &held.destination.text, &held.mode))
     }
 
-    /// Removes the subscriptions that end with `name`: mode `from` if it writes, `to` if it reads.
-    /// Gives the bare names of their ends.
-    pub(super) fn gone(&mut self, name: &str) -> Vec<(String, String)> {
+    /// Removes the subscriptions that end with the port `name`: mode `from` if it writes, `to` if
+    /// it reads. Returns the bare names of their ends.
+    pub(super) fn remove_port(&mut self, name: &str) -> Vec<(String, String)> {
         let mut gone = Vec::new();
         self.subscriptions.retain(|(source, destination), held| {
             let from = held.mode == "from" && source == name;
@@ -184,8 +184,8 @@ impl PersistentConnections {
         gone
     }
 
-    /// The pairs of ports that are to be connected and that `name`, a port or a topic, has part
-    /// in, up to the limit of one request.
+    /// Returns the pairs of ports to connect that involve `name`, a port or a topic, up to the
+    /// limit of one request.
     pub(super) fn pairs(&self, name: &str) -> Vec<(&ConnectionEnd, &ConnectionEnd)> {
         let mut pairs = BTreeMap::new();
         for held in self.subscriptions.values() {
@@ -214,7 +214,7 @@ impl PersistentConnections {
         pairs.into_values().collect()
     }
 
-    /// The ports that are subscribed from a topic.
+    /// Returns the ports that read from a topic.
     fn readers<'a>(&'a self, topic: &'a str) -> impl Iterator<Item = &'a ConnectionEnd> {
         let from = (topic.to_owned(), String::new());
         let held = self.subscriptions.range(from..);
@@ -227,7 +227,7 @@ impl PersistentConnections {
         self.topics.contains_key(name)
     }
 
-    /// Makes a topic; one that exists keeps its structure unless a new one is given.
+    /// Adds a topic; an existing topic keeps its structure unless a new one is given.
     pub(super) fn add_topic(&mut self, name: &str, structure: &str) -> Result<(), Refusal> {
         registry_limits::check_name(name)?;
         if structure.len() > registry_limits::MAX_DEFINITION_BYTES {
@@ -257,18 +257,18 @@ impl PersistentConnections {
         Ok(())
     }
 
-    /// Forgets a topic; tells whether there was one.
+    /// Removes a topic; returns true if it existed.
     pub(super) fn remove_topic(&mut self, name: &str) -> bool {
         self.topics.remove(name).is_some()
     }
 
-    /// What a topic carries, if it exists.
+    /// Returns the structure of a topic, if it exists.
     pub(super) fn structure(&self, name: &str) -> Option<&str> {
         let topic = self.topics.get(name)?;
         Some(&topic.structure)
     }
 
-    /// The answer to `topic`.
+    /// Returns the answer to `topic`.
     pub(super) fn topics(&self) -> Bottle {
         let mut topics: Vec<_> = self.topics.iter().collect();
         topics.sort_by_key(|(_, topic)| topic.order);
@@ -278,7 +278,7 @@ impl PersistentConnections {
             .collect()
     }
 
-    /// The answer to `subscribe [PORT]`.
+    /// Returns the answer to `subscribe [PORT]`.
     pub(super) fn listing(&self, port: &str) -> Bottle {
         let (_, port) = split_carrier(port);
         let mut bottle = Bottle::of("subscriptions");
@@ -308,7 +308,7 @@ impl PersistentConnections {
     }
 }
 
-/// `[ok]`, or `[fail]` with the reason, which stock leaves out.
+/// Returns `[ok]`, or `[fail]` with the reason, which stock omits.
 pub(super) fn ok_or_fail(result: Result<(), Refusal>) -> Bottle {
     match result {
         Ok(()) => Bottle::of(Vocab32::OK),

@@ -1,4 +1,4 @@
-//! What is known of a port beside its address.
+//! Properties of registered ports.
 
 use std::collections::{BTreeMap, HashSet};
 use std::sync::Arc;
@@ -8,14 +8,14 @@ use yarp_wire::{Bottle, Value};
 
 use super::registry_limits::{self, Refusal};
 
-/// A list of texts that many ports may have in common.
+/// List of texts that many ports may share.
 pub(super) type Values = Arc<[String]>;
 
-/// The properties of one port: lists of texts by key, few enough to look through.
+/// Properties of one port: lists of texts by key, few enough for a linear search.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Properties(Vec<(Arc<str>, Values)>);
 
-/// Keys and values that are held, each once: the ports of one machine say mostly the same.
+/// Interned keys and values: the ports of one machine have mostly the same.
 #[derive(Debug, Default)]
 pub(super) struct Pool {
     keys: HashSet<Arc<str>>,
@@ -44,7 +44,7 @@ impl Pool {
     }
 }
 
-/// Forgets what no port has any more, now and then: whenever the set would have to grow.
+/// Removes entries that no port uses; runs whenever the set would have to grow.
 fn prune<T: ?Sized + Eq + std::hash::Hash>(held: &mut HashSet<Arc<T>>) {
     if held.len() == held.capacity() {
         held.retain(|one| Arc::strong_count(one) > 1);
@@ -52,10 +52,10 @@ fn prune<T: ?Sized + Eq + std::hash::Hash>(held: &mut HashSet<Arc<T>>) {
 }
 
 impl Properties {
-    /// Replaces the values of `key`; none leaves the property empty.
+    /// Replaces the values of `key`; no values remove the property.
     ///
-    /// Values are kept sorted by their bytes, each as often as it came: stock 3.5.0 answers
-    /// `set /a k z y x z y a` with `a x y y z z`.
+    /// Values are sorted by their bytes, with duplicates: stock 3.5.0 answers `set /a k z y x z y
+    /// a` with `a x y y z z`.
     pub(super) fn set(
         &mut self,
         pool: &mut Pool,
@@ -85,19 +85,19 @@ impl Properties {
         Ok(())
     }
 
-    /// The values of `key`, sorted.
+    /// Returns the values of `key`, sorted.
     pub(super) fn get(&self, key: &str) -> &[String] {
         let held = self.0.iter().find(|(held, _)| &**held == key);
         held.map_or(&[], |(_, values)| values)
     }
 
-    /// The values of `key`, to be kept elsewhere too.
+    /// Returns the shared values of `key`.
     pub(super) fn shared(&self, key: &str) -> Values {
         let held = self.0.iter().find(|(held, _)| &**held == key);
         held.map_or_else(|| Values::from([]), |(_, values)| values.clone())
     }
 
-    /// All of them, to be kept elsewhere too.
+    /// Returns a copy of all properties.
     pub(super) fn all(&self) -> BTreeMap<String, Vec<String>> {
         let all = self.0.iter();
         all.map(|(key, values)| ((**key).to_owned(), values.to_vec()))
@@ -108,7 +108,7 @@ impl Properties {
         self.get(key).iter().any(|held| held == value)
     }
 
-    /// The line `port NAME property KEY = V...`.
+    /// Returns the line `port NAME property KEY = V...`.
     pub(super) fn line(&self, name: &str, key: &str) -> String {
         let mut line = format!("port {} property {} =", plain_text(name), plain_text(key));
         for value in self.get(key) {
@@ -118,7 +118,7 @@ impl Properties {
         line
     }
 
-    /// The values as `bot get` answers them.
+    /// Returns the values in the form in which `bot get` answers them.
     pub(super) fn bottle(&self, key: &str) -> Bottle {
         self.get(key)
             .iter()
@@ -127,16 +127,16 @@ impl Properties {
     }
 }
 
-/// What a property costs; every value counts some bytes more than its text.
+/// Returns the size of a property; every value counts some bytes more than its text.
 fn size(key: &str, values: &[String]) -> usize {
     let one = |text: &str| text.len() + 32;
     one(key) + values.iter().map(|value| one(value)).sum::<usize>()
 }
 
-/// The value that a stored text stands for.
+/// Parses the value that a stored text represents.
 ///
-/// Stock 3.5.0 stores text only and reads it again as one value: `5` is a number, `(a b)` a
-/// list, `abc def` a string; an empty text is nothing.
+/// Stock 3.5.0 stores text only and parses it as one value: `5` is a number, `(a b)` a list, `abc
+/// def` a string; an empty text is no value.
 fn parsed(text: &str) -> Option<Value> {
     if text.is_empty() {
         return None;

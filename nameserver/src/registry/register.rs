@@ -1,4 +1,4 @@
-//! Ports come and go.
+//! Registration and removal of ports.
 
 use std::collections::HashSet;
 use std::net::{IpAddr, Ipv4Addr};
@@ -27,7 +27,7 @@ impl Registry {
         Reply::new(body, effects)
     }
 
-    /// Stores the port. Whoever had its name before is forgotten first, without being asked.
+    /// Stores a port, after removing the port that had its name before.
     fn admit(
         &mut self,
         now: Instant,
@@ -71,7 +71,7 @@ impl Registry {
         self.record(Change::Port(registration.clone()));
         self.place(registration.clone(), LivenessRecord::registered(now));
         if let Some(type_name) = &asked.type_name {
-            // A short word: it always fits.
+            // A short word: it is always within the limits.
             self.set(Form::Plain, &name, "type", std::slice::from_ref(type_name));
         }
         if carrier != "mcast" {
@@ -80,11 +80,11 @@ impl Registry {
         Ok(registration)
     }
 
-    /// Puts a port where it belongs, with no property but its carrier.
+    /// Inserts a port, with no property but its carrier.
     pub(super) fn place(&mut self, registration: Registration, liveness: LivenessRecord) {
         let mut properties = Properties::default();
         let carrier = std::slice::from_ref(&registration.carrier);
-        // A short word: it always fits.
+        // A short word: it is always within the limits.
         let _ = properties.set(&mut self.pool, "carrier", carrier);
         let name = registration.name.clone();
         let entry = Entry {
@@ -96,7 +96,7 @@ impl Registry {
         self.ports.insert(name, entry);
     }
 
-    /// The number that the port brings itself; none if one is to be chosen.
+    /// Returns the number that the port brings itself; `None` if one is to be allocated.
     fn wanted_number(
         &self,
         carrier: &str,
@@ -107,13 +107,13 @@ impl Registry {
                 Ok(number) if number > 0 => Ok(Some(number)),
                 _ => Err(Refusal::Number { found }),
             },
-            // A topic is reached at the server.
+            // A topic has the server's address.
             None if carrier == "topic" => Ok(Some(self.settings.port)),
             None => Ok(None),
         }
     }
 
-    /// The name itself, or an invented one for `...` and `=suffix`.
+    /// Returns the name itself, or an anonymous name for `...` and `=suffix`.
     fn name_for(&mut self, asked: &str) -> Result<String, Refusal> {
         let suffix = match asked {
             SERVER_CHOOSES => Some(""),
@@ -123,7 +123,7 @@ impl Registry {
             registry_limits::check_name(asked)?;
             return Ok(asked.to_owned());
         };
-        // As long as the longest name that can come out.
+        // Uses the longest possible anonymous name.
         registry_limits::check_name(&format!("/tmp/port/4294967295{suffix}"))?;
         Ok(self
             .names
@@ -150,12 +150,12 @@ impl Registry {
         }
     }
 
-    /// Forgets a port and what it owns.
+    /// Removes a port and the ports it owns.
     ///
-    /// After a plain `unregister` stock answers like `query`, so a name with a carrier or a
-    /// `/net=` in front, which is no port's name, tells where that port is and changes nothing.
-    /// For each name that the port owned there is a line `old` in front. Programs that ask with
-    /// `bot` get the lines of a failed query.
+    /// After a plain `unregister` stock answers as to `query`. So a name with a carrier or a
+    /// `/net=` prefix, which is no port's name, returns the address of that port and changes
+    /// nothing. A line `old` precedes the answer for each name that the port owned. Clients that
+    /// ask with `bot` get the lines of a failed query.
     pub(super) fn unregister(&mut self, form: Form, name: &str) -> Reply {
         let mut effects = Vec::new();
         let mut lines = Vec::new();
@@ -169,7 +169,7 @@ impl Registry {
         Reply::new(body, effects)
     }
 
-    /// Removes a port, first the ones it owns, those first which they own and so on.
+    /// Removes a port, after the ports that it owns, recursively.
     fn forget(&mut self, name: &str, effects: &mut Vec<Effect>, old: &mut Vec<String>) {
         let mut waiting = vec![name.to_owned()];
         let mut going = Vec::new();
@@ -205,7 +205,7 @@ impl Registry {
         }
     }
 
-    /// Gives back what a port that is gone was given.
+    /// Returns number, name and group of a removed port to their pools.
     pub(super) fn release(&mut self, registration: &Registration) {
         self.numbers.free(registration.port);
         self.names.free(&registration.name);
@@ -215,7 +215,7 @@ impl Registry {
     }
 }
 
-/// IPv4 addresses that arrive on an IPv6 socket are IPv4 addresses.
+/// Converts an IPv4 address that arrived on an IPv6 socket.
 fn plain_address(ip: IpAddr) -> IpAddr {
     match ip {
         IpAddr::V6(ip) => ip.to_canonical(),
@@ -224,7 +224,7 @@ fn plain_address(ip: IpAddr) -> IpAddr {
     }
 }
 
-/// Stock has no bottle for `bot register`, only other lines.
+/// Returns the answer to a registration. Stock has no bottle for `bot register`, only other lines.
 fn registered(form: Form, registration: &Registration) -> Body {
     match form {
         Form::Plain => Body::lines([registration.to_string()]),

@@ -1,87 +1,87 @@
-//! What one port may make the server hold, and the words of a refusal.
+//! Limits of the registry, and the texts of refusals.
 
-/// Longest name of a port, as for the names that travel in connection headers.
+/// Maximum length of a port name, in bytes, as for the names in connection headers.
 pub(super) const MAX_NAME_BYTES: usize = 999;
-/// Longest carrier, host, key or mode, in bytes.
+/// Maximum length of a carrier, host, key or mode, in bytes.
 pub(super) const MAX_WORD_BYTES: usize = 255;
-/// All keys and values of one port together, in bytes.
+/// Maximum size of all keys and values of one port, in bytes.
 pub(super) const MAX_PROPERTY_BYTES: usize = 64 << 10;
-/// Registered ports.
+/// Maximum number of registered ports.
 pub(super) const MAX_PORTS: usize = 50_000;
-/// PersistentConnections connections.
+/// Maximum number of persistent connections.
 pub(super) const MAX_SUBSCRIPTIONS: usize = 4096;
-/// Topics, and stored types.
+/// Maximum number of topics, and of stored types.
 pub(super) const MAX_TOPICS: usize = 4096;
-/// Longest definition of a type or topic, in bytes.
+/// Maximum length of the definition of a type or topic, in bytes.
 pub(super) const MAX_DEFINITION_BYTES: usize = 16 << 10;
-/// Connections that one request can start or end; a later `announce` does the rest.
+/// Maximum number of connections that one request starts or ends; a later `announce` does the rest.
 pub(super) const MAX_LINKS_PER_REQUEST: usize = 4096;
 
-/// Why the server does not do what it was asked.
+/// Reason why the server refuses a request.
 ///
 /// Stock has no such answers: it stores anything, and exits when the numbers run out.
 #[derive(Clone, Debug, Eq, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Refusal {
-    /// A name that could not be told from others in an answer.
+    /// The name would be ambiguous in an answer.
     #[error("{name:?} cannot be a name: {reason}")]
     Name {
-        /// The beginning of the name.
+        /// Beginning of the name.
         name: String,
-        /// The rule that it breaks.
+        /// Rule that the name breaks.
         reason: &'static str,
     },
-    /// A carrier, host, key or mode that could not be told from others in an answer.
+    /// A carrier, host, key or mode would be ambiguous in an answer.
     #[error("{what} must be one word of 1 to {MAX_WORD_BYTES} bytes, got {found:?}")]
     Word {
-        /// What the word is for.
+        /// Meaning of the word.
         what: &'static str,
-        /// The beginning of the word.
+        /// Beginning of the word.
         found: String,
     },
-    /// A number that no TCP port has.
+    /// The number is no TCP port number.
     #[error("port number must be 1 to 65535, or 0 or -1 to have one chosen, got {found}")]
     Number {
-        /// What was asked for.
+        /// Number in the request.
         found: i64,
     },
-    /// No port number left to hand out.
+    /// All port numbers are in use.
     #[error(
         "all port numbers from {first} to {last} are taken; unregister dead ports (yarp clean)"
     )]
     NoNumber {
-        /// Start of the range.
+        /// First number of the range.
         first: u32,
-        /// End of the range.
+        /// Last number of the range.
         last: u32,
     },
-    /// No multicast group left to hand out.
+    /// All multicast groups are in use.
     #[error("all multicast groups are taken")]
     NoGroup,
-    /// A name whose owner lives.
+    /// The owner of the name is alive.
     #[error(
         "{name} belongs to a port that is there, at {host}:{port}; choose another name, or end that \
          port (by hand: yarp name unregister {name})"
     )]
     Taken {
-        /// The name.
+        /// Name.
         name: String,
-        /// Where its owner is.
+        /// Host of the owner.
         host: String,
-        /// Where its owner is.
+        /// TCP port of the owner.
         port: u16,
     },
-    /// A store is full.
+    /// A limit is reached.
     #[error("the server holds at most {limit} {what}")]
     Full {
-        /// What there are too many of.
+        /// Kind of entry.
         what: &'static str,
-        /// How many may be held.
+        /// Limit.
         limit: usize,
     },
 }
 
-/// Whether `name` can stand for a port, a topic or a type.
+/// Checks that `name` can be the name of a port, a topic or a type.
 pub(super) fn check_name(name: &str) -> Result<(), Refusal> {
     let scheme = name.split(":/").next().unwrap_or_default();
     let reason = if name.is_empty() {
@@ -99,7 +99,7 @@ pub(super) fn check_name(name: &str) -> Result<(), Refusal> {
     Err(Refusal::Name { name, reason })
 }
 
-/// Whether `found` is one word that can stand in an answer.
+/// Checks that `found` is one word that can be part of an answer.
 pub(super) fn check_word(what: &'static str, found: &str) -> Result<(), Refusal> {
     if (1..=MAX_WORD_BYTES).contains(&found.len()) && is_word(found) {
         return Ok(());
@@ -108,7 +108,7 @@ pub(super) fn check_word(what: &'static str, found: &str) -> Result<(), Refusal>
     Err(Refusal::Word { what, found })
 }
 
-/// Whether `key` can be that of a property: blanks are allowed, line ends are not.
+/// Checks that `key` can be a property key: blanks are allowed, line ends are not.
 pub(super) fn check_key(key: &str) -> Result<(), Refusal> {
     if key.len() <= MAX_WORD_BYTES && !key.contains(char::is_control) {
         return Ok(());

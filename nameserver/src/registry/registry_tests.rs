@@ -6,21 +6,21 @@ use yarp_wire::name_service::END;
 
 use super::*;
 
-/// A registry that is asked line by line from 127.0.0.1.
+/// A registry that receives requests line by line from 127.0.0.1.
 struct Asked {
     registry: Registry,
     now: Instant,
 }
 
 impl Asked {
-    /// The server that the expected answers were taken from: 192.0.2.2, port 10310.
+    /// Creates the server from which the expected answers were recorded: 192.0.2.2, port 10310.
     fn new() -> Self {
         let registry = Registry::new(Settings::at("192.0.2.2", 10310));
         let now = Instant::now();
         Self { registry, now }
     }
 
-    /// After some requests whose answers do not matter.
+    /// Creates a registry after requests whose answers are not checked.
     fn after(lines: &[&str]) -> Self {
         let mut asked = Self::new();
         for line in lines {
@@ -35,7 +35,8 @@ impl Asked {
         self.registry.handle(self.now, from, &request)
     }
 
-    /// Asks and compares; lines are given joined by `|`, the closing one as `.`.
+    /// Sends a request and compares the answer; lines are joined by `|`, the closing one is written
+    /// as `.`.
     #[track_caller]
     fn check(&mut self, line: &str, expected: &str) {
         let body = match self.reply(line).body {
@@ -45,7 +46,7 @@ impl Asked {
         assert_eq!(body, expected, "{line}");
     }
 
-    /// Asks for a registration in short: `NAME HOST PORT CARRIER`.
+    /// Checks the answer to a registration, abbreviated to `NAME HOST PORT CARRIER`.
     #[track_caller]
     fn check_place(&mut self, line: &str, expected: &str) {
         let [name, host, port, carrier] = match expected.split(' ').collect::<Vec<_>>()[..] {
@@ -406,7 +407,7 @@ fn comings_and_goings_are_published() {
     asked.check_effects("query /e", &[]);
 }
 
-/// The persistent ports of the tests below.
+/// Registers the two ports of the persistent connections in the tests below.
 fn two_ports() -> Asked {
     Asked::after(&["register /s1 tcp h 1", "register /s2 tcp h 2"])
 }
@@ -592,7 +593,8 @@ proptest! {
     }
 }
 
-/// Every answer of lines ends with the closing one, and no word of the asker starts a line.
+/// Checks that every answer of lines ends with the closing one, and that no line starts with a word
+/// of the client.
 fn check_shape(body: &Body) -> Result<(), TestCaseError> {
     if let Body::Lines(lines) = body {
         prop_assert_eq!(lines.last().map(String::as_str), Some(END));
@@ -648,7 +650,7 @@ fn words() -> impl Strategy<Value = String> {
     prop::collection::vec(word, 0..7).prop_map(|words| words.join(" "))
 }
 
-/// Registrations, with and without a number of their own, and unregistrations of few names.
+/// Generates registrations, with and without a number, and removals, of few names.
 fn step() -> impl Strategy<Value = (String, bool)> {
     let name = prop::sample::select(vec![
         "/a",

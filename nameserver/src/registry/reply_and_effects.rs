@@ -1,4 +1,4 @@
-//! What the registry answers, and what else must happen.
+//! Replies of the registry, with the effects and changes of a request.
 
 use yarp_wire::name_service::{END, Registration};
 use yarp_wire::{Bottle, Vocab32};
@@ -6,55 +6,56 @@ use yarp_wire::{Bottle, Vocab32};
 use super::change::Change;
 use super::registry_limits::Refusal;
 
-/// The answer to one request.
+/// Reply to one request.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reply {
-    /// What the asker gets.
+    /// Answer for the client.
     pub body: Body,
-    /// What the server must do besides, in this order.
+    /// Effects that the server must run, in order.
     pub effects: Vec<Effect>,
-    /// What the request changed, in this order: kept before the asker gets the answer.
+    /// Changes made by the request, in order; they must be stored before the client receives the
+    /// answer.
     pub changes: Vec<Change>,
 }
 
-/// What the asker gets.
+/// Answer for the client.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Body {
-    /// Lines of text, [`END`] included as the last. They go out as they are on **every** carrier,
+    /// Lines of text, including [`END`] as the last. They are sent unchanged on **every** carrier,
     /// binary ones too, as in stock.
     Lines(Vec<String>),
     /// One bottle, in the form of the carrier.
     Bottle(Bottle),
 }
 
-/// Something that a request causes beside its answer.
+/// Side effect of a request.
 #[derive(Clone, Debug, Eq, PartialEq)]
 #[non_exhaustive]
 pub enum Effect {
-    /// A name appeared: `[add] NAME` goes to everybody who reads from the server's port.
+    /// A name was added: `[add] NAME` is sent to all readers of the server's port.
     Added(String),
-    /// A name went: `[del] NAME`.
+    /// A name was removed: `[del] NAME`.
     Removed(String),
-    /// A persistent connection is due, unless it exists already.
+    /// A persistent connection must be made, unless it exists.
     Connect(Link),
-    /// An end of a persistent connection goes: the connection shall go too.
+    /// A persistent connection must be ended, because one end is removed.
     Disconnect(Link),
 }
 
 /// A connection between two registered ports.
 #[derive(Clone, Debug, Eq, PartialEq)]
 pub struct Link {
-    /// The writing port.
+    /// Writing port.
     pub source: Registration,
-    /// The reading port.
+    /// Reading port.
     pub destination: Registration,
-    /// The carrier: that of the destination's contact, else of the source's, else the one that
-    /// the destination is registered with.
+    /// Carrier: that of the destination's contact, else of the source's, else the one that the
+    /// destination is registered with.
     pub carrier: String,
 }
 
 impl Body {
-    /// The answer as a text connection carries it, each line ended by CR LF.
+    /// Returns the answer as sent on a text connection, each line ended by CR LF.
     pub fn to_text(&self) -> String {
         match self {
             Self::Lines(lines) => {
@@ -70,7 +71,7 @@ impl Body {
         }
     }
 
-    /// The first line of the answer, without line end: all that fits a multicast answer.
+    /// Returns the first line without line end, which is all that a multicast answer holds.
     pub fn first_line(&self) -> String {
         match self {
             Self::Lines(lines) => lines.first().cloned().unwrap_or_default(),
@@ -78,37 +79,37 @@ impl Body {
         }
     }
 
-    /// Lines and the closing one.
+    /// Returns lines followed by the closing one.
     pub(crate) fn lines(lines: impl IntoIterator<Item = String>) -> Self {
         Self::Lines(lines.into_iter().chain([END.to_owned()]).collect())
     }
 
-    /// A refusal of a command that answers with lines: `refused: REASON`.
+    /// Returns the refusal of a command that answers with lines: `refused: REASON`.
     ///
-    /// Stock clients take any first line that is no registration as failure.
+    /// Stock clients read any first line that is no registration as failure.
     pub(crate) fn refused(refusal: &Refusal) -> Self {
         Self::refusal(&refusal.to_string())
     }
 
-    /// The same in other words.
+    /// Returns a refusal with this reason.
     pub(crate) fn refusal(reason: &str) -> Self {
-        // One line, whatever the words.
+        // The refusal must be one line.
         Self::lines([format!("refused: {}", reason.replace(['\r', '\n'], " "))])
     }
 
-    /// A refusal of a command that answers with a bottle: `[fail] REASON`.
+    /// Returns the refusal of a command that answers with a bottle: `[fail] REASON`.
     pub(crate) fn failure(reason: &str) -> Self {
         Self::Bottle(Bottle::of(Vocab32::FAIL).with(reason))
     }
 
-    /// Nothing to say: what stock answers when it does not know the port or the command.
+    /// Returns the empty answer that stock gives for an unknown port or command.
     pub(super) fn end() -> Self {
         Self::lines([])
     }
 }
 
 impl Reply {
-    /// An answer whose changes are still in the journal.
+    /// Returns a reply whose changes are still in the journal.
     pub(super) fn new(body: Body, effects: Vec<Effect>) -> Self {
         Self {
             body,

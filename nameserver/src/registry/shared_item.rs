@@ -1,8 +1,8 @@
-//! The registry, taken apart into items that several servers share.
+//! Items of the registry that several servers share.
 //!
-//! Whatever a [`Change`] touches belongs to one [`Item`]. What a registry holds of an item is its
-//! [`ItemValue`]; a registry that adopts all items of another one answers like it. The server itself and
-//! its multicast group are no items: each server has its own.
+//! Every [`Change`] concerns one [`Item`], and the registry's data of an item is its [`ItemValue`].
+//! A registry that adopts all items of another one answers like it. The server itself and its
+//! multicast group are no items: each server has its own.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -16,17 +16,17 @@ use super::persistent_connections::ConnectionEnd;
 use super::properties::Properties;
 use super::{Change, Effect, Registry};
 
-/// Something that is kept as a whole.
+/// Unit of the registry that is stored under one key.
 #[derive(Clone, Debug, Eq, Ord, PartialEq, PartialOrd)]
 pub(crate) enum Item {
-    /// The connection between two bare names.
+    /// Connection between two bare names.
     Connection(String, String),
     Topic(String),
     Type(String),
     Port(String),
 }
 
-/// What is known of an item.
+/// Value of an item.
 #[derive(Clone, Debug, Deserialize, Eq, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum ItemValue {
@@ -51,7 +51,7 @@ pub(crate) enum ItemValue {
 }
 
 impl Item {
-    /// The item that a change touches.
+    /// Returns the item that a change concerns.
     pub(crate) fn of(change: &Change) -> Self {
         match change {
             Change::Port(registration) => Self::Port(registration.name.clone()),
@@ -75,7 +75,7 @@ impl Item {
         }
     }
 
-    /// Whether `held` can be what is known of it.
+    /// Returns true if `held` is a value for this kind of item.
     pub(crate) fn fits(&self, held: &ItemValue) -> bool {
         match (self, held) {
             (
@@ -93,7 +93,7 @@ impl Item {
         }
     }
 
-    /// The changes that bring a registry without the item to it.
+    /// Returns the changes that create the item in a registry that lacks it.
     pub(crate) fn changes(&self, held: ItemValue) -> Vec<Change> {
         match (self, held) {
             (
@@ -147,15 +147,15 @@ impl Item {
                 name: name.clone(),
                 value,
             }],
-            // Kinds that do not fit are sorted out where they are read.
+            // Values of the wrong kind are rejected when they are read.
             _ => Vec::new(),
         }
     }
 }
 
 impl Registry {
-    /// What is known of an item, if it is there.
-    pub(crate) fn held(&self, item: &Item) -> Option<ItemValue> {
+    /// Returns the value of an item, if it exists.
+    pub(crate) fn item_value(&self, item: &Item) -> Option<ItemValue> {
         match item {
             Item::Connection(source, destination) => {
                 let (source, destination, mode) = self.persistent.held(source, destination)?;
@@ -186,10 +186,10 @@ impl Registry {
         }
     }
 
-    /// Makes an item what it is elsewhere. What is known of the life of a port that has not moved
-    /// stays; one that is new has just spoken up, somewhere.
+    /// Sets an item to its value at another server. The liveness of a port with an unchanged
+    /// address is kept; a new port counts as alive.
     ///
-    /// Gives what readers of the server's port are told.
+    /// Returns the effects for readers of the server's port.
     pub(crate) fn adopt(
         &mut self,
         now: Instant,
@@ -203,8 +203,8 @@ impl Registry {
                 self.persistent.unsubscribe(&source, &destination);
             }
             (Item::Topic(name), None) => drop(self.persistent.remove_topic(name)),
-            // An empty structure would leave another as it is.
-            (Item::Topic(name), Some(held)) if self.held(item).as_ref() != Some(held) => {
+            // An empty structure would not replace an existing one.
+            (Item::Topic(name), Some(held)) if self.item_value(item).as_ref() != Some(held) => {
                 self.persistent.remove_topic(name);
             }
             (Item::Type(name), None) => drop(self.types.remove(name)),
@@ -239,7 +239,7 @@ impl Registry {
         };
         let added = moved && place.carrier != "mcast";
         if moved {
-            // Not `restore`: numbers in between stay free without a look at each of them.
+            // Not `restore`, which would visit each number in between.
             self.numbers.take(place.port);
             self.names.restore(name);
             if place.carrier == "mcast" {
@@ -258,7 +258,7 @@ impl Registry {
         if let Some(entry) = self.ports.get_mut(name)
             && entry.announced.is_some()
         {
-            // It did so when it did.
+            // Keeps the time of an earlier announcement.
             entry.announced = announced.or(entry.announced);
         }
         let added = added.then(|| Effect::Added(name.to_owned()));

@@ -1,8 +1,8 @@
-//! Which of a port's addresses its asker can reach.
+//! Selects the address of a port that a client can reach.
 //!
-//! A server with legs in several networks gives each client an address in the network that the
-//! client's question came from, if the port has one there (its property `ips`, which ports set when
-//! they open). Stock tells everybody the address that the port registered with.
+//! A server with addresses in several networks gives each client an address in the network from
+//! which the query came, if the port has one there (its property `ips`, which ports set when they
+//! open). Stock gives every client the address with which the port registered.
 
 use std::net::IpAddr;
 
@@ -11,14 +11,14 @@ use yarp_wire::name_service::Registration;
 /// A network in which the server has an address.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub struct Subnet {
-    /// The server's address.
+    /// Address of the server.
     pub own: IpAddr,
-    /// How many bits the addresses of the network share.
+    /// Length of the network prefix in bits.
     pub bits: u8,
 }
 
 impl Subnet {
-    /// Whether an address belongs to the network.
+    /// Returns true if an address belongs to the network.
     pub fn contains(&self, address: IpAddr) -> bool {
         let differ = match (self.own, address) {
             (IpAddr::V4(own), IpAddr::V4(other)) => {
@@ -31,12 +31,12 @@ impl Subnet {
     }
 }
 
-/// Tells an asker at `from` the one of the port's addresses that suits it.
+/// Replaces the address of a port by the one that a client at `from` can reach.
 ///
-/// Changes nothing for askers on the server's own machine, for hosts that are names, where the
-/// address is one of the asker's network already, and where it is none of the port's own: then
-/// somebody chose it (`YARP_IP`), for a port behind a translation of addresses. Askers from networks that the server is not in
-/// get what was registered, unless that is a loopback address.
+/// Changes nothing for clients on the server's own machine, for hosts given by name, if the address
+/// is already in the client's network, and if it is none of the port's own addresses: then it was
+/// set explicitly (`YARP_IP`), for a port behind address translation. Clients from other networks
+/// get the registered address, unless that is a loopback address.
 pub(super) fn suit(
     registration: &mut Registration,
     ips: &[String],
@@ -120,7 +120,7 @@ mod tests {
         check("robot", "10.2.1.1", "robot");
         check("203.0.113.5", "10.2.1.1", "203.0.113.5");
         check("224.2.1.1", "10.2.1.1", "224.2.1.1");
-        // From elsewhere: only who was given no address at all is helped.
+        // From elsewhere: only a loopback address is replaced.
         check("10.1.0.7", "198.51.100.3", "10.1.0.7");
         check("127.0.0.1", "198.51.100.3", "10.1.0.7");
     }

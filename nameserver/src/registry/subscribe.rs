@@ -6,16 +6,16 @@ use super::persistent_connections::{ConnectionEnd, ok_or_fail};
 use super::registry_limits::{self, Refusal};
 use super::{Body, Change, Effect, Entry, Link, Registry, Reply};
 
-/// How fresh an announcement must be to outweigh somebody's word that the port is dead.
+/// Maximum age of an announcement that outweighs a report that the port is dead.
 ///
-/// A port that has just opened may not have been ready for that somebody yet. Source: stock.
+/// A port that has just opened may not have been ready for the reporting client yet. Source: stock.
 const MAX_ANNOUNCEMENT_AGE: Duration = Duration::from_secs(30);
 
 impl Registry {
-    /// `announce NAME`: the port listens; what waited for it is connected. `announce NAME 0`: a
-    /// client could not reach it.
+    /// Handles `announce NAME`: the port listens, and connections that waited for it are made. With
+    /// `announce NAME 0` a client reports that it could not reach the port.
     ///
-    /// Names that are not registered are answered `[ok]` too, and forgotten.
+    /// Unregistered names are answered with `[ok]` too, and ignored.
     pub(super) fn announce(&mut self, now: Instant, name: &str, alive: bool) -> Reply {
         let mut effects = Vec::new();
         if let Some(entry) = self.ports.get_mut(name) {
@@ -38,8 +38,8 @@ impl Registry {
         Reply::new(body, effects)
     }
 
-    /// `subscribe SRC DEST [MODE]`. Connects at once if both ends are registered, announced or
-    /// not, as in stock. A mode whose end is missing ends the subscription before it begins; the
+    /// Handles `subscribe SRC DEST [MODE]`. Connects at once if both ends are registered, announced
+    /// or not, as in stock. A mode whose end is missing removes the subscription at once; the
     /// answer is `[ok]` nevertheless.
     pub(super) fn subscribe(&mut self, source: &str, destination: &str, mode: &str) -> Reply {
         let (source, destination) = (
@@ -82,7 +82,7 @@ impl Registry {
         Reply::new(body, effects)
     }
 
-    /// Stock leaves the connection itself as it is.
+    /// Handles `unsubscribe`. Stock leaves the connection itself unchanged.
     pub(super) fn unsubscribe(&mut self, source: &str, destination: &str) -> Reply {
         let [source, destination] = [source, destination].map(ConnectionEnd::parse);
         if self.persistent.unsubscribe(&source, &destination) {
@@ -94,7 +94,7 @@ impl Registry {
         Body::Bottle(ok_or_fail(Ok(()))).into()
     }
 
-    /// Ends the subscriptions that go with a port.
+    /// Removes the subscriptions that end with a port.
     pub(super) fn end_with(&mut self, name: &str) {
         for (source, destination) in self.persistent.gone(name) {
             self.record(Change::SubscriptionGone {
@@ -131,7 +131,7 @@ impl Registry {
         Body::Bottle(ok_or_fail(Ok(()))).into()
     }
 
-    /// `type FAMILY NAME [VALUE]`. Stock keeps only the family `yarp`.
+    /// Handles `type FAMILY NAME [VALUE]`. Stock keeps only the family `yarp`.
     pub(super) fn type_definition(
         &mut self,
         family: &str,
@@ -175,13 +175,13 @@ impl Registry {
         Ok(())
     }
 
-    /// Connections that `name`, a port or a topic, has part in and whose ends both listen.
+    /// Returns the connections that involve `name`, a port or a topic, and whose ends both listen.
     fn due(&self, name: &str) -> Vec<Effect> {
         let links = self.links(name, |entry| entry.announced.is_some());
         links.into_iter().map(Effect::Connect).collect()
     }
 
-    /// Connections that `name` has part in and whose ends are both registered and `fit`.
+    /// Returns the connections that involve `name` and whose ends are both registered and `fit`.
     pub(super) fn links(&self, name: &str, fit: impl Fn(&Entry) -> bool) -> Vec<Link> {
         let entry = |end: &ConnectionEnd| self.ports.get(&end.name).filter(|entry| fit(entry));
         let pairs = self.persistent.pairs(name).into_iter();

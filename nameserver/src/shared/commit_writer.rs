@@ -1,16 +1,17 @@
-//! The task that has the draft.
+//! The task that commits changes to the shared store.
 //!
-//! Two registries: the *copy*, from which questions are answered, holds what was committed, commit
-//! after commit, and nothing else. The *draft* is the same between two batches of requests. A batch is
-//! tried on the draft and committed under the condition that the commit which the draft is made of is
-//! the last one. If so, the copy follows the draft. If not, the draft is taken back to the copy, both
-//! follow the commits of the others, and the batch is tried again. So each batch is done on the state
-//! that all batches before it, of all servers, have left: nothing is handed out twice.
+//! It has two registries. The *copy*, from which queries are answered, contains what was committed,
+//! commit after commit, and nothing else. The *draft* equals the copy between two batches of
+//! requests. A batch is tried on the draft and committed on the condition that the last commit is
+//! the one that the draft is based on. If the commit succeeds, the copy adopts the changes of the
+//! draft. If not, the draft is rolled back to the copy, both apply the commits of other servers,
+//! and the batch is tried again. So each batch is applied to the state that all earlier batches of
+//! all servers have left, and nothing is handed out twice.
 //!
-//! Whether a commit was done whose answer got lost is seen by the server's mark, which it writes with
-//! each commit: everything is loaded again, and either the mark is there, or the generation is still
-//! the same and the same commit is sent again (of the two at most one can be done), or another
-//! generation rules out that the lost one comes after all, and the batch is tried again.
+//! If the answer to a commit is lost, the server's mark, which it writes with each commit, shows if
+//! the commit was done. The store is loaded again. Either the mark is there; or the generation is
+//! unchanged, and the same commit is sent again (at most one of the two can succeed); or another
+//! generation rules out that the lost commit still succeeds, and the batch is tried again.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::sync::{Arc, Mutex};
@@ -26,48 +27,49 @@ use super::{Commit, CommitResult, SharedStore, SharedStoreError, Write};
 use crate::name_server::lock;
 use crate::registry::{Body, ClaimResult, Effect, Item, Registry, Reply};
 
-/// Items that a batch may touch: etcd takes 128 writes at once, unless told otherwise.
+/// Maximum number of items that a batch may change: etcd accepts 128 writes per transaction by
+/// default.
 const MAX_BATCH_ITEMS: usize = 120;
-/// Items from which on no further request joins a batch.
+/// Number of items at which no further request joins a batch.
 const TARGET_BATCH_ITEMS: usize = 40;
-/// Bytes of a batch: etcd takes 1.5 MiB at once, unless told otherwise.
+/// Maximum size of a batch, in bytes: etcd accepts 1.5 MiB per transaction by default.
 const MAX_BATCH_BYTES: usize = 1 << 20;
-/// Time between two looks whether we are up to date.
+/// Interval between two heartbeats.
 const HEARTBEAT_INTERVAL: Duration = Duration::from_secs(1);
-/// How long news may take to arrive of which it is known that they are there.
+/// Maximum time until commits arrive that are known to exist.
 const CATCH_UP_TIMEOUT: Duration = Duration::from_secs(1);
-/// Rest between two attempts to get back in touch.
+/// Delay between two attempts to reconnect.
 const RECONNECT_DELAY: Duration = Duration::from_millis(200);
 
-/// The task, before it runs.
+/// The task that writes the shared store, before it runs.
 pub(crate) struct Writer<T> {
     pub(crate) store: T,
-    /// What the truth calls itself, for messages.
+    /// Name of the store, for messages.
     pub(crate) name: String,
-    /// Where this server is.
+    /// Host and TCP port of this server.
     pub(crate) place: (String, u16),
-    /// The number of the commit that copy and draft are made of.
+    /// Number of the commit that copy and draft are based on.
     pub(crate) generation: i64,
     pub(crate) copy: Arc<Mutex<Registry>>,
     pub(crate) draft: Registry,
     pub(crate) jobs: mpsc::Receiver<WriteRequest>,
     pub(crate) queue: VecDeque<WriteRequest>,
     pub(crate) health: StoreHealth,
-    /// Who is told what else requests cause.
+    /// Receives the effects of committed requests.
     pub(crate) on_effects: Box<dyn Fn(Vec<Effect>) + Send>,
-    /// Whether names are given to whoever asks.
+    /// Gives a name to any port that asks for it.
     pub(crate) replace: bool,
-    /// Tells one run of this server from another.
+    /// Number that distinguishes this run of the server from others.
     pub(crate) run: u64,
-    /// Batches that were tried in it.
+    /// Number of batches tried in this run.
     pub(crate) attempts: u64,
-    /// Requests to be done one by one.
+    /// Number of requests that are still to be tried one by one.
     pub(crate) one_by_one: usize,
 }
 
 /// A batch that was tried on the draft.
 struct Batch {
-    /// The commit that it was tried on.
+    /// Number of the commit that the batch was tried on.
     generation: i64,
     id: String,
     items: BTreeSet<Item>,
@@ -83,7 +85,7 @@ struct TriedRequest {
 }
 
 impl<T: SharedStore> Writer<T> {
-    /// Works until nobody can ask any more.
+    /// Runs until all senders of requests are dropped.
     pub(crate) async fn run(mut self) {
         let mut beat = interval(HEARTBEAT_INTERVAL);
         beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -108,7 +110,7 @@ impl<T: SharedStore> Writer<T> {
         self.store.leave((&self.place.0, self.place.1)).await;
     }
 
-    /// Sees that we are up to date, and that the others know of us.
+    /// Sends a heartbeat, and catches up with the store.
     async fn heartbeat(&mut self) -> Result<(), SharedStoreError> {
         let asked = Instant::now();
         let heard = self.store.heartbeat((&self.place.0, self.place.1)).await?;
@@ -118,7 +120,7 @@ impl<T: SharedStore> Writer<T> {
         Ok(())
     }
 
-    /// Does some of what waits.
+    /// Processes a batch of queued requests.
     async fn process_batch(&mut self) -> Result<(), SharedStoreError> {
         while let Ok(job) = self.jobs.try_recv() {
             self.queue.push_back(job);
@@ -138,7 +140,7 @@ impl<T: SharedStore> Writer<T> {
                 self.catch_up_to(generation).await
             }
             Err(SharedStoreError::Rejected { place, reason }) => {
-                self.reject_batch(batch, format!("{place} does not take it: {reason}"));
+                self.reject_batch(batch, format!("{place} rejected the change: {reason}"));
                 Ok(())
             }
             Err(error) => {
@@ -148,7 +150,7 @@ impl<T: SharedStore> Writer<T> {
         }
     }
 
-    /// Tries some of the waiting requests on the draft; gives none if that did not work out.
+    /// Tries a batch of queued requests on the draft; returns `None` if there is nothing to commit.
     fn try_batch(&mut self) -> Option<Batch> {
         self.attempts += 1;
         let mut items = BTreeSet::new();
@@ -162,7 +164,7 @@ impl<T: SharedStore> Writer<T> {
             let Some(job) = self.queue.pop_front() else {
                 break;
             };
-            // Who asked may have given up.
+            // The client may have given up.
             if job.answer.is_closed() {
                 continue;
             }
@@ -210,12 +212,12 @@ impl<T: SharedStore> Writer<T> {
         None
     }
 
-    /// The batch cannot be kept; if it is of several requests, each is tried by itself.
+    /// Rejects a batch that cannot be committed; if it has several requests, each is tried alone.
     fn reject_batch(&mut self, mut batch: Batch, reason: String) {
         if batch.done.len() > 1 {
             self.one_by_one = batch.done.len();
         } else if let Some(one) = batch.done.pop() {
-            // Who asked may be gone.
+            // The client may be gone.
             let _ = one.job.answer.send(WriteOutcome::Failed(reason));
         }
         self.roll_back(batch);
@@ -269,7 +271,7 @@ impl<T: SharedStore> Writer<T> {
         (WriteOutcome::Done(body), effects)
     }
 
-    /// Takes the draft back to the copy; the requests wait again.
+    /// Rolls the draft back to the copy and queues the requests again.
     fn roll_back(&mut self, batch: Batch) {
         let now = Instant::now();
         let copy = lock(&self.copy);
@@ -286,15 +288,15 @@ impl<T: SharedStore> Writer<T> {
         }
     }
 
-    /// The batch is committed: the copy follows the draft, and everybody is answered.
+    /// Finishes a committed batch: the copy adopts the changes, and all requests are answered.
     fn finish_batch(&mut self, batch: Batch, generation: i64) {
         if !batch.items.is_empty() {
             self.generation = generation;
             let now = Instant::now();
             let mut copy = lock(&self.copy);
             for item in &batch.items {
-                // What else it causes is known from the requests.
-                copy.adopt(now, item, self.draft.held(item));
+                // The effects are known from the requests.
+                copy.adopt(now, item, self.draft.item_value(item));
             }
         }
         self.answer(batch.done);
@@ -308,15 +310,15 @@ impl<T: SharedStore> Writer<T> {
         } in done
         {
             (self.on_effects)(effects);
-            // Who asked may be gone.
+            // The client may be gone.
             let _ = job.answer.send(outcome);
         }
     }
 
-    /// Follows commits, most of them of others.
+    /// Applies commits, most of them by other servers, to copy and draft.
     fn apply_commits(&mut self, commits: Vec<Commit>) {
         for commit in commits {
-            // Our own were followed when they were made.
+            // Own commits were applied when they were made.
             if commit.generation <= self.generation {
                 continue;
             }
@@ -335,10 +337,10 @@ impl<T: SharedStore> Writer<T> {
         }
     }
 
-    /// Follows commits until the one called `generation`.
+    /// Applies commits up to the one numbered `generation`.
     async fn catch_up_to(&mut self, generation: i64) -> Result<(), SharedStoreError> {
         if generation < self.generation {
-            // Somebody has put an old state back.
+            // The store was reset to an older state.
             return Err(self.watch_lagged());
         }
         while self.generation < generation {
@@ -354,13 +356,13 @@ impl<T: SharedStore> Writer<T> {
         SharedStoreError::WatchLagged { place }
     }
 
-    /// Gets back in touch, however long that takes, and sees to a batch of which nothing is known.
+    /// Reconnects, for as long as it takes, and resolves a batch whose outcome is unknown.
     async fn recover(&mut self, error: SharedStoreError, mut unknown: Option<Batch>) {
         let mut pending_error = Some(error);
         loop {
             if let Some(error) = pending_error.take() {
                 if self.health.record_error(error.clone()) {
-                    tracing::warn!("no names can be changed at the moment: {error}");
+                    tracing::warn!("names cannot be changed at the moment: {error}");
                 }
                 tokio::time::sleep(RECONNECT_DELAY).await;
                 if self.jobs.is_closed() && self.jobs.is_empty() {
@@ -378,7 +380,7 @@ impl<T: SharedStore> Writer<T> {
             self.start_from(&content);
             let Some(batch) = unknown.take() else {
                 self.health.record_success(asked);
-                tracing::info!("names can be changed");
+                tracing::info!("names can be changed again");
                 return;
             };
             if content.mark(&server(&self.place)) == Some(&batch.id) {
@@ -386,13 +388,13 @@ impl<T: SharedStore> Writer<T> {
             } else if batch.generation != self.generation || batch.writes.is_empty() {
                 self.requeue(batch.done);
             } else if batch.done.iter().all(|tried| tried.job.answer.is_closed()) {
-                // Nobody waits for it any more, nobody was told that it is done.
+                // No client waits for it, and no client was told that it is done.
             } else {
                 match self.store.commit(batch.generation, &batch.writes).await {
-                    // The next look shows it, or what came first.
+                    // The next load shows this commit, or the one that came first.
                     Ok(_) => unknown = Some(batch),
                     Err(SharedStoreError::Rejected { place, reason }) => {
-                        self.reject_batch(batch, format!("{place} does not take it: {reason}"));
+                        self.reject_batch(batch, format!("{place} rejected the change: {reason}"));
                     }
                     Err(error) => {
                         pending_error = Some(error);
@@ -403,7 +405,7 @@ impl<T: SharedStore> Writer<T> {
         }
     }
 
-    /// Copy and draft as everything is now; what is known of who lives stays.
+    /// Resets copy and draft to `content`; the recorded liveness of ports is kept.
     fn start_from(&mut self, content: &Content) {
         let now = Instant::now();
         self.generation = content.generation;
@@ -417,7 +419,7 @@ impl<T: SharedStore> Writer<T> {
     }
 }
 
-/// What a server is called by its mark.
+/// Returns the key of a server's mark.
 fn server((host, port): &(String, u16)) -> String {
     format!("{host}:{port}")
 }

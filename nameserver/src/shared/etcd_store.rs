@@ -1,15 +1,15 @@
-//! etcd as the truth.
+//! The shared store in etcd.
 //!
-//! Below the prefix are the keys of `content`, and:
+//! Below the prefix are the keys of `store_format`, and:
 //!
-//! | key | what |
+//! | key | content |
 //! | --- | --- |
 //! | `generation` | written by every commit: its revision is the number of the commit |
-//! | `server/HOST:PORT` | there as long as the server is (a lease of etcd) |
+//! | `server/HOST:PORT` | exists while the server holds its etcd lease |
 //!
-//! One member of the cluster is spoken with at a time; after an error, the next one. All reads are
-//! linearizable (etcd's default): they see every commit that was answered before, and fail where no
-//! majority of the members is in reach.
+//! The store talks to one member of the cluster at a time, and after an error to the next one. All
+//! reads are linearizable (etcd's default): they see every commit that was acknowledged before, and
+//! fail where no majority of the members can be reached.
 
 use std::collections::BTreeMap;
 use std::future::Future;
@@ -25,40 +25,41 @@ use super::{
     Commit, CommitResult, Entry, Heartbeat, SharedStore, SharedStoreError, Snapshot, Write,
 };
 
-/// How long connecting may take.
+/// Timeout for connecting.
 const CONNECT_TIMEOUT: Duration = Duration::from_millis(700);
-/// How long an answer may take.
+/// Timeout for a response.
 const RESPONSE_TIMEOUT: Duration = Duration::from_millis(1500);
-/// How long a server counts as there that says nothing, in seconds.
+/// Time to live of a server's lease, in seconds: after that long without renewal the server counts
+/// as gone.
 const LEASE_TTL_SECONDS: i64 = 10;
-/// Entries in one answer.
+/// Maximum number of entries in one response.
 const MAX_PAGE_ENTRIES: i64 = 128;
-/// Longest answer, in bytes: a page of the largest values.
+/// Maximum size of a response, in bytes: a page of the largest values.
 const MAX_RESPONSE_BYTES: usize = 64 << 20;
-/// Where etcd listens unless told otherwise.
+/// Default TCP port of etcd.
 const DEFAULT_ETCD_PORT: u16 = 2379;
 
 const GENERATION_KEY: &str = "generation";
 const SERVER_KEY_PREFIX: &str = "server/";
 
-/// A prefix in an etcd cluster.
+/// A prefix in an etcd cluster, used as shared store.
 #[derive(Debug)]
 pub struct EtcdStore {
     /// Members of the cluster, `HOST:PORT`.
     members: Vec<String>,
-    /// The one that is spoken with.
+    /// Index of the member in use.
     current: usize,
-    /// Begins and ends with a slash.
+    /// Key prefix, which begins and ends with a slash.
     prefix: String,
     connection: Option<MemberConnection>,
-    /// What keeps our key there while we are.
+    /// Lease that keeps this server's key alive.
     lease_id: Option<i64>,
 }
 
-/// The connection to one member.
+/// Connection to one member.
 struct MemberConnection {
     client: Client,
-    /// Changes behind the last load, once there was one.
+    /// Stream of changes after the last load.
     watch: Option<WatchStream>,
 }
 
@@ -69,9 +70,9 @@ impl std::fmt::Debug for MemberConnection {
 }
 
 impl EtcdStore {
-    /// The place that `etcd://HOST:PORT,HOST:PORT/PREFIX` says; nothing is connected yet.
+    /// Parses `etcd://HOST:PORT,HOST:PORT/PREFIX`, without connecting.
     ///
-    /// A member without a port is at 2379. The prefix may hold further slashes.
+    /// The default port is 2379. The prefix may contain further slashes.
     pub fn at(address: &str) -> Result<Self, SharedStoreError> {
         let wrong = |reason: &str| SharedStoreError::Address {
             address: address.to_owned(),
@@ -93,7 +94,7 @@ impl EtcdStore {
         }
         let members = members.split(',').map(|member| {
             let (host, port) = match member.rsplit_once(':') {
-                // The colons of an IPv6 address are within brackets.
+                // The colons of an IPv6 address are in brackets.
                 Some((host, port)) if !port.ends_with(']') => (host, port.parse().ok()),
                 _ => (member, Some(DEFAULT_ETCD_PORT)),
             };
@@ -126,7 +127,7 @@ impl EtcdStore {
         }
     }
 
-    /// The client, connected if that is yet to be done.
+    /// Returns the client, after connecting if necessary.
     async fn client(&mut self) -> Result<Client, SharedStoreError> {
         if let Some(connection) = &self.connection {
             return Ok(connection.client.clone());
@@ -146,7 +147,7 @@ impl EtcdStore {
         Ok(client)
     }
 
-    /// Waits for an answer; after an error the next member has its turn.
+    /// Waits for a response; after an error the next member is used.
     async fn with_timeout<T>(
         &mut self,
         step: &'static str,
@@ -175,13 +176,13 @@ impl EtcdStore {
         self.current = (self.current + 1) % self.members.len();
     }
 
-    /// What the key of an entry is without the prefix; none for our own keys.
+    /// Returns an entry's key without the prefix; `None` for the keys of this module.
     fn entry_key<'a>(&self, key: &'a str) -> Option<&'a str> {
         let key = key.strip_prefix(&self.prefix)?;
         (key != GENERATION_KEY && !key.starts_with(SERVER_KEY_PREFIX)).then_some(key)
     }
 
-    /// Everything at one revision, which is given too.
+    /// Reads all entries at one revision, and returns them with that revision.
     async fn read(&mut self, client: &Client) -> Result<(i64, Snapshot), SharedStoreError> {
         let mut kv = client
             .kv_client()
@@ -218,7 +219,7 @@ impl EtcdStore {
                 break;
             };
             from = last.key().to_vec();
-            // The next key there can be.
+            // The next possible key.
             from.push(0);
         }
         found.sort_by_key(|(made, _)| *made);
@@ -230,7 +231,7 @@ impl EtcdStore {
         Ok((revision, snapshot))
     }
 
-    /// Listens for all changes behind a revision.
+    /// Watches all changes after a revision.
     async fn start_watch(
         &mut self,
         client: &mut Client,
@@ -244,7 +245,7 @@ impl EtcdStore {
         self.with_timeout("listening", listening).await
     }
 
-    /// The commits among changes.
+    /// Groups changes into commits.
     fn commits(&self, events: &[Event]) -> Result<Vec<Commit>, SharedStoreError> {
         let mut commits = BTreeMap::<i64, Commit>::new();
         for event in events {
@@ -255,7 +256,9 @@ impl EtcdStore {
             let gone = event.event_type() == EventType::Delete;
             if key == self.key(GENERATION_KEY) {
                 if gone {
-                    return Err(self.unreachable("listening", "somebody has removed the names"));
+                    return Err(
+                        self.unreachable("listening", "another program has removed the names")
+                    );
                 }
                 let generation = entry.mod_revision();
                 commits.entry(generation).or_default().generation = generation;
@@ -268,14 +271,14 @@ impl EtcdStore {
                 commit.writes.push(write);
             }
         }
-        // What is no commit was written by hand.
+        // A change outside of any commit was written by another program.
         if commits.values().any(|commit| commit.generation == 0) {
-            return Err(self.unreachable("listening", "somebody else writes there"));
+            return Err(self.unreachable("listening", "another program writes there"));
         }
         Ok(commits.into_values().collect())
     }
 
-    /// Keeps our key there.
+    /// Renews this server's lease.
     async fn renew_lease(
         &mut self,
         client: &mut Client,
@@ -307,7 +310,7 @@ impl SharedStore for EtcdStore {
 
     async fn load(&mut self) -> Result<Snapshot, SharedStoreError> {
         let mut client = self.client().await?;
-        // Not before: what an old stream still holds is part of it.
+        // The old watch is dropped only now: what it still holds is part of this load.
         if let Some(connection) = &mut self.connection {
             connection.watch = None;
         }
@@ -332,7 +335,7 @@ impl SharedStore for EtcdStore {
             Ok(Some(changes)) if !changes.canceled() => {
                 let commits = self.commits(changes.events());
                 if commits.is_err() {
-                    // The same member tells how things are now.
+                    // The same member can report the present state.
                     self.connection = None;
                 }
                 return commits;
@@ -418,12 +421,12 @@ impl SharedStore for EtcdStore {
         let (Some(connection), Some(lease)) = (&mut self.connection, self.lease_id.take()) else {
             return;
         };
-        // It ends by itself otherwise.
+        // Otherwise the lease expires by itself.
         let _ = timeout(RESPONSE_TIMEOUT, connection.client.lease_revoke(lease)).await;
     }
 }
 
-/// When the key that was asked for was written; 0 if there is none.
+/// Returns the revision at which the requested key was written; 0 if there is none.
 fn revision_in(answers: &[TxnOpResponse], index: usize) -> i64 {
     match answers.get(index) {
         Some(TxnOpResponse::Get(found)) => {
@@ -433,7 +436,7 @@ fn revision_in(answers: &[TxnOpResponse], index: usize) -> i64 {
     }
 }
 
-/// The first key behind all that begin with `prefix`, which ends with a slash.
+/// Returns the first key after all that begin with `prefix`, which ends with a slash.
 fn end_of(prefix: &str) -> Vec<u8> {
     let mut end = prefix.as_bytes().to_vec();
     if let Some(last) = end.last_mut() {
@@ -442,16 +445,17 @@ fn end_of(prefix: &str) -> Vec<u8> {
     end
 }
 
-/// Whether etcd says that it will not do it, rather than that it cannot at the moment.
+/// Returns true if etcd rejects the request permanently, rather than for the moment.
 fn is_final(error: &Error) -> bool {
     match error {
-        // Invalid arguments, exhausted resources: too much at once, or no room left.
+        // Invalid arguments and exhausted resources: the transaction is too large, or the disk
+        // quota is used up.
         Error::GRpcStatus(status) => matches!(status.code() as i32, 3 | 8),
         _ => false,
     }
 }
 
-/// What went wrong, in one line.
+/// Returns the text of an error, on one line.
 fn error_text(error: &Error) -> String {
     match error {
         Error::GRpcStatus(status) => status.message().to_owned(),

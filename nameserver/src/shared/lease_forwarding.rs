@@ -1,7 +1,7 @@
-//! Ports tell one server that they are there; it tells the others.
+//! Forwards the leases that ports renew at this server to the other servers.
 //!
-//! A port that holds a lease does so at all servers, whichever it speaks to. What is told to another
-//! server in vain is told again when the port renews its lease, four times while it holds.
+//! A lease holds at all servers, whichever server the port talks to. If forwarding fails, it is
+//! repeated when the port renews its lease, four times while the lease holds.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -15,19 +15,19 @@ use yarp_wire::name_service::{Command, LeaseHolder, Request};
 use crate::name_server::lock;
 use crate::registry::Registry;
 
-/// Time between two rounds.
+/// Interval between two rounds.
 const FORWARD_INTERVAL: Duration = Duration::from_secs(2);
-/// How long another server has to answer.
+/// Timeout for an answer of another server.
 const FORWARD_TIMEOUT: Duration = Duration::from_secs(2);
-/// Ports in one request.
+/// Maximum number of leases in one request.
 const MAX_LEASES_PER_REQUEST: usize = 64;
 
-/// Ports that have said that they are there since the last round.
+/// LeaseForwarder that were renewed since the last round.
 #[derive(Debug, Default)]
 pub(crate) struct LeaseForwarder(Mutex<BTreeMap<String, LeaseHolder>>);
 
 impl LeaseForwarder {
-    /// Takes note of ports that are registered where they say.
+    /// Records the leases of ports that are registered with the address they claim.
     pub(crate) fn record(&self, registry: &Registry, holders: &[LeaseHolder]) {
         let known = holders.iter().filter(|holder| {
             let place = registry.find(&holder.name);
@@ -42,7 +42,7 @@ impl LeaseForwarder {
         std::mem::take(&mut *held).into_values().collect()
     }
 
-    /// Tells the other servers, for ever. `network` is how they are spoken with.
+    /// Forwards leases to the other servers forever, through `network`.
     pub(crate) async fn forward(self: Arc<Self>, registry: Arc<Mutex<Registry>>, network: Network) {
         let mut round = interval(FORWARD_INTERVAL);
         round.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -64,7 +64,7 @@ impl LeaseForwarder {
                         let holders = some.to_vec();
                         let request = Request::plain(Command::Passed { holders });
                         if let Err(error) = network.ask(&request.to_string()).await {
-                            tracing::debug!("leases are not passed on: {error}");
+                            tracing::debug!("leases were not forwarded: {error}");
                             return;
                         }
                     }

@@ -1,18 +1,18 @@
-//! Several servers, one namespace.
+//! Several servers for one namespace.
 //!
-//! The names are kept by a [`SharedStore`] that the servers share, usually etcd. Each server has a copy of
-//! it, from which it answers questions. What changes something is tried on a draft of the copy and
-//! written in one transaction that holds only if nobody has written since (`writer`); if somebody
-//! has, the draft follows and the request is tried again. So all servers together do one request after
-//! the other, as a single one would; the rest is as in `request_handler`.
+//! The names are kept in a [`SharedStore`], usually etcd. Each server has a copy, from which it
+//! answers queries. A change is tried on a draft of the copy and written in one transaction, on the
+//! condition that no other server has written since (`commit_writer`); if one has, the draft
+//! applies that commit and the request is tried again. So all servers together process one request
+//! after the other, like a single server; the rest is in `request_handler`.
 //!
-//! | file | what it is about |
+//! | file | content |
 //! | --- | --- |
-//! | `content` | what is written there, and how it is read |
-//! | `writer` | the task that has the draft |
-//! | `line` | the way from the desk to it |
-//! | `leases` | ports tell one server that they are there; it tells the others |
-//! | `etcd` | etcd as the truth (feature `etcd`) |
+//! | `store_format` | keys and values of the store |
+//! | `commit_writer` | the task that owns the draft and commits changes |
+//! | `writer_channel` | the channel from the request handler to that task |
+//! | `lease_forwarding` | forwards leases of ports to the other servers |
+//! | `etcd_store` | etcd as the shared store (feature `etcd`) |
 
 mod commit_writer;
 #[cfg(feature = "etcd")]
@@ -31,148 +31,150 @@ pub(crate) use lease_forwarding::LeaseForwarder;
 pub(crate) use store_format::Content;
 pub(crate) use writer_channel::{Precondition, WriteOutcome, WriterChannel, is_change};
 
-/// How long a request may take that changes something; then it is refused.
+/// Timeout of a request that changes something.
 pub(crate) const WRITE_TIMEOUT: Duration = Duration::from_secs(4);
 
-/// One value under a key.
+/// A key and its value.
 #[derive(Clone, Debug, Eq, PartialEq)]
 pub struct Entry {
-    /// The key, without what is common to all of them.
+    /// Key, without the prefix common to all keys.
     pub key: String,
-    /// The value.
+    /// Value.
     pub value: Vec<u8>,
 }
 
-/// A key that has another value now, or none.
+/// A key with its new value, or its removal.
 #[derive(Clone, Debug, Eq, PartialEq)]
 pub struct Write {
-    /// The key, without what is common to all of them.
+    /// Key, without the prefix common to all keys.
     pub key: String,
-    /// The value; none if the key is gone.
+    /// New value; `None` removes the key.
     pub value: Option<Vec<u8>>,
 }
 
-/// Everything that there is, at one moment.
+/// All entries at one moment.
 #[derive(Clone, Debug, Default)]
 pub struct Snapshot {
-    /// The number of the last commit; 0 if there was none.
+    /// Number of the last commit; 0 if there was none.
     pub generation: i64,
-    /// All entries, those first that were made first.
+    /// All entries, in order of creation.
     pub entries: Vec<Entry>,
 }
 
-/// What one commit has written.
+/// The writes of one commit.
 #[derive(Clone, Debug, Default)]
 pub struct Commit {
-    /// Its number, higher than those before.
+    /// Number of the commit, higher than those before.
     pub generation: i64,
-    /// What it has written.
+    /// Writes of the commit.
     pub writes: Vec<Write>,
 }
 
-/// What became of a commit.
+/// Result of a commit.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum CommitResult {
-    /// It holds, under this number.
+    /// The commit was done, under this number.
     Committed(i64),
-    /// Nothing was written: the last commit is another one, this.
+    /// Nothing was written: the last commit is this other one.
     Conflict(i64),
 }
 
-/// What is heard by asking.
+/// Result of a heartbeat.
 #[derive(Clone, Debug, Default)]
 pub struct Heartbeat {
-    /// The number of the last commit.
+    /// Number of the last commit.
     pub generation: i64,
-    /// Where the other servers are that have asked lately: host and TCP port.
+    /// Host and TCP port of each other server that has sent a heartbeat lately.
     pub others: Vec<(String, u16)>,
 }
 
-/// What several servers have in common: entries, written by numbered commits.
+/// A store that several servers share: entries, written by numbered commits.
 ///
-/// After an error [`load`](Self::load) comes next, unless it is [`SharedStoreError::Rejected`], after which all
-/// is as before. Every call may take some seconds at the most; dropping one before its end is allowed.
+/// After an error the caller calls [`load`](Self::load) next, except after
+/// [`SharedStoreError::Rejected`], which changes nothing. Every call takes at most some seconds and
+/// may be cancelled.
 pub trait SharedStore: Send + 'static {
-    /// What it is called in messages: where it is.
+    /// Returns the name of the store for messages: its address.
     fn name(&self) -> String;
 
-    /// Everything that there is, all that was committed before the call included; begins to listen
-    /// for the commits behind it.
+    /// Returns all entries, including everything committed before the call, and starts to watch for
+    /// later commits.
     fn load(&mut self) -> impl Future<Output = Result<Snapshot, SharedStoreError>> + Send;
 
-    /// Waits for the next commits, of this server and of others: each once, in their order, all of
-    /// them from the last [`load`](Self::load) on.
+    /// Waits for the next commits, of this server and of others: each once, in order, without gaps
+    /// since the last [`load`](Self::load).
     fn next(&mut self) -> impl Future<Output = Result<Vec<Commit>, SharedStoreError>> + Send;
 
-    /// Writes all of it, if the last commit is the one called `generation`, or nothing.
+    /// Writes all of `writes` if the last commit is `generation`, and nothing otherwise.
     ///
-    /// Without anything to write it only tells whether that commit is the last one, as of some
-    /// moment during the call. [`SharedStoreError::Rejected`] says that it was not done and will not be; after
-    /// any other error neither is known.
+    /// Without writes, it only reports if that commit was the last one at some moment during the
+    /// call. After [`SharedStoreError::Rejected`] the commit was not and will not be done; after
+    /// any other error its outcome is unknown.
     fn commit(
         &mut self,
         generation: i64,
         writes: &[Write],
     ) -> impl Future<Output = Result<CommitResult, SharedStoreError>> + Send;
 
-    /// Asks for the last commit, and says that this server, to be reached at `place`, is there.
+    /// Returns the number of the last commit, and reports this server, reachable at `place`, as
+    /// running.
     fn heartbeat(
         &mut self,
         place: (&str, u16),
     ) -> impl Future<Output = Result<Heartbeat, SharedStoreError>> + Send;
 
-    /// Says that the server at `place` is there no longer; in vain, if that cannot be said.
+    /// Reports the server at `place` as ended. Errors are ignored.
     fn leave(&mut self, place: (&str, u16)) -> impl Future<Output = ()> + Send;
 }
 
-/// Why several servers have nothing in common at the moment.
+/// Error of a shared store.
 #[derive(Clone, Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SharedStoreError {
-    /// The address of the store cannot be read.
+    /// The address of the store is malformed.
     #[error(
         "{address:?} is no address of a store: {reason}; expected etcd://HOST:PORT,HOST:PORT/PREFIX"
     )]
     Address {
-        /// What was given.
+        /// Address as given.
         address: String,
-        /// What is wrong with it.
+        /// Reason.
         reason: String,
     },
-    /// It does not answer, or not in time.
+    /// The store does not answer in time.
     #[error(
-        "{step} failed at {place}: {reason}; is etcd running there, and do most of its members see each other?"
+        "{step} failed at {place}: {reason}; is etcd running there, and do most of its members reach each other?"
     )]
     Unreachable {
-        /// What was tried.
+        /// Step that failed.
         step: &'static str,
-        /// Where.
+        /// Address of the store.
         place: String,
-        /// What was heard.
+        /// Reason.
         reason: String,
     },
-    /// It does not take what is to be written.
-    #[error("{place} does not take it: {reason}")]
+    /// The store rejects the commit.
+    #[error("{place} rejected the change: {reason}")]
     Rejected {
-        /// Where.
+        /// Address of the store.
         place: String,
-        /// What was heard.
+        /// Reason.
         reason: String,
     },
-    /// There is something else under the prefix.
+    /// The prefix contains data of another program.
     #[error(
-        "{place} holds what is no name server's: {reason}; nothing is changed there, choose another prefix"
+        "{place} holds data of another program: {reason}; nothing is changed there, choose another prefix"
     )]
     Foreign {
-        /// Where.
+        /// Address of the store.
         place: String,
-        /// What it is.
+        /// Data that was found.
         reason: String,
     },
-    /// What was written has not been heard of within the time.
+    /// A commit was not delivered by the watch in time.
     #[error("{place} has commits that its watch does not deliver")]
     WatchLagged {
-        /// Where.
+        /// Address of the store.
         place: String,
     },
 }

@@ -1,10 +1,10 @@
-//! What several servers write, and how it is read.
+//! Format of the entries in the shared store.
 //!
 //! | key | value |
 //! | --- | --- |
-//! | `format` | `yarp-nameserver VERSION START`; START is a number that another start from nothing changes |
+//! | `format` | `yarp-nameserver VERSION START`; START is a number that changes when the store starts empty |
 //! | `port/NAME`, `connection/FROM TO`, `topic/NAME`, `type/NAME` | JSON, see [`ItemValue`] |
-//! | `mark/HOST:PORT` | what the server there has committed last |
+//! | `mark/HOST:PORT` | identifier of the last commit of that server |
 
 use std::collections::BTreeMap;
 
@@ -15,24 +15,25 @@ use crate::registry::{Change, Item, ItemValue};
 const FORMAT_KEY: &str = "format";
 const PROGRAM_NAME: &str = "yarp-nameserver";
 const FORMAT_VERSION: &str = "1";
-/// Servers that may be starting from nothing at once.
+/// Maximum number of attempts to initialise an empty store, which other servers may do at the same
+/// time.
 const MAX_START_ATTEMPTS: usize = 10;
 
-/// Everything that there is, understood.
+/// The decoded content of the store.
 #[derive(Debug, Default)]
 pub(crate) struct Content {
     pub(crate) generation: i64,
-    /// Another one says that all names were lost.
+    /// Incarnation of the store; a new number says that all names were lost.
     pub(crate) incarnation: u64,
     items: Vec<(Item, ItemValue)>,
-    /// What each server has committed last.
+    /// Identifier of the last commit of each server.
     marks: BTreeMap<String, String>,
-    /// What nobody here can have written.
+    /// A key that no name server writes.
     unknown_key: Option<String>,
 }
 
 impl Content {
-    /// Loads everything; makes the first entry if there is none yet.
+    /// Loads and decodes the store; writes the first entry if it is empty.
     pub(crate) async fn load(
         store: &mut impl SharedStore,
         place: &str,
@@ -47,7 +48,7 @@ impl Content {
                 key: FORMAT_KEY.to_owned(),
                 value: Some(format!("{PROGRAM_NAME} {FORMAT_VERSION} {start}").into_bytes()),
             };
-            // Whoever was first, the next look shows what there is.
+            // Whichever server was first, the next load shows its entry.
             let (CommitResult::Committed(_) | CommitResult::Conflict(_)) =
                 store.commit(all.generation, &[first]).await?;
         }
@@ -55,7 +56,7 @@ impl Content {
         Err(SharedStoreError::WatchLagged { place })
     }
 
-    /// The same; whatever is not understood is an error and left as it is.
+    /// Loads the store like [`Self::load`], but fails on a key that no name server writes.
     pub(crate) async fn load_strict(
         store: &mut impl SharedStore,
         place: &str,
@@ -101,19 +102,19 @@ impl Content {
             } else if let Some((item, Some(held))) = item_of(&key, Some(&value)) {
                 content.items.push((item, held));
             } else if key != FORMAT_KEY {
-                tracing::warn!("{place} holds the key {key:?}, which is no name server's");
+                tracing::warn!("{place} holds the key {key:?}, which no name server writes");
                 content.unknown_key = Some(key);
             }
         }
         Ok(content)
     }
 
-    /// What the server at `server` has committed last.
+    /// Returns the identifier of the last commit of the server at `server`.
     pub(crate) fn mark(&self, server: &str) -> Option<&str> {
         self.marks.get(server).map(String::as_str)
     }
 
-    /// The changes that bring an empty registry there.
+    /// Returns the changes that turn an empty registry into this content.
     pub(crate) fn changes(&self) -> Vec<Change> {
         let items = self.items.iter();
         let changes = items.flat_map(|(item, held)| item.changes(held.clone()));
@@ -126,7 +127,7 @@ fn foreign(place: &str, reason: String) -> SharedStoreError {
     SharedStoreError::Foreign { place, reason }
 }
 
-/// What says that the server called `server` has made the commit called `id`.
+/// Returns the write that marks commit `id` as done by `server`.
 pub(crate) fn mark(server: &str, id: &str) -> Write {
     Write {
         key: format!("mark/{server}"),
@@ -134,11 +135,11 @@ pub(crate) fn mark(server: &str, id: &str) -> Write {
     }
 }
 
-/// What an item is, to be written.
+/// Encodes an item.
 pub(crate) fn write(item: &Item, held: Option<&ItemValue>) -> Write {
     let key = match item {
         Item::Port(name) => format!("port/{name}"),
-        // No name holds a blank.
+        // Names contain no blanks.
         Item::Connection(from, to) => format!("connection/{from} {to}"),
         Item::Topic(name) => format!("topic/{name}"),
         Item::Type(name) => format!("type/{name}"),
@@ -149,7 +150,7 @@ pub(crate) fn write(item: &Item, held: Option<&ItemValue>) -> Write {
     Write { key, value }
 }
 
-/// The item that was written, and what it is now; none if that is not understood.
+/// Decodes an item and its value; `None` if they are malformed.
 pub(crate) fn item_of(key: &str, value: Option<&[u8]>) -> Option<(Item, Option<ItemValue>)> {
     let (kind, name) = key.split_once('/')?;
     let item = match kind {

@@ -1,4 +1,4 @@
-//! The way from the desk to the task that writes.
+//! Channel from the request handler to the task that writes the shared store.
 
 use std::net::IpAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -10,55 +10,55 @@ use yarp_wire::name_service::{Command, Registration, Request};
 use super::{SharedStoreError, WRITE_TIMEOUT};
 use crate::registry::{Body, Refusal};
 
-/// Requests that may wait.
+/// Maximum number of queued requests.
 const MAX_QUEUED_REQUESTS: usize = 4096;
 
 /// A request that changes something.
 pub(crate) struct WriteRequest {
     pub(crate) from: Option<IpAddr>,
-    /// None for nothing but to come up to date.
+    /// Request to process; `None` only catches up with the store.
     pub(crate) request: Option<Request>,
     pub(crate) precondition: Precondition,
     pub(crate) answer: oneshot::Sender<WriteOutcome>,
 }
 
-/// Under which condition a request is done.
+/// Condition under which a request is processed.
 #[derive(Clone, Debug)]
 pub(crate) enum Precondition {
-    /// In any case.
+    /// No condition.
     Always,
-    /// If nobody has the name that it wants, or this one, who was found to be gone.
+    /// The name is free, or held by this port, which a probe found gone.
     NameFree(Option<Registration>),
-    /// If this port is still where it was.
+    /// This port is still registered with this address.
     Unmoved(Registration),
 }
 
-/// What became of a request.
+/// WriteOutcome of a request.
 #[derive(Debug)]
 pub(crate) enum WriteOutcome {
-    /// It is done, and written.
+    /// The request was processed and committed.
     Done(Body),
-    /// Somebody has the name; see [`ClaimResult::Held`](crate::registry::ClaimResult::Held).
+    /// Another port has the name; see [`ClaimResult::Held`](crate::registry::ClaimResult::Held).
     Held {
         holder: Registration,
         retry_until: Option<Instant>,
     },
-    /// The name cannot be had.
+    /// The name cannot be claimed.
     Refused(Refusal),
-    /// It cannot be written.
+    /// The change cannot be committed.
     Failed(String),
 }
 
-/// How the truth was found last.
+/// State of the connection to the shared store.
 #[derive(Debug)]
 struct HealthState {
-    /// When this server was up to date for the last time.
+    /// Last time at which this server was up to date.
     last_success: Instant,
-    /// What went wrong since.
+    /// Error since then, if any.
     last_error: Option<SharedStoreError>,
 }
 
-/// What the writing task and the desk have in common.
+/// State of the connection to the shared store, known to the writing task and the request handler.
 #[derive(Clone, Debug)]
 pub(crate) struct StoreHealth(Arc<Mutex<HealthState>>);
 
@@ -67,30 +67,30 @@ impl StoreHealth {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// This server was up to date at some moment after `since`.
+    /// Records that this server was up to date at some moment after `since`.
     pub(crate) fn record_success(&self, since: Instant) {
         let mut health = self.state();
         health.last_success = health.last_success.max(since);
         health.last_error = None;
     }
 
-    /// Something went wrong; tells whether all was well before.
+    /// Records an error; returns true if there was none before.
     pub(crate) fn record_error(&self, error: SharedStoreError) -> bool {
         self.state().last_error.replace(error).is_none()
     }
 }
 
-/// The way itself.
+/// Sender of requests to the writing task.
 pub(crate) struct WriterChannel {
     jobs: mpsc::Sender<WriteRequest>,
     health: StoreHealth,
-    /// How long questions are answered without news.
+    /// Maximum age of the copy from which queries are answered.
     max_staleness: Duration,
 }
 
 impl WriterChannel {
-    /// A way whose other end is for the writing task; questions are answered for `patience` without
-    /// news.
+    /// Creates a channel, and returns it with the receiver and the state for the writing task.
+    /// Queries are answered for `max_staleness` without an update.
     pub(crate) fn new(
         max_staleness: Duration,
     ) -> (Self, mpsc::Receiver<WriteRequest>, StoreHealth) {
@@ -107,7 +107,7 @@ impl WriterChannel {
         (line, waiting, health)
     }
 
-    /// Why questions are not answered any more, if that is so.
+    /// Returns the reason why queries are refused, if the copy is too old.
     pub(crate) fn staleness_error(&self) -> Option<String> {
         let health = self.health.state();
         let age = health.last_success.elapsed();
@@ -119,7 +119,7 @@ impl WriterChannel {
         Some(format!("no update for {} s: {reason}", age.as_secs()))
     }
 
-    /// Has a request done, at most until the deadline.
+    /// Sends a request and waits for its outcome, at most [`WRITE_TIMEOUT`].
     pub(crate) async fn perform(
         &self,
         from: Option<IpAddr>,
@@ -156,7 +156,7 @@ impl WriterChannel {
     }
 }
 
-/// Whether a command may change what servers share.
+/// Returns true if a command may change shared data.
 pub(crate) fn is_change(command: &Command) -> bool {
     matches!(
         command,

@@ -1,8 +1,8 @@
-//! The thread that keeps what changes.
+//! The thread that writes changes to the store.
 //!
-//! Requests of many clients that come at once are kept together: while one batch is written the next
-//! gathers. Nobody is answered before the batch is kept. A batch that cannot be kept is taken back:
-//! the registry is made again from what the store has, and everybody in it is refused.
+//! Concurrent requests are stored in batches: while one batch is written the next one collects. A
+//! request is answered after its batch is stored. If a batch cannot be stored, the registry is
+//! rebuilt from the store, and all its requests are refused.
 
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::sync::{Arc, Mutex};
@@ -15,35 +15,35 @@ use super::{Store, StoreError};
 use crate::name_server::lock;
 use crate::registry::{Change, Registry};
 
-/// Changes of one request, and who waits for them.
+/// Changes of one request, with the sender for the result.
 struct JournalEntry {
     changes: Vec<Change>,
-    /// What else the request causes, once it is kept.
+    /// Runs once the changes are stored.
     then: Box<dyn FnOnce() + Send>,
     kept: oneshot::Sender<Result<(), Arc<StoreError>>>,
 }
 
-/// Resolves once the changes of a request are kept, or cannot be.
+/// Resolves once the changes of a request are stored or have failed.
 pub(crate) type StoreResult = oneshot::Receiver<Result<(), Arc<StoreError>>>;
 
-/// Requests that are kept together at the most.
+/// Maximum number of requests in a batch.
 const MAX_BATCH_REQUESTS: usize = 1024;
-/// Requests in one batch from which on the next batch is given time to gather.
+/// Number of requests in a batch from which the next batch waits for more.
 const GATHER_THRESHOLD: usize = 3;
-/// How long it gathers.
+/// Time that a batch waits for more requests.
 const GATHER_DELAY: Duration = Duration::from_micros(200);
-/// The store may tidy up after this long without a request.
+/// Time without a request after which the store may do maintenance.
 const MAINTENANCE_IDLE_TIME: Duration = Duration::from_millis(500);
 
-/// The way to the thread that writes. Dropping it waits until everything is kept.
+/// Sender to the thread that writes. Dropping it waits until everything is stored.
 pub(crate) struct Journal {
-    /// None once it is closed.
+    /// `None` once it is closed.
     queue: Option<mpsc::Sender<JournalEntry>>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Journal {
-    /// Starts the thread. The registry must be as the store has it.
+    /// Starts the thread. The registry must equal the content of the store.
     pub(crate) fn start(
         store: impl Store,
         registry: Arc<Mutex<Registry>>,
@@ -58,18 +58,18 @@ impl Journal {
         })
     }
 
-    /// Hands over the changes of one request.
+    /// Queues the changes of one request.
     ///
-    /// The registry that made them must still be locked: they are kept in the order in which they
-    /// happened.
-    pub(crate) fn keep(
+    /// The caller must hold the lock of the registry that made them, so that they are stored in the
+    /// order in which they happened.
+    pub(crate) fn append(
         &self,
         changes: Vec<Change>,
         then: impl FnOnce() + Send + 'static,
     ) -> StoreResult {
         let (kept, answer) = oneshot::channel();
         if let Some(queue) = &self.queue {
-            // A thread that is gone drops the entry, which the waiting end notices.
+            // If the thread is gone, the entry is dropped and the receiver reports it.
             let _ = queue.send(JournalEntry {
                 changes,
                 then: Box::new(then),
@@ -84,7 +84,7 @@ impl Drop for Journal {
     fn drop(&mut self) {
         self.queue = None;
         if let Some(thread) = self.thread.take() {
-            // A panic there has been reported by then.
+            // A panic there was reported before.
             let _ = thread.join();
         }
     }
@@ -95,13 +95,15 @@ fn write(
     registry: &Mutex<Registry>,
     waiting: &mpsc::Receiver<JournalEntry>,
 ) {
-    // Why the registry has what the store has not; nothing new can be kept as long as it does.
+    // Error because of which the registry has changes that the store lacks; nothing can be stored
+    // until they agree again.
     let mut unsaved_error: Option<Arc<StoreError>> = None;
     let mut gather = false;
     while let Some(first) = next(&mut store, waiting) {
         let mut batch = vec![first];
         if gather {
-            // Many write: waiting for some more of them costs each less than a batch of its own.
+            // Under load, waiting for more requests costs each of them less than a batch of its
+            // own.
             std::thread::sleep(GATHER_DELAY);
         }
         batch.extend(waiting.try_iter().take(MAX_BATCH_REQUESTS - 1));
@@ -119,9 +121,9 @@ fn write(
         let outcome = match kept {
             Ok(()) => Ok(()),
             Err(error) => {
-                tracing::error!("a request is refused: {error}");
+                tracing::error!("a batch of requests is refused: {error}");
                 let mut registry = lock(registry);
-                // Nobody changes anything now: what has gathered is as little kept as the batch.
+                // The registry is locked: requests queued so far are as little stored as the batch.
                 batch.extend(waiting.try_iter());
                 unsaved_error = match store.load() {
                     Ok(changes) => {
@@ -137,14 +139,14 @@ fn write(
             if outcome.is_ok() {
                 (entry.then)();
             }
-            // Whoever asked may be gone.
+            // The client may be gone.
             let _ = entry.kept.send(outcome.clone());
         }
     }
     store.maintain();
 }
 
-/// The next request, or none at the end; lets the store tidy up if none comes for a while.
+/// Returns the next request, or `None` at the end; runs maintenance if none comes for a while.
 fn next(store: &mut impl Store, waiting: &mpsc::Receiver<JournalEntry>) -> Option<JournalEntry> {
     match waiting.recv_timeout(MAINTENANCE_IDLE_TIME) {
         Ok(entry) => Some(entry),

@@ -1,6 +1,6 @@
-//! Where the registry is kept beyond the life of the process.
+//! Persistent storage of the registry.
 //!
-//! | file | what it is about |
+//! | file | content |
 //! | --- | --- |
 //! | `sqlite` | one file on this machine |
 //! | `journal` | the thread that writes, many requests at a time |
@@ -15,82 +15,82 @@ use crate::registry::Change;
 pub(crate) use journal::{Journal, StoreResult};
 pub use sqlite::{Durability, SqliteStore};
 
-/// Keeps what changes.
+/// Persistent storage of changes.
 ///
-/// Called by one thread of its own, which may block.
+/// Called from one dedicated thread, which may block.
 pub trait Store: Send + 'static {
-    /// Everything that is kept, as the changes that bring an empty registry to it.
+    /// Returns everything stored, as the changes that turn an empty registry into it.
     fn load(&mut self) -> Result<Vec<Change>, StoreError>;
 
-    /// Keeps all of `changes`, in their order, or none of them.
+    /// Stores all of `changes`, in order, or none of them.
     ///
-    /// Whoever asked for them is told afterwards: once this returns, they must outlive the
+    /// The requests are acknowledged after this returns: from then on the changes must outlive the
     /// process.
     fn keep(&mut self, changes: &[Change]) -> Result<(), StoreError>;
 
-    /// Nothing is to do at the moment: a chance to tidy up.
+    /// Runs maintenance while there are no requests.
     fn maintain(&mut self) {}
 }
 
-/// Why names cannot be kept.
+/// Error of a store.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StoreError {
-    /// The directory of the database is not there and cannot be made.
-    #[error("cannot make the directory {} of the database: {source}; choose another file with --portdb, or --memory", path.display())]
+    /// The directory of the database does not exist and cannot be created.
+    #[error("cannot create the directory {} of the database: {source}; choose another file with --portdb, or --memory", path.display())]
     Directory {
-        /// The directory.
+        /// Directory.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the system.
         source: std::io::Error,
     },
     /// The database cannot be opened.
     #[error("cannot open the database {}: {source}; check whose file it is, or choose another with --portdb, or --memory", path.display())]
     Open {
-        /// The file.
+        /// File.
         path: PathBuf,
-        /// What SQLite says.
+        /// Error of SQLite.
         source: rusqlite::Error,
     },
-    /// Another process has the database.
+    /// Another process uses the database.
     #[error("the database {} is in use: another name server runs on it; end that one, or choose another file with --portdb", path.display())]
     InUse {
-        /// The file.
+        /// File.
         path: PathBuf,
     },
-    /// The file is something else.
+    /// The file belongs to something else.
     #[error("{} is no database of this name server: {reason}; it is left as it is, choose another file with --portdb", path.display())]
     Foreign {
-        /// The file.
+        /// File.
         path: PathBuf,
-        /// How that shows.
+        /// Reason.
         reason: String,
     },
     /// The database is damaged.
     #[error("the database {} is damaged ({reason}); it is left as it is: move it away to start without its names (`sqlite3 FILE .recover` shows what can be read), or start with --memory", path.display())]
     Damaged {
-        /// The file.
+        /// File.
         path: PathBuf,
-        /// How that shows.
+        /// Reason.
         reason: String,
     },
-    /// The server is ending.
+    /// The server is shutting down.
     #[error("the server is shutting down")]
     Ended,
-    /// The database cannot be written, or read, at the moment.
+    /// The database cannot be written or read at the moment.
     #[error("the database {} cannot be {step}: {source}", path.display())]
     Failed {
-        /// The file.
+        /// File.
         path: PathBuf,
         /// `written` or `read`.
         step: &'static str,
-        /// What SQLite says.
+        /// Error of SQLite.
         source: rusqlite::Error,
     },
 }
 
 impl StoreError {
-    /// The right error for what SQLite says while `step` is done with the file at `path`.
+    /// Converts an SQLite error that occurred while `step` was done with the file at `path`.
     fn of(path: &Path, step: &'static str, source: rusqlite::Error) -> Self {
         use rusqlite::ErrorCode::{CannotOpen, DatabaseBusy, DatabaseCorrupt, NotADatabase};
         let path = path.to_owned();

@@ -1,8 +1,8 @@
-//! The registry in an SQLite file.
+//! Stores the registry in an SQLite file.
 //!
-//! The file has a write-ahead log beside it (`FILE-wal`). What is written to the log is safe from the
-//! end of the process, however sudden, because the system has it by then; whether it is also safe
-//! from the end of the machine is a matter of [`Durability`]. One process has the file at a time.
+//! The file has a write-ahead log beside it (`FILE-wal`). Changes in the log survive the end of the
+//! process at any instruction, because the system has them by then; [`Durability`] says if they
+//! also survive a loss of power. One process at a time uses the file.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -14,17 +14,17 @@ use yarp_wire::name_service::Registration;
 use super::{Store, StoreError};
 use crate::registry::Change;
 
-/// Marks the file as ours: `YRNS`.
+/// SQLite application id of the file: `YRNS`.
 const APPLICATION_ID: i32 = 0x5952_4e53;
-/// The version of the tables.
+/// Version of the tables.
 const SCHEMA_VERSION: i32 = 1;
-/// How long a server that is ending has to let go of the file.
+/// Time that another server has to release the file.
 const BUSY_TIMEOUT: Duration = Duration::from_secs(5);
-/// Length of the log, in pages of 4 KiB, from which it is moved into the file although there is
-/// other work; usually that happens when there is none.
+/// Length of the log, in pages of 4 KiB, at which it is moved into the file even under load;
+/// usually maintenance does that.
 const MAX_WAL_PAGES: i32 = 8192;
 
-/// Names that go with their port, lists as JSON.
+/// Tables; lists are stored as JSON.
 const SCHEMA: &str = "
     CREATE TABLE port(
         name TEXT PRIMARY KEY, carrier TEXT NOT NULL, host TEXT NOT NULL, number INTEGER NOT NULL,
@@ -39,18 +39,18 @@ const SCHEMA: &str = "
     CREATE TABLE type(name TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
 ";
 
-/// What a request that was answered survives.
+/// Events that acknowledged changes survive.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub enum Durability {
-    /// The end of the process, at any instruction. After the loss of power the names are those of
-    /// a moment before, usually some seconds.
+    /// The end of the process, at any instruction. After a loss of power the names are those of a
+    /// moment before, usually some seconds.
     #[default]
     Process,
-    /// The loss of power too: each batch of requests waits for the disk.
+    /// A loss of power too: each batch of requests waits for the disk.
     Power,
 }
 
-/// An SQLite file that keeps the registry.
+/// An SQLite file that stores the registry.
 #[derive(Debug)]
 pub struct SqliteStore {
     path: PathBuf,
@@ -58,10 +58,10 @@ pub struct SqliteStore {
 }
 
 impl SqliteStore {
-    /// Opens the file at `path`, or makes it, and its directory.
+    /// Opens or creates the file at `path`, and its directory.
     ///
-    /// Waits some seconds for another process to let go of it. A file that is damaged or something
-    /// else is refused and left as it is.
+    /// Waits some seconds for another process to release it. A damaged or foreign file is refused
+    /// and left unchanged.
     pub fn open(path: &Path, durability: Durability) -> Result<Self, StoreError> {
         if let Some(directory) = path
             .parent()
@@ -84,12 +84,12 @@ impl SqliteStore {
         Ok(store)
     }
 
-    /// The file.
+    /// Returns the path of the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Looks without touching anything.
+    /// Checks the file without changing it.
     fn check(&mut self) -> Result<(), StoreError> {
         let opened = |source| StoreError::of(&self.path, "opened", source);
         let foreign = |reason: &str| StoreError::Foreign {
@@ -98,7 +98,7 @@ impl SqliteStore {
         };
         let connection = &self.connection;
         connection.busy_timeout(BUSY_TIMEOUT).map_err(opened)?;
-        // From the first access on: nobody else, so no file for what processes share.
+        // Locks the file from the first access on; then no shared-memory file is needed.
         connection
             .pragma_update(None, "locking_mode", "EXCLUSIVE")
             .map_err(opened)?;
@@ -137,7 +137,8 @@ impl SqliteStore {
         };
         let mut prepare = || {
             let connection = &mut self.connection;
-            // Answers with the mode that it takes; where logs cannot be, another is as good.
+            // Returns the mode that is set; where a write-ahead log is impossible, another mode
+            // serves as well.
             connection.query_row("PRAGMA journal_mode = WAL", [], |_| Ok(()))?;
             connection.pragma_update(None, "synchronous", synchronous)?;
             connection.pragma_update(None, "wal_autocheckpoint", MAX_WAL_PAGES)?;
@@ -150,7 +151,7 @@ impl SqliteStore {
                 transaction.pragma_update(None, "application_id", APPLICATION_ID)?;
                 transaction.pragma_update(None, "user_version", SCHEMA_VERSION)?;
             }
-            // Written in any case: that it can be is known before anybody relies on it.
+            // Always written, so that an unwritable file is detected before anything relies on it.
             transaction.execute("DELETE FROM type WHERE name = ''", [])?;
             transaction.commit()
         };
@@ -165,7 +166,7 @@ impl Store for SqliteStore {
 
     fn keep(&mut self, changes: &[Change]) -> Result<(), StoreError> {
         let mut keep = || {
-            // Dropped without a commit it takes everything back.
+            // Dropping it without a commit rolls everything back.
             let transaction = self.connection.transaction()?;
             for change in changes {
                 apply(&transaction, change)?;
@@ -176,12 +177,12 @@ impl Store for SqliteStore {
     }
 
     fn maintain(&mut self) {
-        // Later is as good: the log is as safe as the file.
+        // It can wait: the log is as safe as the file.
         let moved = self
             .connection
             .query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |_| Ok(()));
         if let Err(error) = moved {
-            tracing::debug!("the log of the database stays as it is: {error}");
+            tracing::debug!("the write-ahead log was not moved into the database: {error}");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Rounds of questions to all ports, while somebody looks.
+//! Queries all ports for their connections, in rounds, while a browser shows the page.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -14,57 +14,57 @@ use super::port_query::{self, ConnectionCounters, PortReport, Process};
 use crate::prober::probe_connected;
 use crate::request_handler::RequestHandler;
 
-/// How the ports are asked.
+/// Settings of the survey.
 #[derive(Clone, Debug)]
 pub(crate) struct Settings {
-    /// Rest between two rounds; none asks nobody ever.
+    /// Interval between two rounds; `None` disables the survey.
     pub(crate) interval: Option<Duration>,
-    /// The ports are asked as programs of this network ask, in whose deadline each step of a
-    /// conversation is done.
+    /// Network through which the ports are queried; its timeout bounds each step of a query.
     pub(crate) network: Network,
 }
 
-/// Ports that are asked at the same time.
+/// Maximum number of concurrent queries.
 const MAX_CONCURRENT_QUERIES: usize = 16;
-/// What a whole conversation may take, in steps.
+/// Maximum duration of a query, in timeouts of a step.
 const MAX_STEPS: u32 = 4;
-/// A port that did not answer is let alone for longer and longer, up to this.
+/// Maximum delay before a port is queried again that did not answer; the delay doubles from failure
+/// to failure.
 const MAX_RETRY_DELAY: Duration = Duration::from_secs(60);
 
-/// What the ports said when they were last asked.
+/// Last reports of all ports.
 #[derive(Debug)]
 pub(crate) struct Survey {
     settings: Settings,
-    /// Somebody looks.
+    /// Notified when a browser requests data.
     wanted: Notify,
-    /// How many rounds have been made.
+    /// Number of completed rounds.
     rounds: watch::Sender<u64>,
     records: Mutex<HashMap<String, PortRecord>>,
 }
 
-/// A port that was asked, and what it said, if it did.
+/// A queried port, and its report if it answered.
 type QueriedPort = (Endpoint, Option<PortReport>);
 
-/// What is known of one port.
+/// Last report of one port.
 #[derive(Debug)]
 pub(super) struct PortRecord {
-    /// Where it was asked; another place is another port.
+    /// Address at which it was queried; another address is another port.
     place: Endpoint,
     pub(super) process: Option<Process>,
     pub(super) links: Vec<Measured>,
-    /// When the links were told.
+    /// Time of the report.
     at: Instant,
-    /// Not to be asked before.
+    /// Time from which the port may be queried again.
     due: Instant,
-    /// How often it did not answer since it last did.
+    /// Number of failures since the last answer.
     failures: u32,
 }
 
-/// A connection with its speed.
+/// A connection with its rates.
 #[derive(Clone, Debug)]
 pub(super) struct Measured {
     pub(super) link: port_query::ReportedConnection,
-    /// Messages and bytes per second since the round before, if the port counts.
+    /// Rates since the previous round, if the port counts.
     pub(super) rate: Option<Rate>,
 }
 
@@ -85,7 +85,7 @@ impl Survey {
         }
     }
 
-    /// Somebody looks: a round is due. Waits for the end of the first one, `patience` at the most.
+    /// Requests a round, and waits for the end of the first one, at most for `wait`.
     pub(super) async fn request_round(&self, wait: Duration) {
         if self.settings.interval.is_none() {
             return;
@@ -93,26 +93,26 @@ impl Survey {
         self.wanted.notify_one();
         let mut rounds = self.rounds.subscribe();
         let first = rounds.wait_for(|rounds| *rounds > 0);
-        // What has been heard by then is shown, round or no round.
+        // The reports known by then are shown in any case.
         let _ = tokio::time::timeout(wait, first).await;
     }
 
-    /// Rest between two rounds.
+    /// Returns the interval between two rounds.
     pub(super) fn interval(&self) -> Option<Duration> {
         self.settings.interval
     }
 
-    /// Rounds that have been made.
+    /// Returns the number of completed rounds.
     pub(super) fn rounds(&self) -> u64 {
         *self.rounds.borrow()
     }
 
-    /// What was heard, by name.
+    /// Returns the reports, by name of the port.
     pub(super) fn records(&self) -> MutexGuard<'_, HashMap<String, PortRecord>> {
         self.records.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Makes the rounds; for ever.
+    /// Runs requested rounds forever.
     pub(crate) async fn run(self: Arc<Self>, request_handler: Arc<RequestHandler>) {
         let Some(interval) = self.settings.interval else {
             return;
@@ -131,7 +131,7 @@ impl Survey {
         }
     }
 
-    /// Asks each port whose turn it is.
+    /// Queries each port that is due.
     async fn round(
         &self,
         request_handler: &Arc<RequestHandler>,
@@ -166,8 +166,8 @@ impl Survey {
         }
     }
 
-    /// Forgets ports that went, and gives those whose turn it is, each with whether its process is
-    /// still to be asked for.
+    /// Forgets ports that are gone, and returns those that are due, each with a flag if its process
+    /// is still unknown.
     fn due(&self, places: Vec<Endpoint>) -> Vec<(Endpoint, bool)> {
         let now = Instant::now();
         let mut heard = self.records();
@@ -186,8 +186,8 @@ impl Survey {
         due
     }
 
-    fn keep(&self, done: Option<Result<QueriedPort, JoinError>>, interval: Duration) {
-        // A conversation that panicked has told nothing.
+    fn record_result(&self, done: Option<Result<QueriedPort, JoinError>>, interval: Duration) {
+        // A query that panicked has no report.
         let Some(Ok((place, told))) = done else {
             return;
         };
@@ -250,7 +250,7 @@ impl PortRecord {
 }
 
 impl Rate {
-    /// None if the counters began anew, or no time has passed.
+    /// Returns `None` if the counters were reset, or no time has passed.
     fn between(old: &ConnectionCounters, new: &ConnectionCounters, time: Duration) -> Option<Self> {
         let (old, new) = (old.traffic, new.traffic);
         let seconds = time.as_secs_f64();
@@ -264,7 +264,7 @@ impl Rate {
     }
 }
 
-/// Groups and topics are no ports.
+/// Returns false for groups and topics, which are not ports.
 fn can_be_asked(place: &Registration) -> bool {
     !matches!(place.carrier.as_str(), "mcast" | "topic")
 }

@@ -1,4 +1,4 @@
-//! The shapes of the JSON.
+//! JSON structures of the pages.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use yarp_wire::http::Response;
 use super::connection_survey::{Measured, Survey};
 use crate::registry::Settings;
 
-/// Connections in one answer.
+/// Maximum number of connections in one answer.
 const MAX_CONNECTIONS: usize = 100_000;
 
 /// The name server itself.
@@ -32,29 +32,29 @@ impl Server {
     }
 }
 
-/// The connections of the whole network.
+/// All connections of the network.
 #[derive(Serialize)]
 pub(super) struct Connections {
-    /// Seconds of rest between two rounds of questions; none if the ports are not asked.
+    /// Interval between two rounds in seconds; `None` if the ports are not queried.
     interval: Option<f64>,
-    /// Rounds that have been made.
+    /// Number of completed rounds.
     rounds: u64,
     connections: Vec<Connection>,
 }
 
-/// A connection, from what both its ends say.
+/// A connection, merged from the reports of both ends.
 #[derive(Default, Serialize)]
 struct Connection {
     from: String,
     to: String,
     carrier: Option<String>,
-    /// As the writer counts.
+    /// Counters of the writer.
     sent: Option<PassedTraffic>,
-    /// As the reader counts.
+    /// Counters of the reader.
     received: Option<PassedTraffic>,
-    /// Bytes that wait at the writer.
+    /// Bytes queued at the writer.
     queued: Option<usize>,
-    /// Seconds since the newest stamp that the reader got, or else the writer sent.
+    /// Seconds since the newest stamp received by the reader, or else sent by the writer.
     age: Option<f64>,
 }
 
@@ -67,7 +67,7 @@ struct PassedTraffic {
     bytes_per_second: Option<f64>,
 }
 
-/// What the ports said of their connections, sorted by writer and reader.
+/// Returns the reported connections, sorted by writer and reader.
 pub(super) fn connections(survey: &Survey) -> Connections {
     let mut found: BTreeMap<(String, String), Connection> = BTreeMap::new();
     for (name, heard) in survey.records().iter() {
@@ -94,7 +94,7 @@ pub(super) fn connections(survey: &Survey) -> Connections {
 }
 
 impl Connection {
-    /// Adds what one of the ends says.
+    /// Merges the report of one end.
     fn join(&mut self, measured: &Measured) {
         let link = &measured.link;
         if self.carrier.is_none() || !link.incoming && link.carrier.is_some() {
@@ -121,7 +121,7 @@ impl Connection {
     }
 }
 
-/// What there is to read.
+/// Returns the list of addresses.
 pub(super) fn addresses() -> Response {
     Response::json(
         json!({

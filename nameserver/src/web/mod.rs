@@ -1,6 +1,6 @@
-//! What the name server shows to browsers, and to programs that read JSON.
+//! Pages of the name server for browsers, and JSON for programs.
 //!
-//! | address | what is there |
+//! | address | content |
 //! | --- | --- |
 //! | `/` | the page: ports, connections, and a graph of the network |
 //! | `/web/...` | its script and style; `/web/main.css` is the style that pages of stock's ports ask for |
@@ -11,10 +11,10 @@
 //! Nothing at these addresses changes anything. All other addresses are answered as any port
 //! answers them: `/form` is the plain page, `/data=list` the list of stock.
 //!
-//! The states are those of the registry. Connections are known from the ports themselves, which are asked only while somebody
-//! looks: an answer tells what was heard last and starts another round of questions, not sooner
-//! than [`Settings::interval`] after the last one. The first answer waits a little for the first
-//! round, two seconds unless the field `wait` says otherwise (`/api/names?wait=0`).
+//! The states are those of the registry. Connections are queried from the ports themselves, only
+//! while a page is in use: an answer contains the last reports and requests another round of
+//! queries, not sooner than [`Settings::interval`] after the last one. The first answer waits for
+//! the first round, two seconds unless the field `wait` says otherwise (`/api/names?wait=0`).
 
 mod connection_survey;
 mod json_view;
@@ -34,12 +34,12 @@ use crate::name_server::lock;
 use crate::registry::Registry;
 pub(crate) use connection_survey::{Settings, Survey};
 
-/// How long an answer waits for the first round of questions, unless told otherwise.
+/// Default time that an answer waits for the first round.
 const DEFAULT_FIRST_ROUND_WAIT: Duration = Duration::from_secs(2);
-/// The longest that somebody may have an answer wait.
+/// Maximum time that a client may let an answer wait, in seconds.
 const MAX_WAIT_SECONDS: f64 = 10.0;
 
-/// The pages, and what they show.
+/// The pages, with the data they show.
 #[derive(Clone)]
 pub(crate) struct Web {
     pub(crate) registry: Arc<Mutex<Registry>>,
@@ -47,13 +47,13 @@ pub(crate) struct Web {
 }
 
 impl Web {
-    /// The page at an address, if there is one of ours.
+    /// Returns the page at an address, if this module has one.
     pub(crate) fn page(&self, request: &Request) -> Option<Page> {
         let (path, _) = request
             .target
             .split_once('?')
             .unwrap_or((&request.target, ""));
-        // `/?...` is stock's, `/?` nothing of anybody.
+        // `/?...` belongs to stock, `/?` to neither.
         if path.is_empty() && !request.fields.is_empty() {
             return None;
         }
@@ -81,7 +81,7 @@ impl Web {
         }
     }
 
-    /// All names; less if the asker has seen them in this revision.
+    /// Returns all names, or only a note that nothing changed if the client knows this revision.
     fn names(&self, revision: Option<&str>) -> Response {
         let (names, server) = {
             let registry = lock(&self.registry);

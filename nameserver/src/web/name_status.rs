@@ -1,4 +1,4 @@
-//! What is known of each name.
+//! Status of each name.
 
 use std::time::Instant;
 
@@ -8,30 +8,30 @@ use super::connection_survey::Survey;
 use super::port_query::Process;
 use crate::registry::{PortStatus, Registry};
 
-/// A name, as the page and programs are told of it.
+/// Status of a name, as shown to browsers and programs.
 #[derive(Debug, Serialize)]
 pub(super) struct NameStatus {
     name: String,
     /// `alive`, `unreachable` or `gone`.
     state: String,
-    /// Why it is not alive, in words.
+    /// Reason why the port is not alive.
     #[serde(skip_serializing_if = "Option::is_none")]
     reason: Option<String>,
     host: String,
     port: u16,
-    /// What it wants to be reached by.
+    /// Carrier that the port prefers.
     carrier: String,
-    /// What it says it accepts, if it says so.
+    /// Carriers that the port accepts, if it reports them.
     accepts: Vec<String>,
-    /// The type of its messages, if it says so.
+    /// Type of its messages, if the port reports it.
     #[serde(rename = "type", skip_serializing_if = "Option::is_none")]
     type_name: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     process: Option<Process>,
 }
 
-/// All names, sorted: what the registry holds and knows of their lives, joined with what the ports
-/// said of themselves.
+/// Returns the status of all names, sorted: the registry's data joined with the reports of the
+/// ports.
 pub(super) fn names(registry: &Registry, survey: &Survey) -> Vec<NameStatus> {
     let heard = survey.records();
     let status = |held: PortStatus| {

@@ -1,38 +1,38 @@
-//! One port, asked for its connections and for what it is part of.
+//! Queries one port for its connections and its process.
 
 use serde::Serialize;
 use yarp_ports::{AdminClient, PortCounters, PortError, Traffic};
 use yarp_wire::admin::{self, Direction};
 use yarp_wire::{Bottle, Value};
 
-/// Connections that a port is believed; more would be a nuisance to it and to us.
+/// Maximum number of connections accepted from one port.
 const MAX_CONNECTIONS_PER_PORT: usize = 1024;
-/// Connections of which a port that does not count is asked the carrier.
+/// Maximum number of connections whose carrier is queried from a port without counters.
 const MAX_CARRIER_QUERIES: usize = 64;
-/// Longest text that is kept of what a port says, in characters.
+/// Maximum length of a text accepted from a port, in characters.
 const MAX_TEXT_CHARS: usize = 999;
 
-/// What a port tells of itself.
+/// Report of a port.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct PortReport {
     pub(super) links: Vec<ReportedConnection>,
-    /// Where it was asked for and the port said it.
+    /// Process of the port, if it was requested and reported.
     pub(super) process: Option<Process>,
 }
 
-/// A connection as the port at one of its ends tells of it.
+/// A connection as reported by one of its ends.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ReportedConnection {
     pub(super) peer: String,
-    /// Whether the port is the reader.
+    /// True if the reporting port is the reader.
     pub(super) incoming: bool,
-    /// Carrier with its modifiers, where the port was asked for it.
+    /// Carrier with its modifiers, if known.
     pub(super) carrier: Option<String>,
-    /// What passed, if the port counts.
+    /// Counters, if the port counts.
     pub(super) counted: Option<ConnectionCounters>,
 }
 
-/// What a port counted of a connection.
+/// Counters of one connection.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ConnectionCounters {
     pub(super) traffic: Traffic,
@@ -40,20 +40,20 @@ pub(super) struct ConnectionCounters {
     pub(super) age: Option<f64>,
 }
 
-/// The program that a port is part of.
+/// Process that a port belongs to.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub(super) struct Process {
-    /// Its number.
+    /// Process id.
     pub(super) pid: Option<i64>,
-    /// The program.
+    /// Program.
     pub(super) name: Option<String>,
-    /// What it was started with.
+    /// Command line arguments.
     pub(super) arguments: Option<String>,
-    /// The machine.
+    /// Host name.
     pub(super) host: Option<String>,
 }
 
-/// Asks a port; none if it does not say. `process` says whether to ask for that, too.
+/// Queries a port; `None` if it does not answer. `process`: also query its process.
 pub(super) async fn query(
     client: &mut AdminClient,
     name: &str,
@@ -62,7 +62,7 @@ pub(super) async fn query(
     match try_query(client, name, process).await {
         Ok(told) => Some(told),
         Err(error) => {
-            tracing::debug!("{name} does not tell of its connections: {error}");
+            tracing::debug!("{name} does not report its connections: {error}");
             None
         }
     }
@@ -85,7 +85,7 @@ async fn try_query(
     Ok(PortReport { links, process })
 }
 
-/// The connections of a port that counts.
+/// Returns the connections of a port with counters.
 fn connections_of(counters: PortCounters) -> Vec<ReportedConnection> {
     let links = counters
         .connections
@@ -106,7 +106,7 @@ fn connections_of(counters: PortCounters) -> Vec<ReportedConnection> {
         .collect()
 }
 
-/// The connections of a port of stock.
+/// Queries the connections of a stock port.
 async fn listed(client: &mut AdminClient) -> Result<Vec<ReportedConnection>, PortError> {
     let mut links = Vec::new();
     for (direction, incoming) in [(Direction::Out, false), (Direction::In, true)] {
@@ -123,7 +123,7 @@ async fn listed(client: &mut AdminClient) -> Result<Vec<ReportedConnection>, Por
                 .take(MAX_CONNECTIONS_PER_PORT),
         );
     }
-    // The writer knows how it writes; readers need not be asked the same.
+    // The writer knows the carrier, so readers are not queried.
     let outputs = links.iter_mut().filter(|link| !link.incoming);
     for link in outputs.take(MAX_CARRIER_QUERIES) {
         let request = admin::list(Direction::Out, Some(&link.peer));
@@ -133,12 +133,12 @@ async fn listed(client: &mut AdminClient) -> Result<Vec<ReportedConnection>, Por
     Ok(links)
 }
 
-/// Terminals, browsers and programs that ask are no ports.
+/// Returns false for terminals, browsers and clients, which are not ports.
 fn is_between_ports(link: &ReportedConnection) -> bool {
     link.peer.starts_with('/') && link.peer.len() <= MAX_TEXT_CHARS
 }
 
-/// `(process ((arguments A) (name N) (pid P) ...)) (platform ((hostname H) ...)) ...`
+/// Parses `(process ((arguments A) (name N) (pid P) ...)) (platform ((hostname H) ...)) ...`.
 fn process_in(answer: &Bottle) -> Option<Process> {
     let list = |key: &str| answer.find(key).and_then(Value::as_list);
     let process = list("process")?;

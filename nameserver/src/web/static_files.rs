@@ -1,8 +1,8 @@
-//! What the page is made of, part of the program.
+//! Files of the page, compiled into the program.
 
 use yarp_wire::http::Response;
 
-/// Addresses, types and contents.
+/// Address, media type and content of each file.
 const FILES: [(&str, &str, &str); 10] = [
     ("", "text/html", include_str!("files/index.html")),
     (
@@ -25,7 +25,7 @@ const FILES: [(&str, &str, &str); 10] = [
 ];
 const SCRIPT: &str = "text/javascript";
 
-/// The file at an address.
+/// Returns the file at an address.
 pub(super) fn at(path: &str) -> Option<Response> {
     let (_, mime, content) = FILES.iter().find(|(known, ..)| *known == path)?;
     Some(Response::new(mime, *content))

@@ -1,4 +1,4 @@
-//! The client.
+//! Client of the latency test.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -19,29 +19,29 @@ use crate::port_connections::{self, Verbosity};
 use crate::signals::Interrupt;
 use crate::stock_format::{complain, general, statistics};
 
-/// Between two tries to reach the server.
+/// Delay between two attempts to reach the server.
 const RETRY_DELAY: Duration = Duration::from_millis(500);
-/// How long a frame may take.
+/// Timeout for a frame.
 const FRAME_TIMEOUT: Duration = Duration::from_secs(60);
-/// The most frames of a test.
+/// Maximum number of frames of a test.
 const MAX_FRAMES: i32 = 10_000_000;
 
-/// How the frames travel.
+/// Ports and direction of the frames.
 struct Route<'a> {
     carrier: &'a str,
-    /// Whether what comes back is a reply.
+    /// True if frames come back as replies.
     replies: bool,
 }
 
-/// What is known of a frame.
+/// Measurements of one frame.
 struct Frame {
-    /// Milliseconds there and back, without what the server took.
+    /// Round trip in milliseconds, without the time of the server.
     latency: f64,
-    /// Seconds that the server took to make the text.
+    /// Seconds that the server took to create the text.
     copy: f64,
 }
 
-/// One test for each size.
+/// Runs one test per size.
 pub(super) async fn measure(
     options: &Options,
     sizes: &Sizes,
@@ -83,7 +83,7 @@ pub(super) async fn measure(
     Ok(ExitCode::from(code))
 }
 
-/// One test; gives what was measured, or what to end with.
+/// Runs one test; returns the measurements, or an exit code.
 async fn test(
     network: &Network,
     port: &Port,
@@ -123,14 +123,14 @@ async fn test(
     };
     port.write(&Bottle::of("stop")).await;
     port.flush().await;
-    // As in stock: the server has to be there again for the next test, and the end of datagrams takes another way, on
-    // which it may overtake them.
+    // As in stock: the server must be ready again for the next test, and the end of datagrams takes
+    // another path, on which it may overtake them.
     tokio::time::sleep(RETRY_DELAY).await;
     Ok(Some(Ok(measured)))
 }
 
-/// Connects two ports as soon as they can be.
-async fn reach(
+/// Connects two ports as soon as possible.
+async fn connect_when_possible(
     network: &Network,
     from: &str,
     to: &str,
@@ -153,7 +153,7 @@ async fn reach(
     Ok(())
 }
 
-/// Sends frames, one when the one before came back.
+/// Sends frames, each after the previous one has come back.
 async fn exchange(
     port: &Port,
     options: &Options,
@@ -204,8 +204,13 @@ async fn exchange(
     Ok(Ok(measured))
 }
 
-/// Tells what was measured, and keeps it in a file.
-fn tell(measured: &[Frame], size: i32, options: &Options, out: &mut dyn Write) -> Result<()> {
+/// Prints the measurements, and writes them to a file.
+fn print_results(
+    measured: &[Frame],
+    size: i32,
+    options: &Options,
+    out: &mut dyn Write,
+) -> Result<()> {
     let latencies: Vec<f64> = measured.iter().map(|frame| frame.latency).collect();
     let (mean, deviation) = statistics(&latencies);
     let max = latencies.iter().copied().fold(0.0, f64::max);

@@ -1,8 +1,9 @@
-//! `yarp latency-test`: how long messages take to a server and back.
+//! `yarp latency-test`: round trip time of messages.
 //!
-//! The client says `start SIZE 1` to `/latencyTest/server`, and then sends frames: a number and the time. The server
-//! sends each back with a text of SIZE bytes, with the seconds that adding it took, and with a number of its own: as a
-//! reply, or on a connection of its own after `start SIZE 0`. `stop` ends a test, `quit` the server (stock 3.5.0).
+//! The client sends `start SIZE 1` to `/latencyTest/server`, and then frames: a number and the
+//! time. The server sends each back with a text of SIZE bytes, the seconds that adding it took, and
+//! a number of its own: as a reply, or over a connection of its own after `start SIZE 0`. `stop`
+//! ends a test, `quit` the server (stock 3.5.0).
 
 mod client;
 mod server;
@@ -32,12 +33,12 @@ yarp latency-test --client [--details]
 --nframes <X> --customtest \"(1 40 100 10000)\" --client_wait <Z> [--protocol <protocol>] [--no-reply] [--logfile <filename_prefix>]
 Default value for filename_prefix: log_";
 
-/// What stock ends with if the words are wrong, and after some tests that went well.
+/// Exit code of stock for invalid options, and after some successful tests.
 const EXIT_FAILED: u8 = 255;
-/// The names of the two ports.
+/// Names of the two ports.
 const SERVER: &str = "/latencyTest/server";
 const CLIENT: &str = "/latencyTest/client";
-/// The largest text: with what is around it, still a message that a port takes.
+/// Maximum size of the text: with its envelope, still a message that a port accepts.
 const MAX_MESSAGE_BYTES: i32 = 500_000_000;
 
 /// perform a latency test by exchanging data between a server and a client
@@ -46,7 +47,7 @@ const MAX_MESSAGE_BYTES: i32 = 500_000_000;
 #[derive(Debug, clap::Args)]
 #[command(disable_help_flag = true)]
 pub(crate) struct Args {
-    /// The options
+    /// Options
     #[arg(
         value_name = "--server|--client ...",
         allow_hyphen_values = true,
@@ -77,25 +78,25 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     Ok(ExitCode::from(EXIT_FAILED))
 }
 
-/// A pause between two frames, of so many seconds; what is no time is none, or is for ever.
-async fn rest(seconds: f64) {
+/// Sleeps between two frames; an invalid time means no sleep, or sleeping forever.
+async fn sleep_between_frames(seconds: f64) {
     if seconds > 0.0 {
         tokio::time::sleep(Duration::try_from_secs_f64(seconds).unwrap_or(network_access::FOREVER))
             .await;
     }
 }
 
-/// The texts that a client asks for.
+/// Sizes of the texts that a client requests.
 #[derive(Debug, PartialEq)]
 struct Sizes {
-    /// One test each; nothing where no number was said.
+    /// Size for each test; `None` where no number was given.
     sizes: Vec<Option<i32>>,
-    /// What stock ends with after them.
+    /// Exit code of stock after them.
     code: u8,
 }
 
 impl Sizes {
-    /// What the options say; nothing if they contradict each other.
+    /// Parses the options; returns `None` if they contradict each other.
     fn of(options: &Options) -> Option<Self> {
         let list = |name| match options.value(name) {
             Some(Value::List(list)) => Some(list),
@@ -128,7 +129,7 @@ impl Sizes {
     }
 }
 
-/// 1 2 4 8 10 20 40 80 100 and so on.
+/// Returns the series 1 2 4 8 10 20 40 80 100 and so on.
 fn series() -> Vec<i32> {
     let decades = (0..9).map(|power| 10_i32.pow(power));
     decades

@@ -1,4 +1,4 @@
-//! The server.
+//! Server of the latency test.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -15,7 +15,7 @@ use crate::network_access;
 use crate::signals::Interrupt;
 use crate::stock_format::complain;
 
-/// How a test ended.
+/// End of a test.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 enum End {
     Complete,
@@ -24,7 +24,7 @@ enum End {
     Interrupted,
 }
 
-/// A message, and where its reply goes.
+/// A message, with the sender for its reply.
 type Request = (Bottle, oneshot::Sender<Bottle>);
 
 /// Serves one test after the other.
@@ -67,7 +67,7 @@ async fn open(network: &Network, sender: mpsc::Sender<Request>) -> Result<Option
             return Answer::Nothing;
         };
         let sender = sender.clone();
-        // The connection waits until the frame was looked at.
+        // The connection waits until the frame was processed.
         Answer::Later(Box::pin(async move {
             let (reply, replied) = oneshot::channel();
             if sender.send((bottle, reply)).await.is_err() {
@@ -82,14 +82,14 @@ async fn open(network: &Network, sender: mpsc::Sender<Request>) -> Result<Option
     network_access::open(network, SERVER, PortOptions::new().handler(pass_on)).await
 }
 
-/// What a client asks for.
+/// Parameters of a requested test.
 struct Wanted {
     text: Value,
     replies: bool,
 }
 
 impl Wanted {
-    /// What a `start` says; nothing if it is none, or wants more than there is.
+    /// Parses a `start` request; returns `None` if it is malformed or exceeds the maximum.
     fn of(start: &Bottle) -> Option<Self> {
         let size = start.get(1)?.as_i32()?;
         if start.get(0)?.as_str()? != "start" || !(0..=MAX_MESSAGE_BYTES).contains(&size) {
@@ -102,8 +102,8 @@ impl Wanted {
         })
     }
 
-    /// Tells what was understood.
-    fn tell(&self, out: &mut dyn Write) -> std::io::Result<()> {
+    /// Prints the parameters.
+    fn print(&self, out: &mut dyn Write) -> std::io::Result<()> {
         let size = self.text.as_str().map_or(0, str::len) + 1;
         writeln!(
             out,
@@ -123,7 +123,7 @@ impl Wanted {
     }
 }
 
-/// One test.
+/// Runs one test.
 async fn test(
     port: &Port,
     requests: &mut mpsc::Receiver<Request>,
@@ -137,7 +137,7 @@ async fn test(
     while let Some((frame, reply)) = requests.recv().await {
         let word = frame.get(0).and_then(Value::as_str).unwrap_or_default();
         if word == "start" || wanted.is_none() {
-            // A client that went away in the middle is followed by another.
+            // After a client that disconnected early, another may follow.
             wanted = Wanted::of(&frame);
             let Some(wanted) = &wanted else {
                 complain(out, "Invalid command received from the client")?;

@@ -1,4 +1,4 @@
-//! `yarp ping`: what a port says of itself, and how fast it is.
+//! `yarp ping`: describes a port, and measures its latency and rate.
 
 mod publish_rate;
 mod round_trip;
@@ -19,13 +19,13 @@ use crate::stock_format::complain;
 /// Asks a port to describe itself: its address and its connections.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Measure how long the port takes to answer, ten times
+    /// Measure the response time of the port, ten times
     #[arg(long)]
     time: bool,
-    /// Measure for five seconds how often the port writes
+    /// Measure the publish rate of the port for five seconds
     #[arg(long)]
     rate: bool,
-    /// The port
+    /// Port
     #[arg(
         value_name = "PORT",
         allow_hyphen_values = true,
@@ -66,7 +66,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     }
 }
 
-/// What came of asking a port to describe itself.
+/// Result of asking a port for its description.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub(super) enum Found {
     Alive,
@@ -74,12 +74,12 @@ pub(super) enum Found {
     Nothing,
 }
 
-/// Prints how a port describes itself.
+/// Prints the description of a port.
 pub(super) async fn describe(network: &Network, port: &str, out: &mut dyn Write) -> Result<Found> {
     let Some(place) = network_access::find(network, &Contact::parse(port)).await? else {
         return Ok(Found::Nothing);
     };
-    // Only a stream can be asked; the group of a multicast carrier can not.
+    // Only streams can be queried; the group of a multicast carrier cannot.
     if matches!(place.carrier.as_str(), "mcast" | "udp") {
         writeln!(out, "{port} is not responding.")?;
         return Ok(Found::Silent);
@@ -102,7 +102,7 @@ pub(super) async fn describe(network: &Network, port: &str, out: &mut dyn Write)
     }
 }
 
-/// Stock reads each line as a bottle and prints that, so that names get quotes.
+/// Formats a line as a bottle, like stock, so that names get quotes.
 fn as_bottle(line: &str) -> String {
     match Bottle::parse(line) {
         Ok(bottle) => bottle.to_string(),

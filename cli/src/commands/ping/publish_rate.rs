@@ -1,4 +1,4 @@
-//! `yarp ping --rate`: how often a port writes.
+//! `yarp ping --rate`: measures the publish rate of a port.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -14,9 +14,9 @@ use crate::signals::Interrupt;
 use crate::stock_format::{general, statistics};
 
 const COMPONENT: &str = "yarp.os.Ping";
-/// How long we measure.
+/// Duration of the measurement.
 const MEASURE_DURATION: Duration = Duration::from_secs(5);
-/// Messages that may wait to be counted.
+/// Maximum number of messages queued for counting.
 const MAX_QUEUED: usize = 4096;
 
 pub(super) async fn run(network: &Network, port: &str, out: &mut dyn Write) -> Result<ExitCode> {
@@ -40,8 +40,8 @@ pub(super) async fn run(network: &Network, port: &str, out: &mut dyn Write) -> R
         }
     }
     reader.close().await;
-    meter.tell();
-    // Stock gives 1 whatever was measured; who measured nothing shall know it.
+    meter.log();
+    // Stock always exits with 1; here the exit code tells if anything was measured.
     let measured = connected && meter.periods.len() > 1;
     Ok(if measured {
         ExitCode::SUCCESS
@@ -50,7 +50,7 @@ pub(super) async fn run(network: &Network, port: &str, out: &mut dyn Write) -> R
     })
 }
 
-/// The times between messages.
+/// Intervals between messages.
 #[derive(Default)]
 struct Meter {
     last: Option<Instant>,

@@ -1,4 +1,4 @@
-//! `yarp ping --time`: how long a port takes to answer.
+//! `yarp ping --time`: measures the response time of a port.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -12,7 +12,7 @@ use crate::stock_format::{duration, statistics};
 
 const COMPONENT: &str = "yarp.os.Ping";
 const ROUNDS: usize = 10;
-/// Pause between two rounds.
+/// Delay between two rounds.
 const ROUND_INTERVAL: Duration = Duration::from_millis(250);
 
 pub(super) async fn run(network: &Network, port: &str, out: &mut dyn Write) -> Result<ExitCode> {
@@ -36,8 +36,8 @@ pub(super) async fn run(network: &Network, port: &str, out: &mut dyn Write) -> R
         }
         direct.push(found.elapsed().as_secs_f64());
         with_lookup.push(begin.elapsed().as_secs_f64());
-        // Stock counts up before it prints.
-        tell(round + 2, &direct, &with_lookup);
+        // Stock increments before it prints.
+        log_round(round + 2, &direct, &with_lookup);
         tokio::time::sleep(ROUND_INTERVAL).await;
     }
     Ok(ExitCode::SUCCESS)

@@ -1,4 +1,4 @@
-//! Asking a server.
+//! Client of `yarp run`: sends one request to a server.
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -13,31 +13,31 @@ use crate::error::Result;
 use crate::network_access;
 use crate::signals::Interrupt;
 
-/// How often a server is tried, and the pause between, as in stock.
+/// Maximum number of attempts to reach a server, and the delay between, as in stock.
 const MAX_ATTEMPTS: u32 = 20;
 const RETRY_DELAY: Duration = Duration::from_millis(500);
-/// How long a server may take to answer. Terminals may have to be opened.
+/// Timeout for the reply. The server may have to open terminals.
 const REPLY_TIMEOUT: Duration = Duration::from_secs(60);
-/// What stock ends with if the server did not do it.
+/// Exit code of stock if the server did not execute the request.
 const EXIT_NOT_DONE: u8 = 2;
 
-/// What a server is asked.
+/// A request to a server.
 #[derive(Debug, PartialEq)]
 pub(super) struct RunRequest {
     server: String,
     request: Bottle,
-    /// The reply that means yes; without it the server just has to answer.
+    /// Reply that means success; `None` accepts any reply.
     yes: Option<&'static str>,
-    /// Whether the reply begins with the number of a process.
+    /// True if the reply begins with a process id.
     starts: bool,
 }
 
 impl RunRequest {
-    /// What the options ask for, if anything; or what is wrong with them.
+    /// Parses the options; returns `None` without a request, or an error message.
     pub(super) fn of(options: &Options) -> std::result::Result<Option<Self>, String> {
         for name in ["sysinfo", "stresstest"] {
             if options.has(name) {
-                return Err(format!("--{name} is not known here"));
+                return Err(format!("--{name} is not supported"));
             }
         }
         if options.has("cmd") {
@@ -93,7 +93,7 @@ impl RunRequest {
         })
     }
 
-    /// Whether this reply says that it was done.
+    /// Returns true if the reply reports success.
     fn is_done(&self, reply: &Bottle) -> bool {
         let number = reply.get(0).and_then(Value::as_i32);
         match self.yes {
@@ -104,7 +104,7 @@ impl RunRequest {
     }
 }
 
-/// The text that an option needs.
+/// Returns the text of a required option.
 fn text(options: &Options, name: &str, complaint: &str) -> std::result::Result<String, String> {
     let value = options.value(name);
     let text = value.as_ref().and_then(Value::as_str).unwrap_or_default();
@@ -114,14 +114,14 @@ fn text(options: &Options, name: &str, complaint: &str) -> std::result::Result<S
     }
 }
 
-/// An option as a list that begins with its name.
+/// Returns an option as a list that begins with its name.
 fn group(options: &Options, name: &str) -> Value {
     let values = options.group(name).map(|group| group.values());
     let values = values.unwrap_or_default().iter().map(|value| value.value());
     Value::List(std::iter::once(name.into()).chain(values).collect())
 }
 
-/// Asks, shows the reply on standard error as stock does, and tells whether it was done.
+/// Sends the request, prints the reply on standard error as stock does, and returns the exit code.
 pub(super) async fn ask(
     run_request: &RunRequest,
     options: &Options,
@@ -146,14 +146,14 @@ pub(super) async fn ask(
         note(value.to_plain_string());
     }
     Ok(match run_request.is_done(&reply) {
-        // Nothing runs: stock's `ps` ends so.
+        // Stock's `ps` ends like this if nothing runs.
         _ if reply.is_empty() => ExitCode::from(EXIT_FAILED),
         true => ExitCode::SUCCESS,
         false => ExitCode::from(EXIT_NOT_DONE),
     })
 }
 
-/// What the server replies; nothing if none could be asked before a signal.
+/// Returns the reply of the server; `None` if a signal came first.
 async fn reply(
     network: &Network,
     run_request: &RunRequest,
@@ -175,7 +175,7 @@ async fn reply(
         match reply {
             None => break,
             Some(Ok(reply)) => return Ok(Some(reply)),
-            // It may have been done: who knows. Asking again might do it twice.
+            // The outcome is unknown. Repeating the request might execute it twice.
             Some(Err(error @ PortError::Timeout { .. })) => return Err(error.into()),
             Some(Err(error)) => {
                 tracing::debug!(target: "yarp.os.Network", "{}", error.error_chain())
@@ -246,7 +246,7 @@ mod tests {
         check(&["--sigterm", "--on", "/h"], "missing tag");
         check(&["--sigterm", "t"], "missing remote server");
         check(&["--kill", "t", "--on", "/h"], "missing signum");
-        check(&["--on", "/h", "--sysinfo"], "--sysinfo is not known here");
+        check(&["--on", "/h", "--sysinfo"], "--sysinfo is not supported");
         assert_eq!(run_request(&["--on", "/h"]), Ok(None));
     }
 

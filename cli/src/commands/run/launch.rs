@@ -1,4 +1,4 @@
-//! A command as somebody asks for it.
+//! Parses and starts a command.
 
 use std::env;
 use std::ffi::OsString;
@@ -10,16 +10,16 @@ use std::process::{Child, Command, Stdio};
 
 use yarp_wire::{Bottle, Value};
 
-/// What shall run.
+/// A command to start.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Launch {
-    /// How it is called from then on. Several may have one tag.
+    /// Name of the command for later requests. Several commands may share one tag.
     pub(super) tag: String,
     /// Program and arguments. Blanks between double quotes do not separate.
     pub(super) command: String,
-    /// `A=1;B=2`; a name without a value takes the variable away.
+    /// `A=1;B=2`; a name without a value removes the variable.
     pub(super) environment: String,
-    /// Where it runs; where the server runs if nothing is said.
+    /// Working directory; by default that of the server.
     directory: Option<String>,
 }
 
@@ -34,7 +34,8 @@ impl Launch {
         }
     }
 
-    /// Starts it, as a process group of its own that nobody sees or hears; or says in stock's words why not.
+    /// Starts the command in a process group of its own, without input or output; returns stock's
+    /// error message on failure.
     pub(super) fn spawn(&self) -> Result<Child, String> {
         let directory = self.directory().map_err(|error| {
             let reason = reason(&error);
@@ -47,7 +48,7 @@ impl Launch {
         let spawn = |program: OsString| {
             let mut command = Command::new(program);
             command.args(arguments).current_dir(&directory);
-            // Programs of stock's look at these two.
+            // Stock programs read these two variables.
             command.env("YARP_IS_YARPRUN", "1");
             command.env("YARPRUN_IS_FORWARDING_LOG", "0");
             for variable in self.environment.split(';') {
@@ -61,7 +62,7 @@ impl Launch {
             command.stdin(Stdio::null()).stdout(Stdio::null());
             command.stderr(Stdio::null()).process_group(0).spawn()
         };
-        // As in stock, a program in that directory goes first.
+        // As in stock, a program in the working directory takes precedence.
         let beside = directory.join(program);
         let started = match beside.is_file() {
             true => spawn(beside.into()).or_else(|_| spawn(program.into())),
@@ -70,7 +71,7 @@ impl Launch {
         started.map_err(|error| format!("Can't execute command because {}", reason(&error)))
     }
 
-    /// Where it runs, if one can be there.
+    /// Returns the working directory, if it is usable.
     fn directory(&self) -> io::Result<PathBuf> {
         let here = env::current_dir()?;
         let there = match &self.directory {
@@ -81,7 +82,7 @@ impl Launch {
     }
 }
 
-/// The system's words alone.
+/// Returns the system's error text alone.
 fn reason(error: &io::Error) -> String {
     let text = error.to_string();
     match text.split_once(" (os error") {
@@ -90,7 +91,7 @@ fn reason(error: &io::Error) -> String {
     }
 }
 
-/// The words of a command line: quotes keep blanks together, and separate words themselves, as in stock.
+/// Splits a command line: quotes keep blanks together, and separate words themselves, as in stock.
 fn words(line: &str) -> Vec<String> {
     let mut words = Vec::new();
     for (index, part) in line.split('"').enumerate() {

@@ -1,7 +1,7 @@
 //! `yarp run`: commands on other machines, as stock's `yarprun` has them. Linux only.
 //!
-//! A server (`server`) waits on a port for whoever wants a command started, asked about or ended (`client`); what is
-//! said there is stock's, seen between peers of 3.5.0:
+//! A server (`server`) accepts requests on a port to start, query and end commands (`client`).
+//! Requests and replies are stock's, recorded between peers of 3.5.0:
 //!
 //! | request | reply |
 //! | --- | --- |
@@ -13,14 +13,14 @@
 //! | `(which ls)` | `/usr/bin/ls` |
 //! | `(exit)` | `"exit OK"`, and the server ends |
 //!
-//! **Whoever may send to that port may run anything as the user of the server**, in stock and here. Therefore all of
-//! it needs the right to administer the port, if a role of `roles.conf` is about it; and the server says that it is
-//! open when there is neither such a role nor a key.
+//! **Whoever may send to that port may run anything as the user of the server**, in stock and here.
+//! Therefore every request needs the right to administer the port if a role of `roles.conf`
+//! concerns it, and the server logs that it is open if there is neither such a role nor a key.
 //!
-//! Each command is a process group of its own (`processes`), signals go to all of it, and whatever is left when the
-//! server ends is ended by a small process beside it, the guard (`guard`): it notices the end of its standard input,
-//! so also a server that was killed leaves nothing behind. What a command makes independent of its group
-//! (`setsid`) is on its own.
+//! Each command is a process group (`process_table`), and signals go to the whole group. When the
+//! server ends, a small process beside it, the guard (`orphan_guard`), ends all remaining groups:
+//! it notices the end of its standard input, so even a killed server leaves nothing behind.
+//! Processes that leave their group (`setsid`) are not ended.
 
 mod client;
 mod launch;
@@ -66,20 +66,20 @@ yarp run --on SERVERPORT --exit
 stop SERVERPORT server
 ";
 
-/// What stock ends with if the words are wrong, or nobody can be asked.
+/// Exit code of stock for invalid options, or if no server can be reached.
 const EXIT_FAILED: u8 = 255;
-/// What a reply begins with if a command was not started, or nothing was done.
+/// First element of a reply if a command was not started or a request not executed.
 const REPLY_ERROR: i32 = -1;
-/// How a server calls its guard.
+/// Option with which a server starts its guard.
 const GUARD_ARGUMENT: &str = "keeper";
 
 /// run a command on another machine, and a server that runs commands
 ///
-/// `--server PORT` runs a server; everything else asks one. `--help` shows all.
+/// `--server PORT` runs a server; all other options send a request to one. `--help` shows all.
 #[derive(Debug, clap::Args)]
 #[command(disable_help_flag = true)]
 pub(crate) struct Args {
-    /// The options
+    /// Options
     #[arg(
         value_name = "--server PORT | --on PORT ...",
         allow_hyphen_values = true,
@@ -110,7 +110,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     }
 }
 
-/// A line on standard error, where stock has such lines. A server goes on when nobody is there to read it.
+/// Prints a line on standard error, like stock. A server continues if standard error is closed.
 fn note(line: impl Display) {
     let _ = writeln!(io::stderr(), "{line}");
 }

@@ -1,4 +1,5 @@
-//! The process beside a server that ends what is left when the server has ended, however it ended.
+//! The guard: a process beside the server that ends all remaining commands when the server ends,
+//! however it ended.
 
 use std::collections::BTreeSet;
 use std::io::Write;
@@ -15,11 +16,11 @@ use crate::network_access::FOREVER;
 use crate::signals::Interrupt;
 use crate::stdin_lines::Lines;
 
-/// How long a command has to end when it is asked to, and then when it is killed.
+/// Time that a command has to end after SIGTERM, and again after SIGKILL.
 const TERMINATION_TIMEOUT: Duration = Duration::from_secs(5);
-/// How often it is looked at meanwhile.
+/// Interval between two checks of the groups.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
-/// A guard takes no longer.
+/// Maximum time that the guard takes to end.
 const GUARD_TIMEOUT: Duration = Duration::from_secs(15);
 
 /// The server's end of its guard.
@@ -35,7 +36,7 @@ impl OrphanGuard {
             .stdin(Stdio::piped())
             .stdout(Stdio::null())
             .stderr(Stdio::null())
-            // Ctrl-C is not for it.
+            // Ctrl-C does not reach the guard.
             .process_group(0)
             .spawn()?;
         let input = child.stdin.take();
@@ -44,14 +45,14 @@ impl OrphanGuard {
         Ok(Self { child, input })
     }
 
-    /// From now on a process group is ended when the server ends.
-    pub(super) fn keep(&mut self, group: Pid) {
-        self.tell('+', group);
+    /// Adds a process group that the guard ends when the server ends.
+    pub(super) fn watch(&mut self, group: Pid) {
+        self.send('+', group);
     }
 
-    /// A process group has ended; its number may be given to others.
-    pub(super) fn forget(&mut self, group: Pid) {
-        self.tell('-', group);
+    /// Removes a process group that has ended; its id may be reused.
+    pub(super) fn unwatch(&mut self, group: Pid) {
+        self.send('-', group);
     }
 
     fn tell(&mut self, sign: char, group: Pid) {
@@ -61,14 +62,14 @@ impl OrphanGuard {
         }
     }
 
-    /// Has all groups ended, and waits for that.
+    /// Ends all groups, and waits for the guard.
     pub(super) async fn end(self) {
         let Self { mut child, input } = self;
         drop(input);
         let deadline = Instant::now() + GUARD_TIMEOUT;
         while matches!(child.try_wait(), Ok(None)) {
             if Instant::now() > deadline {
-                // It has ended, or will.
+                // The guard has ended, or will.
                 let _ = child.kill();
                 let _ = child.wait();
                 return;
@@ -78,9 +79,9 @@ impl OrphanGuard {
     }
 }
 
-/// What a guard does: it takes note of groups until its standard input ends, and ends them.
-pub(super) async fn keep() {
-    // Signals are the server's business.
+/// Runs the guard: collects groups until its standard input ends, then ends them.
+pub(super) async fn run() {
+    // Signals are handled by the server.
     let _deaf = Interrupt::listen_with(u32::MAX, FOREVER);
     let mut lines = Lines::open();
     let mut groups = BTreeSet::new();
@@ -92,17 +93,17 @@ pub(super) async fn keep() {
             _ => {}
         }
     }
-    // 1 would be everybody.
+    // Group 1 would mean every process.
     let groups = groups.into_iter().filter(|number: &i32| *number > 1);
     end(&groups.filter_map(Pid::from_raw).collect::<Vec<_>>()).await;
 }
 
-/// Asks groups to end, kills those that do not, and waits for both.
+/// Sends SIGTERM to groups, kills those that remain, and waits for both.
 async fn end(groups: &[Pid]) {
     for signals in [&[Signal::TERM, Signal::CONT][..], &[Signal::KILL]] {
         for group in groups {
             for signal in signals {
-                // It may have ended.
+                // The group may have ended.
                 let _ = kill_process_group(*group, *signal);
             }
         }
@@ -113,7 +114,7 @@ async fn end(groups: &[Pid]) {
     }
 }
 
-/// Whether any process of a group is left.
+/// Returns true if a group has any process.
 pub(super) fn exists(group: Pid) -> bool {
     test_kill_process_group(group).is_ok()
 }

@@ -1,4 +1,4 @@
-//! The commands of a server.
+//! Table of the commands that a server has started.
 
 use std::process::Child;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -11,19 +11,19 @@ use super::launch::Launch;
 use super::note;
 use super::orphan_guard::{self, OrphanGuard};
 
-/// The most commands that run at once.
+/// Maximum number of commands that run concurrently.
 const MAX_PROCESSES: usize = 256;
 
-/// What runs.
+/// Running commands.
 pub(super) struct Processes {
     state: Mutex<State>,
 }
 
 struct State {
     running: Vec<Process>,
-    /// Groups whose command has ended, but not all that it started.
+    /// Groups whose command has ended, but not all of its children.
     left: Vec<Pid>,
-    /// Gone once the server ends: then nothing is started any more.
+    /// `None` once the server ends: then nothing is started any more.
     guard: Option<OrphanGuard>,
 }
 
@@ -44,12 +44,12 @@ impl Processes {
         }
     }
 
-    /// Starts a command; gives its number, or says why not.
+    /// Starts a command; returns its process id, or an error message.
     pub(super) fn start(self: &Arc<Self>, launch: Launch) -> Result<Pid, String> {
         let mut state = self.lock();
         let State { running, guard, .. } = &mut *state;
         let Some(guard) = guard else {
-            return Err("Can't execute command because the server ends".to_owned());
+            return Err("Can't execute command because the server is shutting down".to_owned());
         };
         if running.len() >= MAX_PROCESSES {
             return Err(format!(
@@ -60,22 +60,22 @@ impl Processes {
         let Some(pid) = i32::try_from(child.id()).ok().and_then(Pid::from_raw) else {
             let _ = child.kill();
             let _ = child.wait();
-            return Err("Can't execute command because its process has no number".to_owned());
+            return Err("Can't execute command because its process id is unknown".to_owned());
         };
         guard.keep(pid);
         running.push(Process { pid, launch });
         let processes = self.clone();
-        // Ends with the command.
+        // The task ends with the command.
         std::thread::spawn(move || processes.reap(pid, child));
         Ok(pid)
     }
 
-    /// Waits for the end of a command, and forgets it.
+    /// Waits for the end of a command, and removes it.
     fn reap(&self, pid: Pid, mut child: Child) {
         let ended = WaitIdOptions::EXITED | WaitIdOptions::NOWAIT;
         while matches!(waitid(WaitId::Pid(pid), ended), Err(Errno::INTR)) {}
         let mut state = self.lock();
-        // From here on its number may be another's: nobody who has the lock sends it a signal.
+        // From here on the process id may be reused: no holder of the lock sends it a signal.
         let _ = child.wait();
         state.running.retain(|process| process.pid != pid);
         state.left.push(pid);
@@ -83,7 +83,7 @@ impl Processes {
         note(format_args!("CLEANUP cmd {}", pid.as_raw_nonzero()));
     }
 
-    /// Sends a signal to all commands with a tag, or to all; tells how many there are.
+    /// Sends a signal to all commands with a tag, or to all; returns their number.
     pub(super) fn signal(&self, tag: Option<&str>, signal: Signal) -> usize {
         let mut state = self.lock();
         state.prune();
@@ -95,14 +95,14 @@ impl Processes {
                 launch.tag,
                 pid.as_raw_nonzero()
             ));
-            // It may have ended, and is not buried yet.
+            // The process may have ended without being reaped yet.
             let _ = kill_process_group(*pid, signal);
             count += 1;
         }
         count
     }
 
-    /// Whether a command with this tag runs.
+    /// Returns true if a command with this tag runs.
     pub(super) fn is_running(&self, tag: &str) -> bool {
         let state = self.lock();
         state
@@ -111,7 +111,7 @@ impl Processes {
             .any(|process| process.launch.tag == tag)
     }
 
-    /// All commands, as `ps` tells them.
+    /// Returns all commands in the form of `ps`.
     pub(super) fn list(&self) -> Bottle {
         let state = self.lock();
         let shown = |Process { pid, launch }: &Process| {
@@ -128,7 +128,7 @@ impl Processes {
         state.running.iter().map(shown).collect()
     }
 
-    /// Ends all commands and what they started, and waits for that.
+    /// Ends all commands and their children, and waits for them.
     pub(super) async fn end(&self) {
         let guard = self.lock().guard.take();
         if let Some(guard) = guard {
@@ -142,7 +142,7 @@ impl Processes {
 }
 
 impl State {
-    /// Forgets groups that have ended: their numbers may be given to others.
+    /// Removes groups that have ended: their ids may be reused.
     fn prune(&mut self) {
         let Self { left, guard, .. } = self;
         left.retain(|group| {

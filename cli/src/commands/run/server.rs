@@ -1,4 +1,4 @@
-//! The server: a port, and what is asked there.
+//! Server of `yarp run`: executes requests that arrive at its port.
 
 use std::env;
 use std::fs::File;
@@ -21,13 +21,13 @@ use crate::error::Result;
 use crate::network_access;
 use crate::signals::Interrupt;
 
-/// Somebody from nowhere: an address that is in no network, kept for documentation (RFC 5737).
+/// A peer with an address that is in no network, reserved for documentation (RFC 5737).
 const STRANGER: Peer<'static> = Peer {
     name: "/stranger",
     address: IpAddr::V4(Ipv4Addr::new(192, 0, 2, 255)),
 };
 
-/// Runs a server until it is asked to end, or a signal.
+/// Runs a server until a request or a signal ends it.
 pub(super) async fn serve(name: &str, out: &mut dyn Write) -> Result<ExitCode> {
     let network = network_access::network()?;
     let mut interrupt = Interrupt::listen();
@@ -39,7 +39,7 @@ pub(super) async fn serve(name: &str, out: &mut dyn Write) -> Result<ExitCode> {
         processes: processes.clone(),
         ending: ending.clone(),
     };
-    // The handler asks the roles itself: a right to write is not enough.
+    // The handler checks the roles itself: the right to write is not sufficient.
     let options = PortOptions::new()
         .handler(move |received| handler.answer(received))
         .allow_any_writer()
@@ -52,12 +52,12 @@ pub(super) async fn serve(name: &str, out: &mut dyn Write) -> Result<ExitCode> {
     if network.key().is_none() && may_administer(&network, name, STRANGER) {
         tracing::warn!(
             target: "yarp.run",
-            "There is no auth.conf, and no roles.conf that is about {name}: whoever reaches it can run anything as the user of this server"
+            "There is no auth.conf, and no roles.conf that mentions {name}: every client that reaches it can run anything as the user of this server"
         );
     }
-    // Tools find servers by this.
+    // Tools find servers by this property.
     if let Err(error) = network.ask(&format!("set {name} yarprun true")).await {
-        tracing::warn!(target: "yarp.run", "nobody will know {name} for a server: {}", error.error_chain());
+        tracing::warn!(target: "yarp.run", "cannot mark {name} as a server of commands: {}", error.error_chain());
     }
     // The two blanks are stock's.
     writeln!(out, "[INFO] Yarprun successfully started on port:  {name}")?;
@@ -75,7 +75,7 @@ fn may_administer(network: &Network, name: &str, peer: Peer<'_>) -> bool {
     network.roles().rights(name, peer).has(Right::Administer)
 }
 
-/// Where requests are answered.
+/// Handles requests.
 struct CommandHandler {
     name: String,
     network: Network,
@@ -101,7 +101,7 @@ impl CommandHandler {
         }
     }
 
-    /// What is replied to a request; it is carried out at once. The order is stock's.
+    /// Executes a request and returns the reply. The order of the checks is stock's.
     fn reply(&self, request: &Bottle) -> Bottle {
         let text = |name| {
             request
@@ -125,9 +125,9 @@ impl CommandHandler {
             let launch = Launch::of(request);
             return self.aborted(&launch, "This server opens no terminals; leave out --stdio");
         }
-        if said("cmd") {
-            if said("log") {
-                note("What the command prints goes nowhere: this server knows no --log");
+        if has("cmd") {
+            if has("log") {
+                note("The output of the command is discarded: this server does not support --log");
             }
             return self.start(Launch::of(request));
         }
@@ -156,12 +156,12 @@ impl CommandHandler {
                 false => "not running",
             });
         }
-        if said("killstdio") {
-            // There are no terminals to be closed.
+        if has("killstdio") {
+            // There are no terminals to close.
             return verdict("killstdio", true);
         }
-        // Stock does not answer, and never again.
-        not_done(&format!("this is not known here: {request}"))
+        // Stock does not answer this request.
+        not_done(&format!("unknown request: {request}"))
     }
 
     fn start(&self, launch: Launch) -> Bottle {
@@ -186,7 +186,7 @@ impl CommandHandler {
     }
 }
 
-/// A reply that no client takes for a yes.
+/// Returns a reply that every client reads as failure.
 fn not_done(text: &str) -> Bottle {
     Bottle::from_iter([
         Value::Int32(REPLY_ERROR),
@@ -194,12 +194,12 @@ fn not_done(text: &str) -> Bottle {
     ])
 }
 
-/// Whether a request holds a word, or a list that begins with it.
-fn said(request: &Bottle, name: &str) -> bool {
+/// Returns true if a request contains a word, or a list that begins with it.
+fn contains_word(request: &Bottle, name: &str) -> bool {
     request.find_group(name).is_some() || request.iter().any(|value| value.as_str() == Some(name))
 }
 
-/// Where a program is; its name if it is nowhere.
+/// Returns the path of a program; its name if it is not found.
 fn which(name: &str) -> String {
     let paths = env::var_os("PATH").unwrap_or_default();
     let mut found = env::split_paths(&paths).map(|path| path.join(name));

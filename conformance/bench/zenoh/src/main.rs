@@ -9,11 +9,12 @@
 //! zenoh_peer send PORT CARRIER N BYTES   sends N messages of BYTES; prints the total ns
 //! ```
 //!
-//! `CARRIER` is `tcp`, `shmem` (each message is filled anew, in memory that is shared) or `shmem-again` (the same message in
-//! shared memory each time, so that no byte is ever copied). Those who are told no `PORT` say theirs: `ready PORT`.
+//! `CARRIER` is `tcp`, `shmem` (each message is filled anew, in shared memory) or `shmem-again`
+//! (the same message in shared memory each time, so that no byte is ever copied). Peers without a
+//! `PORT` argument print theirs: `ready PORT`.
 //!
-//! Two peers on TCP over loopback, without scouting, set as zenoh's own programs for throughput and latency are: nothing is
-//! dropped, and in round trips nothing waits to be sent along with more.
+//! Two peers on TCP over loopback, without scouting, configured like zenoh's own programs for
+//! throughput and latency: nothing is dropped, and round trips are not batched.
 
 use std::io::Write;
 use std::net::TcpListener;
@@ -30,10 +31,10 @@ use zenoh::{Config, Session, Wait};
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;
 
-/// Where messages and questions go, and where messages come back.
+/// Keys of messages and requests, and of messages that come back.
 const THERE: &str = "bench/there";
 const BACK: &str = "bench/back";
-/// Bytes of a question.
+/// Bytes of a request.
 const QUESTION: usize = 16;
 /// Memory for messages, as in zenoh's own program for throughput.
 const POOL: usize = 32 * 1024 * 1024;
@@ -63,7 +64,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// A peer that is told of the other one, or waits for it, at this port.
+/// Opens a peer that connects to this port, or listens on it.
 fn open(what: &str, port: u16, carrier: &str) -> Result<Session, Failure> {
     let mut config = Config::default();
     let shared = (carrier != "tcp").to_string();
@@ -83,9 +84,9 @@ fn connect(port: &str, carrier: &str) -> Result<Session, Failure> {
     open("connect/endpoints", port.parse()?, carrier)
 }
 
-/// Listens; who calls says [`ready`] with the port once it may be connected to.
+/// Listens; the caller prints [`ready`] with the port once it accepts connections.
 fn listen(carrier: &str) -> Result<(Session, u16), Failure> {
-    // zenoh does not tell the port that it was given.
+    // zenoh does not report the port that the system assigned.
     let port = TcpListener::bind("127.0.0.1:0")?.local_addr()?.port();
     Ok((open("listen/endpoints", port, carrier)?, port))
 }
@@ -102,7 +103,7 @@ fn serve() -> Result<(), Failure> {
     let (session, port) = listen("tcp")?;
     let answer = |query: zenoh::query::Query| {
         if let Some(payload) = query.payload() {
-            // The caller misses it if it fails.
+            // The calling peer notices a failure.
             let _ = query.reply(THERE, payload.clone()).express(true).wait();
         }
     };
@@ -136,7 +137,7 @@ fn pong() -> Result<(), Failure> {
     let (session, port) = listen("tcp")?;
     let publisher = publisher(&session, BACK, true)?;
     let back = move |sample: zenoh::sample::Sample| {
-        // Who waits for it misses it if it fails.
+        // The waiting peer notices a failure.
         let _ = publisher.put(sample.payload().clone()).wait();
     };
     let _subscriber = session.declare_subscriber(THERE).callback(back).wait()?;
@@ -151,7 +152,7 @@ fn ping(port: &str, n: &str) -> Result<(), Failure> {
     let publisher = publisher(&session, THERE, true)?;
     wait_for_reader(&publisher)?;
     let message = ZBytes::from(vec![7; QUESTION]);
-    // The other end may not have heard yet that this one reads.
+    // The other end may not know yet that this one reads.
     publisher.put(message.clone()).wait()?;
     while subscriber
         .recv_timeout(Duration::from_millis(100))?
@@ -170,7 +171,7 @@ fn ping(port: &str, n: &str) -> Result<(), Failure> {
     print_times(&times)
 }
 
-/// The time of each of `n` round trips, which tell how many bytes came back.
+/// Returns the time of each of `n` round trips, which return the number of bytes that came back.
 fn round_trips(
     n: &str,
     mut once: impl FnMut() -> Result<usize, Failure>,
@@ -237,7 +238,7 @@ fn send(port: &str, carrier: &str, n: &str, bytes: &str) -> Result<(), Failure> 
     }
 }
 
-/// Sends a message so many times.
+/// Sends a message `n` times.
 fn again(publisher: &Publisher<'_>, n: u32, message: ZBytes) -> Result<(), Failure> {
     let begin = Instant::now();
     for _ in 0..n {
@@ -246,14 +247,15 @@ fn again(publisher: &Publisher<'_>, n: u32, message: ZBytes) -> Result<(), Failu
     sent(begin)
 }
 
-/// Says how long that took; what was sent is lost with its memory, which therefore lasts until all is read.
+/// Prints the time taken. The messages are lost with their memory, so the process lives until all
+/// are read.
 fn sent(begin: Instant) -> Result<(), Failure> {
     print_times(&[begin.elapsed()])?;
     wait_for_end();
     Ok(())
 }
 
-/// One that loses nothing; `express` if no message is to wait for more.
+/// Declares a publisher that drops nothing; `express` disables batching.
 fn publisher(
     session: &Session,
     key: &'static str,

@@ -1,4 +1,4 @@
-//! Ports as browsers meet them: a browser of ours at a port of stock's and at one of ours.
+//! Ports as used by browsers: a browser of ours at a stock port and at one of ours.
 
 use std::time::Instant;
 
@@ -7,9 +7,9 @@ use yarp_conformance::benchmark_statistics::{median, percentiles};
 use crate::peer_processes::{Bench, Side};
 use crate::{Failure, RUNS};
 
-/// Questions per run: a connection each, or all over one websocket.
+/// Requests per run: a connection each, or all over one websocket.
 const QUESTIONS: usize = 2000;
-/// Messages per run to a browser, and from one, which sends many more in a second.
+/// Messages per run to a browser, and from one, which sends many more per second.
 const MESSAGES: u32 = 20_000;
 const FRAMES: u32 = 300_000;
 
@@ -63,7 +63,7 @@ impl Bench {
         Ok(percentiles(browser.numbers(QUESTIONS)?))
     }
 
-    /// Messages per second from a port until the browser has read the last.
+    /// Measures messages per second from a port until the browser has read the last one.
     fn listened(&self, side: Side) -> Result<f64, Failure> {
         let (mut writer, name) = self.server(side, "publish")?;
         let mut browser = self.start(Side::Ours, &["listen", &name])?;
@@ -74,7 +74,7 @@ impl Bench {
         Ok(f64::from(MESSAGES) / begin.elapsed().as_secs_f64())
     }
 
-    /// Messages per second from the browser until the port has read the last.
+    /// Measures messages per second from the browser until the port has read the last one.
     fn framed(&self, side: Side) -> Result<f64, Failure> {
         let (mut reader, name) = self.server(side, "count")?;
         let words = ["frames", &name, &FRAMES.to_string()];

@@ -1,4 +1,4 @@
-//! What a browser does at a port, in a process of its own: questions, listening, a websocket.
+//! A browser at a port, in its own process: requests, an endless response, a websocket.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
@@ -13,10 +13,10 @@ use yarp_wire::{Bottle, WireVersion};
 use crate::Failure;
 use crate::peer_programs::{print_times, wait_for_count};
 
-/// Any will do.
+/// Any mask will do.
 const MASK: [u8; 4] = [0x5a, 0x01, 0xc3, 0x7e];
 
-/// Does the work that these words ask for; `None` if they ask for none.
+/// Runs the program selected by these words; `None` if they select none.
 pub(crate) fn work(words: &[&str]) -> Option<Result<(), Failure>> {
     Some(match words {
         ["question", name, n] => question(name, n),
@@ -42,7 +42,7 @@ fn place(name: &str) -> Result<(String, u16), Failure> {
     Ok((place.host, place.port))
 }
 
-/// Questions over `http`, a connection each, as pages ask them; prints the time of each.
+/// Sends requests over `http`, a connection each, as pages do; prints the time of each.
 fn question(name: &str, n: &str) -> Result<(), Failure> {
     let (host, port) = place(name)?;
     let mut times = Vec::new();
@@ -55,13 +55,13 @@ fn question(name: &str, n: &str) -> Result<(), Failure> {
         stream.read_to_string(&mut answer)?;
         times.push(begin.elapsed());
         if !answer.contains("\n[1, 2, ") {
-            return Err(format!("{name}: an answer that was not asked for: {answer}").into());
+            return Err(format!("{name}: an unexpected answer: {answer}").into());
         }
     }
     print_times(&times)
 }
 
-/// Reads at `/r` what the port writes; each line asks for a count, answered when it is reached.
+/// Reads at `/r` what the port writes; each input line is a count, answered when it is reached.
 fn listen(name: &str) -> Result<(), Failure> {
     let mut stream = connect(name)?;
     stream.write_all(b"GET /r HTTP/1.1\r\nHost: h\r\n\r\n")?;
@@ -77,7 +77,7 @@ fn listen(name: &str) -> Result<(), Failure> {
     let count = Arc::new(AtomicU64::new(0));
     let counter = count.clone();
     thread::spawn(move || {
-        // Its end is seen by who waits for the count.
+        // The end is noticed by the task that waits for the count.
         let _ = read_chunks(chunks, &counter);
     });
     for goal in std::io::stdin().lines().map_while(Result::ok) {
@@ -86,7 +86,7 @@ fn listen(name: &str) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Counts the chunks that hold a message.
+/// Counts the chunks that contain a message.
 fn read_chunks(mut chunks: impl BufRead, count: &AtomicU64) -> Result<(), Failure> {
     let mut line = String::new();
     let mut body = Vec::new();
@@ -102,7 +102,7 @@ fn read_chunks(mut chunks: impl BufRead, count: &AtomicU64) -> Result<(), Failur
     }
 }
 
-/// A page with a websocket at the port.
+/// Opens a websocket at the port.
 fn open_websocket(name: &str) -> Result<TcpStream, Failure> {
     let mut stream = connect(name)?;
     stream.write_all(
@@ -121,7 +121,7 @@ fn open_websocket(name: &str) -> Result<TcpStream, Failure> {
     Ok(stream)
 }
 
-/// A short message to the port in a frame, masked as browsers do.
+/// Returns a short message in a frame, masked as by browsers.
 fn frame(letter: u8, content: &Bottle) -> Vec<u8> {
     let mut body = vec![0, 0, 0, 0, b'~', letter, 0, 1];
     body.extend_from_slice(&content.encode(WireVersion::V3));
@@ -134,7 +134,7 @@ fn frame(letter: u8, content: &Bottle) -> Vec<u8> {
     head.into_iter().chain(MASK).chain(masked).collect()
 }
 
-/// Messages into the port, each a frame and a call of the system, as browsers send them.
+/// Sends messages to the port, each in its own frame and system call, as browsers do.
 fn frames(name: &str, n: &str) -> Result<(), Failure> {
     let mut stream = open_websocket(name)?;
     let blob = Bottle::from_iter([yarp_wire::Value::Blob(vec![7; 16].into())]);
@@ -145,12 +145,12 @@ fn frames(name: &str, n: &str) -> Result<(), Failure> {
     }
     let time = begin.elapsed();
     print_times(&[time])?;
-    // The connection lasts as long as the reader counts.
+    // The connection stays open while the reader counts.
     std::io::stdin().lines().for_each(drop);
     Ok(())
 }
 
-/// Questions over one websocket, one after another; prints the time of each.
+/// Sends requests over one websocket, one after another; prints the time of each.
 fn frame_call(name: &str, n: &str) -> Result<(), Failure> {
     let mut stream = open_websocket(name)?;
     let bottle = Bottle::from_iter([1.into(), 2.into()]);
@@ -165,7 +165,7 @@ fn frame_call(name: &str, n: &str) -> Result<(), Failure> {
         stream.read_exact(&mut answer)?;
         times.push(begin.elapsed());
         if answer[2..] != expected[..] {
-            return Err(format!("{name}: an answer that was not asked for: {answer:?}").into());
+            return Err(format!("{name}: an unexpected answer: {answer:?}").into());
         }
     }
     print_times(&times)

@@ -1,4 +1,4 @@
-//! Messages in datagrams: how many go out, and how many of them arrive, also in the worst run.
+//! Benchmarks datagrams: messages sent, and the share received, also in the worst run.
 
 use std::time::Duration;
 
@@ -7,12 +7,12 @@ use yarp_conformance::benchmark_statistics::median;
 use crate::peer_processes::{Bench, Side};
 use crate::{Failure, RUNS};
 
-/// A pace at which nothing should be lost, messages per second.
+/// Rate at which nothing should be lost, messages per second.
 const SAFE_RATE: u32 = 150_000;
-/// A reader that has counted nothing more for so long has counted all.
+/// Time without a new message after which a reader has counted everything.
 const QUIET_TIME: Duration = Duration::from_millis(300);
 
-/// Carrier, writer, reader, bytes per message, messages, and the pace (0 for as fast as can be).
+/// Carrier, writer, reader, bytes per message, messages, and rate (0 for the maximum).
 type Row = (&'static str, Side, Side, usize, u32, u32);
 
 const ROWS: [Row; 11] = [
@@ -43,7 +43,7 @@ impl Bench {
                 rates.push(rate);
                 shares.push(share);
             }
-            // Beside the one in the middle, which hides a run that lost some.
+            // Beside the median, which hides a run that lost some.
             let worst = shares.iter().copied().fold(f64::INFINITY, f64::min);
             let (rate, share) = (median(rates.into_iter()), median(shares.into_iter()));
             let paced = if pace > 0 { ", paced" } else { "" };
@@ -54,7 +54,7 @@ impl Bench {
         Ok(())
     }
 
-    /// Messages sent per second, and the share of them that was read.
+    /// Measures messages sent per second, and the share that was read.
     fn sent_and_received(
         &self,
         (carrier, writer, reader, bytes, n, pace): Row,

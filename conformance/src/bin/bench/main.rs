@@ -1,4 +1,5 @@
-//! Ours beside stock in one run: round trips, one-way messages, datagrams, ports as browsers meet them.
+//! Benchmarks ours against stock in one run: round trips, one-way messages, datagrams, ports as
+//! used by browsers.
 //!
 //! ```text
 //! bench                 runs everything, prints tables with ratios
@@ -9,7 +10,7 @@
 //! ```
 //!
 //! Every peer is a process of its own, of ours or of stock's, so that both do the same work. The
-//! stock side needs stock YARP: `STOCK` names its folder (see `conformance/README.md`).
+//! stock side needs stock YARP: `STOCK` is its folder (see `conformance/README.md`).
 
 mod browser_bench;
 mod browser_client;

@@ -7,7 +7,7 @@ use yarp_conformance::benchmark_statistics::median;
 use crate::peer_processes::{Bench, Running, Side};
 use crate::{Failure, RUNS};
 
-/// Writer and reader of each column; the first is what the others are compared with.
+/// Writer and reader of each column; the others are compared with the first.
 const PAIRS: [(Side, Side); 4] = [
     (Side::Stock, Side::Stock),
     (Side::Ours, Side::Ours),
@@ -19,7 +19,7 @@ const HEADINGS: &str = "stock>stock    ours>ours   stock>ours   ours>stock   rat
 /// Bytes of a small message, and of a large one.
 const SMALL: usize = 16;
 const LARGE: usize = 1_000_000;
-/// The pixels of an image of 640 x 480, which is written as an image.
+/// Bytes of an image of 640 x 480, which is written as an image.
 const IMAGE: usize = 640 * 480 * 3;
 
 /// Carrier, bytes per message, and messages: a writer of stock's, one of ours.
@@ -41,11 +41,11 @@ const ROWS: [(&str, usize, u32, u32); 15] = [
     ("mjpeg", IMAGE, 1_000, 1_000),
 ];
 
-/// The carrier whose large messages are compared with a bare TCP connection.
+/// Carrier whose large messages are compared with a bare TCP connection.
 const BESIDE_BARE: &str = "fast_tcp";
 
 impl Bench {
-    /// `wanted` names a carrier, or is empty for all.
+    /// `wanted` selects a carrier; empty selects all.
     pub(crate) fn one_way(&self, wanted: &str) -> Result<(), Failure> {
         println!("{:<26}{HEADINGS}", "one way");
         let wanted = |row: &&(&str, usize, u32, u32)| wanted.is_empty() || row.0 == wanted;
@@ -58,11 +58,11 @@ impl Bench {
                     bare.push(self.bare_rate(from_ours, bytes)?);
                 }
                 for ((writer, reader), rates) in PAIRS.into_iter().zip(&mut rates) {
-                    // A process is of one side.
+                    // Both ends are in one process, so both are of one side.
                     if carrier == "local" && writer != reader {
                         continue;
                     }
-                    // A stock reader is no faster, whoever writes.
+                    // A stock reader is equally slow with any writer.
                     let n = match (writer, reader) {
                         (Side::Ours, Side::Ours) => from_ours,
                         _ => from_stock,
@@ -103,7 +103,7 @@ impl Bench {
                 );
             }
         }
-        // What one host has for large messages, whatever it is called.
+        // Carriers within one host for large messages.
         if let (Some(ours), Some(stock)) = (unix_stream_of_ours, shmem_of_stock) {
             let ratio = ours / stock;
             println!(
@@ -113,7 +113,7 @@ impl Bench {
         Ok(())
     }
 
-    /// The same over a TCP connection without YARP.
+    /// Measures the same over a TCP connection without YARP.
     fn bare_rate(&self, n: u32, bytes: usize) -> Result<f64, Failure> {
         let (_sink, port) = self.listener(Side::Ours, &["sink"])?;
         let words = ["pour", &port, &n.to_string(), &bytes.to_string()];
@@ -121,7 +121,7 @@ impl Bench {
         Ok(f64::from(n) * 1e9 / nanoseconds)
     }
 
-    /// Messages per second until the last has been read.
+    /// Measures messages per second until the last has been read.
     pub(crate) fn rate(
         &self,
         writer: Side,
@@ -145,7 +145,8 @@ impl Bench {
         self.until_read(reader, writer, &words, n)
     }
 
-    /// Messages per second from a writer that is told these words until `reader` has read all `n`.
+    /// Measures messages per second from a writer with these arguments until `reader` has read all
+    /// `n`.
     pub(crate) fn until_read(
         &self,
         mut reader: Running,

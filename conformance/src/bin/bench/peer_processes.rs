@@ -1,4 +1,4 @@
-//! The peers as processes.
+//! Processes of the peers.
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::PathBuf;
@@ -9,10 +9,10 @@ use std::time::Duration;
 
 use crate::Failure;
 
-/// Longer than any measurement takes.
+/// Timeout for output, longer than any measurement.
 const OUTPUT_TIMEOUT: Duration = Duration::from_secs(60);
 
-/// Whose peer.
+/// Implementation of a peer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Side {
     Ours,
@@ -20,7 +20,7 @@ pub(crate) enum Side {
     Zenoh,
 }
 
-/// Starts them.
+/// Starts peers.
 pub(crate) struct Bench {
     ours: PathBuf,
     next: std::cell::Cell<usize>,
@@ -81,7 +81,8 @@ impl Bench {
         })
     }
 
-    /// Starts the listening end of a TCP connection that needs no name server; gives its port, too.
+    /// Starts the listening end of a TCP connection that needs no name server; also returns its
+    /// port.
     pub(crate) fn listener(
         &self,
         side: Side,
@@ -101,13 +102,13 @@ impl Bench {
     }
 }
 
-/// One that runs; ends with this value.
+/// A running peer, which ends when this is dropped.
 pub(crate) struct Running {
     child: Child,
     lines: Receiver<String>,
-    /// Whose it is, and what it was told.
+    /// Its side and arguments.
     what: String,
-    /// The end of its log, once it has ended.
+    /// The last lines of its log, once it has ended.
     last_words: Option<JoinHandle<Option<String>>>,
 }
 
@@ -136,7 +137,7 @@ impl Running {
         }
     }
 
-    /// The next numbers; stock's log lines between them are passed over.
+    /// Returns the next numbers; skips stock's log lines between them.
     pub(crate) fn numbers(&mut self, n: usize) -> Result<Vec<f64>, Failure> {
         let mut numbers = Vec::with_capacity(n);
         while numbers.len() < n {
@@ -148,7 +149,7 @@ impl Running {
         Ok(numbers)
     }
 
-    /// Asks a counting peer to answer once it has read so many messages; how many it has then.
+    /// Asks a counting peer to answer once it has read `goal` messages; returns its count.
     pub(crate) fn count(&mut self, goal: u32) -> Result<f64, Failure> {
         let input = self.child.stdin.as_mut().expect("piped");
         writeln!(input, "{goal}")?;
@@ -159,7 +160,7 @@ impl Running {
 
 impl Drop for Running {
     fn drop(&mut self) {
-        // Its input ends; what does not end by itself then is killed.
+        // Closes its input; a process that does not end by itself is killed.
         drop(self.child.stdin.take());
         for _ in 0..100 {
             if matches!(self.child.try_wait(), Ok(Some(_)) | Err(_)) {

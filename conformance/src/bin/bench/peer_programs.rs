@@ -1,4 +1,5 @@
-//! One peer of ours, in a process of its own: the same work as `bench/stock_peer.cpp` for stock.
+//! Programs of a peer of ours, each in its own process: the same work as `bench/stock_peer.cpp` for
+//! stock.
 
 use std::io::{Read, Write};
 use std::sync::Arc;
@@ -14,7 +15,7 @@ use yarp_wire::{Bottle, WireVersion};
 
 use crate::{CALLS, Failure};
 
-/// Does the work that these words ask for; `None` if they ask for none.
+/// Runs the program selected by these words; `None` if they select none.
 pub(crate) fn work(words: &[&str]) -> Option<Result<(), Failure>> {
     Some(match words {
         ["pong"] => pong(),
@@ -60,7 +61,7 @@ async fn serve(name: &str) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Counts the messages that are `read`: reading is part of the work.
+/// Counts the messages that are `read`: decoding is part of the work.
 async fn count(
     name: &str,
     read: impl Fn(&Received) -> bool + Send + Sync + 'static,
@@ -79,7 +80,7 @@ async fn count(
     Ok(())
 }
 
-/// How to open a port that counts, and the count.
+/// Returns options of a port that counts, and its counter.
 fn counting(
     read: impl Fn(&Received) -> bool + Send + Sync + 'static,
 ) -> (PortOptions, Arc<AtomicU64>) {
@@ -129,7 +130,7 @@ async fn call(name: &str, n: &str) -> Result<(), Failure> {
     print_times(&times)
 }
 
-/// A message of raw bytes, laid out as a bottle of one blob.
+/// A message of raw bytes, encoded as a bottle with one blob.
 struct Blob(Bytes);
 
 impl Blob {
@@ -147,14 +148,14 @@ impl WireObject for Blob {
         out.put_slice(&self.0);
     }
 
-    /// As stock's peer, which hands over its bytes where they are.
+    /// Hands over the bytes without copying, like stock's peer.
     fn write_pieces(&self, out: &mut Pieces, _wire_version: WireVersion) {
         self.write_head(out.written());
         out.share(&self.0);
     }
 }
 
-/// `pace`: messages per second at the most, 0 for as fast as can be.
+/// `pace`: maximum messages per second, 0 for no limit.
 async fn send(name: &str, carrier: &str, n: &str, bytes: &str, pace: &str) -> Result<(), Failure> {
     let port = Port::open(&Network::from_process()?, "...", PortOptions::new()).await?;
     port.connect_over(name, carrier).await?;
@@ -166,7 +167,7 @@ async fn send(name: &str, carrier: &str, n: &str, bytes: &str, pace: &str) -> Re
     Ok(())
 }
 
-/// Writes a message so many times; how long that took.
+/// Writes a message repeatedly; returns the time taken.
 async fn write_all(
     port: Port,
     message: impl WireObject + Send + Sync + 'static,
@@ -174,7 +175,7 @@ async fn write_all(
     pace: f64,
 ) -> Result<(Port, Duration), Failure> {
     let writing = tokio::spawn(async move {
-        // Who asked for a connection may know of it before the port that writes.
+        // The requester of a connection may know of it before the writing port.
         while port.outputs().is_empty() {
             tokio::time::sleep(Duration::from_millis(1)).await;
         }
@@ -191,7 +192,7 @@ async fn write_all(
     Ok(writing.await?)
 }
 
-/// Images to a reader, which may have to ask for them itself.
+/// Sends images to a reader, which may have to request them itself.
 async fn show(name: &str, carrier: &str, n: &str) -> Result<(), Failure> {
     let network = Network::from_process()?;
     let port = Port::open(&network, "...", PortOptions::new()).await?;
@@ -203,7 +204,7 @@ async fn show(name: &str, carrier: &str, n: &str) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Slopes with a little noise, as a camera sees; the same as in `bench/stock_peer.cpp`.
+/// Returns slopes with a little noise, like a camera image; the same as in `bench/stock_peer.cpp`.
 fn painted() -> Image {
     let (width, height) = (640, 480);
     let mut pixels = Vec::with_capacity(3 * width * height);
@@ -219,7 +220,7 @@ fn painted() -> Image {
     Image::from_packed(PixelCode::RGB, width, height, pixels).expect("as many pixels as it says")
 }
 
-/// Writes to whoever listens as many messages as each line says.
+/// Writes as many messages as each input line says to all readers.
 async fn publish(name: &str) -> Result<(), Failure> {
     let mut port = Port::open(&Network::from_process()?, name, PortOptions::new()).await?;
     println!("ready");
@@ -234,7 +235,7 @@ async fn publish(name: &str) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Messages between two ports of this process.
+/// Sends messages between two ports of this process.
 async fn local(
     n: &str,
     message: impl WireObject + Send + Sync + 'static,
@@ -255,7 +256,7 @@ async fn local(
     Ok(())
 }
 
-/// The other end of the bare TCP ping-pong; prints its port.
+/// Runs the other end of the bare TCP ping-pong; prints its port.
 fn pong() -> Result<(), Failure> {
     let listener = std::net::TcpListener::bind("127.0.0.1:0")?;
     println!("ready {}", listener.local_addr()?.port());
@@ -268,7 +269,7 @@ fn pong() -> Result<(), Failure> {
     Ok(())
 }
 
-/// Round trips of 16 bytes over a bare TCP connection.
+/// Measures round trips of 16 bytes over a bare TCP connection.
 fn ping(port: &str) -> Result<(), Failure> {
     let mut stream = std::net::TcpStream::connect(("127.0.0.1", port.parse()?))?;
     stream.set_nodelay(true)?;
@@ -283,7 +284,7 @@ fn ping(port: &str) -> Result<(), Failure> {
     print_times(&times)
 }
 
-/// Takes what is poured over a bare TCP connection, and says so at its end; prints its port.
+/// Receives bytes over a bare TCP connection, and confirms the end; prints its port.
 fn sink() -> Result<(), Failure> {
     let listener = std::net::TcpListener::bind("127.0.0.1:0")?;
     println!("ready {}", listener.local_addr()?.port());
@@ -293,7 +294,7 @@ fn sink() -> Result<(), Failure> {
     Ok(stream.write_all(b".")?)
 }
 
-/// Bytes one way over a bare TCP connection; prints how long it took until the last was read.
+/// Sends bytes over a bare TCP connection; prints the time until the last was read.
 fn pour(port: &str, n: &str, bytes: &str) -> Result<(), Failure> {
     let mut stream = std::net::TcpStream::connect(("127.0.0.1", port.parse()?))?;
     let n: u32 = n.parse()?;

@@ -1,4 +1,4 @@
-//! Requests and replies.
+//! Benchmarks requests and replies.
 
 use yarp_conformance::benchmark_statistics::{median, percentiles};
 

@@ -1,11 +1,11 @@
-//! Ours beside zenoh, which a new program may well take instead: the same work by `bench/zenoh`.
+//! Benchmarks ours against zenoh, an alternative for new programs: the same work by `bench/zenoh`.
 
 use yarp_conformance::benchmark_statistics::{median, percentiles};
 
 use crate::peer_processes::{Bench, Side};
 use crate::{CALLS, Failure, RUNS};
 
-/// What zenoh's peers are told for round trips: who answers, who asks.
+/// Arguments of zenoh's peers for round trips: server, client.
 const ROUND_TRIPS: [(&str, &str, &str); 2] = [
     ("zenoh, query and reply", "serve", "call"),
     ("zenoh, messages to and fro", "pong", "ping"),
@@ -92,7 +92,7 @@ impl Bench {
         Ok(())
     }
 
-    /// Messages per second until the last has been read.
+    /// Measures messages per second until the last has been read.
     fn zenoh_rate(&self, carrier: &str, n: u32, bytes: usize) -> Result<f64, Failure> {
         let (reader, port) = self.listener(Side::Zenoh, &["count", carrier])?;
         let words = ["send", &port, carrier, &n.to_string(), &bytes.to_string()];

@@ -1,25 +1,25 @@
-//! What comes at a rate, with numbers that show what is missing.
+//! Arrival times of numbered periodic messages.
 
 use std::time::Instant;
 
 use yarp_conformance::benchmark_statistics::median;
 
-/// What came within a while.
+/// Arrivals of one measurement.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Arrivals {
-    /// Milliseconds from one to the next.
+    /// Milliseconds between two arrivals.
     gaps: Vec<f64>,
-    /// Numbers that did not come.
+    /// Number of missing messages.
     lost: u64,
 }
 
-/// Figures of several whiles.
+/// Figures of several measurements.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Figures {
-    /// Milliseconds: the median of the means, and of the standard deviations, of each while.
+    /// Milliseconds: the median of the means, and of the standard deviations, of each measurement.
     pub(crate) mean: f64,
     pub(crate) deviation: f64,
-    /// Milliseconds: of all gaps together.
+    /// Milliseconds: minimum and maximum of all gaps.
     pub(crate) shortest: f64,
     pub(crate) p99: f64,
     pub(crate) longest: f64,
@@ -28,7 +28,7 @@ pub(crate) struct Figures {
 }
 
 impl Arrivals {
-    /// Of when each came, and its number.
+    /// Creates the arrivals from times and numbers.
     pub(crate) fn of(times: &[(Instant, i64)]) -> Self {
         let mut arrivals = Self::default();
         for pair in times.windows(2) {
@@ -39,13 +39,13 @@ impl Arrivals {
         arrivals
     }
 
-    /// On one line, for another process: what was lost, and the gaps.
+    /// Returns one line for another process: the number lost, and the gaps.
     pub(crate) fn to_line(&self) -> String {
         let gaps: Vec<String> = self.gaps.iter().map(|gap| format!("{gap:.6}")).collect();
         format!("{} {}", self.lost, gaps.join(" "))
     }
 
-    /// The same read back.
+    /// Parses such a line.
     pub(crate) fn parse(line: &str) -> Option<Self> {
         let (lost, gaps) = line.split_once(' ')?;
         let gaps: Result<Vec<f64>, _> = gaps.split(' ').map(str::parse).collect();
@@ -67,7 +67,7 @@ impl Arrivals {
 }
 
 impl Figures {
-    /// Of some whiles, each with two arrivals at least.
+    /// Returns the figures of measurements with at least two arrivals each.
     pub(crate) fn of(whiles: &[Arrivals]) -> Self {
         let mut gaps: Vec<f64> = whiles.iter().flat_map(|one| one.gaps.clone()).collect();
         gaps.sort_by(f64::total_cmp);
@@ -99,7 +99,7 @@ mod tests {
         assert_eq!((figures.lost, figures.count), (2, 3));
         assert_eq!((figures.shortest, figures.longest), (20.0, 60.0));
         assert!((figures.mean - 100.0 / 3.0).abs() < 1e-9);
-        // Of 20, 60 and 20.
+        // The median of 20, 60 and 20.
         assert!((figures.deviation - (3200.0_f64 / 9.0).sqrt()).abs() < 1e-9);
     }
 }

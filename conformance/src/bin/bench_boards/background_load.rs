@@ -1,4 +1,4 @@
-//! What else the machine does meanwhile.
+//! Background load of the machine.
 
 use std::hint::black_box;
 use std::process::{Child, Command, Stdio};
@@ -6,14 +6,14 @@ use std::thread::available_parallelism;
 
 use crate::Failure;
 
-/// How busy others are.
+/// Level of background load.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub(crate) enum Load {
-    /// Nobody else.
+    /// None.
     Quiet,
-    /// One process that computes.
+    /// One computing process.
     Mild,
-    /// Two processes that compute for each processor, and one that copies memory.
+    /// Two computing processes per processor, and one that copies memory.
     Intensive,
 }
 
@@ -28,7 +28,7 @@ impl Load {
         }
     }
 
-    /// Puts it on until what is returned is let go.
+    /// Starts the load, which runs until the returned value is dropped.
     pub(crate) fn start(self) -> Result<RunningLoad, Failure> {
         let cores = available_parallelism()?.get();
         let (busy, copying) = match self {
@@ -47,7 +47,7 @@ impl Load {
     }
 }
 
-/// Processes that are at work.
+/// Running load processes.
 #[derive(Debug)]
 pub(crate) struct RunningLoad(Vec<Child>);
 
@@ -61,13 +61,13 @@ impl Drop for RunningLoad {
     }
 }
 
-/// Computes for ever.
+/// Computes forever.
 pub(crate) fn busy() -> Result<(), Failure> {
     busy_while(|| true);
     Ok(())
 }
 
-/// Computes as long as it shall.
+/// Computes while `goes_on` returns true.
 pub(crate) fn busy_while(goes_on: impl Fn() -> bool) {
     let mut number = 1_u64;
     while goes_on() {
@@ -79,7 +79,7 @@ pub(crate) fn busy_while(goes_on: impl Fn() -> bool) {
     }
 }
 
-/// Copies memory that no cache holds, for ever.
+/// Copies memory that exceeds every cache, forever.
 pub(crate) fn copy() -> Result<(), Failure> {
     let from = vec![1_u8; 64 << 20];
     let mut to = vec![0_u8; from.len()];

@@ -1,4 +1,4 @@
-//! Boards of ours and of stock, each a process of its own.
+//! Boards of ours and of stock, each in its own process.
 
 use std::cell::Cell;
 use std::process::{Child, Stdio};
@@ -8,29 +8,29 @@ use std::{env, thread};
 use crate::Failure;
 use crate::test_hosts::{Host, TestHosts, yarp};
 
-/// Whose server.
+/// Implementation of a server.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub(crate) enum Side {
     Ours,
     Stock,
-    /// Stock of the other generation, if `STOCK4_BOARD` names a program that serves its board.
+    /// Stock 4.0, if `STOCK4_BOARD` names a program that serves its board.
     Stock4,
 }
 
-/// What serves a device, of each side, and stock's device.
+/// Server type of both sides, and stock's device type.
 const BOARD: &str = "controlBoard_nws_yarp";
 const FAKE: &str = "fakeMotionControl";
 
-/// A board that runs until this is let go.
+/// A board that runs until this is dropped.
 #[derive(Debug)]
 pub(crate) struct Server {
     child: Child,
-    /// What its ports have in front of their names.
+    /// Prefix of its port names.
     pub(crate) name: String,
 }
 
 impl Server {
-    /// Starts one; its ports come later, clients wait for them.
+    /// Starts a board; its ports open later, clients wait for them.
     pub(crate) fn start(place: &TestHosts, side: Side, period: Duration) -> Result<Self, Failure> {
         thread_local!(static STARTED: Cell<usize> = const { Cell::new(0) });
         let number = STARTED.replace(STARTED.get() + 1);
@@ -43,7 +43,7 @@ impl Server {
         match side {
             Side::Ours => command.args(["dev", "--device", BOARD, "--subdevice", "simulatedWam"]),
             Side::Stock => command.args(["yarpdev", "--device", BOARD, "--subdevice", FAKE]),
-            // It takes its name and the seconds that it serves; its period is that of stock.
+            // Arguments: its name and the seconds that it serves; its period is that of stock.
             Side::Stock4 => command.args([&name, "600"]),
         };
         if side == Side::Stock {
@@ -57,7 +57,7 @@ impl Server {
             .stdout(Stdio::null())
             .stderr(Stdio::null())
             .spawn()?;
-        // So that it is not still starting while it is measured.
+        // So that its startup is not measured.
         thread::sleep(Duration::from_millis(300));
         Ok(Self { child, name })
     }

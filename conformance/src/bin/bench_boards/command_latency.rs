@@ -1,4 +1,4 @@
-//! CommandClient to boards: how long until the answer is there.
+//! Benchmarks the round trip of commands to boards.
 
 use std::env;
 use std::process::Command;
@@ -12,20 +12,20 @@ use crate::Failure;
 use crate::board_processes::{Server, Side};
 use crate::test_hosts::{Host, STEP_TIMEOUT, TestHosts, output_of};
 
-/// CommandClient per run.
+/// Number of commands per run.
 pub(crate) const COMMANDS: usize = 2000;
-/// How many of them are not counted, at the beginning.
+/// Number of commands at the beginning that are not counted.
 pub(crate) const WARM_UP_COMMANDS: usize = 100;
 const PERIOD: Duration = Duration::from_millis(20);
 
-/// How an order is said.
+/// Wire version of a command.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub(crate) enum Generation {
     V3,
     V4,
 }
 
-/// Who asks.
+/// Client program.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 enum Client {
     Ours,
@@ -131,14 +131,14 @@ pub(crate) fn compare(place: &TestHosts, rounds: usize) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The client of stock's, which waits for the board by trying again.
+/// Returns the command of stock's client, which retries until the board is there.
 fn stock_client(place: &TestHosts, peer: &str, server: &Server, n: &str) -> Command {
     let mut command = place.command(Host::OfClient, "conformance/stock/with_stock");
     command.args(["timeout", "60", peer, "order", &server.name, n]);
     command
 }
 
-/// The client of ours; prints nanoseconds.
+/// Runs our client; prints nanoseconds.
 pub(crate) fn run(name: &str, generation: &str, n: &str) -> Result<(), Failure> {
     let generation = match generation {
         "3.x" => Generation::V3,
@@ -150,7 +150,7 @@ pub(crate) fn run(name: &str, generation: &str, n: &str) -> Result<(), Failure> 
     let times = runtime.block_on(async {
         let network = Network::from_process()?;
         let orders = CommandClient::open(&network, name, generation).await?;
-        // On a task of its own, as clients are.
+        // On its own task, like other clients.
         tokio::spawn(tokio::time::timeout(STEP_TIMEOUT, orders.give(n, |_| {}))).await??
     })?;
     for time in times {
@@ -159,7 +159,7 @@ pub(crate) fn run(name: &str, generation: &str, n: &str) -> Result<(), Failure> 
     Ok(())
 }
 
-/// CommandClient the first joint here and there.
+/// Commands the first joint to two alternating positions.
 pub(crate) struct CommandClient {
     port: Port,
     generation: Generation,
@@ -189,7 +189,7 @@ impl CommandClient {
         Ok(Self { port, generation })
     }
 
-    /// Gives `n` orders; how long each took. `sending` is told when one is about to be sent.
+    /// Sends `n` commands; returns the round trip of each. `sending` is called before each one.
     pub(crate) async fn give(
         self,
         n: usize,
@@ -211,8 +211,8 @@ impl CommandClient {
         Ok(times)
     }
 
-    /// Gives `n` orders with a pause after each; how long each took to be answered. Where many give orders for the same joint
-    /// the answer may be that a newer one came before the device had this one.
+    /// Sends `n` commands with a delay after each; returns their round trips. If several clients
+    /// command the same joint, a reply may say that a newer command superseded this one.
     pub(crate) async fn send_paced(
         self,
         n: usize,

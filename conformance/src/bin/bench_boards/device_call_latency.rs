@@ -1,4 +1,5 @@
-//! How long until an order is at the device: a board of ours and its client in one process, so that they have one clock.
+//! Benchmarks the time until a command reaches the device: board and client are in one process, so
+//! that they share a clock.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
@@ -14,7 +15,7 @@ use crate::Failure;
 use crate::command_latency::{COMMANDS, CommandClient, Generation, WARM_UP_COMMANDS};
 use crate::test_hosts::{STEP_TIMEOUT, TestHosts, output_of};
 
-/// Measures in processes of its own, and prints what came of it.
+/// Measures in other processes, and prints the results.
 pub(crate) fn measure(place: &TestHosts, rounds: usize) -> Result<(), Failure> {
     let mut runs = Vec::new();
     for _ in 0..rounds {
@@ -35,10 +36,10 @@ pub(crate) fn measure(place: &TestHosts, rounds: usize) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Prints nanoseconds from sending an order to its arrival at the device.
+/// Prints nanoseconds from sending a command to its arrival at the device.
 pub(crate) fn run(n: &str) -> Result<(), Failure> {
     let n: usize = n.parse()?;
-    // A runtime for each, as if they were two programs.
+    // Separate runtimes, like two programs.
     let (serving, asking) = (crate::runtime()?, crate::runtime()?);
     let noted = Arc::new(RecordingDevice::default());
     let name = format!("/device-call/{}", std::process::id());
@@ -66,7 +67,7 @@ pub(crate) fn run(n: &str) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A joint that only notes when it is told to move.
+/// A joint that records the times of its commands.
 #[derive(Debug, Default)]
 struct RecordingDevice(Mutex<Vec<Instant>>);
 

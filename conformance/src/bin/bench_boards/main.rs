@@ -1,4 +1,5 @@
-//! Boards on the network, ours beside stock in one run: how even their states come, how fast orders are taken.
+//! Benchmarks boards on the network, ours against stock in one run: jitter of their states, latency
+//! of commands.
 //!
 //! ```text
 //! bench_boards                 runs everything, prints tables; five rounds
@@ -10,9 +11,10 @@
 //! bench_boards busy | copy                                  keeps a processor, or the memory, at work until it is killed
 //! ```
 //!
-//! Servers are processes as users have them: `yarp dev` of ours with the simulated arm, `yarpdev` of stock with its
-//! `fakeMotionControl`, seven joints each, behind `controlBoard_nws_yarp`. The same reader and the same clients, in
-//! processes of their own, meet both, in turn. What is read from the environment is in `boards.sh`, which starts this.
+//! Servers are processes as users run them: `yarp dev` of ours with the simulated arm, `yarpdev` of
+//! stock with its `fakeMotionControl`, seven joints each, behind `controlBoard_nws_yarp`. The same
+//! reader and the same clients, in their own processes, use both, in turn. `boards.sh`, which
+//! starts this, documents the environment.
 
 mod arrival_times;
 mod background_load;
@@ -33,7 +35,7 @@ use test_hosts::TestHosts;
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;
 
-/// How often each measurement is made, ours and stock's in turn, unless `ROUNDS` says otherwise.
+/// Number of runs of each measurement, ours and stock's in turn, unless `ROUNDS` says otherwise.
 const ROUNDS: usize = 5;
 
 fn main() -> ExitCode {
@@ -91,7 +93,7 @@ fn compare(parts: &[&str]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// What a client runs on.
+/// Returns the runtime of a client.
 fn runtime() -> std::io::Result<tokio::runtime::Runtime> {
     let mut builder = tokio::runtime::Builder::new_multi_thread();
     builder.worker_threads(2).enable_all().build()

@@ -1,4 +1,5 @@
-//! Twenty clients of one board, ten of each generation: what one that is stuck and one that sends garbage cost the others.
+//! Benchmarks twenty clients of one board, ten of each wire version, while one is stuck and one
+//! sends garbage.
 
 use std::io::Write;
 use std::net::{Shutdown, TcpStream};
@@ -20,27 +21,29 @@ use crate::board_processes::{Server, Side};
 use crate::command_latency::{CommandClient, Generation};
 use crate::test_hosts::{STEP_TIMEOUT, TestHosts, output_of};
 
-/// Whose times are looked at, beside two others.
+/// Number of measured clients, beside two others.
 const CLIENTS: usize = 18;
-/// CommandClient of each, one after a `COMMAND_INTERVAL` each.
+/// Commands of each client, one per `COMMAND_INTERVAL`.
 const COMMANDS: usize = 400;
 const COMMAND_INTERVAL: Duration = Duration::from_millis(10);
 const PERIOD: Duration = Duration::from_millis(20);
 
-/// What the other two do.
+/// Behaviour of the other two clients.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 enum BadPeers {
-    /// The same as all.
+    /// The same as all clients.
     Good,
-    /// One begins a message and never ends it; one sends garbage, on a new connection as often as the others order.
+    /// One begins a message and never ends it; one sends garbage, on a new connection per command
+    /// interval.
     Bad,
-    /// The same, but garbage comes as fast as the machine can.
+    /// The same, with garbage at full speed.
     Flood,
-    /// One begins a message and never ends it; one sends nothing, and keeps a processor busy as a flood does.
+    /// One begins a message and never ends it; one sends nothing, and keeps a processor as busy as
+    /// a flood does.
     Busy,
 }
 
-/// Measures in processes of its own, and prints what came of it.
+/// Measures in other processes, and prints the results.
 pub(crate) fn compare(place: &TestHosts, rounds: usize) -> Result<(), Failure> {
     let mut runs = [const { Vec::new() }; 4];
     for _ in 0..rounds {
@@ -87,7 +90,7 @@ pub(crate) fn compare(place: &TestHosts, rounds: usize) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The clients; prints the p99 of each of those that are looked at, in microseconds.
+/// Runs the clients; prints the p99 of each measured one, in microseconds.
 pub(crate) fn run(name: &str, company: &str, orders: &str) -> Result<(), Failure> {
     let company = match company {
         "good" => BadPeers::Good,
@@ -157,14 +160,14 @@ pub(crate) fn run(name: &str, company: &str, orders: &str) -> Result<(), Failure
     Ok(())
 }
 
-/// A connection over tcp, as far as the header of a client.
+/// Opens a connection over tcp, up to the header of a client.
 fn raw(board: &(String, u16), name: &str) -> std::io::Result<TcpStream> {
     let mut stream = TcpStream::connect((board.0.as_str(), board.1))?;
     stream.set_write_timeout(Some(STEP_TIMEOUT))?;
     let carrier = Carrier::by_name("tcp").expect("it is one of ours");
     let mut header = BytesMut::new();
     let sender = Sender::plain(name);
-    // What comes back is not looked at.
+    // Replies are ignored.
     let _ = Initiator::new(
         carrier,
         &sender,
@@ -199,7 +202,7 @@ fn send_garbage(
             })
             .collect();
         let mut stream = raw(board, "/garbage")?;
-        // It may be cut off in the middle.
+        // The connection may be closed in the middle.
         let _ = stream.write_all(&garbage);
         let _ = stream.shutdown(Shutdown::Both);
         if company == BadPeers::Bad {

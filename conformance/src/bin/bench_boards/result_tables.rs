@@ -1,13 +1,13 @@
-//! Tables of the states of boards.
+//! Tables of results.
 
 use crate::arrival_times::Figures;
 use crate::background_load::Load;
 use crate::state_reader::STATE_PORTS;
 
-/// Figures of the thesis.
+/// Results of the thesis.
 struct Thesis {
     heading: &'static str,
-    /// Which load, by its place in [`Load::ALL`], and where: by its place in the list of places.
+    /// Index of the load in [`Load::ALL`], and index of the hosts in their list.
     load: usize,
     place: usize,
     rate: f64,
@@ -17,7 +17,8 @@ struct Thesis {
     longest: f64,
 }
 
-/// Table 6, and the deviations of figure 19, of the thesis: its arm and its clients, the load that of the arm.
+/// Table 6, and the deviations of figure 19, of the thesis: its arm and its clients, with the load
+/// of the arm.
 const THESIS: [Thesis; 4] = [
     thesis_row("localhost, mild", 0, 1, [49.95, 4.11, 20.02, 0.0321, 33.14]),
     thesis_row(
@@ -49,8 +50,8 @@ const fn thesis_row(heading: &'static str, place: usize, load: usize, row: [f64;
     }
 }
 
-/// What was measured at one rate in one place: `figures` of a load, a side, and one of [`STATE_PORTS`] or the bare thread
-/// behind them.
+/// Prints the results at one rate on one set of hosts: `figures` of a load, a side, and one of
+/// [`STATE_PORTS`] or, last, the bare thread.
 pub(crate) fn circumstances(
     rate: &str,
     place: &str,
@@ -90,7 +91,7 @@ pub(crate) fn circumstances(
     }
 }
 
-/// Beside Table 6 of the thesis: the positions at 50 Hz.
+/// Prints the positions at 50 Hz beside table 6 of the thesis.
 pub(crate) fn thesis(places: usize, figures: impl Fn(usize, usize, usize) -> Figures) {
     println!();
     println!(

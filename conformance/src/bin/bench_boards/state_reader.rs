@@ -1,4 +1,5 @@
-//! Reads the states of a board and looks at when they come; beside it a bare thread with the same deadlines.
+//! Measures the arrival times of a board's states, and those of a bare thread with the same
+//! deadlines.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
@@ -11,18 +12,19 @@ use crate::Failure;
 use crate::arrival_times::Arrivals;
 use crate::test_hosts::STEP_TIMEOUT;
 
-/// The ports of a board that are read: the positions, and the whole state, which stock's clients read.
+/// Ports of a board that are read: the positions, and the whole state, which stock's clients read.
 pub(crate) const STATE_PORTS: [&str; 2] = ["state:o", "stateExt:o"];
-/// States of each port before it counts.
+/// Number of states of each port before the measurement.
 const WARM_UP_STATES: usize = 5;
 
-/// States of each port that make a measurement.
+/// Minimum number of states of each port in a measurement.
 const MIN_STATES: usize = 3;
 
-/// When messages came, with their numbers.
+/// Arrival times with sequence numbers.
 type Times = Arc<Mutex<Vec<(Instant, i64)>>>;
 
-/// Prints a line for each of [`STATE_PORTS`] and one for the bare thread, as [`Arrivals::to_line`].
+/// Prints a line for each of [`STATE_PORTS`] and one for the bare thread, like
+/// [`Arrivals::to_line`].
 pub(crate) fn run(name: &str, period: &str, carrier: &str, seconds: &str) -> Result<(), Failure> {
     let period = Duration::from_micros(period.parse()?);
     let duration = Duration::try_from_secs_f64(seconds.parse()?)?;
@@ -80,7 +82,7 @@ fn take<T>(times: &Times, what: impl FnOnce(&mut Vec<(Instant, i64)>) -> T) -> T
     what(&mut times.lock().unwrap_or_else(PoisonError::into_inner))
 }
 
-/// Waits until so many have come.
+/// Waits for a number of states.
 async fn arrive(port: &str, times: &Times, count: usize) -> Result<(), Failure> {
     let end = Instant::now() + STEP_TIMEOUT;
     while take(times, |times| times.len()) < count {
@@ -104,7 +106,7 @@ async fn connect(network: &Network, from: &str, to: &str, carrier: &str) -> Resu
     Ok(())
 }
 
-/// What the machine makes of a thread that only waits for its deadlines; those that it misses count as lost.
+/// Measures a thread that only waits for its deadlines; missed ones count as lost.
 fn bare(period: Duration, duration: Duration) -> Arrivals {
     let mut pace = PeriodicTimer::new(Instant::now(), period);
     let end = Instant::now() + duration;

@@ -1,4 +1,5 @@
-//! The states of boards: how evenly they come, at 50 Hz and at 1 kHz, with and without others at work.
+//! Benchmarks the jitter of boards' states, at 50 Hz and at 1 kHz, with and without background
+//! load.
 
 use std::collections::BTreeMap;
 use std::env;
@@ -12,16 +13,16 @@ use crate::result_tables;
 use crate::state_reader::STATE_PORTS;
 use crate::test_hosts::{TestHosts, output_of};
 
-/// A rate of states.
+/// Publish rate.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rate {
     pub(crate) label: &'static str,
     period: Duration,
-    /// How long each measurement takes.
+    /// Duration of each measurement.
     seconds: f64,
 }
 
-/// That of the thesis and of stock; and the highest.
+/// The rate of the thesis and of stock; and the maximum.
 const RATES: [Rate; 2] = [
     Rate {
         label: "50 Hz",
@@ -34,17 +35,18 @@ const RATES: [Rate; 2] = [
         seconds: 1.0,
     },
 ];
-/// What stock's `remote_controlboard` is told to use where states must not be lost.
+/// Carrier of stock's `remote_controlboard` if states must not be lost.
 const CARRIER: &str = "fast_tcp";
 const SIDES: [Side; 2] = [Side::Ours, Side::Stock];
 
-/// What was measured in one circumstance on one server, round by round: each of [`STATE_PORTS`], and the bare thread.
+/// Measurements under one condition on one server, round by round: each of [`STATE_PORTS`], and the
+/// bare thread.
 type Rounds = [Vec<Arrivals>; STATE_PORTS.len() + 1];
 
-/// All circumstances: places of rate, place, load and side in their lists.
+/// All conditions: indices of rate, hosts, load and side in their lists.
 pub(crate) type Measured = BTreeMap<[usize; 4], Rounds>;
 
-/// Measures, and prints what came of it.
+/// Measures, and prints the results.
 pub(crate) fn compare(places: &[&TestHosts], rounds: usize) -> Result<(), Failure> {
     let carrier = env::var("CARRIER").unwrap_or_else(|_| CARRIER.into());
     let longer = match env::var("LONGER") {
@@ -55,7 +57,7 @@ pub(crate) fn compare(places: &[&TestHosts], rounds: usize) -> Result<(), Failur
     for round in 0..rounds {
         for (r, rate) in RATES.iter().enumerate() {
             for (p, place) in places.iter().enumerate() {
-                // Whoever is first is second in the next round.
+                // The order alternates from round to round.
                 for s in [round % 2, 1 - round % 2] {
                     let server = Server::start(place, SIDES[s], rate.period)?;
                     for (l, load) in Load::ALL.iter().enumerate() {
@@ -97,7 +99,7 @@ pub(crate) fn compare(places: &[&TestHosts], rounds: usize) -> Result<(), Failur
     Ok(())
 }
 
-/// Has a reader look at a server for a while.
+/// Runs a reader on a server.
 fn read(
     place: &TestHosts,
     server: &Server,

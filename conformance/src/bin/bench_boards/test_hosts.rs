@@ -1,4 +1,4 @@
-//! Where servers and their clients are: on one host, or on two.
+//! Hosts of servers and clients: one, or two.
 
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
@@ -7,20 +7,20 @@ use std::{env, fs, thread};
 
 use crate::Failure;
 
-/// Longest wait for what shall come at once.
+/// Timeout of every step.
 pub(crate) const STEP_TIMEOUT: Duration = Duration::from_secs(20);
 
-/// One or two hosts with a name server of ours, which ends with this.
+/// One or two hosts with a name server of ours, which ends when this is dropped.
 #[derive(Debug)]
 pub(crate) struct TestHosts {
     pub(crate) label: &'static str,
     home: PathBuf,
-    /// The network namespaces of the server and of its clients, if they are not on one host.
+    /// Network namespaces of the server and of its clients, if there are two hosts.
     spaces: Option<[String; 2]>,
     name_server: Child,
 }
 
-/// On which of the hosts.
+/// One of the hosts.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Host {
     OfServer,
@@ -28,12 +28,13 @@ pub(crate) enum Host {
 }
 
 impl TestHosts {
-    /// One host, its loopback interface.
+    /// Returns one host with its loopback interface.
     pub(crate) fn here() -> Result<Self, Failure> {
         Self::open("localhost", "127.0.0.1".into(), None)
     }
 
-    /// Two hosts, if `NETWORKS` names them: two network namespaces, and the address of the first.
+    /// Returns two hosts, if `NETWORKS` names them: two network namespaces, and the address of the
+    /// first.
     pub(crate) fn apart() -> Result<Option<Self>, Failure> {
         let Ok(text) = env::var("NETWORKS") else {
             return Ok(None);
@@ -54,7 +55,7 @@ impl TestHosts {
     ) -> Result<Self, Failure> {
         let home = env::temp_dir().join(format!("bench_boards.{}.{label}", std::process::id()));
         fs::create_dir_all(&home)?;
-        // Below the numbers that the system gives to clients.
+        // Below the ephemeral ports.
         let first = 20_000 + (std::process::id() % 5000) as u16;
         let free = |port: &u16| std::net::TcpListener::bind(("0.0.0.0", *port)).is_ok();
         let port = (first..30_000)
@@ -99,7 +100,7 @@ impl TestHosts {
         Ok(place)
     }
 
-    /// A program on one of the hosts, which finds the name server.
+    /// Returns the command for a program on one of the hosts, with the name server configured.
     pub(crate) fn command(&self, host: Host, program: &str) -> Command {
         let mut command = command_in(&self.spaces, host, program);
         command
@@ -110,7 +111,7 @@ impl TestHosts {
         command
     }
 
-    /// This program itself on the host of clients.
+    /// Returns the command for this program on the host of the clients.
     pub(crate) fn client(&self) -> Result<Command, Failure> {
         let program = env::current_exe()?;
         let program = program
@@ -122,7 +123,7 @@ impl TestHosts {
 
 impl Drop for TestHosts {
     fn drop(&mut self) {
-        // It may have ended by itself; the folder is among those for temporary files.
+        // It may have ended by itself; the folder is in the directory for temporary files.
         let _ = self.name_server.kill();
         let _ = self.name_server.wait();
         let _ = fs::remove_dir_all(&self.home);
@@ -138,12 +139,12 @@ fn command_in(spaces: &Option<[String; 2]>, host: Host, program: &str) -> Comman
     command
 }
 
-/// The command of ours.
+/// Returns the path of our command.
 pub(crate) fn yarp() -> String {
     env::var("YARP").unwrap_or_else(|_| "target/release/yarp".into())
 }
 
-/// What a client said, and its words on failure.
+/// Returns the output of a client, or its error output on failure.
 pub(crate) fn output_of(mut command: Command) -> Result<String, Failure> {
     let output = command.output()?;
     if !output.status.success() {

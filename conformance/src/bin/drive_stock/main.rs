@@ -4,9 +4,9 @@
 //! drive_stock /fake
 //! ```
 //!
-//! Made for `fakeMotionControl` behind `controlBoard_nws_yarp` of 3.5.0 and of 4.0.0, whose
-//! moves arrive at once. What that version itself refuses (`[don]`, `[sto]`, `[rel]`) is not asked.
-//! Ends with 1 if any check failed.
+//! Made for `fakeMotionControl` behind `controlBoard_nws_yarp` of 3.5.0 and of 4.0.0, whose moves
+//! arrive at once. Requests that this version refuses (`[don]`, `[sto]`, `[rel]`) are not sent.
+//! Exits with 1 if any check failed.
 
 mod motor_checks;
 
@@ -19,7 +19,7 @@ use yarp_client::{
 };
 use yarp_conformance::live_checks::Checks;
 
-/// Degrees by which a joint may miss its target.
+/// Maximum error of a joint, in degrees.
 const POSITION_TOLERANCE: f64 = 0.1;
 
 fn main() -> ExitCode {
@@ -114,7 +114,7 @@ pub(crate) fn arrives(checks: &mut Checks, what: &str, robot: &Robot, axis: usiz
     });
 }
 
-/// An error that was expected.
+/// Returns an expected error as a value.
 fn refusal(result: Result<(), DeviceError>) -> Result<DeviceError, DeviceError> {
     match result {
         Err(error) => Ok(error),

@@ -1,5 +1,5 @@
-//! The interfaces beside position and velocity, as far as stock's `fakeMotionControl` has them: that of 3.5 refuses
-//! references of torque, impedance and temperatures, whoever asks.
+//! Checks of the motor interfaces, as far as stock's `fakeMotionControl` has them: that of 3.5
+//! refuses references of torque, impedance and temperatures from every client.
 
 use yarp_client::Robot;
 use yarp_conformance::live_checks::Checks;
@@ -15,7 +15,7 @@ use crate::arrives;
 const JOINT: AxisIndex = AxisIndex::new(0);
 const FIRST: Axes<'static> = Axes::One(JOINT);
 
-/// Sets the mode of the first joint and waits until the state says so.
+/// Sets the mode of the first joint and waits until the state reports it.
 fn mode(checks: &mut Checks, robot: &Robot, mode: Mode) {
     checks.check("set mode", robot.set_control_modes(FIRST, &[mode]), |()| {
         true
@@ -24,7 +24,7 @@ fn mode(checks: &mut Checks, robot: &Robot, mode: Mode) {
     checks.until("mode arrives", now, |found| *found == [mode]);
 }
 
-/// Whether the board speaks as 4.0 does.
+/// Returns true if the board uses the wire version of 4.0.
 fn is_4(robot: &Robot) -> bool {
     robot.wire_version() == yarp_wire::WireVersion::V4
 }

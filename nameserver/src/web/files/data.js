@@ -1,10 +1,10 @@
-// What the name server knows, fetched again and again while the page is looked at.
+// Fetches the data of the name server periodically while the page is visible.
 
-const FIRST_PAUSE = 300; // until the ports have been asked for the first time
-const LEAST_PAUSE = 1000;
-const NO_ANSWER = 15000;
+const FIRST_FETCH_DELAY_MS = 300; // until the ports have been queried for the first time
+const MIN_FETCH_INTERVAL_MS = 1000;
+const FETCH_TIMEOUT_MS = 15000;
 
-// Calls show(model) with news, and show(model) with model.error set when the server is silent.
+// Calls show(model) with new data, and with model.error set when the server does not answer.
 export function watch(show) {
   const model = {
     server: null, ports: [], byName: new Map(), connections: [],
@@ -51,7 +51,7 @@ async function read(address) {
   return response.json();
 }
 
-// Gives every port its connections and the text that a search looks at.
+// Adds to every port its connections and the text for the search.
 function join(model) {
   model.byName = new Map();
   for (const port of model.ports) {
@@ -77,7 +77,7 @@ function join(model) {
   }
 }
 
-// Messages per second over all these connections; null where nobody counts.
+// Messages per second over all these connections; null without counters.
 function sum(links) {
   const rates = links.map(rate).filter((rate) => rate !== null);
   return rates.length ? rates.reduce((a, b) => a + b) : null;
@@ -92,7 +92,7 @@ function owner(process) {
   return name ? `${name} (${pid})` : `process ${pid}`;
 }
 
-// Every word of the search is somewhere in the text.
+// Returns true if the text contains every word of the search.
 export function matcher(search) {
   const words = search.toLowerCase().split(/\s+/).filter(Boolean);
   return (text) => words.every((word) => text.includes(word));
@@ -127,7 +127,7 @@ function figure(number) {
     : Math.round(number).toLocaleString("en");
 }
 
-// What a state looks like beside its colour.
+// Symbol of a state, beside its colour.
 export const STATES = {
   alive: { sign: "●", words: "alive", title: "It answered when it was last looked at, or says by itself that it is there" },
   unreachable: { sign: "▲", words: "unreachable", title: "It does not answer, or not in time" },
@@ -135,7 +135,7 @@ export const STATES = {
   absent: { sign: "◌", words: "not registered", title: "A port names it, the name server does not know it" },
 };
 
-// An element with a class and a text; never markup.
+// Creates an element with a class and a text; never markup.
 export function element(tag, className = "", text = "") {
   const made = document.createElement(tag);
   if (className) made.className = className;

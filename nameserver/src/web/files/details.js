@@ -1,4 +1,4 @@
-// All that is known of one port.
+// Panel with the details of one port.
 
 import { bytesPerSecond, element, perSecond, rate, stateBadge } from "./data.js";
 
@@ -42,7 +42,7 @@ function facts(port) {
   return list;
 }
 
-// Ports answer browsers where they listen; groups and topics do not.
+// Link to the page of a port; groups and topics have none.
 export function placeLink(port) {
   if (port.carrier === "mcast" || port.carrier === "topic") return element("span", "", port.place);
   const link = element("a", "", port.place);
@@ -77,7 +77,7 @@ function lists(name, model, actions) {
   return made;
 }
 
-const MOST = 200; // more than anybody reads
+const MAX_CONNECTIONS = 200; // connections shown per direction
 
 function linkList(title, links, end, model, actions) {
   if (!links.length) return [];

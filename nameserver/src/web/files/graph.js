@@ -1,4 +1,4 @@
-// The network as a picture: programs as boxes with their ports, connections as lines.
+// The graph of the network: programs as boxes with their ports, connections as lines.
 
 import { element, perSecond, rate, seconds, stateBadge, STATES } from "./data.js";
 import { layout } from "./layout.js";
@@ -7,13 +7,13 @@ const SVG = "http://www.w3.org/2000/svg";
 const ROW = 24;
 const HEAD = 28;
 const LETTER = 7.1;
-const LONGEST = 38; // letters of a name that are shown
-const MOST_PORTS = 1500; // a search shows the others
-const ASIDE = 60;
-const ABOVE = 64; // for what stands over the picture
-const BELOW = 44;
-const FAR = 1.9; // from here on names are too small to be read
-const FEW_LINKS = 24; // as many are labelled all the time
+const MAX_NAME_CHARS = 38; // shown characters of a name
+const MAX_PORTS = 1500; // a search shows the others
+const MARGIN_X = 60;
+const MARGIN_TOP = 64; // for controls above the graph
+const MARGIN_BOTTOM = 44;
+const MAX_READABLE_SCALE = 1.9; // beyond this scale names are unreadable
+const MAX_LABELLED_LINKS = 24; // up to this number all links are labelled
 
 export class Graph {
   // actions: { select(name or null) }
@@ -21,7 +21,7 @@ export class Graph {
     this.actions = actions;
     this.selected = null;
     this.drawn = "";
-    this.view = null; // { x, y, width, height } of what is seen; null shows all
+    this.view = null; // { x, y, width, height } of the visible part; null shows all
     this.grouped = true;
 
     this.canvas = make("svg", { class: "canvas", role: "group", "aria-label": "Graph of the network" });
@@ -73,7 +73,7 @@ export class Graph {
     this.canvas.append(defs);
   }
 
-  // matches(port or link text) tells what the search wants to see.
+  // matches(port or link text) returns true for search results.
   show(model, matches) {
     this.model = model;
     this.matches = matches;
@@ -115,7 +115,7 @@ export class Graph {
     return { ports: [...seen].sort(), links, left };
   }
 
-  // The box that a port stands in: that of its program, if that is known.
+  // Box of a port: that of its program, if known.
   boxOf(name) {
     const process = this.model.byName.get(name)?.process;
     if (!this.grouped || !process?.pid) return name;
@@ -168,7 +168,7 @@ export class Graph {
     const group = make("g", { class: kind, transform: `translate(${box.x} ${box.y})` });
     group.append(make("rect", { class: "box", width: box.width, height: box.height, rx: 8 }));
     if (box.title) {
-      // What is read from afar.
+      // Readable at a small scale.
       const words = shorten(box.title.replace(/ \(.*/, ""));
       const size = Math.min(40, box.height * 0.5, (box.width - 44) / (words.length * 0.62));
       const middle = { x: box.width / 2 + 8, y: box.height / 2 + size * 0.35 };
@@ -194,7 +194,7 @@ export class Graph {
   line(line, boxes) {
     const from = boxes.get(line.from);
     const to = boxes.get(line.to);
-    // Out of the side that looks at the reader, into the side that looks at the writer.
+    // From the side that faces the reader to the side that faces the writer.
     const back = to.x < from.x;
     const start = { x: from.x + (back ? 0 : from.width), y: from.y + from.anchors.get(line.fromPort) };
     const end = {
@@ -210,7 +210,7 @@ export class Graph {
     return group;
   }
 
-  // What may change without another layout: states, rates, what is marked.
+  // Updates that need no new layout: states, rates, highlights.
   refresh(links) {
     for (const [name, row] of this.rows) {
       const state = this.model.byName.get(name)?.state ?? "absent";
@@ -281,7 +281,7 @@ export class Graph {
     });
     this.canvas.addEventListener("pointerup", () => {
       if (drag && !drag.moved) {
-        this.touched ||= drag.name !== null; // what was clicked stays where it is
+        this.touched ||= drag.name !== null; // a clicked port keeps its place
         this.hovered = null;
         this.actions.select(drag.name);
       }
@@ -324,14 +324,14 @@ export class Graph {
     this.frame();
   }
 
-  // Shows all, laid out for the room that there is now.
+  // Shows everything, with a layout for the present size.
   all() {
     this.touched = false;
     this.drawn = "";
     this.show(this.model, this.matches);
   }
 
-  // The room has changed; things keep their size if the person chose it.
+  // Handles a new size; the scale is kept if the user chose it.
   resize() {
     const { clientWidth } = this.canvas;
     if (!clientWidth) return;
@@ -341,7 +341,7 @@ export class Graph {
     if (this.touched) this.sight(this.selected);
   }
 
-  // Moves the picture as little as it takes to see a port.
+  // Scrolls as little as possible to show a port.
   sight(name) {
     const row = this.rows?.get(name);
     if (!row || !this.view) return;
@@ -354,7 +354,7 @@ export class Graph {
     this.frame();
   }
 
-  // Brings a port to the middle, large enough to be read.
+  // Centres a port at a readable scale.
   reveal(name) {
     const row = this.rows?.get(name);
     if (!row || !this.view) return;
@@ -394,7 +394,7 @@ export class Graph {
 
 const key = (from, to) => `${from}\n${to}`;
 
-// From the side of a box to that of another, by way of the bends.
+// Path from the side of a box to that of another, through the bends.
 function curve(start, points, end, loop) {
   const { x, y } = start;
   if (loop) return `M${x} ${y}C${x + 70} ${y} ${end.x + 70} ${end.y} ${end.x} ${end.y}`;
@@ -414,7 +414,7 @@ function curve(start, points, end, loop) {
   return path;
 }
 
-// The middle of a long name tells least.
+// Shortens a long name in the middle.
 function shorten(name) {
   if (name.length <= LONGEST) return name;
   return `${name.slice(0, LONGEST / 2 - 2)}…${name.slice(1 - LONGEST / 2)}`;

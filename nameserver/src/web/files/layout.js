@@ -1,10 +1,10 @@
-// Where the boxes of the graph stand: writers to the left of their readers, in columns.
+// Places the boxes of the graph: writers to the left of their readers, in columns.
 //
 // layout(boxes, links, room) takes boxes { id, width, height, anchors: Map(port -> y) } and links
 // { from, to, fromPort, toPort } between ids; it gives every box x and y and every link its points,
 // and returns { width, height }. Parts of the network that are not connected with each other are
 // laid out alone and packed side by side, to be seen as large as possible in a room of that
-// { width, height }. The same input always gives the same picture.
+// { width, height }. The same input always gives the same layout.
 
 const GAP_X = 120;
 const GAP_Y = 16;
@@ -51,7 +51,7 @@ function layoutPart(boxes, links, byId) {
   return place(columns, links);
 }
 
-// The links without circles: those that close one are turned round.
+// Removes cycles: links that close one are reversed.
 function oneWay(boxes, links) {
   const out = new Map(boxes.map((box) => [box.id, []]));
   const balance = new Map(boxes.map((box) => [box.id, 0]));
@@ -62,7 +62,7 @@ function oneWay(boxes, links) {
     balance.set(link.to, balance.get(link.to) - 1);
   }
   const edges = [];
-  const state = new Map(); // 1: on the way, 2: done
+  const state = new Map(); // 1: in progress, 2: done
   const starts = boxes.map((box) => box.id).sort((a, b) => balance.get(b) - balance.get(a));
   for (const start of starts) {
     if (state.has(start)) continue;
@@ -89,7 +89,7 @@ function oneWay(boxes, links) {
   return edges;
 }
 
-// The column of every box: one right of the last that it reads from, and close to its readers.
+// Computes the column of every box: right of all boxes that it reads from, and close to its readers.
 function layers(boxes, edges) {
   const waits = new Map(boxes.map((box) => [box.id, 0]));
   const out = new Map(boxes.map((box) => [box.id, []]));
@@ -114,7 +114,7 @@ function layers(boxes, edges) {
   return layer;
 }
 
-// Columns of boxes, with a bend in every column that a link passes.
+// Creates columns of boxes, with a bend in every column that a link passes.
 function fill(boxes, edges, layer, byId) {
   const columns = [];
   const column = (index) => (columns[index] ??= []);
@@ -175,7 +175,7 @@ function number(cells) {
   });
 }
 
-// Turns ranks into places.
+// Converts ranks to coordinates.
 function place(columns, links) {
   const split = columns.map(divide);
   const stacks = split.flat();
@@ -206,7 +206,7 @@ function place(columns, links) {
   return { width: x - GAP_X, height };
 }
 
-// A very long column becomes several beside each other; neighbours stay at about the same height.
+// Splits a very long column; neighbours stay at about the same height.
 function divide(cells) {
   const boxes = cells.filter((cell) => cell.box);
   const widest = Math.max(0, ...boxes.map((cell) => cell.width));
@@ -227,7 +227,7 @@ function stack(cells) {
   for (const cell of cells) cell.y -= y / 2;
 }
 
-// How far below a cell the next one begins, at least.
+// Minimum distance from a cell to the next one below.
 function step(cell, next) {
   return cell.height + (cell.box || next?.box ? GAP_Y : 5);
 }
@@ -262,7 +262,7 @@ function settle(cells, side) {
 
 const mean = (block) => block.total / block.count;
 
-// Puts the parts side by side in rows, the large ones first.
+// Packs the parts in rows, large ones first.
 function pack(parts, byId, room) {
   parts.sort((a, b) => b.height - a.height || b.width - a.width);
   const scale = ({ width, height }) => Math.max(width / room.width, height / room.height);
@@ -289,7 +289,7 @@ function pack(parts, byId, room) {
   return best;
 }
 
-// Where the parts stand if no row is longer than `goal`.
+// Places the parts in rows no longer than `goal`.
 function rows(parts, goal) {
   let [x, y, row, width] = [0, 0, 0, 0];
   const places = parts.map((part) => {

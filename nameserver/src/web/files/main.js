@@ -1,4 +1,4 @@
-// The page of the name server: what is shown, and what the person chose to see.
+// The page of the name server: its content, and the choices of the user.
 
 import {
   bytesPerSecond, element, matcher, perSecond, rate, seconds, stateBadge, STATES, watch,
@@ -93,14 +93,14 @@ function select(name) {
   connections.mark(null);
   graph.mark(name);
   renderDetails();
-  graph.resize(); // at once: what is under the pointer must not move away
+  graph.resize(); // at once: the element under the pointer must not move away
   remember();
 }
 
 function renderDetails() {
   const place = at("details");
   place.hidden = chosen.port === null;
-  // Somebody may be copying from it.
+  // The user may be copying from it.
   const copying = !getSelection().isCollapsed && place.contains(getSelection().anchorNode);
   if (chosen.port === null || !model || (copying && place.dataset.port === chosen.port)) return;
   const controls = () => [...place.querySelectorAll("button, a")];
@@ -183,7 +183,7 @@ function counted(shown, all) {
   return shown.length === all.length ? total : `${shown.length.toLocaleString("en")} of ${total}`;
 }
 
-// What stays the same is not read out again.
+// Unchanged text is not announced again.
 function say(place, words) {
   if (place.textContent !== words) place.textContent = words;
 }
@@ -206,7 +206,7 @@ function renderNews() {
   document.title = `${model.server.name} · YARP network`;
 }
 
-// What is shown stands in the address, so that it can be passed on.
+// The address contains the view, so that it can be shared.
 function remember() {
   const fields = new URLSearchParams();
   if (chosen.view !== "ports") fields.set("view", chosen.view);

@@ -1,12 +1,12 @@
-// A table of any length: only the rows that can be seen are in the page.
+// A virtual table: only the visible rows are in the page.
 
 import { element } from "./data.js";
 
-const ROW = 34; // as in the style
-const SPARE = 10; // rows above and below what can be seen
+const ROW = 34; // as in the style sheet
+const OVERSCAN_ROWS = 10; // rows above and below the visible ones
 
 // columns: [{ title, width, value(row) for sorting, fill(cell, row), numeric, spare }]; spare ones are
-// left out where there is little room.
+// omitted on narrow screens.
 export class Table {
   constructor(place, { caption, columns, key, empty, select }) {
     Object.assign(this, { columns, key, empty, select });
@@ -77,7 +77,7 @@ export class Table {
     this.draw();
   }
 
-  // Marks a row, and brings it into sight.
+  // Selects a row, and scrolls to it.
   mark(selected) {
     this.selected = selected;
     const index = this.rows.findIndex((row) => this.key(row) === selected);
@@ -133,7 +133,7 @@ export class Table {
     if (row) this.select(row);
   }
 
-  // Arrow keys go from row to row.
+  // Arrow keys move the selection.
   step(event) {
     const by = { ArrowDown: 1, ArrowUp: -1, PageDown: 10, PageUp: -10 }[event.key];
     const from = event.target.closest("tr[data-index]");
@@ -167,13 +167,13 @@ function spacer(rows) {
   return line;
 }
 
-// Numbers by size, what is missing last, texts by their letters.
+// Compares numbers, texts, and missing values, which come last.
 function compare(a, b) {
   if (typeof a === "number" || typeof b === "number") return (a ?? -1) - (b ?? -1);
   return a < b ? -1 : a > b ? 1 : 0;
 }
 
-// A cell with a text that may be too long for it.
+// Fills a cell with a text that may be truncated.
 export function put(cell, text) {
   cell.textContent = text;
   cell.title = text;
