@@ -65,7 +65,7 @@ impl fmt::Display for Arm {
 
 impl Arm {
     /// Starts the arm; `link_mode` applies to an arm behind its embedded PC.
-    pub(crate) fn start(self, link_mode: Meeting) -> Result<Arc<dyn Device>, DeviceError> {
+    pub(crate) fn start(self, link_mode: LinkMode) -> Result<Arc<dyn Device>, DeviceError> {
         Ok(match self {
             Self::Simulated => Arc::new(SimulatedWam::new()),
             Self::Dynamic => Arc::new(DynamicWam::start()?),
@@ -95,7 +95,7 @@ pub(crate) struct LinkModeArgs {
 impl LinkModeArgs {
     /// Returns the link mode of the options. Without options, the driver listens and the PC
     /// connects, both on this machine.
-    pub(crate) fn link_mode(&self, listens: bool) -> io::Result<Meeting> {
+    pub(crate) fn link_mode(&self, listens: bool) -> io::Result<LinkMode> {
         let &[arm, packets] = self.ports.as_slice() else {
             return Err(io::Error::new(
                 io::ErrorKind::InvalidInput,

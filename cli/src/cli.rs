@@ -103,12 +103,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_words_are_declared_without_contradiction() {
+    fn command_line_definition_is_valid() {
         Cli::command().debug_assert();
     }
 
     #[test]
-    fn what_stock_accepts_is_not_refused() {
+    fn options_of_stock_are_accepted() {
         for line in [
             "yarp connect /w /r --persist",
             "yarp connect --bla /w /r",

@@ -57,7 +57,7 @@ pub(crate) async fn find(network: &Network, contact: &Contact) -> Result<Option<
         Ok(place) => Ok(Some(place)),
         Err(PortError::Unknown { .. } | PortError::NoNameServer) => Ok(None),
         Err(error @ PortError::NameServer { .. }) => {
-            away(&error);
+            log_unreachable(&error);
             Ok(None)
         }
         Err(error) => Err(error.into()),

@@ -31,7 +31,7 @@ pub(crate) async fn connect(
         return false;
     }
     let result = remote_admin::connect(network, source, destination, carrier).await;
-    tell(source, destination, result, verbosity)
+    log_result(source, destination, result, verbosity)
 }
 
 /// Disconnects two ports; returns true on success.
@@ -41,7 +41,7 @@ pub(crate) async fn disconnect(network: &Network, source: &str, destination: &st
         return false;
     }
     let result = remote_admin::disconnect(network, source, destination).await;
-    tell(source, destination, result, Verbosity::All)
+    log_result(source, destination, result, Verbosity::All)
 }
 
 /// Returns the reason why two names cannot be connected, before any request is sent.
@@ -69,7 +69,7 @@ fn refused(source: &str, destination: &str) -> Option<String> {
     }
 }
 
-fn tell(
+fn log_result(
     source: &str,
     destination: &str,
     result: std::result::Result<String, ConnectError>,
@@ -90,7 +90,7 @@ fn tell(
             format!("Failure: could not find destination port {destination}")
         }
         Err(ConnectError::Port(error @ PortError::NameServer { .. })) => {
-            network_access::away(&error);
+            network_access::log_unreachable(&error);
             format!("Failure: could not find source port {source}")
         }
         Err(ConnectError::Port(PortError::Connect { peer, .. })) => {
@@ -110,7 +110,7 @@ pub(crate) async fn is_connected(
     source: &str,
     destination: &str,
 ) -> Result<bool> {
-    let found = look(network, source, destination).await?;
+    let found = find_connection(network, source, destination).await?;
     let connected = match found {
         Some((connection, wanted)) => {
             let Connection {
@@ -156,7 +156,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_refused_in_the_words_of_stock() {
+    fn invalid_names_are_refused_as_in_stock() {
         let check = |source: &str, destination: &str, expected: Option<&str>| {
             assert_eq!(refused(source, destination).as_deref(), expected);
         };

@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn words_read_as_integers_as_in_c() {
+    fn integers_are_parsed_as_in_c() {
         let check = |word: &str, expected: i64| assert_eq!(leading_integer(word), expected);
         check("12", 12);
         check("x", 0);

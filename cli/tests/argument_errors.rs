@@ -11,7 +11,7 @@ fn check(line: &str, code: i32, expected: &[&str]) {
 }
 
 #[test]
-fn nothing_is_asked() {
+fn commands_without_arguments() {
     check(
         "",
         0,
@@ -29,7 +29,7 @@ fn nothing_is_asked() {
 }
 
 #[test]
-fn words_are_missing() {
+fn commands_with_missing_arguments() {
     let ports = "[ERROR] Please specify a port name";
     check("exists", 1, &[ports]);
     check("exists a b c", 1, &[ports]);

@@ -7,7 +7,7 @@ mod common;
 use common::Home;
 
 #[test]
-fn it_shows_and_takes_orders_until_it_is_told_to_end() {
+fn it_serves_images_and_commands_until_a_signal() {
     let home = Home::new();
     let _server = home.serve();
     let camera = home
@@ -32,7 +32,7 @@ fn it_shows_and_takes_orders_until_it_is_told_to_end() {
 }
 
 #[test]
-fn it_is_one_on_ieee_1394_if_it_is_told_so() {
+fn it_simulates_ieee_1394_on_request() {
     let home = Home::new();
     let _server = home.serve();
     for (options, modes) in [
@@ -49,7 +49,7 @@ fn it_is_one_on_ieee_1394_if_it_is_told_so() {
 }
 
 #[test]
-fn what_makes_no_camera_is_refused() {
+fn invalid_camera_options_are_refused() {
     let home = Home::new();
     let refused = home.run("camera --mode circus").with(1);
     assert!(

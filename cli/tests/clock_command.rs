@@ -24,7 +24,7 @@ fn seconds(home: &Home, port: &str) -> i64 {
 }
 
 #[test]
-fn a_clock_runs_as_fast_as_it_is_told() {
+fn a_clock_runs_at_the_requested_rate() {
     let home = Home::new();
     let _server = home.serve();
     let line = "clock --name /fast --period 10 --rtf 1000";

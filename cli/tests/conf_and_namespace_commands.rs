@@ -5,7 +5,7 @@ mod common;
 use common::Home;
 
 #[test]
-fn conf_tells_writes_and_clears() {
+fn conf_shows_writes_and_clears() {
     let home = Home::new();
     let file = home.path().join("yarp.conf").display().to_string();
     assert_eq!(home.run("conf").with(0).out, std::slice::from_ref(&file));
@@ -29,7 +29,7 @@ fn conf_tells_writes_and_clears() {
 }
 
 #[test]
-fn a_port_that_is_no_number_is_refused() {
+fn an_invalid_port_number_is_refused() {
     let home = Home::new();
     for line in ["conf host port", "conf host 0", "conf host 70000"] {
         home.run(line).with(1);
@@ -38,7 +38,7 @@ fn a_port_that_is_no_number_is_refused() {
 }
 
 #[test]
-fn conf_mends_a_file_that_cannot_be_read() {
+fn conf_replaces_an_unreadable_file() {
     let home = Home::new();
     std::fs::write(home.path().join("yarp.conf"), "garbage\n").unwrap();
     let refused = home.run("where").with(1);
@@ -48,7 +48,7 @@ fn conf_mends_a_file_that_cannot_be_read() {
 }
 
 #[test]
-fn namespaces_have_files_of_their_own() {
+fn each_namespace_has_its_own_file() {
     let home = Home::new();
     assert_eq!(home.run("namespace").with(0).out, ["YARP namespace: /root"]);
     assert!(

@@ -57,7 +57,7 @@ fn stage() -> (Home, Running, Running, RemoteControlBoard) {
 
 fn is_at(arm: &RemoteControlBoard, degrees: f64) -> bool {
     arm.encoder_readings(joint())
-        .is_ok_and(|readings| (readings[0].position - degrees).abs() < CLOSE)
+        .is_ok_and(|readings| (readings[0].position - degrees).abs() < MAX_POSITION_ERROR)
 }
 
 #[track_caller]
@@ -76,11 +76,11 @@ fn moves(arm: &RemoteControlBoard, degrees: f64) {
 }
 
 #[test]
-fn while_the_name_server_is_away_the_arm_holds_and_goes_on_for_its_clients() {
+fn the_arm_works_without_the_name_server() {
     let (home, server, up, arm) = stage();
     moves(&arm, 10.0);
     server.kill();
-    let end = Instant::now() + AWAY;
+    let end = Instant::now() + ABSENCE;
     let mut target = 10.0;
     while Instant::now() < end {
         // The arm holds for a while, and then executes commands.
@@ -108,7 +108,7 @@ fn while_the_name_server_is_away_the_arm_holds_and_goes_on_for_its_clients() {
 }
 
 #[test]
-fn a_board_that_is_killed_and_started_again_is_found_by_who_had_cast_it() {
+fn clients_reconnect_to_a_restarted_board() {
     let (home, _server, dies, arm) = stage();
     moves(&arm, 10.0);
     dies.kill();
@@ -126,7 +126,7 @@ fn a_board_that_is_killed_and_started_again_is_found_by_who_had_cast_it() {
 }
 
 #[test]
-fn a_client_that_is_killed_in_mid_command_leaves_the_arm_to_the_others() {
+fn other_clients_survive_a_killed_client() {
     let (home, _server, _up, arm) = stage();
     // Killed while the arm executes its command.
     arm.set_reference_speeds(joint(), &[20.0])

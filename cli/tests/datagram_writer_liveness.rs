@@ -57,7 +57,7 @@ async fn arrives(writer: &Port, reader: &Port, text: &str) {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_killed_writer_is_forgotten_and_a_silent_one_stays() {
+async fn killed_writers_are_dropped_and_silent_ones_kept() {
     let home = Home::new();
     let _server = home.serve();
     let asked = Arc::new(AtomicUsize::new(0));
@@ -90,7 +90,7 @@ async fn a_killed_writer_is_forgotten_and_a_silent_one_stays() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_writer_that_came_back_without_its_connection_is_forgotten() {
+async fn restarted_writers_without_their_connection_are_dropped() {
     let home = Home::new();
     let _server = home.serve();
     let reader = reader(&home).await;

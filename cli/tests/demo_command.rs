@@ -19,7 +19,7 @@ fn repeatability_prints_the_thesis_beside_ours() {
 }
 
 #[test]
-fn sync_tells_how_far_joints_are_apart_and_how_straight_the_tool_goes() {
+fn sync_prints_joint_delays_and_straightness() {
     let home = Home::new();
     let told = home.run("demo sync").with(0);
     assert!(told.says("All joints together"), "{told:?}");
@@ -27,7 +27,7 @@ fn sync_tells_how_far_joints_are_apart_and_how_straight_the_tool_goes() {
 }
 
 #[test]
-fn what_is_no_demo_is_refused() {
+fn unknown_demos_are_refused() {
     let home = Home::new();
     home.run("demo dance").with(1);
     home.run("demo repeatability --repeat 0").with(1);

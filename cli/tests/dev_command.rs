@@ -29,7 +29,7 @@ fn a_device_is_served_until_a_signal() {
 }
 
 #[test]
-fn a_device_ends_when_its_port_is_told_to() {
+fn a_device_ends_on_quit() {
     let home = Home::new();
     let _server = home.serve();
     let dev = home
@@ -95,7 +95,7 @@ fn stock_files_and_names_work() {
 }
 
 #[test]
-fn what_is_wrong_is_said_with_file_and_line() {
+fn errors_name_file_and_line() {
     let home = Home::new();
     let _server = home.serve();
     let fails = |text: &str, expected: &str| {

@@ -28,7 +28,7 @@ fn answers(home: &Home, arm: &str, question: &str, text: &str) {
 }
 
 #[test]
-fn the_pc_connects_moves_is_killed_and_comes_again() {
+fn the_driver_reconnects_to_a_restarted_pc() {
     let home = Home::new();
     let ports = free_ports();
     let up = home
@@ -64,7 +64,7 @@ fn the_pc_connects_moves_is_killed_and_comes_again() {
 
 /// Moves the tool through both PCs; no command is refused because the arm's own PC connects later.
 #[test]
-fn its_tool_is_brought_to_a_place() {
+fn the_tool_moves_through_both_pcs() {
     let home = Home::new();
     let ports = free_ports();
     let up = home
@@ -103,7 +103,7 @@ fn the_pc_listens() {
 }
 
 #[test]
-fn not_with_words_that_contradict_each_other() {
+fn contradicting_arguments_are_refused() {
     let home = Home::new();
     for line in [
         "wam-node --arm embedded",

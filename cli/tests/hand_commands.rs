@@ -14,7 +14,7 @@ use yarp_devices::hand::node::{RemoteHand, RemoteHandOptions};
 const TIMEOUT: Duration = Duration::from_secs(60);
 
 #[test]
-fn a_finger_is_moved_by_typing_and_over_the_hand_server() {
+fn a_finger_moves_by_rpc_and_through_the_hand_server() {
     let home = Home::new();
     let line = home.path().join("line-of-the-hand");
     let line = line.to_str().expect("its name is text");
@@ -60,7 +60,7 @@ fn a_finger_is_moved_by_typing_and_over_the_hand_server() {
 
 /// Without a reader of its output the command ends, and its names are unregistered.
 #[test]
-fn a_hand_whose_output_is_gone_leaves_no_names() {
+fn a_hand_without_output_leaves_no_names() {
     let home = Home::new();
     let line = home.path().join("line-of-the-hand");
     let line = line.to_str().expect("its name is text");
@@ -80,7 +80,7 @@ fn a_hand_whose_output_is_gone_leaves_no_names() {
 }
 
 #[test]
-fn a_line_that_is_not_there_is_reported() {
+fn a_missing_serial_port_is_reported() {
     let home = Home::new();
     let told = home.run("hand-node --serial /nowhere/hand").with(1);
     assert!(told.err[0].contains("/nowhere/hand"), "{told:?}");

@@ -84,7 +84,7 @@ fn falls_to(server: &Running, most: usize) {
 
 /// Such connections were once kept forever.
 #[test]
-fn who_does_not_say_who_he_is_is_ended_and_who_did_stays() {
+fn clients_without_a_handshake_are_disconnected() {
     let home = Home::new();
     let server = home.serve_with("--handshake-timeout 1");
     let port = home.server_port();
@@ -105,7 +105,7 @@ fn who_does_not_say_who_he_is_is_ended_and_who_did_stays() {
 }
 
 #[test]
-fn who_says_nothing_more_is_ended_when_that_is_wanted() {
+fn idle_clients_are_disconnected_on_request() {
     let home = Home::new();
     let server = home.serve_with("--idle-timeout 1");
     let port = home.server_port();
@@ -117,7 +117,7 @@ fn who_says_nothing_more_is_ended_when_that_is_wanted() {
 }
 
 #[test]
-fn too_many_silent_clients_make_room_for_those_who_come() {
+fn idle_clients_are_displaced_by_new_ones() {
     let home = Home::new();
     let server = home.serve_with("--connections 20 --handshake-timeout 0");
     let port = home.server_port();
@@ -134,7 +134,7 @@ fn too_many_silent_clients_make_room_for_those_who_come() {
 }
 
 #[test]
-fn senseless_limits_are_refused() {
+fn invalid_limits_are_refused() {
     let home = Home::new();
     for (option, value) in [
         ("--connections", "0"),

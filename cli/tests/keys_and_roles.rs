@@ -12,7 +12,7 @@ fn write(home: &Home, file: &str, text: &str) {
 }
 
 #[test]
-fn who_has_the_key_is_served_and_nobody_else() {
+fn only_clients_with_the_key_are_served() {
     let home = Home::new();
     write(&home, "auth.conf", "[AUTH]\nkey \"my_secret_key\"\n");
     let server = home.serve();
@@ -38,7 +38,7 @@ fn who_has_the_key_is_served_and_nobody_else() {
 }
 
 #[test]
-fn a_key_that_cannot_be_read_stops_every_command_and_stays_secret() {
+fn an_unreadable_key_stops_every_command_and_is_not_printed() {
     let home = Home::new();
     write(&home, "auth.conf", "[AUTH]\nkey (secret)\n");
     for line in ["name list", "read /r", "server --local"] {
@@ -50,7 +50,7 @@ fn a_key_that_cannot_be_read_stops_every_command_and_stays_secret() {
 }
 
 #[test]
-fn an_open_server_says_so() {
+fn an_open_server_logs_a_warning() {
     let home = Home::new();
     let ended = home.serve().signal("INT").finish();
     let told = ended
@@ -61,7 +61,7 @@ fn an_open_server_says_so() {
 }
 
 #[test]
-fn roles_can_be_changed_while_all_runs() {
+fn roles_can_be_changed_at_run_time() {
     let home = Home::new();
     let roles = "[nobody]\nports /closed /r\nrights none\n";
     write(&home, "roles.conf", roles);
@@ -82,7 +82,7 @@ fn roles_can_be_changed_while_all_runs() {
 }
 
 #[test]
-fn a_server_in_a_container_tells_the_address_it_is_given_and_keeps_to_its_ports() {
+fn a_server_advertises_its_address_and_uses_its_port_range() {
     let home = Home::new();
     let _server = home.start("server --local --advertise 203.0.113.7 --ports 31000-31999");
     // It can be reached at its local addresses.

@@ -22,7 +22,7 @@ fn outputs_become(home: &Home, readers: &str) {
 }
 
 #[test]
-fn a_reader_that_is_killed_is_forgotten() {
+fn killed_readers_are_dropped() {
     let home = Home::new();
     let _server = home.serve();
     let mut keeps = home.start("read /keeps").see("active at");
@@ -38,7 +38,7 @@ fn a_reader_that_is_killed_is_forgotten() {
 }
 
 #[test]
-fn a_reader_that_is_stopped_takes_nothing_from_others() {
+fn stopped_readers_do_not_delay_others() {
     let home = Home::new();
     let _server = home.serve();
     let mut keeps = home.start("read /keeps").see("active at");
@@ -60,7 +60,7 @@ fn a_reader_that_is_stopped_takes_nothing_from_others() {
 }
 
 #[test]
-fn a_writer_that_is_killed_is_forgotten() {
+fn killed_writers_are_dropped() {
     let home = Home::new();
     let _server = home.serve();
     let mut reader = home.start("read /r").see("active at");
@@ -80,7 +80,7 @@ fn a_writer_that_is_killed_is_forgotten() {
 }
 
 #[test]
-fn a_server_that_is_killed_is_told_of() {
+fn a_killed_server_is_reported() {
     let home = Home::new();
     let _server = home.serve();
     let server = home.start("rpcserver /s").see("Waiting for a message...");

@@ -10,7 +10,7 @@ use common::{Home, Running};
 const READY: &str = "I am the server, now listening to the client for a `start` command";
 
 #[test]
-fn frames_go_there_and_back() {
+fn frames_make_round_trips() {
     let home = Home::new();
     let _name_server = home.serve();
     let mut server = home.start("latency-test --server");
@@ -60,7 +60,7 @@ fn tell(home: &Home, server: &mut Running, lines: &str, told: &str) {
 }
 
 #[test]
-fn a_server_takes_no_nonsense_and_goes_on() {
+fn invalid_requests_do_not_stop_the_server() {
     let home = Home::new();
     let _name_server = home.serve();
     let mut server = home.start("latency-test --server").see(READY);
@@ -81,7 +81,7 @@ fn a_server_takes_no_nonsense_and_goes_on() {
 }
 
 #[test]
-fn words_that_contradict_each_other_are_refused() {
+fn contradicting_arguments_are_refused() {
     let home = Home::new();
     let check = |line: &str, expected: &str| {
         assert!(home.run(line).with(255).says(expected), "{line}");

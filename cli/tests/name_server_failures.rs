@@ -33,7 +33,7 @@ fn ask(port: u16, request: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn a_database_that_cannot_be_used_is_named_and_left_alone() {
+fn an_unusable_database_is_reported_and_unchanged() {
     let home = Home::new();
     let text = home.path().join("text.db");
     std::fs::write(&text, "no database\n".repeat(100)).unwrap();
@@ -138,7 +138,7 @@ fn on_a_full_disk_requests_are_refused_and_nothing_is_lost() {
 }
 
 #[test]
-fn senseless_requests_are_answered_and_the_next_one_too() {
+fn invalid_requests_are_answered() {
     let home = Home::new();
     let server = home.serve();
     let port = home.server_port();
@@ -174,7 +174,7 @@ fn senseless_requests_are_answered_and_the_next_one_too() {
 }
 
 #[test]
-fn clean_takes_back_a_thousand_dead_names_and_leaves_the_living() {
+fn clean_removes_a_thousand_dead_names_only() {
     let home = Home::new();
     let server = home.serve();
     let port = home.server_port();
@@ -228,7 +228,7 @@ fn states_are_listed() {
 
 /// Root may read everything, so the server runs as another user.
 #[test]
-fn the_configuration_of_another_user_is_named_and_left_alone() {
+fn another_users_configuration_is_reported_and_unchanged() {
     let home = Home::new();
     std::fs::set_permissions(home.path(), PermissionsExt::from_mode(0o777)).unwrap();
     let file = home.path().join("yarp.conf");
@@ -251,7 +251,7 @@ fn the_configuration_of_another_user_is_named_and_left_alone() {
 }
 
 #[test]
-fn with_memory_alone_a_restart_forgets() {
+fn without_a_database_a_restart_loses_names() {
     let home = Home::new();
     let server = home.serve_with("--memory");
     let port = home.server_port();

@@ -104,7 +104,7 @@ fn found(port: u16, name: &str, links: &str) -> Option<String> {
 }
 
 #[test]
-fn killed_again_and_again_under_load() {
+fn acknowledged_changes_survive_kills_under_load() {
     let home = Home::new();
     let mut server = home.serve();
     let port = home.server_port();

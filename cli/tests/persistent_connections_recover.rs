@@ -28,7 +28,7 @@ fn check(home: &Home, carrier: &str) {
 }
 
 #[test]
-fn a_persistent_connection_comes_back() {
+fn persistent_connections_are_restored() {
     let home = Home::new();
     let _server = home.serve();
     home.run("connect --persist /w /r").with(0);
@@ -36,7 +36,7 @@ fn a_persistent_connection_comes_back() {
 }
 
 #[test]
-fn a_persistent_connection_keeps_its_carrier() {
+fn persistent_connections_keep_their_carrier() {
     let home = Home::new();
     let _server = home.serve();
     home.run("connect --persist /w /r fast_tcp").with(0);
@@ -44,7 +44,7 @@ fn a_persistent_connection_keeps_its_carrier() {
 }
 
 #[test]
-fn a_topic_connects_whoever_comes() {
+fn topics_connect_ports_that_appear() {
     let home = Home::new();
     let _server = home.serve();
     home.run("topic /t").with(0);

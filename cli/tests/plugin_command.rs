@@ -31,7 +31,7 @@ fn carriers_monitors_and_devices_are_listed() {
 }
 
 #[test]
-fn what_is_not_there_is_told() {
+fn unknown_plugins_are_reported() {
     let home = Home::new();
     for line in ["plugin nonsense", "plugin /some/libyarp_shmem.so shmem"] {
         let ended = home.run(line).with(1);

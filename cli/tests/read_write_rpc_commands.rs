@@ -7,7 +7,7 @@ use std::process::Command;
 use common::Home;
 
 #[test]
-fn from_write_to_read_over_every_carrier() {
+fn write_reaches_read_over_every_carrier() {
     let home = Home::new();
     let _server = home.serve();
     for carrier in ["tcp", "fast_tcp", "text", "text_ack"] {
@@ -31,7 +31,7 @@ fn from_write_to_read_over_every_carrier() {
 }
 
 #[test]
-fn read_prints_what_is_meant() {
+fn read_prints_every_kind_of_message() {
     let home = Home::new();
     let _server = home.serve();
     let reader = home.start("read /r").see("active at");
@@ -53,7 +53,7 @@ fn read_prints_what_is_meant() {
 /// Log lines without a reader, as with `| head`, once caused an error message each.
 #[cfg(unix)]
 #[test]
-fn nobody_has_to_read_to_the_end() {
+fn closed_output_is_no_error() {
     let home = Home::new();
     let _server = home.serve();
     let mut command = Command::new("sh");
@@ -122,7 +122,7 @@ fn rpcserver_echoes_and_stops() {
 }
 
 #[test]
-fn rpc_talks_to_the_administration() {
+fn rpc_sends_administration_requests() {
     let home = Home::new();
     let _server = home.serve();
     let _reader = home.start("read /r").see("active at");
@@ -133,7 +133,7 @@ fn rpc_talks_to_the_administration() {
 }
 
 #[test]
-fn repeat_sends_on() {
+fn repeat_forwards_messages() {
     let home = Home::new();
     let _server = home.serve();
     let reader = home.start("read /r").see("active at");

@@ -196,7 +196,7 @@ fn the_old_format_is_read_if_allowed() {
 
 /// Each error names its file and line.
 #[test]
-fn what_is_wrong_is_said_with_file_and_line() {
+fn errors_name_file_and_line() {
     let around = |inside: &str| {
         format!("<robot name=\"r\" portprefix=\"r\" xmlns:xi=\"x\">\n{inside}\n</robot>\n")
     };

@@ -139,7 +139,7 @@ fn a_signal_reaches_all_of_a_command() {
 }
 
 #[test]
-fn what_cannot_run_is_told() {
+fn commands_that_cannot_start_are_reported() {
     let home = Home::new();
     let _name_server = home.serve();
     let _server = serve(&home);
@@ -163,7 +163,7 @@ fn what_cannot_run_is_told() {
 }
 
 #[test]
-fn a_server_that_ends_takes_its_commands_along() {
+fn commands_end_with_their_server() {
     for signal in ["INT", "TERM", "HUP"] {
         let home = Home::new();
         let _name_server = home.serve();
@@ -175,7 +175,7 @@ fn a_server_that_ends_takes_its_commands_along() {
 }
 
 #[test]
-fn a_server_that_is_killed_takes_its_commands_along() {
+fn commands_end_with_a_killed_server() {
     let home = Home::new();
     let _name_server = home.serve();
     let server = serve(&home);
@@ -185,7 +185,7 @@ fn a_server_that_is_killed_takes_its_commands_along() {
 }
 
 #[test]
-fn what_does_not_end_when_asked_is_killed() {
+fn commands_that_ignore_sigterm_are_killed() {
     let home = Home::new();
     let _name_server = home.serve();
     let server = serve(&home);
@@ -196,7 +196,7 @@ fn what_does_not_end_when_asked_is_killed() {
 }
 
 #[test]
-fn what_a_command_leaves_behind_ends_with_the_server() {
+fn orphaned_children_end_with_the_server() {
     let home = Home::new();
     let _name_server = home.serve();
     let server = serve(&home);
@@ -244,7 +244,7 @@ fn running_commands_needs_the_right_to_administer() {
 }
 
 #[test]
-fn an_open_server_says_so() {
+fn an_open_server_logs_a_warning() {
     let home = Home::new();
     let _name_server = home.serve();
     let ended = serve(&home).signal("INT").finish().with(0);

@@ -5,7 +5,7 @@ mod common;
 use common::Home;
 
 #[test]
-fn a_message_goes_on_again_and_again() {
+fn the_latest_message_is_repeated() {
     let home = Home::new();
     let _server = home.serve();
     let reader = home.start("read /r").see("Port /r active at");
@@ -21,7 +21,7 @@ fn a_message_goes_on_again_and_again() {
 }
 
 #[test]
-fn what_comes_in_between_is_dropped() {
+fn messages_in_between_are_dropped() {
     const COUNT: usize = 1000;
     let home = Home::new();
     let _server = home.serve();
@@ -48,7 +48,7 @@ fn what_comes_in_between_is_dropped() {
 }
 
 #[test]
-fn a_port_that_does_not_open_is_told() {
+fn a_port_that_cannot_open_is_reported() {
     let ended = Home::new().run("sample --output s --rate 5").with(1);
     assert_eq!(ended.out, ["[ERROR] Failed to open output port"]);
 }

@@ -14,7 +14,7 @@ fn taken() -> (TcpListener, u16) {
 }
 
 #[test]
-fn it_listens_there_and_nowhere_else_and_clients_are_told() {
+fn it_listens_on_one_address_and_announces_it() {
     let home = Home::new();
     let (elsewhere, number) = taken();
     // Listening on all addresses is impossible: another socket listens on one of them.
@@ -48,7 +48,7 @@ fn it_listens_there_and_nowhere_else_and_clients_are_told() {
 }
 
 #[test]
-fn what_clients_are_told_can_be_another_address() {
+fn another_address_can_be_advertised() {
     let home = Home::new();
     let (elsewhere, number) = taken();
     let words = format!("server --bind 127.0.0.2 --advertise 127.0.0.1 --socket {number} --write");
@@ -68,7 +68,7 @@ fn what_clients_are_told_can_be_another_address() {
 }
 
 #[test]
-fn an_address_that_the_machine_does_not_have_is_refused() {
+fn foreign_addresses_are_refused() {
     let home = Home::new();
     let ended = home
         .run("server --local --bind localhost --socket 1")

@@ -18,7 +18,7 @@ fn repeat(writer: &mut Running, other: &mut Running, expected: &str) {
 }
 
 #[test]
-fn each_element_has_a_port() {
+fn each_element_is_sent_from_its_port() {
     let home = Home::new();
     let _server = home.serve();
     let mut writer = home.start("write /w").see("Port /w active at");
@@ -44,7 +44,7 @@ fn each_element_has_a_port() {
 }
 
 #[test]
-fn a_port_that_is_not_there_cannot_be_split() {
+fn splitting_a_missing_port_fails() {
     let home = Home::new();
     let _server = home.serve();
     assert!(

@@ -101,7 +101,7 @@ fn come_and_go(port: u16, index: usize) {
 }
 
 #[test]
-fn it_holds_ten_thousand_names_while_hundreds_come_and_go_and_after_a_kill() {
+fn ten_thousand_names_survive_churn_and_a_kill() {
     let home = Home::new();
     let server = home.serve();
     let port = home.server_port();

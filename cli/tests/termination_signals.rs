@@ -19,19 +19,19 @@ fn check(line: &str, port: &str, code: i32) {
 }
 
 #[test]
-fn read_ends_well() {
+fn read_exits_with_success() {
     check("read /a", "/a", 0);
 }
 
 #[test]
-fn what_sends_at_a_rate_ends_well() {
+fn periodic_senders_exit_with_success() {
     check("sample --output /a --rate 20", "/a", 0);
     check("clock --name /a", "/a", 0);
     check("trafficgen /a", "/a", 0);
 }
 
 #[test]
-fn others_do_not() {
+fn other_commands_exit_with_failure() {
     check("write /a", "/a", 1);
     check("readwrite /a /b", "/b", 1);
     check("rpcserver /a", "/a", 1);
@@ -40,7 +40,7 @@ fn others_do_not() {
 }
 
 #[test]
-fn the_name_server_ends_well() {
+fn the_name_server_exits_with_success() {
     let home = Home::new();
     home.serve().signal("TERM").finish().with(0);
     home.run("where").with(1);

@@ -49,7 +49,7 @@ fn traffic_ends_after_its_duration() {
 }
 
 #[test]
-fn what_cannot_be_is_refused() {
+fn invalid_traffic_is_refused() {
     let home = Home::new();
     let _server = home.serve();
     for size in ["-1", "1e6"] {

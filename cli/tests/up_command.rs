@@ -74,7 +74,7 @@ fn with_a_controller_of_the_tool() {
 
 /// The log once named a refused command without saying that it was refused, or why.
 #[test]
-fn who_is_refused_finds_the_reason_in_the_log() {
+fn refused_commands_are_logged_with_their_reason() {
     let home = Home::new();
     let up = home.start("up --cartesian").see("Ctrl-C ends it.");
     let lines = "[set] [icmd] [cmod] 0 [posd]\n[set] [pos] 0 10.0\n";
@@ -100,7 +100,7 @@ fn who_is_refused_finds_the_reason_in_the_log() {
 }
 
 #[test]
-fn on_a_name_server_that_is_there() {
+fn with_a_running_name_server() {
     let home = Home::new();
     let _server = home.serve();
     let up = home.start("up").see("Ctrl-C ends it.");
@@ -115,7 +115,7 @@ fn on_a_name_server_that_is_there() {
 }
 
 #[test]
-fn not_with_what_cannot_be() {
+fn invalid_arguments_are_refused() {
     let home = Home::new();
     home.run("up --name wam").with(1);
     std::fs::write(home.path().join("yarp.conf"), "garbage\n").unwrap();
@@ -124,7 +124,7 @@ fn not_with_what_cannot_be() {
 }
 
 #[test]
-fn not_on_a_port_that_is_taken() {
+fn a_port_in_use_is_reported() {
     let home = Home::new();
     let listener = std::net::TcpListener::bind("0.0.0.0:0").unwrap();
     let port = listener.local_addr().unwrap().port();

@@ -12,7 +12,7 @@ fn homes() -> [Home; 2] {
 }
 
 #[test]
-fn where_shows_what_to_do() {
+fn where_suggests_solutions() {
     for home in homes() {
         let ended = home.run("where").with(1);
         assert!(ended.says("== PROBLEM"));
@@ -21,7 +21,7 @@ fn where_shows_what_to_do() {
 }
 
 #[test]
-fn questions_end_with_no() {
+fn queries_exit_with_failure() {
     for home in homes() {
         for line in [
             "exists /a",
@@ -44,7 +44,7 @@ fn questions_end_with_no() {
 }
 
 #[test]
-fn ports_do_not_open_when_the_name_server_is_away() {
+fn ports_do_not_open_without_their_name_server() {
     let [_, away] = homes();
     for line in [
         "read /a",
@@ -63,7 +63,7 @@ fn ports_do_not_open_when_the_name_server_is_away() {
 }
 
 #[test]
-fn check_works_by_itself() {
+fn check_needs_no_name_server() {
     for home in homes() {
         let ended = home.run("check").with(0);
         assert!(ended.says("*** Read number 42"));

@@ -10,7 +10,7 @@ use yarp_ports::blocking::wait;
 use yarp_wrappers::{ControlBoardOptions, ControlBoardServer};
 
 #[test]
-fn moves_a_joint_and_waits_for_it() {
+fn a_joint_moves_and_is_awaited() {
     let (names, board) = wait(async {
         let names = Server::start(ServerOptions::default().at("127.0.0.1", 0)).await;
         let names = names.expect("a name server starts");

@@ -85,7 +85,7 @@ impl Footprint {
         Self {
             descriptors: std::fs::read_dir("/proc/self/fd").map_or(0, Iterator::count),
             tasks: Handle::current().metrics().num_alive_tasks(),
-            bytes: counting_allocator::held(),
+            bytes: counting_allocator::allocated_bytes(),
             mappings: shared_mappings(),
             shared: segments() + locks(),
         }
@@ -243,8 +243,8 @@ pub async fn run(cycles: usize) -> Result<Outcome, Failure> {
         writers.push(Port::open(&network, &format!("/writer/{worker}"), options).await?);
     }
     let start = Footprint::now();
-    let mut writers = turn(writers, &others, (cycles / 10).max(2000)).await?;
-    let before = left(start, &others.readers).await;
+    let mut writers = run_cycles(writers, &others, (cycles / 10).max(2000)).await?;
+    let before = settled_footprint(start, &others.readers).await;
     let mut outcome = Outcome {
         cycles,
         before,
@@ -252,8 +252,8 @@ pub async fn run(cycles: usize) -> Result<Outcome, Failure> {
     };
     for _ in 0..MAX_ROUNDS {
         outcome.before = outcome.after;
-        writers = turn(writers, &others, cycles).await?;
-        outcome.after = left(outcome.before, &others.readers).await;
+        writers = run_cycles(writers, &others, cycles).await?;
+        outcome.after = settled_footprint(outcome.before, &others.readers).await;
         if outcome.is_clean() || !outcome.is_tidy() {
             break;
         }
@@ -277,7 +277,7 @@ async fn settled_footprint(before: Footprint, readers: &[Port]) -> Footprint {
         while reader.try_read().is_some() {}
     }
     Footprint {
-        bytes: counting_allocator::held(),
+        bytes: counting_allocator::allocated_bytes(),
         ..settled
     }
 }

@@ -38,7 +38,7 @@ fn said(words: &[&str]) -> Vec<String> {
 }
 
 #[test]
-fn a_reader_tells_of_both_feeds_and_of_the_machine() {
+fn the_reader_measures_both_state_ports_and_the_machine() {
     let lines = said(&["read", "/wam", "20000", "fast_tcp", "0.2"]);
     assert_eq!(lines.len(), 3);
     // The number of missing states, and at least one gap.
@@ -46,7 +46,7 @@ fn a_reader_tells_of_both_feeds_and_of_the_machine() {
 }
 
 #[test]
-fn orders_are_taken_in_both_generations() {
+fn commands_work_in_both_wire_versions() {
     for generation in ["3.x", "4.0"] {
         let lines = said(&["order", "/wam", generation, "20"]);
         let times: Result<Vec<u64>, _> = lines.iter().map(|line| line.parse()).collect();
@@ -55,13 +55,13 @@ fn orders_are_taken_in_both_generations() {
 }
 
 #[test]
-fn a_crowd_is_served_in_any_company() {
+fn many_clients_are_served_beside_bad_peers() {
     for company in ["good", "bad", "flood", "busy"] {
         assert_eq!(said(&["crowd", "/wam", company, "20"]).len(), 18);
     }
 }
 
 #[test]
-fn orders_reach_the_device() {
+fn commands_reach_the_device() {
     assert_eq!(said(&["device-call", "20"]).len(), 20);
 }

@@ -72,7 +72,7 @@ async fn the_stock_client_is_answered_as_by_stock() {
 }
 
 #[tokio::test]
-async fn a_person_is_answered_as_by_stock() {
+async fn text_requests_are_answered_as_by_stock() {
     let stage = Stage::new().await;
     let capture = Capture::load("yarp-4.0", "controlboard_rpc");
     let place = stage.network.query("/fake/nws/rpc:i").await;
@@ -88,7 +88,7 @@ async fn a_person_is_answered_as_by_stock() {
 }
 
 #[tokio::test]
-async fn streamed_commands_are_obeyed() {
+async fn streaming_commands_are_executed() {
     let stage = Stage::new().await;
     stage.play("controlboard", "/fake/command:i").await;
     // The connection has ended, and a streaming command has no answer: its effect is checked.
@@ -157,7 +157,7 @@ async fn read_state(stage: &Stage, name: &str, cut: &str, wanted: &[u8]) {
 }
 
 #[tokio::test]
-async fn each_reader_of_the_state_gets_the_layout_of_its_generation() {
+async fn state_readers_get_the_layout_of_their_wire_version() {
     let stage = Stage::new().await;
     let three = b"\x00\x01\0\0\x16\0\0\0\x0a\x01\0\0\x07\0\0\0";
     let four = b"\x00\x01\0\0\x18\0\0\0\x14\x01\0\0\x07\0\0\0";
@@ -169,7 +169,7 @@ async fn each_reader_of_the_state_gets_the_layout_of_its_generation() {
 }
 
 #[tokio::test]
-async fn both_generations_ask_the_same_board_at_once() {
+async fn both_wire_versions_use_one_board_concurrently() {
     let stage = Stage::new().await;
     let port = async |name: &str, to: &str| {
         let port = Port::open(&stage.network, name, PortOptions::new().rpc_client()).await;

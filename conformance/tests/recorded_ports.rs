@@ -106,7 +106,7 @@ async fn administration_answers_as_stock_does() {
 }
 
 #[tokio::test]
-async fn a_person_typing_is_answered_as_stock_does() {
+async fn text_connections_are_answered_as_stock_does() {
     for generation in GENERATIONS {
         let (server, network) = network().await;
         let capture = Capture::load(generation, "text_mode");

@@ -7,12 +7,8 @@ use yarp_conformance::soak;
 static COUNTING: Counting = Counting;
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn ten_thousand_cycles_leave_nothing() {
-    let words = [
-        "--exact",
-        "ten_thousand_cycles_leave_nothing",
-        "--nocapture",
-    ];
+async fn ten_thousand_cycles_leak_nothing() {
+    let words = ["--exact", "ten_thousand_cycles_leak_nothing", "--nocapture"];
     if let Some(output) = soak::alone(words).unwrap() {
         assert!(output.status.success(), "{output:?}");
         return;

@@ -281,7 +281,7 @@ mod tests {
     }
 
     #[test]
-    fn both_parts_are_told() {
+    fn both_parts_are_printed() {
         let mut out = Vec::new();
         run(&mut out).unwrap();
         let text = String::from_utf8(out).unwrap();

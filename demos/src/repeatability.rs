@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn the_arm_comes_near_each_pose_and_back_to_the_same_place() {
+    fn the_arm_reaches_each_pose_repeatably() {
         let mut out = Vec::new();
         let (ends, _) = measure(4).unwrap();
         table(&ends, &mut out).unwrap();

@@ -34,7 +34,7 @@ fn read(folder: &Path, name: &str, text: &str, line: &[&str]) -> Result<Robot, R
 }
 
 #[test]
-fn both_forms_say_the_same() {
+fn xml_and_toml_are_equivalent() {
     let folder = tempfile::tempdir().unwrap();
     let line = ["--j", "7"];
     let xml = read(folder.path(), "r.xml", XML, &line).unwrap();
@@ -72,7 +72,7 @@ fn both_forms_say_the_same() {
 
 /// Checks files that include themselves, and elements nested without end.
 #[test]
-fn nothing_goes_on_for_ever() {
+fn recursion_is_bounded() {
     let folder = tempfile::tempdir().unwrap();
     // An included file has no [robot].
     let own = "include = [\"loop.toml\"]\n";
@@ -110,7 +110,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
     #[test]
-    fn what_is_broken_is_refused(
+    fn broken_descriptions_are_refused(
         at in 0usize..1000,
         length in 0usize..40,
         put in "[<>/\"= a1{}\\[\\]\n]{0,6}",

@@ -21,7 +21,7 @@ fn eventually(what: &str, mut condition: impl FnMut() -> bool) {
 
 /// Checks a camera that one program serves and another one reads.
 #[test]
-fn a_camera_is_served_and_seen() {
+fn a_camera_is_served_to_a_client() {
     let stage = Stage::new();
     let text = "attached_device fakeFrameGrabber\nwrapper_device frameGrabber_nws_yarp\nname /eye\nmode grid\nwidth 48\nheight 32\nperiod 0.01\nfirewire true\nfocalLengthX 5.5\n";
     let served = stage.open("deviceBundler", text).expect("it opens");
@@ -81,7 +81,7 @@ fn a_hand_on_its_line_is_a_device() {
 }
 
 #[test]
-fn what_is_wrong_is_said_with_its_line() {
+fn errors_name_the_line() {
     let stage = Stage::new();
     for (kind, text, expected) in [
         (

@@ -202,7 +202,7 @@ fn a_part_of_one_device_is_a_bundle() {
 }
 
 #[test]
-fn what_is_wrong_is_said_with_its_line() {
+fn errors_name_the_line() {
     let stage = Stage::new();
     for (kind, text, expected) in [
         (

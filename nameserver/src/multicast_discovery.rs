@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn questions_are_answered_by_one_line() {
+    fn queries_are_answered_by_one_line() {
         let root = "registration name /root ip 192.0.2.2 port 10000 type tcp\n";
         check("NAME_SERVER query /root\n", Some(root));
         check("NAME_SERVER query /nobody\n", Some("*** end of message\n"));
@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn a_question_for_the_server_is_told_from_others() {
+    fn queries_for_the_server_are_recognised() {
         let asks = |line: &str| asks_for("/root", &datagram::encode(0, line.as_bytes()));
         assert!(asks("NAME_SERVER query /root\n"));
         for line in [

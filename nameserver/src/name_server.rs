@@ -364,7 +364,7 @@ impl Server {
             .host(&options.host)
             .tcp_port(options.port)
             .pages(move |request| pages.page(request))
-            .callers(options.connection_limits)
+            .connection_limits(options.connection_limits)
             // The handler checks the rights for each request.
             .allow_any_writer()
             .handler(handler);

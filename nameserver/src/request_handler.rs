@@ -390,7 +390,7 @@ impl RequestHandler {
             return Handled::Now(body);
         };
         let listeners = self.effects.clone();
-        let kept = journal.keep(changes, move || dispatch_effects(&listeners, effects));
+        let kept = journal.append(changes, move || dispatch_effects(&listeners, effects));
         Handled::OnceStored(body, kept)
     }
 }

@@ -21,7 +21,7 @@ fn stranger_with_room(room: u16) -> (std::net::TcpListener, u16) {
 }
 
 #[tokio::test]
-async fn a_number_that_is_taken_is_stepped_over_within_the_range() {
+async fn numbers_in_use_are_skipped_within_the_range() {
     let (_stranger, first) = stranger_with_room(20);
     let range = first..=first + 20;
     let options = ServerOptions::default().at("127.0.0.1", 0);

@@ -37,7 +37,7 @@ async fn register(network: &Network, name: &str, number: u16) {
 }
 
 #[tokio::test]
-async fn ports_are_looked_at_and_their_states_are_told() {
+async fn ports_are_probed_and_their_states_reported() {
     let server = Server::start(options()).await.unwrap();
     let network = server.network();
     let alive = Port::open(&network, "/alive", PortOptions::new().unregistered())
@@ -79,7 +79,7 @@ async fn ports_are_looked_at_and_their_states_are_told() {
 }
 
 #[tokio::test]
-async fn names_are_dropped_when_their_ports_are_gone_and_not_before() {
+async fn names_expire_only_after_their_ports_are_gone() {
     let mut options = options();
     options.expire_after = Some(Duration::from_millis(300));
     let server = Server::start(options).await.unwrap();
@@ -124,7 +124,7 @@ async fn ports_of_ours_hold_a_lease() {
 
 /// The number of concurrent probes is bounded for any number of ports.
 #[tokio::test]
-async fn looks_are_bounded() {
+async fn concurrent_probes_are_bounded() {
     const PORTS: usize = 80;
     let mut options = options();
     options.probe_interval = Some(Duration::from_secs(1));

@@ -136,16 +136,16 @@ async fn check(looks: Option<Duration>, survey: Option<Duration>) {
 const OFTEN: Option<Duration> = Some(Duration::from_millis(50));
 
 #[tokio::test]
-async fn the_server_looks() {
+async fn views_agree_with_probes_of_the_server() {
     check(OFTEN, None).await;
 }
 
 #[tokio::test]
-async fn the_page_looks() {
+async fn views_agree_with_probes_of_the_page() {
     check(None, OFTEN).await;
 }
 
 #[tokio::test]
-async fn both_look() {
+async fn views_agree_with_both_probes() {
     check(OFTEN, OFTEN).await;
 }

@@ -32,7 +32,7 @@ async fn names(network: &Network) -> Vec<String> {
 }
 
 #[tokio::test]
-async fn readers_share_one_transmission_and_the_group_goes_with_the_last() {
+async fn readers_share_one_multicast_transmission() {
     let server = server().await;
     let network = server.network();
     let first = Port::open(&network, "/first", reading()).await.unwrap();
@@ -72,7 +72,7 @@ async fn readers_share_one_transmission_and_the_group_goes_with_the_last() {
 /// Copies of received messages have their own group: readers of the owner's messages do not get
 /// them.
 #[tokio::test]
-async fn those_who_look_on_share_another_group() {
+async fn copies_use_another_group() {
     let server = server().await;
     let network = server.network();
     let open = async |name| Port::open(&network, name, reading()).await.unwrap();
@@ -107,7 +107,7 @@ async fn those_who_look_on_share_another_group() {
 
 /// The connection itself has no reply: the writer asks the reader over another connection.
 #[tokio::test]
-async fn a_reader_that_lacks_a_modifier_is_not_transmitted_to() {
+async fn readers_without_the_modifier_are_refused() {
     let server = server().await;
     let network = server.network();
     let reader = Port::open(&network, "/reader", reading()).await.unwrap();

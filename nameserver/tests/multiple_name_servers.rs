@@ -85,7 +85,7 @@ async fn a_port_is_found_through_the_first_server_that_knows_it() {
 }
 
 #[tokio::test]
-async fn one_server_that_is_away_does_not_take_the_others_along() {
+async fn one_unreachable_server_does_not_affect_the_others() {
     let b = server("/b").await;
     for network in [network(nobody(), b.port()), network(b.port(), nobody())] {
         let port = Port::open(&network, "/p", PortOptions::new())

@@ -20,7 +20,7 @@ async fn first_line(network: &Network, request: &str) -> String {
 }
 
 #[tokio::test]
-async fn a_port_that_lives_keeps_its_name() {
+async fn a_live_port_keeps_its_name() {
     let server = serve().await;
     let network = server.network();
     let owner = Port::open(&network, "/a", PortOptions::new())
@@ -77,7 +77,7 @@ async fn the_name_of_a_port_that_is_gone_is_free() {
 }
 
 #[tokio::test]
-async fn a_port_that_is_stuck_keeps_its_name_and_a_stranger_does_not() {
+async fn a_stuck_port_keeps_its_name() {
     let server = serve().await;
     let network = server.network();
     // Accepts connections and sends nothing.
@@ -124,7 +124,7 @@ async fn a_port_that_has_just_registered_has_time_to_listen() {
 }
 
 #[tokio::test]
-async fn stocks_own_behaviour_can_be_had() {
+async fn stock_behaviour_is_available() {
     let server = Server::start(options().replace()).await.unwrap();
     let network = server.network();
     let owner = Port::open(&network, "/a", PortOptions::new())

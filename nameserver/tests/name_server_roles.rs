@@ -92,7 +92,7 @@ async fn looking_up_needs_the_right_to_read() {
 }
 
 #[tokio::test]
-async fn a_port_that_may_not_have_its_name_does_not_open() {
+async fn a_port_without_the_right_to_its_name_does_not_open() {
     let (server, _folder) = server(ROLES).await;
     let network = server.network();
     let refused = Port::open(&network, "/wam/rpc:i", PortOptions::new()).await;
@@ -110,7 +110,7 @@ async fn a_port_that_may_not_have_its_name_does_not_open() {
 }
 
 #[tokio::test]
-async fn a_server_with_a_key_serves_those_who_hold_it() {
+async fn a_server_with_a_key_serves_clients_with_the_key() {
     let key = Key::new(b"my_secret_key");
     let options = ServerOptions::default().at("127.0.0.1", 0).key(key);
     let server = Server::start(options).await.unwrap();

@@ -92,7 +92,7 @@ async fn names_properties_and_connections_outlive_the_server() {
 
 /// A removed topic once came back with the connection that had created it.
 #[tokio::test]
-async fn a_topic_that_was_removed_stays_so() {
+async fn removed_topics_stay_removed() {
     let directory = tempfile::tempdir().unwrap();
     let file = directory.path().join("names.db");
     let server = start(&file).await;
@@ -109,7 +109,7 @@ async fn a_topic_that_was_removed_stays_so() {
 }
 
 #[tokio::test]
-async fn one_server_at_a_time_has_the_file() {
+async fn the_database_is_used_exclusively() {
     let directory = tempfile::tempdir().unwrap();
     let file = directory.path().join("names.db");
     let server = start(&file).await;
@@ -138,7 +138,7 @@ impl Store for Disk {
         Ok(self.0.lock().unwrap().0.clone())
     }
 
-    fn keep(&mut self, changes: &[Change]) -> Result<(), StoreError> {
+    fn append(&mut self, changes: &[Change]) -> Result<(), StoreError> {
         let mut held = self.0.lock().unwrap();
         if held.1 {
             return Err(StoreError::Ended);
@@ -151,7 +151,7 @@ impl Store for Disk {
 /// A name that was refused because the disk is full must not exist, and one that could not be
 /// removed must still exist.
 #[tokio::test]
-async fn what_cannot_be_kept_is_refused_and_did_not_happen() {
+async fn changes_that_cannot_be_stored_are_rolled_back() {
     let disk = Disk::default();
     let server = Server::start_with(options(), disk.clone()).await.unwrap();
     let network = server.network();
@@ -186,7 +186,7 @@ async fn what_cannot_be_kept_is_refused_and_did_not_happen() {
 }
 
 #[tokio::test]
-async fn files_that_are_something_else_are_left_alone() {
+async fn foreign_files_are_refused_and_unchanged() {
     let directory = tempfile::tempdir().unwrap();
     let file = |name: &str| directory.path().join(name);
     let open = |name: &str| SqliteStore::open(&file(name), Durability::Power).unwrap_err();
@@ -218,7 +218,7 @@ async fn files_that_are_something_else_are_left_alone() {
 }
 
 #[tokio::test]
-async fn a_damaged_file_is_refused_and_left_as_it_is() {
+async fn damaged_files_are_refused_and_unchanged() {
     let directory = tempfile::tempdir().unwrap();
     let file = directory.path().join("names.db");
     let server = start(&file).await;

@@ -107,7 +107,7 @@ const RECORDED: &[(&str, &str)] = &[
 ];
 
 #[test]
-fn recorded_questions_get_their_recorded_answers() {
+fn recorded_requests_get_their_recorded_answers() {
     let mut registry = Registry::new(Settings::at("192.0.2.2", 10000));
     let from = Some(Ipv4Addr::new(192, 0, 2, 2).into());
     for (question, answer) in RECORDED {

@@ -123,7 +123,7 @@ const ANSWERS: [(&str, WireVersion); 2] = [
 ];
 
 #[tokio::test]
-async fn replies_are_written_as_their_reader_reads() {
+async fn replies_use_the_wire_version_of_their_reader() {
     let (_server, network) = network().await;
     for (answer, reads) in ANSWERS {
         let caller = Caller::open(&network, &format!("/caller/{reads}"), Some(answer)).await;
@@ -143,7 +143,7 @@ async fn replies_are_written_as_their_reader_reads() {
 }
 
 #[tokio::test]
-async fn who_does_not_say_gets_what_the_port_answers_in() {
+async fn unknown_readers_get_the_default_wire_version() {
     let (_server, network) = network().await;
     let silent = Caller::open(&network, "/silent", None).await;
     let strange = Caller::open(&network, "/strange", Some("what?")).await;
@@ -167,7 +167,7 @@ async fn who_does_not_say_gets_what_the_port_answers_in() {
 }
 
 #[tokio::test]
-async fn nobody_is_asked_who_gets_no_replies() {
+async fn one_way_writers_are_not_probed() {
     let (_server, network) = network().await;
     let caller = Caller::open(&network, "/caller", Some("[fail]")).await;
     let options = PortOptions::new().queue(Queue::Latest);

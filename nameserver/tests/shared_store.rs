@@ -307,7 +307,7 @@ async fn no_number_is_handed_out_twice_and_no_name_is_lost() {
 }
 
 #[tokio::test]
-async fn what_one_was_told_the_other_answers_and_a_third_finds_it() {
+async fn changes_are_visible_at_all_servers() {
     let memory = Memory::new();
     let (one, _) = memory.server(0).await;
     let (other, _) = memory.server(0).await;
@@ -349,7 +349,7 @@ async fn what_one_was_told_the_other_answers_and_a_third_finds_it() {
 
 /// A server without access to the store must not acknowledge a change, nor hang.
 #[tokio::test]
-async fn who_is_cut_off_refuses_changes_and_answers_questions() {
+async fn a_disconnected_server_refuses_changes_and_answers_queries() {
     let memory = Memory::new();
     let (one, cut) = memory.server(0).await;
     let mut impatient = options();
@@ -378,7 +378,7 @@ async fn who_is_cut_off_refuses_changes_and_answers_questions() {
 
 /// The writing task once ran forever if requests waited for an unreachable store.
 #[tokio::test]
-async fn nothing_is_left_of_a_server_that_is_closed_while_it_is_cut_off() {
+async fn closing_a_disconnected_server_ends_its_task() {
     let memory = Memory::new();
     let mut impatient = options();
     impatient.max_staleness = Duration::ZERO;
@@ -395,7 +395,7 @@ async fn nothing_is_left_of_a_server_that_is_closed_while_it_is_cut_off() {
 }
 
 #[tokio::test]
-async fn owners_keep_their_names_at_all_servers() {
+async fn names_are_owned_at_all_servers() {
     let memory = Memory::new();
     let (one, _) = memory.server(0).await;
     let (other, _) = memory.server(0).await;
@@ -420,7 +420,7 @@ async fn owners_keep_their_names_at_all_servers() {
 }
 
 #[tokio::test]
-async fn a_lease_that_one_server_is_told_holds_at_the_others() {
+async fn leases_are_forwarded_to_all_servers() {
     let memory = Memory::new();
     let (one, _) = memory.server(0).await;
     let (other, _) = memory.server(0).await;
@@ -450,7 +450,7 @@ async fn a_lease_that_one_server_is_told_holds_at_the_others() {
 /// `yarp.conf` with two lines: a program finds the second server when the first is gone, and its
 /// ports stay unchanged.
 #[tokio::test]
-async fn programs_go_on_with_the_next_server() {
+async fn programs_fail_over_to_the_next_server() {
     let memory = Memory::new();
     let (one, _) = memory.server(0).await;
     let (other, _) = memory.server(0).await;
@@ -484,7 +484,7 @@ async fn programs_go_on_with_the_next_server() {
 }
 
 #[tokio::test]
-async fn what_is_too_much_at_once_is_refused_in_words() {
+async fn oversized_changes_are_refused_with_a_reason() {
     let memory = Memory::new();
     let (one, _) = memory.server(0).await;
     let network = one.network();
@@ -509,7 +509,7 @@ async fn what_is_too_much_at_once_is_refused_in_words() {
 }
 
 #[tokio::test]
-async fn what_others_have_written_there_is_refused_and_left() {
+async fn foreign_keys_are_refused_and_unchanged() {
     for (entries, words) in [
         (&[("config/a", "1")][..], "the key \"config/a\""),
         (

@@ -137,7 +137,7 @@ async fn fake(
 }
 
 #[tokio::test]
-async fn the_page_and_all_that_it_loads_come_from_here() {
+async fn the_page_loads_only_local_files() {
     let server = eager_server().await;
     let (head, page) = get(&server, "/").await;
     for part in [
@@ -183,7 +183,7 @@ async fn the_page_and_all_that_it_loads_come_from_here() {
 }
 
 #[tokio::test]
-async fn names_come_with_place_state_program_and_type() {
+async fn names_have_address_state_process_and_type() {
     let server = eager_server().await;
     let port = open(
         &server,
@@ -223,7 +223,7 @@ async fn names_come_with_place_state_program_and_type() {
 }
 
 #[tokio::test]
-async fn who_has_seen_the_names_is_told_when_they_change() {
+async fn unchanged_names_are_reported_by_revision() {
     let server = server(None).await;
     let first = json(&server, "/api/names").await;
     let revision = first["revision"].as_str().unwrap();
@@ -239,7 +239,7 @@ async fn who_has_seen_the_names_is_told_when_they_change() {
 }
 
 #[tokio::test]
-async fn connections_come_with_what_passes() {
+async fn connections_have_traffic_counters() {
     let server = eager_server().await;
     let reader = open(&server, "/rd", PortOptions::new().queue(Queue::Wait(1000))).await;
     let writer = open(&server, "/wr", PortOptions::new()).await;
@@ -292,7 +292,7 @@ async fn connections_come_with_what_passes() {
 
 /// Answers like a stock port, which has no counters.
 #[tokio::test]
-async fn a_port_that_does_not_count_is_asked_for_its_lists() {
+async fn ports_without_counters_are_queried_for_their_lists() {
     let server = eager_server().await;
     let reader = open(&server, "/rd", PortOptions::new().queue(Queue::Latest)).await;
     let writer = open(&server, "/wr", PortOptions::new()).await;
@@ -315,7 +315,7 @@ async fn a_port_that_does_not_count_is_asked_for_its_lists() {
 }
 
 #[tokio::test]
-async fn what_names_and_ports_say_stays_text() {
+async fn names_and_reports_are_escaped() {
     let server = eager_server().await;
     let said = format!("{HOSTILE} and a line\u{2028}end");
     let told = Bottle::from_iter([
@@ -359,7 +359,7 @@ async fn what_names_and_ports_say_stays_text() {
 }
 
 #[tokio::test]
-async fn a_port_that_does_not_answer_is_unreachable_and_holds_up_nobody() {
+async fn unresponsive_ports_do_not_delay_others() {
     let server = eager_server().await;
     let (silent, _) = fake(|_| None).await;
     let (odd, _) = fake(|_| Some("(((".to_owned())).await;
@@ -380,7 +380,7 @@ async fn a_port_that_does_not_answer_is_unreachable_and_holds_up_nobody() {
 }
 
 #[tokio::test]
-async fn ports_are_asked_only_while_somebody_looks_and_not_too_often() {
+async fn ports_are_queried_only_on_demand_and_at_the_interval() {
     let hour = Duration::from_secs(3600);
     let empty = |_: &str| Some("(port)".to_owned());
     let eager = eager_server().await;
@@ -417,7 +417,7 @@ async fn ports_are_asked_only_while_somebody_looks_and_not_too_often() {
 
 /// As recorded from stock 3.12.3 and 4.0.0, and as pages of stock ports link to.
 #[tokio::test]
-async fn what_stock_offers_to_browsers_is_still_there() {
+async fn stock_pages_are_still_served() {
     let server = server(None).await;
     let (_, page) = get(&server, "/data=list").await;
     let link = format!("<a href=\"http://127.0.0.1:{}/\">/root</a>", server.port());

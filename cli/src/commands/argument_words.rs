@@ -64,7 +64,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn options_have_values_of_their_kind() {
+    fn options_are_parsed_by_type() {
         let words = [
             "/p", "--rate", "50", "--show", "--to", "/a", "/b", "--number", "x",
         ];

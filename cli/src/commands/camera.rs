@@ -79,13 +79,13 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         });
     let opened = tokio::select! {
         biased;
-        () = interrupt.heard() => return Ok(ExitCode::SUCCESS),
+        () = interrupt.interrupted() => return Ok(ExitCode::SUCCESS),
         opened = FrameGrabberServer::open(&network, camera, &args.name, served) => opened,
     };
     let server = opened?;
-    let told = tell(&args.name, out);
+    let told = print_help(&args.name, out);
     if told.is_ok() {
-        interrupt.heard().await;
+        interrupt.interrupted().await;
     }
     server.close().await;
     told.map(|()| ExitCode::SUCCESS)

@@ -57,7 +57,7 @@ pub(super) async fn run(_args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     };
     let number = tokio::select! {
         biased;
-        () = interrupt.heard() => Ok(None),
+        () = interrupt.interrupted() => Ok(None),
         number = transmit(&network, &reader, &writer, out) => number,
     };
     writeln!(out, "{RULE}")?;

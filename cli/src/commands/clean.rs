@@ -56,7 +56,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         Ok(answer) => answer.registrations(),
         Err(error) => {
             writeln!(out, "got -1 ports")?;
-            network_access::server_away(&network, &error);
+            network_access::log_server_unreachable(&network, &error);
             return Ok(ExitCode::FAILURE);
         }
     };

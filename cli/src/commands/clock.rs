@@ -103,7 +103,7 @@ async fn tick(
     let mut said = None;
     loop {
         let elapsed = clock.began.elapsed();
-        port.write_if_idle(&shown(clock.after(elapsed)), None);
+        port.write_if_idle(&time_bottle(clock.after(elapsed)), None);
         let lustrum = elapsed.as_secs() / REPORT_SECONDS;
         if said.replace(lustrum) != Some(lustrum) {
             writeln!(out, "yarp clock running happily...")?;
@@ -111,7 +111,7 @@ async fn tick(
         }
         tokio::select! {
             biased;
-            () = interrupt.heard() => return Ok(()),
+            () = interrupt.interrupted() => return Ok(()),
             () = tokio::time::sleep(pause) => {}
         }
     }
@@ -159,9 +159,9 @@ mod tests {
 
     #[test]
     fn a_time_is_two_integers() {
-        assert_eq!(shown(0.0).to_string(), "0 0");
-        assert_eq!(shown(101.5).to_string(), "101 500000000");
-        assert_eq!(shown(-1.25).to_string(), "-1 -250000000");
-        assert_eq!(shown(1e12).get(0), Some(&Value::Int32(i32::MAX)));
+        assert_eq!(time_bottle(0.0).to_string(), "0 0");
+        assert_eq!(time_bottle(101.5).to_string(), "101 500000000");
+        assert_eq!(time_bottle(-1.25).to_string(), "-1 -250000000");
+        assert_eq!(time_bottle(1e12).get(0), Some(&Value::Int32(i32::MAX)));
     }
 }

@@ -142,7 +142,7 @@ pub(super) async fn subscription(network: &Network, request: &Bottle) -> bool {
     match network_access::ask_server(network, request).await {
         Ok(answer) => answer.get(0).map(Value::to_plain_string).as_deref() == Some("ok"),
         Err(error) => {
-            network_access::server_away(network, &error);
+            network_access::log_server_unreachable(network, &error);
             false
         }
     }
@@ -155,7 +155,7 @@ async fn list(network: &Network, port: Option<&str>, out: &mut dyn Write) -> Res
     let answer = match network_access::ask_server(network, &request).await {
         Ok(answer) => answer,
         Err(error) => {
-            network_access::server_away(network, &error);
+            network_access::log_server_unreachable(network, &error);
             return Ok(false);
         }
     };
@@ -213,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn carriers_stand_in_front_of_names() {
+    fn carriers_are_prefixes_of_names() {
         assert_eq!(with_carrier("/y", Some("fast_tcp")), "fast_tcp://y");
         assert_eq!(with_carrier("/y", None), "/y");
     }

@@ -38,7 +38,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     if let Some((namespace, server)) = configuration.name_server() {
         let network = Network::at(&server.host, server.port).with_key(configuration.key().cloned());
         if network_access::serves(&network, namespace).await {
-            found(namespace, server, &[], out)?;
+            report_found(namespace, server, &[], out)?;
             return Ok(ExitCode::SUCCESS);
         }
     }
@@ -50,7 +50,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     };
     if args.write {
         config::write(&held.file, &server.to_string())?;
-        found(
+        report_found(
             namespace,
             &server,
             &[
@@ -61,7 +61,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             out,
         )?;
     } else {
-        found(
+        report_found(
             namespace,
             &server,
             &[
@@ -109,7 +109,7 @@ async fn scan(configuration: &Configuration, namespace: &str) -> Option<NameServ
     None
 }
 
-fn found(
+fn report_found(
     namespace: &str,
     server: &NameServer,
     remarks: &[&str],

@@ -96,7 +96,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let parameters = Parameters::new(&device, settings, origin.unwrap_or(Origin::CommandLine));
     let opened = tokio::select! {
         biased;
-        () = interrupt.heard() => return Ok(ExitCode::SUCCESS),
+        () = interrupt.interrupted() => return Ok(ExitCode::SUCCESS),
         opened = open_wrapped(&network, &device, &parameters) => opened,
     };
     let hosted = match opened {
@@ -184,7 +184,7 @@ async fn serve(
     tracing::info!(target: COMPONENT, "device active in background...");
     systemd_notify::notify_ready();
     tokio::select! {
-        () = interrupt.heard() => {}
+        () = interrupt.interrupted() => {}
         _ = told.wait_for(|told| *told) => {}
     }
     if let Some(machine) = hosted.machine().filter(|_| parks) {

@@ -33,7 +33,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
                 Ok(exists) => Ok(code(exists)),
                 Err(PortError::NoNameServer) => Ok(ExitCode::FAILURE),
                 Err(error) => {
-                    network_access::away(&error);
+                    network_access::log_unreachable(&error);
                     Ok(ExitCode::FAILURE)
                 }
             }

@@ -41,7 +41,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let opening = tokio::task::spawn_blocking(move || ready(options, &path));
     let hand = tokio::select! {
         biased;
-        () = interrupt.heard() => return Ok(ExitCode::SUCCESS),
+        () = interrupt.interrupted() => return Ok(ExitCode::SUCCESS),
         hand = opening => hand.expect("opening a hand does not panic")?,
     };
     let hand = Arc::new(hand);
@@ -57,7 +57,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let told = writeln!(out, "Hand on {}, served as {}", args.serial, args.name);
     let told = told.and_then(|()| out.flush());
     if told.is_ok() {
-        interrupt.heard().await;
+        interrupt.interrupted().await;
     }
     whole.close().await;
     board.close().await;

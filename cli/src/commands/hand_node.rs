@@ -39,7 +39,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let opening = tokio::task::spawn_blocking(|| BarrettHand::open(options));
     let hand = tokio::select! {
         biased;
-        () = interrupt.heard() => return Ok(ExitCode::SUCCESS),
+        () = interrupt.interrupted() => return Ok(ExitCode::SUCCESS),
         hand = opening => hand.expect("opening a hand does not panic"),
     };
     let hand = hand.map_err(|error| error.at(&args.serial))?;

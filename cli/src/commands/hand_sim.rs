@@ -39,6 +39,6 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let hand = SimulatedHand::start(options)?;
     writeln!(out, "{}", hand.path())?;
     out.flush()?;
-    interrupt.heard().await;
+    interrupt.interrupted().await;
     Ok(ExitCode::SUCCESS)
 }

@@ -135,7 +135,7 @@ async fn pass_on(newest: &LatestInputs, writer: &Port, interrupt: &mut Interrupt
     loop {
         tokio::select! {
             biased;
-            () = interrupt.heard() => return,
+            () = interrupt.interrupted() => return,
             () = newest.changed.notified() => {}
         }
         stamp = stamp.next(wall_clock());

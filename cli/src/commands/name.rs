@@ -97,7 +97,7 @@ async fn register(network: &Network, words: &[&str], out: &mut dyn Write) -> Res
     let answer = match network.ask(&format!("register {}", words.join(" "))).await {
         Ok(answer) => answer,
         Err(error) => {
-            network_access::server_away(network, &error);
+            network_access::log_server_unreachable(network, &error);
             return Ok(ExitCode::FAILURE);
         }
     };
@@ -129,7 +129,7 @@ async fn unregister(network: &Network, name: &str, out: &mut dyn Write) -> Resul
             Ok(ExitCode::SUCCESS)
         }
         Err(error) => {
-            network_access::server_away(network, &error);
+            network_access::log_server_unreachable(network, &error);
             Ok(ExitCode::FAILURE)
         }
     }
@@ -145,7 +145,7 @@ async fn states(network: &Network, prefix: &str, out: &mut dyn Write) -> Result<
     let (states, list) = match asking.await {
         Ok(answers) => answers,
         Err(error) => {
-            network_access::server_away(network, &error);
+            network_access::log_server_unreachable(network, &error);
             complain(out, "Failed to reach name server")?;
             return Ok(ExitCode::FAILURE);
         }
@@ -172,7 +172,7 @@ async fn plain(network: &Network, request: &str, out: &mut dyn Write) -> Result<
         Ok(answer) => answer,
         Err(error) => {
             if network.server().is_some() {
-                network_access::away(&error);
+                network_access::log_unreachable(&error);
             }
             complain(out, "Failed to reach name server")?;
             return Ok(ExitCode::FAILURE);
@@ -197,7 +197,7 @@ async fn structured(network: &Network, words: &[&str], out: &mut dyn Write) -> R
             Ok(ExitCode::SUCCESS)
         }
         Err(error) => {
-            network_access::server_away(network, &error);
+            network_access::log_server_unreachable(network, &error);
             complain(out, "Failed to reach name server")?;
             Ok(ExitCode::FAILURE)
         }

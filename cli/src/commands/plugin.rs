@@ -81,7 +81,7 @@ pub(super) fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             writeln!(out, "Runtime plugins found:")?;
             for plugin in all() {
                 writeln!(out, "\n{} {}", plugin.kind, plugin.name)?;
-                plugin.tell(out)?;
+                plugin.print(out)?;
             }
         }
         [name, ..] => {
@@ -97,7 +97,7 @@ pub(super) fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
                 return Ok(ExitCode::FAILURE);
             }
             writeln!(out, "Yes, this is a YARP plugin")?;
-            named.try_for_each(|plugin| plugin.tell(out))?;
+            named.try_for_each(|plugin| plugin.print(out))?;
         }
     }
     Ok(ExitCode::SUCCESS)
@@ -130,7 +130,7 @@ fn all() -> Vec<Plugin> {
 }
 
 impl Plugin {
-    fn tell(&self, out: &mut dyn Write) -> io::Result<()> {
+    fn print(&self, out: &mut dyn Write) -> io::Result<()> {
         writeln!(out, "  * library:        built in")?;
         writeln!(out, "  * type:           {}", self.kind)?;
         match self.about {

@@ -67,7 +67,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         services.push(service.unwrap_or(-1));
     }
     let told = |index: usize, format: &str| {
-        let (label, value) = shown(services[index], format);
+        let (label, value) = format_service(services[index], format);
         format!("({} (qos (({label} {value}))))", NAMES[index])
     };
     let rest: Vec<&str> = command.rest.iter().map(String::as_str).collect();
@@ -83,7 +83,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             .filter(|(_, format)| FORMATS.contains(format))
             .map(|(index, format)| told(index, format)),
     };
-    command.tell(text, out)
+    command.print_value(text, out)
 }
 
 /// Formats a type of service; as a number if it has no name.
@@ -144,7 +144,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_have_many_names() {
+    fn priorities_have_aliases() {
         for (word, expected) in [
             ("144", Some(144)),
             ("TOS:144", Some(144)),
@@ -163,9 +163,9 @@ mod tests {
         ] {
             assert_eq!(service(word), expected, "{word}");
         }
-        assert_eq!(shown(144, "--dscp"), ("dscp", "AF42".to_owned()));
-        assert_eq!(shown(144, "--level"), ("level", "HIGH".to_owned()));
-        assert_eq!(shown(4, "--level"), ("tos", "4".to_owned()));
-        assert_eq!(shown(-1, "--dscp"), ("tos", "-1".to_owned()));
+        assert_eq!(format_service(144, "--dscp"), ("dscp", "AF42".to_owned()));
+        assert_eq!(format_service(144, "--level"), ("level", "HIGH".to_owned()));
+        assert_eq!(format_service(4, "--level"), ("tos", "4".to_owned()));
+        assert_eq!(format_service(-1, "--dscp"), ("tos", "-1".to_owned()));
     }
 }

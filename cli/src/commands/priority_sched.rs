@@ -86,7 +86,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         return Ok(code(set.await?));
     }
     let told = |index: usize, format: &str| {
-        let what = schedules[index].shown(format);
+        let what = schedules[index].format(format);
         format!("({} (sched ({what})))", NAMES[index])
     };
     let rest: Vec<&str> = command.rest.iter().map(String::as_str).collect();
@@ -102,11 +102,11 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
                 format => told(index, format),
             }),
     };
-    command.tell(text, out)
+    command.print_value(text, out)
 }
 
 impl Schedule {
-    fn shown(self, format: &str) -> String {
+    fn format(self, format: &str) -> String {
         let Self { policy, priority } = self;
         match format {
             "--policy" => format!("(policy {policy})"),

@@ -74,7 +74,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let printed = loop {
         let message = tokio::select! {
             biased;
-            () = interrupt.heard() => break Ok(()),
+            () = interrupt.interrupted() => break Ok(()),
             message = port.read() => match message {
                 Ok(message) => message,
                 Err(_) => break Ok(()),
@@ -161,10 +161,10 @@ impl Printer {
             // As in stock, an envelope holds until the next one arrives.
             self.last_envelope.clone_from(&message.envelope);
         }
-        let line = match shown(&bottle) {
-            Shown::End => return Ok(false),
-            Shown::Raw(text) => trimmed(text, self.trim),
-            Shown::Bottle => trimmed(bottle.to_string(), self.trim),
+        let line = match classify(&bottle) {
+            PrintedForm::End => return Ok(false),
+            PrintedForm::Raw(text) => trimmed(text, self.trim),
+            PrintedForm::Bottle => trimmed(bottle.to_string(), self.trim),
         };
         if self.envelope
             && let Some(envelope) = &self.last_envelope
@@ -187,11 +187,11 @@ enum PrintedForm {
     End,
 }
 
-fn shown(bottle: &Bottle) -> Shown {
+fn classify(bottle: &Bottle) -> PrintedForm {
     match bottle.as_slice() {
-        [Value::Int32(1), Value::String(_)] => Shown::End,
-        [Value::Int32(_), Value::String(text)] => Shown::Raw(text.to_lossy().into_owned()),
-        _ => Shown::Bottle,
+        [Value::Int32(1), Value::String(_)] => PrintedForm::End,
+        [Value::Int32(_), Value::String(text)] => PrintedForm::Raw(text.to_lossy().into_owned()),
+        _ => PrintedForm::Bottle,
     }
 }
 
@@ -217,7 +217,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn words_may_stand_in_any_order() {
+    fn options_may_be_in_any_order() {
         let parse =
             |line: &str| ReadOptions::parse(line.split_whitespace().map(str::to_owned).collect());
         let expected = ReadOptions {
@@ -236,16 +236,16 @@ mod tests {
     }
 
     #[test]
-    fn verbatim_text_prints_as_it_was_typed() {
-        let check = |text: &str, expected: Shown| {
-            assert_eq!(shown(&Bottle::parse(text).unwrap()), expected, "{text}");
+    fn verbatim_text_is_printed_unchanged() {
+        let check = |text: &str, expected: PrintedForm| {
+            assert_eq!(classify(&Bottle::parse(text).unwrap()), expected, "{text}");
         };
-        check("0 x", Shown::Raw("x".into()));
-        check("-1 \"a b\"", Shown::Raw("a b".into()));
-        check("0 x y", Shown::Bottle);
-        check("0 5", Shown::Bottle);
-        check("1 \"<EOF>\"", Shown::End);
-        check("hello", Shown::Bottle);
+        check("0 x", PrintedForm::Raw("x".into()));
+        check("-1 \"a b\"", PrintedForm::Raw("a b".into()));
+        check("0 x y", PrintedForm::Bottle);
+        check("0 5", PrintedForm::Bottle);
+        check("1 \"<EOF>\"", PrintedForm::End);
+        check("hello", PrintedForm::Bottle);
     }
 
     #[test]

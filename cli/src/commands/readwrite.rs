@@ -61,7 +61,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         loop {
             tokio::select! {
                 biased;
-                () = interrupt.heard() => break Ok(false),
+                () = interrupt.interrupted() => break Ok(false),
                 message = reader.read() => match message {
                     // The end of the received messages does not end standard input.
                     Ok(_) if !reading => {}

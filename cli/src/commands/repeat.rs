@@ -50,7 +50,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     loop {
         let message = tokio::select! {
             biased;
-            () = interrupt.heard() => break,
+            () = interrupt.interrupted() => break,
             message = port.read() => match message {
                 Ok(message) => message,
                 Err(_) => break,
@@ -61,7 +61,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         // A blocked reader delays the writer, but not the handling of signals.
         tokio::select! {
             biased;
-            () = interrupt.heard() => break,
+            () = interrupt.interrupted() => break,
             _ = port.write_strict(&same, envelope) => {}
         }
     }

@@ -118,7 +118,7 @@ async fn live(
     let started = loop {
         tokio::select! {
             started = &mut starting => break started,
-            () = interrupt.heard(), if !heard => {
+            () = interrupt.interrupted(), if !heard => {
                 heard = true;
                 progress.interrupt();
             }
@@ -132,13 +132,13 @@ async fn live(
         tracing::info!(target: COMPONENT, "running happily");
         systemd_notify::notify_ready();
         tokio::select! {
-            () = interrupt.heard() => {}
+            () = interrupt.interrupted() => {}
             _ = told.wait_for(|told| *told) => {}
         }
     } else if !heard {
         tracing::error!(target: COMPONENT, "Error in startup phase... see previous messages for more info");
     }
-    well &= end(&mut robot, parks, interrupt).await;
+    well &= shut_down_on_interrupts(&mut robot, parks, interrupt).await;
     robot.close().await;
     well
 }
@@ -151,12 +151,12 @@ async fn shut_down_on_interrupts(
 ) -> bool {
     tokio::select! {
         well = robot.shut_down(parks) => return well,
-        () = interrupt.heard_times(2) => {}
+        () = interrupt.interrupted_times(2) => {}
     }
     robot.phase(Phase::Interrupt2).await;
     tokio::select! {
         well = robot.phase(Phase::Shutdown) => return well,
-        () = interrupt.heard_times(3) => {}
+        () = interrupt.interrupted_times(3) => {}
     }
     robot.phase(Phase::Interrupt3).await;
     robot.phase(Phase::Shutdown).await

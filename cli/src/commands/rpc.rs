@@ -186,7 +186,7 @@ async fn client(name: &str, out: &mut dyn Write) -> Result<ExitCode> {
     let mut lines = Lines::open();
     let ended = tokio::select! {
         biased;
-        () = interrupt.heard() => Ok(ExitCode::FAILURE),
+        () = interrupt.interrupted() => Ok(ExitCode::FAILURE),
         ended = async {
             while let Some(line) = lines.next().await {
                 let request = Bottle::parse(&line).unwrap_or_default();

@@ -66,7 +66,7 @@ pub(super) async fn run(mut args: Args, out: &mut dyn Write) -> Result<ExitCode>
         writeln!(out, "Waiting for a message...")?;
         let message = tokio::select! {
             biased;
-            () = interrupt.heard() => break Ok(ExitCode::FAILURE),
+            () = interrupt.interrupted() => break Ok(ExitCode::FAILURE),
             message = port.read() => match message {
                 Ok(message) => message,
                 Err(_) => break Ok(ExitCode::SUCCESS),
@@ -74,7 +74,7 @@ pub(super) async fn run(mut args: Args, out: &mut dyn Write) -> Result<ExitCode>
         };
         let reply = tokio::select! {
             biased;
-            () = interrupt.heard() => break Ok(ExitCode::FAILURE),
+            () = interrupt.interrupted() => break Ok(ExitCode::FAILURE),
             reply = reply(&message, &args, &mut lines, out) => match reply {
                 Ok(reply) => reply,
                 Err(error) => break Err(error),

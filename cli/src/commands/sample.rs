@@ -90,7 +90,7 @@ async fn pass_on(
     loop {
         let came = tokio::select! {
             biased;
-            () = interrupt.heard() => return Ok(()),
+            () = interrupt.interrupted() => return Ok(()),
             came = sampler.next(port) => came?,
         };
         if let Some(bottle) = came.and_then(|message| message.bottle().ok()) {
@@ -153,7 +153,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn periods_are_seconds_and_may_be_nonsense() {
+    fn invalid_periods_are_accepted() {
         let check = |seconds: f64, expected: Option<Duration>| {
             assert_eq!(Sampler::of(seconds).period, expected, "{seconds}");
         };

@@ -314,7 +314,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         writeln!(out, "Name server can be browsed at http://{host}:{port}/")?;
         writeln!(out, "Ok. Ready!")?;
     }
-    interrupt.heard().await;
+    interrupt.interrupted().await;
     server.close().await;
     Ok(ExitCode::SUCCESS)
 }

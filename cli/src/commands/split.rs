@@ -85,7 +85,7 @@ async fn split(
     loop {
         let message = tokio::select! {
             biased;
-            () = interrupt.heard() => return Ok(true),
+            () = interrupt.interrupted() => return Ok(true),
             message = port.read() => message?,
         };
         let Ok(bottle) = message.bottle() else {

@@ -90,7 +90,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             .await;
     let done = if connected {
         let seconds = options.number("duration").filter(|seconds| *seconds != 0.0);
-        tell(&arrived, seconds, &mut interrupt, out).await
+        report(&arrived, seconds, &mut interrupt, out).await
     } else {
         writeln!(out, "Connection failed").map_err(Into::into)
     };
@@ -114,7 +114,7 @@ async fn report(
     while seconds.is_none_or(|seconds| f64::from(lines) < seconds) {
         tokio::select! {
             biased;
-            () = interrupt.heard() => break,
+            () = interrupt.interrupted() => break,
             _ = ticks.tick() => {}
         }
         let (more, size) = arrived.take();
@@ -167,7 +167,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_second_is_told_in_the_words_of_stock() {
+    fn a_second_is_reported_as_in_stock() {
         assert_eq!(
             line(10, 10120),
             "0.08096 Mb/s, 10 btl/s, 0.1 mean period (s)"
@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn the_whole_is_told_in_the_words_of_stock() {
+    fn the_total_is_reported_as_in_stock() {
         assert_eq!(
             summary(2, 20, 20240),
             "0.02024 total MB received,  20 total bottles received, 0.1 mean period (s)"

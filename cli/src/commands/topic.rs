@@ -53,11 +53,11 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let answer = match network_access::ask_server(&network, &request).await {
         Ok(answer) => Some(answer),
         Err(error) => {
-            network_access::server_away(&network, &error);
+            network_access::log_server_unreachable(&network, &error);
             None
         }
     };
-    tell(kind, answer.as_ref(), out)
+    print_result(kind, answer.as_ref(), out)
 }
 
 enum TopicRequest<'a> {
@@ -66,7 +66,7 @@ enum TopicRequest<'a> {
     Create(&'a str),
 }
 
-fn tell(
+fn print_result(
     request: TopicRequest<'_>,
     answer: Option<&Bottle>,
     out: &mut dyn Write,

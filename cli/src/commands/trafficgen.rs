@@ -99,7 +99,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     };
     tokio::select! {
         biased;
-        () = interrupt.heard() => {}
+        () = interrupt.interrupted() => {}
         () = sleep_until(end) => {}
         () = sending => {}
     }
@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn options_say_how_much() {
+    fn options_select_the_traffic() {
         let check = |line: &str, expected: &str| {
             assert_eq!(traffic(line).unwrap().described(), expected, "{line}");
         };
@@ -187,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn options_that_contradict_each_other_are_refused() {
+    fn contradicting_options_are_refused() {
         for line in ["/t --period 1", "/t --size 1", "/t --bandwidth 1 --size 1"] {
             assert_eq!(traffic(line), None, "{line}");
         }

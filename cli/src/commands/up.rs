@@ -99,7 +99,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let base = NameServerAccess::find(out).await?;
     let opened = tokio::select! {
         biased;
-        () = interrupt.heard() => None,
+        () = interrupt.interrupted() => None,
         opened = open(&base.network, &args.name, arm.clone(), link_mode, args.cartesian) => Some(opened),
     };
     let served = match opened {
@@ -113,7 +113,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             return Ok(ExitCode::SUCCESS);
         }
     };
-    let told = tell(
+    let told = print_summary(
         &base,
         &args.name,
         arm,
@@ -123,7 +123,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     )
     .await;
     if told.is_ok() {
-        interrupt.heard().await;
+        interrupt.interrupted().await;
     }
     served.close().await;
     base.close().await;

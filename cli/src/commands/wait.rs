@@ -55,12 +55,12 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             tracing::info!(target: "yarp.os.Network", "Waiting for {what}...");
             told = Some(Instant::now());
         }
-        match is_there(&network, &args.ports).await {
+        match all_exist(&network, &args.ports).await {
             Ok(true) => return Ok(ExitCode::SUCCESS),
             Ok(false) => {}
             Err(error) if complained => tracing::debug!("{}", error.error_chain()),
             Err(error) => {
-                network_access::away(&error);
+                network_access::log_unreachable(&error);
                 complained = true;
             }
         }
@@ -68,7 +68,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     }
 }
 
-async fn is_there(network: &Network, ports: &[String]) -> std::result::Result<bool, PortError> {
+async fn all_exist(network: &Network, ports: &[String]) -> std::result::Result<bool, PortError> {
     let resolve = async |name: &String| match network.resolve(&Contact::parse(name)).await {
         Err(PortError::Unknown { .. }) => Ok(None),
         other => other.map(Some),

@@ -56,7 +56,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         args.arm, places.arm, places.packets
     )?;
     out.flush()?;
-    let told = tell(&node, &mut interrupt, out).await;
+    let told = print_events(&node, &mut interrupt, out).await;
     drop(node);
     told.map(|()| ExitCode::SUCCESS)
 }
@@ -84,7 +84,7 @@ async fn print_events(
         }
         tokio::select! {
             biased;
-            () = interrupt.heard() => return Ok(()),
+            () = interrupt.interrupted() => return Ok(()),
             () = tokio::time::sleep(STATUS_POLL_INTERVAL) => {}
         }
     }

@@ -68,7 +68,7 @@ pub(super) async fn run(args: Args, prefixes: Prefixes, out: &mut dyn Write) -> 
     };
     let sent = tokio::select! {
         biased;
-        () = interrupt.heard() => Ok(false),
+        () = interrupt.interrupted() => Ok(false),
         sent = async {
             if prefixes.admin {
                 administer(&network, &port, targets).await

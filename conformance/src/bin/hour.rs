@@ -110,18 +110,18 @@ fn run(words: &Words) -> Result<bool, Failure> {
             ..NodeOptions::new(LinkMode::Connect(driver.addresses()))
         },
     )?;
-    rest(&driver)?;
+    wait_at_rest(&driver)?;
 
     let end = Instant::now() + Duration::try_from_secs_f64(words.minutes * 60.0)?;
     let before = driver.timing();
-    let idle = thread::spawn(move || keep(end, period, || Ok(())));
+    let idle = thread::spawn(move || run_periodically(end, period, || Ok(())));
     let bare = thread::spawn(move || bare(end, period));
     let (mut moves, mut farthest, mut broken) = (0_u64, 0.0_f64, Vec::new());
     for target in POSES.iter().cycle() {
         if Instant::now() >= end {
             break;
         }
-        match go(&driver, target) {
+        match move_to(&driver, target) {
             Ok(off) => {
                 moves += 1;
                 farthest = farthest.max(off);
@@ -131,7 +131,7 @@ fn run(words: &Words) -> Result<bool, Failure> {
             }
             Err(error) => {
                 broken.push(format!("move {}: {error}", moves + 1));
-                rest(&driver)?;
+                wait_at_rest(&driver)?;
             }
         }
     }
@@ -181,7 +181,7 @@ fn run(words: &Words) -> Result<bool, Failure> {
 /// Moves to a pose; returns the largest error of a joint.
 fn move_to(driver: &EmbeddedWam, target: &[f64; 7]) -> Result<f64, Failure> {
     driver.position_move(Axes::All, target)?;
-    rest(driver)?;
+    wait_at_rest(driver)?;
     if let Some(reason) = driver.link().last_interruption {
         return Err(reason.into());
     }
@@ -192,7 +192,7 @@ fn move_to(driver: &EmbeddedWam, target: &[f64; 7]) -> Result<f64, Failure> {
     }))
 }
 
-fn rest(driver: &EmbeddedWam) -> Result<(), Failure> {
+fn wait_at_rest(driver: &EmbeddedWam) -> Result<(), Failure> {
     let deadline = Instant::now() + MOVE_TIMEOUT;
     while !matches!(driver.motion_done(Axes::All), Ok(true)) {
         if Instant::now() > deadline {
@@ -239,7 +239,7 @@ fn bare(end: Instant, period: Duration) -> Result<CycleStatistics, Failure> {
         // The thread ends when the other side closes.
         while far.read_exact(&mut question).is_ok() && far.write_all(&[0; REPLY_BYTES]).is_ok() {}
     });
-    let timing = keep(end, period, || {
+    let timing = run_periodically(end, period, || {
         near.write_all(&[0; REQUEST_BYTES])?;
         near.read_exact(&mut [0; REPLY_BYTES])
     });

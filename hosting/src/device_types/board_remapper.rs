@@ -317,7 +317,7 @@ mod tests {
 
     /// Checks ranges in brackets, and in the form of stock's older files.
     #[test]
-    fn stretches_of_networks_become_joints() {
+    fn ranges_of_networks_become_joints() {
         let text = "networks (left right)\njoints 5\nleft (3 4 0 1)\nright 0 2 5 7\n";
         let Some(Joints::Networks { names, joints }) = of(text).unwrap() else {
             panic!("these are networks");
@@ -334,7 +334,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_add_up_is_refused_with_its_line() {
+    fn inconsistent_parameters_are_refused_with_their_line() {
         let two = "networks (a b)\njoints 4\na (0 1 0 1)\n";
         for (text, expected) in [
             (

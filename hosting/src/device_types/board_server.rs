@@ -67,7 +67,7 @@ impl Hosted for Server {
             self.ports.check_free()?;
             let board: Arc<dyn Device> = match &self.networks {
                 Some(networks) => networks.apply(others).await?,
-                None => only(others)?,
+                None => single_board(others)?,
             };
             let options = self.options.clone();
             let opening = ControlBoardServer::open(&self.network, board, &self.name, options);

@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_add_up_is_refused_with_its_line() {
+    fn inconsistent_parameters_are_refused_with_their_line() {
         for (text, expected) in [
             (
                 "[GENERAL]\nJoints 0",

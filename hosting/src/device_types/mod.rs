@@ -125,7 +125,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_name_means_one_kind() {
+    fn names_of_device_types_are_unique() {
         let names: Vec<_> = DEVICE_TYPES.iter().flat_map(DeviceType::names).collect();
         let distinct: BTreeSet<_> = names.iter().collect();
         assert_eq!(distinct.len(), names.len());

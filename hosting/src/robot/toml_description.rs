@@ -168,7 +168,7 @@ impl Reader<'_> {
             what: error.message().to_owned(),
         })?;
         let table = table.get_ref();
-        source.only(
+        source.check_keys(
             table,
             &["include", "robot", "params", "device"],
             "the description of a robot",
@@ -218,7 +218,7 @@ impl Reader<'_> {
         let at = source.at(asked);
         let name = match asked.get_ref() {
             DeValue::Table(table) => {
-                source.only(table, &["file", "enabled_by", "disabled_by"], "an include")?;
+                source.check_keys(table, &["file", "enabled_by", "disabled_by"], "an include")?;
                 let (on, off) = (
                     source.words(table, "enabled_by")?,
                     source.words(table, "disabled_by")?,
@@ -245,7 +245,7 @@ impl Reader<'_> {
         const DESCRIPTION: &str = "[[device]]";
         let table = source.table(value, DESCRIPTION)?;
         let origin = source.at(value);
-        source.only(
+        source.check_keys(
             table,
             &["name", "type", "params", "extern", "action"],
             DESCRIPTION,
@@ -300,7 +300,7 @@ impl Reader<'_> {
         const DESCRIPTION: &str = "an action";
         let table = source.table(value, DESCRIPTION)?;
         let origin = source.at(value);
-        source.only(table, &["phase", "level", "type", "params"], DESCRIPTION)?;
+        source.check_keys(table, &["phase", "level", "type", "params"], DESCRIPTION)?;
         let params = match table.get("params") {
             Some(params) => self.params(source, params, None)?,
             None => Vec::new(),
@@ -369,7 +369,7 @@ fn read_robot(source: &SourceFile<'_>, value: &SpannedValue<'_>) -> Result<Robot
         "portprefix",
         "reverse-shutdown-action-order",
     ];
-    source.only(table, &known, DESCRIPTION)?;
+    source.check_keys(table, &known, DESCRIPTION)?;
     let at = source.at(value);
     let name = source.text(
         source.need(table, "name", &at, DESCRIPTION)?,

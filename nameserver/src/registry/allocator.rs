@@ -351,7 +351,7 @@ mod tests {
         for number in (10002..=19999).chain([20001]) {
             again.restore(&format!("/{number}"), number);
         }
-        again.settle();
+        again.free_unused();
         assert_eq!(take(&mut again, "/more"), Some(20000));
         assert_eq!(take(&mut again, "/more2"), Some(20002));
     }
@@ -393,7 +393,7 @@ mod tests {
     }
 
     #[test]
-    fn groups_run_out_without_harm() {
+    fn exhausted_groups_are_refused() {
         let mut groups = MulticastGroups::new();
         let count = std::iter::from_fn(|| groups.choose(|_| false)).count();
         assert_eq!(count, 255 * 255 - 2);
@@ -403,7 +403,7 @@ mod tests {
     }
 
     #[test]
-    fn names_are_invented_and_reused() {
+    fn anonymous_names_are_reused() {
         let mut names = AnonymousNames::new();
         assert_eq!(
             names.choose("", |name| name == "/tmp/port/1"),

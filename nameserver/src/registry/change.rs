@@ -116,7 +116,7 @@ impl Registry {
                 self.restore_one(now, change);
             }
         }
-        self.numbers.settle();
+        self.numbers.free_unused();
     }
 
     /// Returns a registry built from `changes`, which keeps the entry of the server itself and the
@@ -245,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn questions_change_nothing_and_the_server_is_not_remembered() {
+    fn queries_change_nothing() {
         let mut registry = Registry::new(settings());
         let lines = [
             "query /a",
@@ -265,7 +265,7 @@ mod tests {
 
     /// Checks that a restored server never gives one number or name to two ports.
     #[test]
-    fn what_is_in_use_is_not_handed_out_again() {
+    fn numbers_and_names_in_use_are_not_handed_out() {
         let mut registry = Registry::new(settings());
         let lines = ["register ...", "register ... mcast", "register /c"].map(str::to_owned);
         let mut changes = run(&mut registry, &lines);
@@ -295,7 +295,7 @@ mod tests {
             let changes = run(&mut registry, &lines);
             let mut rebuilt = Registry::new(settings());
             rebuilt.restore(Instant::now(), changes);
-            prop_assert_eq!(told(&mut rebuilt, &names), told(&mut registry, &names));
+            prop_assert_eq!(all_answers(&mut rebuilt, &names), all_answers(&mut registry, &names));
         }
     }
 
@@ -318,7 +318,7 @@ mod tests {
                 items.sort();
                 items.dedup();
                 for item in items {
-                    let write = store_format::write(&item, registry.held(&item).as_ref());
+                    let write = store_format::write(&item, registry.item_value(&item).as_ref());
                     let read = store_format::item_of(&write.key, write.value.as_deref());
                     let (read, held) = read.expect("what is written is understood");
                     prop_assert_eq!(&read, &item);
@@ -329,24 +329,24 @@ mod tests {
                     }
                 }
             }
-            prop_assert_eq!(told(&mut other, &names), told(&mut registry, &names));
+            prop_assert_eq!(all_answers(&mut other, &names), all_answers(&mut registry, &names));
             later.sort();
             later.dedup();
             for item in &later {
-                other.adopt(Instant::now(), item, past.held(item));
+                other.adopt(Instant::now(), item, past.item_value(item));
             }
             // A topic that was added again is listed last.
             let unordered = |mut told: Vec<String>| {
                 told[2].clear();
                 told
             };
-            let [back, past] = [&mut other, &mut past].map(|one| unordered(told(one, &names)));
+            let [back, past] = [&mut other, &mut past].map(|one| unordered(all_answers(one, &names)));
             prop_assert_eq!(back, past);
         }
 
         /// Checks any key and value that another program may write.
         #[test]
-        fn no_value_makes_trouble(key in "(port|connection|topic|type)/[ -~]{0,9}", value in "\\PC{0,40}") {
+        fn foreign_values_do_not_panic(key in "(port|connection|topic|type)/[ -~]{0,9}", value in "\\PC{0,40}") {
             let item = crate::shared::store_format::item_of(&key, Some(value.as_bytes()));
             prop_assert!(item.is_none_or(|(_, held)| held.is_some()));
         }

@@ -418,7 +418,7 @@ mod tests {
             }
         }
 
-        fn look(&mut self, outcome: ProbeResult) -> Vec<(String, bool)> {
+        fn probe_due(&mut self, outcome: ProbeResult) -> Vec<(String, bool)> {
             let due = self.registry.due_for_probe(self.now, EVERY, 100);
             due.iter()
                 .map(|port| {
@@ -438,22 +438,22 @@ mod tests {
     const PORT: &str = "register /a tcp h 1";
 
     #[test]
-    fn nobody_is_looked_at_more_often_than_configured() {
+    fn probes_keep_to_their_interval() {
         let mut asked = Asked::after(&[PORT, "register /g mcast", "register /t topic"]);
-        assert_eq!(asked.look(ProbeResult::Answered), []);
+        assert_eq!(asked.probe_due(ProbeResult::Answered), []);
         asked.pass(30);
         assert_eq!(
-            asked.look(ProbeResult::Answered),
+            asked.probe_due(ProbeResult::Answered),
             [("/a".to_owned(), false)]
         );
         asked.pass(29);
-        assert_eq!(asked.look(ProbeResult::Answered), []);
+        assert_eq!(asked.probe_due(ProbeResult::Answered), []);
         asked.pass(1);
-        assert_eq!(asked.look(ProbeResult::Answered).len(), 1);
+        assert_eq!(asked.probe_due(ProbeResult::Answered).len(), 1);
     }
 
     #[test]
-    fn states_follow_what_is_seen() {
+    fn states_follow_probe_results() {
         let mut asked = Asked::after(&[PORT]);
         assert_eq!(asked.state("/a"), Liveness::Alive);
         for (outcome, state) in [
@@ -464,7 +464,7 @@ mod tests {
             (ProbeResult::WrongPort, Liveness::Gone),
         ] {
             asked.pass(30);
-            asked.look(outcome);
+            asked.probe_due(outcome);
             assert_eq!(asked.state("/a"), state);
         }
         let line = "registration name /a ip h port 1 type tcp state gone|*** end of message|";
@@ -473,13 +473,13 @@ mod tests {
     }
 
     #[test]
-    fn only_who_is_gone_for_long_is_dropped() {
+    fn only_ports_gone_for_long_expire() {
         let mut asked = Asked::after(&[PORT]);
         let looks = |asked: &mut Asked, outcome, times| {
             let mut dropped = false;
             for _ in 0..times {
                 asked.pass(30);
-                dropped |= asked.look(outcome)[0].1;
+                dropped |= asked.probe_due(outcome)[0].1;
             }
             dropped
         };
@@ -491,10 +491,10 @@ mod tests {
     }
 
     #[test]
-    fn a_lease_keeps_alive_and_spares_the_looks() {
+    fn leases_replace_probes() {
         let mut asked = Asked::after(&[PORT]);
         asked.pass(30);
-        asked.look(ProbeResult::Refused);
+        asked.probe_due(ProbeResult::Refused);
         let told = asked.ask("lease /a h 1 /b h 2");
         assert_eq!(told, "lease 20 server 0|lost /b|*** end of message|");
         assert_eq!(
@@ -503,14 +503,14 @@ mod tests {
         );
         assert_eq!(asked.state("/a"), Liveness::Alive);
         asked.pass(19);
-        assert_eq!(asked.look(ProbeResult::Refused), []);
+        assert_eq!(asked.probe_due(ProbeResult::Refused), []);
         asked.pass(11);
-        assert_eq!(asked.look(ProbeResult::Refused).len(), 1);
+        assert_eq!(asked.probe_due(ProbeResult::Refused).len(), 1);
         assert_eq!(asked.state("/a"), Liveness::Gone);
     }
 
     #[test]
-    fn a_name_that_is_held_must_be_looked_at_first() {
+    fn claims_require_a_probe_of_the_owner() {
         let mut asked = Asked::after(&[PORT, "register /g mcast", "register /t topic"]);
         for free in [
             "register /b",
@@ -560,7 +560,7 @@ mod tests {
     }
 
     #[test]
-    fn an_owner_that_takes_connections_keeps_its_name() {
+    fn owners_that_accept_connections_keep_their_names() {
         let mut asked = Asked::after(&[PORT]);
         let holder: Registration = "registration name /a ip h port 1 type tcp".parse().unwrap();
         let mut check = |keeping: [bool; 5]| {

@@ -375,7 +375,7 @@ mod tests {
     }
 
     #[test]
-    fn a_forgotten_topic_joins_nobody() {
+    fn removed_topics_connect_no_ports() {
         let mut held = with(&[("/w", "topic://t"), ("topic://t", "/r")]);
         held.remove_topic("/t");
         check_pairs(&held, "/t", &[("/t", "/r"), ("/w", "/t")]);

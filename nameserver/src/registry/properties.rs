@@ -173,7 +173,7 @@ mod tests {
 
     /// Answers of stock 3.5.0.
     #[test]
-    fn values_are_read_again_for_programs() {
+    fn stored_texts_are_parsed_as_values() {
         let held = properties("k", &["5", "abc def", "(a b)", "[vo]", "true", ""]);
         assert_eq!(
             held.bottle("k").to_string(),
@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn what_ports_have_in_common_is_held_once_and_goes_with_the_last() {
+    fn shared_values_are_interned() {
         let mut pool = Pool::default();
         let mut ports: Vec<Properties> = Vec::new();
         for index in 0..1000 {

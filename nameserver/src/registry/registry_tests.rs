@@ -97,7 +97,7 @@ fn the_server_lists_itself() {
 }
 
 #[test]
-fn what_is_no_command_is_answered_by_the_end() {
+fn unknown_commands_get_the_closing_line() {
     for line in [
         "nonsense",
         "",
@@ -148,7 +148,7 @@ fn a_number_in_use_is_not_handed_out() {
 }
 
 #[test]
-fn names_are_invented_as_in_stock() {
+fn anonymous_names_are_chosen_as_in_stock() {
     let mut asked = Asked::new();
     asked.check_place("register ...", "/tmp/port/1 127.0.0.1 10312 tcp");
     asked.check_place("register ...", "/tmp/port/2 127.0.0.1 10313 tcp");
@@ -177,7 +177,7 @@ fn multicast_groups_and_topics_get_their_address() {
 }
 
 #[test]
-fn refusals_say_why() {
+fn refusals_name_the_reason() {
     let mut asked = Asked::new();
     let reason = "refused: port number must be 1 to 65535, or 0 or -1 to have one chosen, got";
     asked.check(
@@ -208,7 +208,7 @@ fn refusals_say_why() {
 }
 
 #[test]
-fn the_server_lives_on_without_numbers() {
+fn exhausted_numbers_do_not_stop_the_server() {
     let mut asked = Asked {
         registry: Registry::new(Settings::at("192.0.2.2", 65533)),
         now: Instant::now(),
@@ -223,7 +223,7 @@ fn the_server_lives_on_without_numbers() {
 }
 
 #[test]
-fn queries_see_through_carriers_and_networks() {
+fn queries_accept_carriers_and_networks() {
     let mut asked = Asked::after(&[
         "register /a tcp 127.0.0.1 10339",
         "register /ab tcp 127.0.0.1 10338",
@@ -368,7 +368,7 @@ fn runners_are_marked_by_a_property() {
 }
 
 #[test]
-fn what_a_port_owns_goes_with_it() {
+fn owned_names_are_removed_with_their_owner() {
     let owning = [
         "register /ow",
         "register /owned",
@@ -395,7 +395,7 @@ fn only_the_bare_name_unregisters() {
 }
 
 #[test]
-fn comings_and_goings_are_published() {
+fn added_and_removed_names_are_published() {
     let mut asked = Asked::new();
     asked.check_effects("register /e", &["add /e"]);
     asked.check_effects("register /e", &["del /e", "add /e"]);
@@ -485,7 +485,7 @@ fn subscribing_connects_registered_ports() {
 }
 
 #[test]
-fn announcing_connects_what_waited() {
+fn announcing_makes_pending_connections() {
     let mut asked = two_ports();
     asked.reply("subscribe /s1 /s2");
     asked.check_effects("announce /s1", &[]);
@@ -500,7 +500,7 @@ fn announcing_connects_what_waited() {
 }
 
 #[test]
-fn a_port_found_dead_is_left_alone_until_it_announces() {
+fn dead_ports_are_not_connected_until_they_announce() {
     let mut asked = two_ports();
     asked.reply("subscribe /s1 /s2");
     asked.reply("announce /s1");
@@ -569,7 +569,7 @@ proptest! {
     }
 
     #[test]
-    fn any_words_are_answered(requests in prop::collection::vec(words(), 0..40)) {
+    fn any_sequence_of_requests_is_answered(requests in prop::collection::vec(words(), 0..40)) {
         let mut asked = Asked::new();
         for line in requests {
             let body = asked.reply(&line).body;

@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn each_asker_gets_an_address_of_its_network() {
+    fn clients_get_an_address_in_their_network() {
         check("10.1.0.7", "10.1.0.9", "10.1.0.7");
         check("10.1.0.7", "10.2.1.1", "10.2.9.7");
         check("10.2.9.7", "10.1.0.9", "10.1.0.7");
@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn whoever_needs_no_other_address_gets_the_one_registered() {
+    fn other_clients_get_the_registered_address() {
         for from in ["127.0.0.1", "10.1.0.1", "fd00::1", "unknown"] {
             check("10.1.0.7", from, "10.1.0.7");
             check("127.0.0.1", from, "127.0.0.1");

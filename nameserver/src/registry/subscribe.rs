@@ -96,7 +96,7 @@ impl Registry {
 
     /// Removes the subscriptions that end with a port.
     pub(super) fn end_with(&mut self, name: &str) {
-        for (source, destination) in self.persistent.gone(name) {
+        for (source, destination) in self.persistent.remove_port(name) {
             self.record(Change::SubscriptionGone {
                 source,
                 destination,

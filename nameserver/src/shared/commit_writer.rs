@@ -180,7 +180,7 @@ impl<T: SharedStore> Writer<T> {
         }
         let mut writes: Vec<Write> = items
             .iter()
-            .map(|item| store_format::write(item, self.draft.held(item).as_ref()))
+            .map(|item| store_format::write(item, self.draft.item_value(item).as_ref()))
             .collect();
         let value = |write: &Write| write.value.as_ref().map_or(0, Vec::len);
         let bytes: usize = writes
@@ -276,7 +276,7 @@ impl<T: SharedStore> Writer<T> {
         let now = Instant::now();
         let copy = lock(&self.copy);
         for item in &batch.items {
-            self.draft.adopt(now, item, copy.held(item));
+            self.draft.adopt(now, item, copy.item_value(item));
         }
         drop(copy);
         self.requeue(batch.done);

@@ -486,7 +486,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_address_is_said() {
+    fn malformed_addresses_are_refused() {
         for (address, reason) in [
             ("http://a:1/x", "it does not begin with etcd://"),
             ("etcd://a:1", "no prefix follows the members"),

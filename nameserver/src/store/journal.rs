@@ -115,7 +115,7 @@ fn write(
                     .iter_mut()
                     .map(|entry| std::mem::take(&mut entry.changes));
                 let changes: Vec<Change> = changes.flatten().collect();
-                store.keep(&changes).map_err(Arc::new)
+                store.append(&changes).map_err(Arc::new)
             }
         };
         let outcome = match kept {

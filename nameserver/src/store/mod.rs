@@ -26,7 +26,7 @@ pub trait Store: Send + 'static {
     ///
     /// The requests are acknowledged after this returns: from then on the changes must outlive the
     /// process.
-    fn keep(&mut self, changes: &[Change]) -> Result<(), StoreError>;
+    fn append(&mut self, changes: &[Change]) -> Result<(), StoreError>;
 
     /// Runs maintenance while there are no requests.
     fn maintain(&mut self) {}

@@ -164,7 +164,7 @@ impl Store for SqliteStore {
         load(&self.connection).map_err(|source| StoreError::of(&self.path, "read", source))
     }
 
-    fn keep(&mut self, changes: &[Change]) -> Result<(), StoreError> {
+    fn append(&mut self, changes: &[Change]) -> Result<(), StoreError> {
         let mut keep = || {
             // Dropping it without a commit rolls everything back.
             let transaction = self.connection.transaction()?;

@@ -142,7 +142,7 @@ impl Survey {
         let mut asking = JoinSet::new();
         for (place, process) in waiting {
             while asking.len() >= MAX_CONCURRENT_QUERIES {
-                self.keep(asking.join_next().await, interval);
+                self.record_result(asking.join_next().await, interval);
             }
             let network = self.settings.network.clone();
             let request_handler = request_handler.clone();
@@ -162,7 +162,7 @@ impl Survey {
             });
         }
         while let done @ Some(_) = asking.join_next().await {
-            self.keep(done, interval);
+            self.record_result(done, interval);
         }
     }
 

@@ -167,7 +167,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_a_port_says_of_its_process() {
+    fn processes_are_parsed() {
         let answer = "(process ((arguments \"--name /a\") (name /bin/cam) (pid 12) (priority 0))) \
              (platform ((hostname lab) (os Linux)))";
         let process = process_in(&Bottle::parse(answer).unwrap()).unwrap();

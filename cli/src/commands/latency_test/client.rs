@@ -11,7 +11,7 @@ use yarp_ports::{Network, Port, PortError, PortOptions, Queue};
 use yarp_wire::carrier::{Carrier, CarrierSpec};
 use yarp_wire::{Bottle, Value};
 
-use super::{CLIENT, EXIT_FAILED, SERVER, Sizes, rest};
+use super::{CLIENT, EXIT_FAILED, SERVER, Sizes, sleep_between_frames};
 use crate::commands::argument_words::Options;
 use crate::error::Result;
 use crate::network_access;
@@ -70,12 +70,12 @@ pub(super) async fn measure(
         let test = test(&network, &port, options, (frames, *size), out);
         let done = tokio::select! {
             biased;
-            () = interrupt.heard() => Ok(None),
+            () = interrupt.interrupted() => Ok(None),
             done = test => done,
         };
         port.close().await;
         match done? {
-            Some(Ok(measured)) => tell(&measured, *size, options, out)?,
+            Some(Ok(measured)) => print_results(&measured, *size, options, out)?,
             Some(Err(failed)) => code = failed,
             None => return Ok(ExitCode::FAILURE),
         }
@@ -101,9 +101,9 @@ async fn test(
         carrier: &named,
         replies: !carrier.connectionless && carrier.push && !options.has("no-reply"),
     };
-    reach(network, port.name(), SERVER, &way, out).await?;
+    connect_when_possible(network, port.name(), SERVER, &way, out).await?;
     if !way.replies {
-        reach(network, SERVER, port.name(), &way, out).await?;
+        connect_when_possible(network, SERVER, port.name(), &way, out).await?;
     }
     let start = [
         Value::from("start"),
@@ -199,7 +199,7 @@ async fn exchange(
                 (now - sent) * 1000.0
             )?;
         }
-        rest(pause).await;
+        sleep_between_frames(pause).await;
     }
     Ok(Ok(measured))
 }
@@ -222,14 +222,14 @@ fn print_results(
     )?;
     let prefix = options.text("logfile").unwrap_or_else(|| "log_".to_owned());
     let name = format!("{prefix}{size}.txt");
-    match keep(&name, measured) {
+    match write_results(&name, measured) {
         Ok(()) => writeln!(out, "Test complete. Data saved to file: {name}")?,
         Err(error) => complain(out, &format!("Cannot write {name}: {error}"))?,
     }
     Ok(())
 }
 
-fn keep(name: &str, measured: &[Frame]) -> std::io::Result<()> {
+fn write_results(name: &str, measured: &[Frame]) -> std::io::Result<()> {
     let mut file = BufWriter::new(File::create(name)?);
     for Frame { latency, copy } in measured {
         writeln!(file, "{} {}", general(*latency), general(*copy))?;

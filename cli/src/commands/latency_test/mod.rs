@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn options_say_how_large_the_messages_are() {
+    fn options_select_message_sizes() {
         let check = |words: &[&str], expected: &[Option<i32>], code: u8| {
             let words: Vec<String> = words.iter().map(|word| (*word).to_owned()).collect();
             let expected = Sizes {

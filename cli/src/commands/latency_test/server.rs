@@ -8,7 +8,7 @@ use tokio::sync::{mpsc, oneshot};
 use yarp_ports::{Answer, Network, Port, PortOptions, Received};
 use yarp_wire::{Bottle, Value};
 
-use super::{EXIT_FAILED, MAX_MESSAGE_BYTES, SERVER, rest};
+use super::{EXIT_FAILED, MAX_MESSAGE_BYTES, SERVER, sleep_between_frames};
 use crate::commands::argument_words::Options;
 use crate::error::Result;
 use crate::network_access;
@@ -44,7 +44,7 @@ pub(super) async fn serve(options: &Options, out: &mut dyn Write) -> Result<Exit
         let test = test(&port, &mut requests, options, out);
         let end = tokio::select! {
             biased;
-            () = interrupt.heard() => Ok(End::Interrupted),
+            () = interrupt.interrupted() => Ok(End::Interrupted),
             end = test => end,
         };
         port.close().await;
@@ -143,7 +143,7 @@ async fn test(
                 complain(out, "Invalid command received from the client")?;
                 return Ok(End::Error);
             };
-            wanted.tell(out)?;
+            wanted.print(out)?;
             count = 0;
             continue;
         }
@@ -181,7 +181,7 @@ async fn test(
             )?;
             writeln!(out, "Sending the frame number: {count}")?;
         }
-        rest(pause).await;
+        sleep_between_frames(pause).await;
         count += 1;
     }
     Ok(End::Error)
@@ -192,7 +192,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_client_may_not_ask_for_more_than_there_is() {
+    fn requests_beyond_the_maximum_are_refused() {
         let wanted = |text: &str| Wanted::of(&Bottle::parse(text).unwrap());
         let text = |start: &str| wanted(start).unwrap().text;
         assert_eq!(text("start 4 1"), Value::from("ppp"));

@@ -32,7 +32,7 @@ pub(super) async fn run(network: &Network, port: &str, out: &mut dyn Write) -> R
     tracing::info!(target: COMPONENT, "Pausing for 5 seconds...");
     let mut meter = Meter::default();
     tokio::select! {
-        () = interrupt.heard() => {}
+        () = interrupt.interrupted() => {}
         measured = tokio::time::timeout(MEASURE_DURATION, meter.measure(&reader)) => {
             if let Ok(Err(error)) = measured {
                 return Err(error);
@@ -67,11 +67,11 @@ impl Meter {
                 self.periods.push((now - last).as_secs_f64());
             }
             self.count += 1;
-            self.tell();
+            self.log();
         }
     }
 
-    fn tell(&self) {
+    fn log(&self) {
         tracing::info!(target: COMPONENT, "{}", sentence(self.count, &self.periods));
     }
 }

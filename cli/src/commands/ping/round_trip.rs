@@ -43,7 +43,7 @@ pub(super) async fn run(network: &Network, port: &str, out: &mut dyn Write) -> R
     Ok(ExitCode::SUCCESS)
 }
 
-fn tell(round: usize, direct: &[f64], with_lookup: &[f64]) {
+fn log_round(round: usize, direct: &[f64], with_lookup: &[f64]) {
     tracing::info!(target: COMPONENT, "Ping #{round}:");
     let last = |values: &[f64]| duration(values[values.len() - 1]);
     let (now, looked_up) = (last(direct), last(with_lookup));

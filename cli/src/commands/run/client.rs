@@ -168,7 +168,7 @@ async fn reply(
         };
         let reply = tokio::select! {
             biased;
-            () = interrupt.heard() => None,
+            () = interrupt.interrupted() => None,
             reply = call(&port, run_request) => Some(reply),
         };
         port.close().await;
@@ -183,7 +183,7 @@ async fn reply(
         }
         tokio::select! {
             biased;
-            () = interrupt.heard() => break,
+            () = interrupt.interrupted() => break,
             () = tokio::time::sleep(RETRY_DELAY) => {}
         }
     }
@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn options_become_the_requests_of_stock() {
+    fn options_are_converted_to_stock_requests() {
         let check = |words: &[&str], expected: &str| {
             let run_request = run_request(words).unwrap().unwrap();
             assert_eq!(
@@ -236,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_is_told() {
+    fn missing_arguments_are_reported() {
         let check = |words: &[&str], expected: &str| {
             assert_eq!(run_request(words), Err(expected.to_owned()))
         };
@@ -251,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn replies_say_whether_it_was_done() {
+    fn replies_report_success() {
         let check = |words: &[&str], reply: &str, expected: bool| {
             let run_request = run_request(words).unwrap().unwrap();
             let reply = Bottle::parse(reply).unwrap();

@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn a_request_says_what_runs() {
+    fn requests_are_parsed_into_commands() {
         let request = Bottle::parse("(cmd \"sleep 9\") (as t) (env \"A=1\")").unwrap();
         let expected = Launch {
             tag: "t".to_owned(),
@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_run_says_why() {
+    fn commands_that_cannot_start_report_the_reason() {
         let check = |text: &str, expected: &str| {
             let launch = Launch::of(&Bottle::parse(text).unwrap());
             assert_eq!(launch.spawn().unwrap_err(), expected, "{text}");

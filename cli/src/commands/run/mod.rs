@@ -91,7 +91,7 @@ pub(crate) struct Args {
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let options = Options::parse(&args.words);
     if options.has(GUARD_ARGUMENT) {
-        orphan_guard::keep().await;
+        orphan_guard::run().await;
         return Ok(ExitCode::SUCCESS);
     }
     if let Some(name) = options.text("server") {

@@ -55,7 +55,7 @@ impl OrphanGuard {
         self.send('-', group);
     }
 
-    fn tell(&mut self, sign: char, group: Pid) {
+    fn send(&mut self, sign: char, group: Pid) {
         let line = format!("{sign}{}\n", group.as_raw_nonzero());
         if let Err(error) = self.input.write_all(line.as_bytes()) {
             tracing::error!(target: "yarp.run", "the process guard is gone: commands may outlive this server: {error}");

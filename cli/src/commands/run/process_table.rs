@@ -62,7 +62,7 @@ impl Processes {
             let _ = child.wait();
             return Err("Can't execute command because its process id is unknown".to_owned());
         };
-        guard.keep(pid);
+        guard.watch(pid);
         running.push(Process { pid, launch });
         let processes = self.clone();
         // The task ends with the command.
@@ -148,7 +148,7 @@ impl State {
         left.retain(|group| {
             let exists = orphan_guard::exists(*group);
             if !exists && let Some(guard) = guard {
-                guard.forget(*group);
+                guard.unwatch(*group);
             }
             exists
         });

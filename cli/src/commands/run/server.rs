@@ -63,7 +63,7 @@ pub(super) async fn serve(name: &str, out: &mut dyn Write) -> Result<ExitCode> {
     writeln!(out, "[INFO] Yarprun successfully started on port:  {name}")?;
     out.flush()?;
     tokio::select! {
-        () = interrupt.heard_times(1) => {}
+        () = interrupt.interrupted_times(1) => {}
         () = ending.notified() => {}
     }
     port.close().await;
@@ -109,19 +109,19 @@ impl CommandHandler {
                 .map(Value::to_plain_string)
                 .unwrap_or_default()
         };
-        let said = |name| said(request, name);
+        let has = |name| contains_word(request, name);
         let processes = &self.processes;
         let verdict = |name: &str, done: bool| {
             Bottle::of(format!("{name} {}", if done { "OK" } else { "FAILED" }).as_str())
         };
-        if said("which") {
+        if has("which") {
             return Bottle::of(which(&text("which")).as_str());
         }
-        if said("exit") {
+        if has("exit") {
             self.ending.notify_one();
             return verdict("exit", true);
         }
-        if said("stdio") {
+        if has("stdio") {
             let launch = Launch::of(request);
             return self.aborted(&launch, "This server opens no terminals; leave out --stdio");
         }
@@ -131,7 +131,7 @@ impl CommandHandler {
             }
             return self.start(Launch::of(request));
         }
-        if said("kill") {
+        if has("kill") {
             let group = request.find_group("kill");
             let number = group.and_then(|group| group.get(2)?.as_i32());
             let signal = number.and_then(Signal::from_named_raw);
@@ -139,18 +139,18 @@ impl CommandHandler {
                 signal.is_some_and(|signal| processes.signal(Some(&text("kill")), signal) > 0);
             return verdict("kill", done);
         }
-        if said("sigterm") {
+        if has("sigterm") {
             let count = processes.signal(Some(&text("sigterm")), Signal::TERM);
             return verdict("sigterm", count > 0);
         }
-        if said("sigtermall") {
+        if has("sigtermall") {
             processes.signal(None, Signal::TERM);
             return verdict("sigtermall", true);
         }
-        if said("ps") {
+        if has("ps") {
             return processes.list();
         }
-        if said("isrunning") {
+        if has("isrunning") {
             return Bottle::of(match processes.is_running(&text("isrunning")) {
                 true => "running",
                 false => "not running",

@@ -37,7 +37,7 @@ export function watch(show) {
     busy = false;
     show(model);
     const first = model.interval !== null && model.rounds === 0 && !model.error;
-    const pause = first ? FIRST_PAUSE : Math.max(LEAST_PAUSE, 1000 * (model.interval ?? 5));
+    const pause = first ? FIRST_FETCH_DELAY_MS : Math.max(MIN_FETCH_INTERVAL_MS, 1000 * (model.interval ?? 5));
     timer = setTimeout(round, pause);
   }
 
@@ -46,7 +46,7 @@ export function watch(show) {
 }
 
 async function read(address) {
-  const response = await fetch(address, { signal: AbortSignal.timeout(NO_ANSWER) });
+  const response = await fetch(address, { signal: AbortSignal.timeout(FETCH_TIMEOUT_MS) });
   if (!response.ok) throw new Error(`${address}: ${response.status}`);
   return response.json();
 }

@@ -82,7 +82,7 @@ const MAX_CONNECTIONS = 200; // connections shown per direction
 function linkList(title, links, end, model, actions) {
   if (!links.length) return [];
   const list = element("ul", "links");
-  for (const link of links.slice(0, MOST)) {
+  for (const link of links.slice(0, MAX_CONNECTIONS)) {
     const item = element("li");
     const peer = model.byName.get(link[end]);
     const name = button(link[end], () => actions.select(link[end]));
@@ -96,7 +96,7 @@ function linkList(title, links, end, model, actions) {
     item.append(badge, name, element("span", "quiet", passed));
     list.append(item);
   }
-  const more = links.length > MOST ? [element("p", "quiet", `and ${links.length - MOST} more`)] : [];
+  const more = links.length > MAX_CONNECTIONS ? [element("p", "quiet", `and ${links.length - MAX_CONNECTIONS} more`)] : [];
   return [element("h3", "", `${title} (${links.length})`), list, ...more];
 }
 

@@ -105,7 +105,7 @@ export class Graph {
     for (const link of connections) {
       if (!wanted(link.from) && !wanted(link.to)) continue;
       const fresh = [link.from, link.to].filter((name) => !seen.has(name));
-      if (seen.size + fresh.length > MOST_PORTS) {
+      if (seen.size + fresh.length > MAX_PORTS) {
         left += fresh.length;
         continue;
       }
@@ -136,7 +136,7 @@ export class Graph {
     }));
     const { clientWidth, clientHeight } = this.canvas;
     const room = {
-      width: Math.max(200, clientWidth - ASIDE), height: Math.max(200, clientHeight - ABOVE - BELOW),
+      width: Math.max(200, clientWidth - MARGIN_X), height: Math.max(200, clientHeight - MARGIN_TOP - MARGIN_BOTTOM),
     };
     this.size = layout([...boxes.values()], lines, room);
     this.rows = new Map();
@@ -219,7 +219,7 @@ export class Graph {
       row.querySelector(".sign").textContent = STATES[state].sign;
       row.setAttribute("aria-label", `${name}, ${STATES[state].words}`);
     }
-    this.canvas.classList.toggle("few", links.length <= FEW_LINKS);
+    this.canvas.classList.toggle("few", links.length <= MAX_LABELLED_LINKS);
     for (const link of links) {
       const group = this.lines.get(key(link.from, link.to));
       const speed = rate(link);
@@ -376,18 +376,18 @@ export class Graph {
     if (!this.touched) {
       const scale = Math.max(
         1 / 1.25,
-        this.size.width / Math.max(1, clientWidth - ASIDE),
-        this.size.height / Math.max(1, clientHeight - ABOVE - BELOW),
+        this.size.width / Math.max(1, clientWidth - MARGIN_X),
+        this.size.height / Math.max(1, clientHeight - MARGIN_TOP - MARGIN_BOTTOM),
       );
       const [width, height] = [clientWidth * scale, clientHeight * scale];
-      const shift = ((ABOVE - BELOW) / 2) * scale;
+      const shift = ((MARGIN_TOP - MARGIN_BOTTOM) / 2) * scale;
       this.view = {
         x: (this.size.width - width) / 2, y: (this.size.height - height) / 2 - shift, width, height,
       };
     }
     const { view } = this;
     view.height = (view.width * clientHeight) / clientWidth;
-    this.canvas.classList.toggle("far", view.width / clientWidth > FAR);
+    this.canvas.classList.toggle("far", view.width / clientWidth > MAX_READABLE_SCALE);
     this.canvas.setAttribute("viewBox", `${view.x} ${view.y} ${view.width} ${view.height}`);
   }
 }
@@ -416,8 +416,8 @@ function curve(start, points, end, loop) {
 
 // Shortens a long name in the middle.
 function shorten(name) {
-  if (name.length <= LONGEST) return name;
-  return `${name.slice(0, LONGEST / 2 - 2)}…${name.slice(1 - LONGEST / 2)}`;
+  if (name.length <= MAX_NAME_CHARS) return name;
+  return `${name.slice(0, MAX_NAME_CHARS / 2 - 2)}…${name.slice(1 - MAX_NAME_CHARS / 2)}`;
 }
 
 function make(tag, attributes = {}) {

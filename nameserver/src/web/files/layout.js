@@ -8,11 +8,11 @@
 
 const GAP_X = 120;
 const GAP_Y = 16;
-const BESIDE = 24; // boxes of one column that had to be divided
-const BETWEEN = 60; // parts of the network
-const LONG = 1000; // a column that is not divided
+const SUBCOLUMN_GAP = 24; // boxes of one column that had to be divided
+const PART_GAP = 60; // parts of the network
+const MAX_COLUMN_HEIGHT = 1000; // a column that is not divided
 const SWEEPS = 10;
-const MOST_BENDS = 4000; // beyond, long links go straight
+const MAX_BENDS = 4000; // beyond, long links go straight
 
 export function layout(boxes, links, room) {
   const byId = new Map(boxes.map((box) => [box.id, box]));
@@ -129,7 +129,7 @@ function fill(boxes, edges, layer, byId) {
     link.bends = [];
     let last = cells.get(from);
     let anchor = byId.get(from).anchors.get(turned ? link.toPort : link.fromPort);
-    for (let at = layer.get(from) + 1; at < layer.get(to) && bends < MOST_BENDS; at += 1) {
+    for (let at = layer.get(from) + 1; at < layer.get(to) && bends < MAX_BENDS; at += 1) {
       const bend = { box: null, width: 0, height: 6, left: [], right: [] };
       bends += 1;
       column(at).push(bend);
@@ -188,12 +188,12 @@ function place(columns, links) {
   let [x, height] = [0, 0];
   for (const parts of split) {
     const widest = Math.max(0, ...parts.flat().map((cell) => cell.width));
-    const span = parts.length * (widest + BESIDE) - BESIDE;
+    const span = parts.length * (widest + SUBCOLUMN_GAP) - SUBCOLUMN_GAP;
     parts.forEach((cells, index) => {
       for (const cell of cells) {
         cell.y -= top;
         height = Math.max(height, cell.y + cell.height);
-        if (cell.box) Object.assign(cell.box, { x: x + index * (widest + BESIDE), y: cell.y });
+        if (cell.box) Object.assign(cell.box, { x: x + index * (widest + SUBCOLUMN_GAP), y: cell.y });
         else Object.assign(cell, { x, span });
       }
     });
@@ -211,7 +211,7 @@ function divide(cells) {
   const boxes = cells.filter((cell) => cell.box);
   const widest = Math.max(0, ...boxes.map((cell) => cell.width));
   const total = boxes.reduce((sum, cell) => sum + cell.height + GAP_Y, 0);
-  const tallest = Math.max(LONG, Math.sqrt(total * (widest + BESIDE) * 0.7));
+  const tallest = Math.max(MAX_COLUMN_HEIGHT, Math.sqrt(total * (widest + SUBCOLUMN_GAP) * 0.7));
   const count = Math.max(1, Math.ceil(total / tallest));
   const parts = Array.from({ length: count }, () => []);
   cells.forEach((cell, index) => parts[index % count].push(cell));
@@ -293,11 +293,11 @@ function pack(parts, byId, room) {
 function rows(parts, goal) {
   let [x, y, row, width] = [0, 0, 0, 0];
   const places = parts.map((part) => {
-    if (x > 0 && x + part.width > goal) [x, y, row] = [0, y + row + BETWEEN, 0];
+    if (x > 0 && x + part.width > goal) [x, y, row] = [0, y + row + PART_GAP, 0];
     const at = [x, y];
     row = Math.max(row, part.height);
     width = Math.max(width, x + part.width);
-    x += part.width + BETWEEN;
+    x += part.width + PART_GAP;
     return at;
   });
   return { places, width, height: y + row };

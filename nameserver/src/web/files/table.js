@@ -96,8 +96,8 @@ export class Table {
     const height = this.scroller.clientHeight;
     if (!height) return;
     const count = this.rows.length;
-    const seen = Math.ceil(height / ROW) + 2 * SPARE;
-    const top = Math.floor(this.scroller.scrollTop / ROW) - SPARE;
+    const seen = Math.ceil(height / ROW) + 2 * OVERSCAN_ROWS;
+    const top = Math.floor(this.scroller.scrollTop / ROW) - OVERSCAN_ROWS;
     const first = Math.max(0, Math.min(top, count - seen));
     const last = Math.min(count, first + seen);
     const focused = this.body.contains(document.activeElement)
