@@ -1,38 +1,89 @@
+<<<<<<< /tmp/tmp54d7zv5_
 //! The user's crate: robots, ports and bottles.
+=======
+//! Ports and remote devices for robot programs on a YARP network.
+>>>>>>> /tmp/tmpi8twhmvc
 //!
 //! ```no_run
 //! use std::time::Duration;
-//! use yarp_client::{Axes, ControlMode, Mode, PositionControl, Robot};
+//! use yarp_client::prelude::*;
 //!
-//! # fn main() -> Result<(), yarp_client::Error> {
-//! let arm = Robot::connect("/wam")?;
-//! let elbow = Axes::One(3.into());
-//! arm.set_control_modes(elbow, &[Mode::Position])?;
-//! arm.set_reference_speeds(elbow, &[20.0])?; // deg/s
-//! arm.position_move(elbow, &[120.0])?; // deg
-//! let arrived = arm.wait_motion_done(elbow, Duration::from_secs(10))?;
-//! println!("{arrived}: {:?}", arm.positions()?);
-//! # Ok(()) }
+//! fn main() -> Result<()> {
+//!     let arm = Robot::connect("/wam")?;
+//!     let elbow = Axes::One(3.into());
+//!     arm.set_reference_speeds(elbow, &[20.0])?; // deg/s
+//!     arm.position_move(elbow, &[120.0])?; // deg
+//!     let done = arm.wait_motion_done(elbow, Duration::from_secs(10))?;
+//!     println!("{done}: {:?}", arm.positions()?);
+//!     Ok(())
+//! }
 //! ```
 //!
+<<<<<<< /tmp/tmp54d7zv5_
 //! * [`Robot`]: a control board on the network, with the interfaces of [`yarp_devices`].
 //! * [`Network`], [`Port`], [`PortOptions`]: ports with blocking calls; [`yarp_ports`] has the
 //!   async ones.
 //! * [`Bottle`], [`Value`]: messages between ports.
+=======
+//! | type | use |
+//! | --- | --- |
+//! | [`Publisher`], [`Subscriber`], [`CallbackSubscriber`] | messages one way |
+//! | [`RpcClient`], [`RpcServer`] | requests and replies |
+//! | [`Robot`], [`Hand`], [`CartesianTool`], [`Camera`] | remote devices, with the interfaces of [`yarp_devices`] |
+//! | [`module::Module`] | a program with a name, parameters, an RPC port and a periodic update |
+//! | [`Message`] (derive), [`bottle!`] | typed and untyped messages |
+//! | [`asynchronous`] | the same for programs that run on tokio |
+//!
+//! Calls block and have timeouts; no asynchronous code is needed. Everything else of the layers below is in [`ports`],
+//! [`wire`], [`devices`] and [`wrappers`].
+>>>>>>> /tmp/tmpi8twhmvc
 
+pub mod asynchronous;
+mod camera;
+mod cartesian_tool;
 mod error;
+mod hand;
+mod local_name;
+pub mod module;
+pub mod prelude;
+mod publisher;
+mod received;
 mod robot;
+mod rpc;
+mod subscriber;
 
-pub use error::Error;
+use std::time::Duration;
+
+pub use camera::Camera;
+pub use cartesian_tool::CartesianTool;
+pub use error::{Error, Result};
+pub use hand::Hand;
+pub use publisher::Publisher;
+pub use received::Received;
 pub use robot::Robot;
+pub use rpc::{RpcClient, RpcServer};
+pub use subscriber::{CallbackSubscriber, Messages, Subscriber};
+
+pub use yarp_client_derive::Message;
+pub use yarp_devices as devices;
 pub use yarp_devices::{
     Axes, AxisIndex, AxisInfo, ControlLimits, ControlMode, Device, DeviceError, EncoderReading,
     Encoders, JointType, Limits, Mode, MotionControl, PositionControl, VelocityControl,
 };
+pub use yarp_ports as ports;
 pub use yarp_ports::blocking::Port;
 pub use yarp_ports::{Network, PortError, PortOptions, Queue};
-pub use yarp_wire::{Bottle, Value};
+pub use yarp_wire as wire;
+pub use yarp_wire::{Bottle, Stamp, Value, bottle};
+pub use yarp_wrappers as wrappers;
 pub use yarp_wrappers::{OpenError, RemoteControlBoard, RemoteControlBoardOptions};
+
+/// Maximum number of messages that a reader may be behind before a publisher skips it.
+const MAX_BACKLOG: usize = 16;
+/// Default timeout of a call.
+const RPC_TIMEOUT: Duration = Duration::from_secs(5);
+/// Interval between two reads of something that is waited for.
+const POLL_INTERVAL: Duration = Duration::from_millis(10);
 
 /// Compiles the example of the README.
 #[cfg(doctest)]

@@ -2,7 +2,6 @@
 
 use std::ops::Deref;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -10,8 +9,9 @@ use yarp_devices::{Axes, Device, DeviceError, Encoders, PositionControl};
 use yarp_ports::Network;
 use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions};
 
-use crate::Error;
+use crate::{Error, POLL_INTERVAL, Result, local_name};
 
+<<<<<<< /tmp/tmp3hp3idzp
 /// Timeout for the first state.
 const FIRST_STATE_TIMEOUT: Duration = Duration::from_secs(5);
 /// Interval between two checks while waiting.
@@ -27,6 +27,18 @@ static NEXT_ROBOT_NUMBER: AtomicU32 = AtomicU32::new(0);
 /// Cheap to clone; dropping the last clone closes the connection.
 ///
 /// Dropping it does not stop the robot: a moving joint continues.
+=======
+/// Maximum wait for the first state of a board.
+const FIRST_STATE_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// A control board somewhere on the network, ready to be commanded.
+///
+/// It is a [`RemoteControlBoard`] that has published its state at least once: all interfaces of a control board can be
+/// called on it directly. Calls block as described there, each with a timeout. Cheap to clone; the last clone closes the
+/// connection.
+///
+/// Dropping it does not stop the robot: a joint that moves continues.
+>>>>>>> /tmp/tmpdfg3d52r
 #[derive(Clone, Debug)]
 pub struct Robot {
     board: Arc<RemoteControlBoard>,
@@ -36,6 +48,7 @@ impl Robot {
     /// Connects to the board `remote`, such as `/wam`, on the network named by the environment and
     /// the configuration files.
     ///
+<<<<<<< /tmp/tmp3hp3idzp
     /// Waits for its first state, at most some seconds.
     ///
     /// Errors: [`Error::Network`], [`Error::Open`], and [`Error::Device`] with
@@ -55,6 +68,26 @@ impl Robot {
 
     /// Connects with explicit options.
     pub fn open(network: &Network, options: RemoteControlBoardOptions) -> Result<Self, Error> {
+=======
+    /// Waits for its first state, at most 5 s.
+    ///
+    /// Errors: [`Error::Network`], [`Error::Open`], and [`Error::Device`] with [`DeviceError::NoDataYet`] when the board
+    /// replies but publishes nothing.
+    pub fn connect(remote: &str) -> Result<Self> {
+        Self::connect_on(&Network::from_process()?, remote)
+    }
+
+    /// Connects on the given network.
+    ///
+    /// Its own ports are named `/client/PROCESS/NUMBER` and then as the board.
+    pub fn connect_on(network: &Network, remote: &str) -> Result<Self> {
+        let options = RemoteControlBoardOptions::new(remote, local_name::unique(remote));
+        Self::open(network, options)
+    }
+
+    /// Connects with explicit options.
+    pub fn open(network: &Network, options: RemoteControlBoardOptions) -> Result<Self> {
+>>>>>>> /tmp/tmpdfg3d52r
         let board = RemoteControlBoard::open(network, options)?;
         let robot = Self {
             board: Arc::new(board),
@@ -75,7 +108,11 @@ impl Robot {
         }
     }
 
+<<<<<<< /tmp/tmp3hp3idzp
     /// Returns the positions of the joints, in degrees or metres, without blocking.
+=======
+    /// Returns the positions of the joints, in degrees or metres, without waiting.
+>>>>>>> /tmp/tmpdfg3d52r
     ///
     /// Errors: [`DeviceError::Stale`] if the board has stopped publishing.
     pub fn positions(&self) -> Result<Vec<f64>, DeviceError> {
@@ -83,8 +120,12 @@ impl Robot {
         Ok(readings.iter().map(|reading| reading.position).collect())
     }
 
+<<<<<<< /tmp/tmp3hp3idzp
     /// Waits until these joints have completed their motion, at most for `timeout`; returns true if
     /// they have.
+=======
+    /// Waits until the moves of these axes are done, at most for `timeout`; returns false after it.
+>>>>>>> /tmp/tmpdfg3d52r
     ///
     /// Errors: those of [`PositionControl::motion_done`].
     pub fn wait_motion_done(&self, axes: Axes<'_>, timeout: Duration) -> Result<bool, DeviceError> {
@@ -100,7 +141,11 @@ impl Robot {
         }
     }
 
+<<<<<<< /tmp/tmp3hp3idzp
     /// Returns the robot as a device, for code that takes local and remote devices.
+=======
+    /// Returns the robot for code that takes any device, local or remote.
+>>>>>>> /tmp/tmpdfg3d52r
     pub fn device(&self) -> Arc<dyn Device> {
         self.board.clone()
     }
@@ -111,5 +156,29 @@ impl Deref for Robot {
 
     fn deref(&self) -> &RemoteControlBoard {
         &self.board
+    }
+}
+
+impl From<Robot> for Arc<dyn Device> {
+    fn from(robot: Robot) -> Self {
+        robot.board
+    }
+}
+
+/// Converts a timeout of a first value into an error of its own.
+pub(crate) fn wait_until<T>(
+    timeout: Duration,
+    mut attempt: impl FnMut() -> Result<T, DeviceError>,
+    expired: impl FnOnce() -> Error,
+) -> Result<T> {
+    let deadline = Instant::now() + timeout;
+    loop {
+        match attempt() {
+            Err(DeviceError::NoDataYet { .. }) if Instant::now() < deadline => {
+                thread::sleep(POLL_INTERVAL);
+            }
+            Err(DeviceError::NoDataYet { .. }) => return Err(expired()),
+            outcome => return Ok(outcome?),
+        }
     }
 }

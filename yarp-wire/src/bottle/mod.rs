@@ -7,6 +7,7 @@
 
 mod binary_form;
 mod list;
+mod literal;
 mod number_text;
 mod scanner;
 mod text_form;

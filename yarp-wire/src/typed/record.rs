@@ -99,6 +99,17 @@ macro_rules! wire_struct {
             }
         }
 
+        $crate::wire_record!($name);
+    )+};
+}
+
+/// Implements everything that a [`Record`] needs to travel: [`Field`], [`WireObject`](crate::message::WireObject),
+/// [`ReadObject`](crate::message::ReadObject) and [`ReadPrefix`](crate::typed::ReadPrefix).
+///
+/// [`wire_struct!`](crate::wire_struct) and the derive macro of `yarp-client` use it; programs do not need it.
+#[macro_export]
+macro_rules! wire_record {
+    ($name:ident) => {
         impl $crate::typed::Field for $name {
             fn to_value(&self) -> $crate::Value {
                 $crate::Value::List($crate::typed::Record::to_bottle(self))
@@ -124,7 +135,8 @@ macro_rules! wire_struct {
                 bytes: &mut $crate::typed::private::Bytes,
                 wire_version: $crate::WireVersion,
             ) -> Result<Self, $crate::bottle::DecodeError> {
-                let bottle = <$crate::Bottle as $crate::typed::ReadPrefix>::take(bytes, wire_version)?;
+                let bottle =
+                    <$crate::Bottle as $crate::typed::ReadPrefix>::take(bytes, wire_version)?;
                 $crate::typed::Record::from_bottle(&bottle).ok_or(
                     $crate::bottle::DecodeError::Shape {
                         expected: <Self as $crate::typed::Record>::SHAPE,
@@ -141,7 +153,7 @@ macro_rules! wire_struct {
                 $crate::typed::read_whole(bytes, wire_version)
             }
         }
-    )+};
+    };
 }
 
 macro_rules! integers {

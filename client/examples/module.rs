@@ -1,0 +1,33 @@
+//! A module with parameters, a port and an RPC port: `cargo run --example module -- --start 5`, then `yarp rpc /counter/rpc:i`.
+
+use yarp_client::prelude::*;
+
+struct Counter {
+    publisher: Option<Publisher<Bottle>>,
+    count: i32,
+}
+
+impl Module for Counter {
+    fn configure(&mut self, context: &Context) -> Result<()> {
+        self.count = context.get_or("start", 0)?;
+        self.publisher = Some(Publisher::open(&context.port_name("count:o"))?);
+        Ok(())
+    }
+
+    fn update(&mut self) -> Result<Flow> {
+        self.count += 1;
+        let published = self.publisher.as_ref();
+        published.map(|publisher| publisher.publish(&bottle![self.count]));
+        Ok(Flow::Continue)
+    }
+}
+
+fn main() -> Result<()> {
+    run(
+        Counter {
+            publisher: None,
+            count: 0,
+        },
+        "counter",
+    )
+}
