@@ -1,7 +1,8 @@
-//! A module with parameters, a port and an RPC port: `cargo run --example module -- --start 5`, then `yarp rpc /counter/rpc:i`.
+//! A program with a parameter and an RPC port: `cargo run --example module -- --start 5`, `yarp rpc /counter/rpc:i`.
 
 use yarp_client::prelude::*;
 
+#[derive(Default)]
 struct Counter {
     publisher: Option<Publisher<Bottle>>,
     count: i32,
@@ -16,18 +17,12 @@ impl Module for Counter {
 
     fn update(&mut self) -> Result<Flow> {
         self.count += 1;
-        let published = self.publisher.as_ref();
-        published.map(|publisher| publisher.publish(&bottle![self.count]));
+        let publisher = self.publisher.as_ref();
+        publisher.map(|publisher| publisher.publish(&bottle![self.count]));
         Ok(Flow::Continue)
     }
 }
 
 fn main() -> Result<()> {
-    run(
-        Counter {
-            publisher: None,
-            count: 0,
-        },
-        "counter",
-    )
+    run(Counter::default(), "counter")
 }
