@@ -10,7 +10,8 @@
 #   make idle       what connections cost that are open and at rest
 #   make hour       an hour of the embedded arm at 500 Hz: missed deadlines, ours and the machine's
 #   make bench      ours beside stock YARP, with ratios
-#   make check      formatting and lints
+#   make check      formatting, lints, vocabulary and structure of the sources
+#   make deny       licences and sources of the dependencies
 
 # Where stock YARP is kept: outside the checkout, so that it is built once.
 STOCK ?= $(HOME)/.cache/stock-yarp-3.5.0
@@ -23,7 +24,7 @@ WORKSPACE_FEATURES = $(if $(FEATURES),--features $(FEATURES:%=yarp-cli/%))
 # Where stock's graphical tools are kept.
 WINDOWS ?= $(HOME)/.cache/stock-yarp-windows
 
-.PHONY: run build test test-etcd test-live test-gui test-can soak idle hour bench check setup stock
+.PHONY: run build test test-etcd test-live test-gui test-can soak idle hour bench check deny setup stock
 
 run: build
 	target/release/yarp up
@@ -41,6 +42,11 @@ test: setup check
 check:
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets $(WORKSPACE_FEATURES) -- -D warnings
+	conformance/style.py check
+
+deny: setup
+	command -v cargo-deny >/dev/null || cargo install --locked cargo-deny
+	cargo deny check bans licenses sources
 
 # What is built here `make test FEATURES=etcd` has built by then.
 test-etcd: setup

@@ -1,14 +1,17 @@
 #!/usr/bin/env bash
-# Makes sure that what the plain build needs is there: a Rust toolchain and a C compiler.
+# Makes sure that what the plain build needs is there: a Rust toolchain, a C compiler and Python.
 set -euo pipefail
 
 if ! command -v cargo >/dev/null; then
     echo "setup: Rust is missing; install 1.88 or newer (https://rustup.rs; Debian's own is older), then try again" >&2
     exit 1
 fi
-if ! command -v cc >/dev/null; then
-    echo "setup: installing a C compiler"
+missing=""
+command -v cc >/dev/null || missing="$missing build-essential"
+command -v python3 >/dev/null || missing="$missing python3-minimal"
+if [ -n "$missing" ]; then
+    echo "setup: installing$missing"
     if [ "$(id -u)" = 0 ]; then as_root=""; else as_root="sudo"; fi
     $as_root apt-get update -q
-    $as_root apt-get install -y -q build-essential </dev/null
+    $as_root apt-get install -y -q $missing </dev/null
 fi

@@ -1,0 +1,130 @@
+#!/usr/bin/env python3
+"""Checks the vocabulary and the structure of the sources, and prints the counts.
+
+`style.py check` exits with 1 and names each violation; `style.py report` prints the counts that CHANGELOG and the
+decision records quote. Rules: docs/glossary.md, CONTRIBUTING.md.
+"""
+
+import re
+import subprocess
+import sys
+from collections import defaultdict
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+OPENERS = re.compile(r"(What|Whether|How|Who|Where|As)\b")
+CONSTANT = re.compile(r"\b(?:const|static) (PATIENCE|LOOK|LOOKS|PAUSE|SILENCE|SOON|LONG|FEW|MUCH|ROOM|AWAKE|MANY)\b")
+PUBLIC = re.compile(r"\s*pub (?:(?:async|const|unsafe|extern \"C\") )*(?:fn|struct|enum|trait|const|static|type|mod|union)\b|\s*pub [a-z_0-9]+:")
+MEMBER = re.compile(r"\s*(?:fn [a-z_0-9]+|[A-Z][A-Za-z0-9]*\s*(?:[,({=]|$)|macro_rules!)")
+MAX_FUNCTION_LINES = 100
+# The highest share of public items whose documentation may begin with a question word.
+MAX_OPENER_SHARE = 0.02
+# Names that have the same role wherever they stand.
+SHARED_NAMES = {"mod.rs", "lib.rs", "main.rs"}
+
+
+def sources():
+    listed = subprocess.run(
+        ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard", "*.rs"],
+        cwd=ROOT, capture_output=True, check=True).stdout.decode()
+    return [Path(name) for name in sorted(set(listed.split("\0"))) if name and (ROOT / name).is_file()]
+
+
+def documented_items(lines):
+    """Yields line number and first documentation line of each public item, and of each member of a trait or an enum."""
+    number = 0
+    while number < len(lines):
+        if not lines[number].lstrip().startswith("///"):
+            number += 1
+            continue
+        first = number
+        while number < len(lines) and lines[number].lstrip().startswith(("///", "#[")):
+            number += 1
+        if number < len(lines) and (PUBLIC.match(lines[number]) or MEMBER.match(lines[number])):
+            yield first + 1, lines[first].lstrip()[3:].strip()
+
+
+def functions(lines):
+    """Yields line number, name and length of each function that is formatted as rustfmt does."""
+    for number, line in enumerate(lines):
+        head = re.match(r"(\s*)(?:pub(?:\([a-z]+\))? )?(?:async |const |unsafe )*fn (\w+)", line)
+        if not head:
+            continue
+        close = head.group(1) + "}"
+        for end in range(number, len(lines)):
+            if lines[end] == close:
+                yield number + 1, head.group(2), end - number + 1
+                break
+            if lines[end].rstrip().endswith(";") and lines[end].startswith(head.group(1)) and end == number:
+                break
+
+
+def measure():
+    found = defaultdict(list)
+    counts = defaultdict(int)
+    names = defaultdict(list)
+    for path in sources():
+        text = (ROOT / path).read_text(encoding="utf8")
+        lines = text.split("\n")
+        counts["files"] += 1
+        counts["lines"] += len(lines)
+        names[path.name].append(path)
+        tests = "/tests/" in f"/{path}" or path.name.endswith("tests.rs")
+        for number, line in enumerate(lines, 1):
+            banned = CONSTANT.search(line)
+            if banned:
+                found["constant"].append(f"{path}:{number}: {banned.group(1)}: name what it bounds (docs/glossary.md)")
+            if line.startswith("//!") and (number == 1) and OPENERS.match(line[3:].strip()):
+                found["opener"].append(f"{path}:{number}: begin with a noun or a verb: {line.strip()}")
+        if not tests:
+            for number, sentence in documented_items(lines):
+                counts["items"] += 1
+                if OPENERS.match(sentence):
+                    found["opener"].append(f"{path}:{number}: begin with a verb: {sentence}")
+        for number, name, length in functions(lines):
+            if length > MAX_FUNCTION_LINES:
+                found["length"].append(f"{path}:{number}: {name} has {length} lines, at most {MAX_FUNCTION_LINES}")
+    for name, paths in names.items():
+        if len(paths) > 1 and name not in SHARED_NAMES:
+            counts["shared names"] += 1
+            found["name"].append(f"{name}: {', '.join(map(str, paths))}")
+    return found, counts
+
+
+def report(found, counts):
+    openers = len(found["opener"])
+    print(f"source files                                    {counts['files']}")
+    print(f"lines                                           {counts['lines']}")
+    print(f"documented public items                         {counts['items']}")
+    print(f"... that begin with What/Whether/How/Who/Where/As {openers} ({100 * openers / max(1, counts['items']):.1f} %)")
+    print(f"constants that do not say what they bound       {len(found['constant'])}")
+    print(f"functions over {MAX_FUNCTION_LINES} lines                        {len(found['length'])}")
+    print(f"file names that occur more than once            {counts['shared names']}")
+
+
+def check(found, counts):
+    share = len(found["opener"]) / max(1, counts["items"])
+    wrong = found["constant"] + found["length"]
+    if share > MAX_OPENER_SHARE:
+        wrong += found["opener"]
+    for line in wrong:
+        print(line, file=sys.stderr)
+    return 1 if wrong else 0
+
+
+def main():
+    if len(sys.argv) != 2 or sys.argv[1] not in ("check", "report", "names"):
+        print(__doc__, file=sys.stderr)
+        return 2
+    found, counts = measure()
+    if sys.argv[1] == "report":
+        report(found, counts)
+        return 0
+    if sys.argv[1] == "names":
+        print("\n".join(found["name"]))
+        return 0
+    return check(found, counts)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
