@@ -107,7 +107,7 @@ fn the_command_line_wins_over_the_file() {
     let configured = Event::Configured {
         name: "lab/probe".into(),
         gain: 2.5,
-        label: "007".into(),
+        label: "7".into(),
     };
     assert_eq!(events[0], configured);
     assert_eq!(

@@ -77,7 +77,7 @@ impl Context {
             return Ok(None);
         };
         let value = setting.value();
-        // `--name 007` is a number to the parser and a text to the program.
+        // `--label 7` is a number to the parser and text to the program.
         let text = || T::from_value(&Value::from(value.to_plain_string().as_str()));
         let read = T::from_value(&value).or_else(text);
         read.map(Some).ok_or_else(|| Error::Parameter {
