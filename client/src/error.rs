@@ -1,11 +1,7 @@
-<<<<<<< /tmp/tmpl7a69bqa
-//! Error of a robot.
-=======
 //! The errors of robot programs.
 
 use std::fmt;
 use std::io;
->>>>>>> /tmp/tmp7yra3_nv
 
 use yarp_devices::DeviceError;
 use yarp_ports::config::ConfigError;
@@ -14,13 +10,6 @@ use yarp_ports::{PortError, error_chain};
 use yarp_wire::bottle::DecodeError;
 use yarp_wrappers::OpenError;
 
-<<<<<<< /tmp/tmpl7a69bqa
-/// Error of a robot.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum Error {
-    /// The network could not be reached.
-=======
 /// The result of a call of this crate.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
@@ -31,7 +20,6 @@ pub type Result<T, E = Error> = std::result::Result<T, E>;
 #[non_exhaustive]
 pub enum Error {
     /// The network or a port could not be reached.
->>>>>>> /tmp/tmp7yra3_nv
     #[error(transparent)]
     Network(#[from] PortError),
     /// Two ports could not be connected.

@@ -1,8 +1,4 @@
-<<<<<<< /tmp/tmp54d7zv5_
-//! The user's crate: robots, ports and bottles.
-=======
 //! Ports and remote devices for robot programs on a YARP network.
->>>>>>> /tmp/tmpi8twhmvc
 //!
 //! ```no_run
 //! use std::time::Duration;
@@ -19,12 +15,6 @@
 //! }
 //! ```
 //!
-<<<<<<< /tmp/tmp54d7zv5_
-//! * [`Robot`]: a control board on the network, with the interfaces of [`yarp_devices`].
-//! * [`Network`], [`Port`], [`PortOptions`]: ports with blocking calls; [`yarp_ports`] has the
-//!   async ones.
-//! * [`Bottle`], [`Value`]: messages between ports.
-=======
 //! | type | use |
 //! | --- | --- |
 //! | [`Publisher`], [`Subscriber`], [`CallbackSubscriber`] | messages one way |
@@ -36,7 +26,6 @@
 //!
 //! Calls block and have timeouts; no asynchronous code is needed. Everything else of the layers below is in [`ports`],
 //! [`wire`], [`devices`] and [`wrappers`].
->>>>>>> /tmp/tmpi8twhmvc
 
 pub mod asynchronous;
 mod camera;

@@ -11,23 +11,6 @@ use yarp_wrappers::{RemoteControlBoard, RemoteControlBoardOptions};
 
 use crate::{Error, POLL_INTERVAL, Result, local_name};
 
-<<<<<<< /tmp/tmp3hp3idzp
-/// Timeout for the first state.
-const FIRST_STATE_TIMEOUT: Duration = Duration::from_secs(5);
-/// Interval between two checks while waiting.
-const POLL_INTERVAL: Duration = Duration::from_millis(10);
-
-/// Counter that makes the port names of several robots in one process distinct.
-static NEXT_ROBOT_NUMBER: AtomicU32 = AtomicU32::new(0);
-
-/// A control board on the network.
-///
-/// A `Robot` is a [`RemoteControlBoard`] that has received its first state: all interfaces of a
-/// control board can be called on it directly. Calls block as described there, each with a timeout.
-/// Cheap to clone; dropping the last clone closes the connection.
-///
-/// Dropping it does not stop the robot: a moving joint continues.
-=======
 /// Maximum wait for the first state of a board.
 const FIRST_STATE_TIMEOUT: Duration = Duration::from_secs(5);
 
@@ -38,7 +21,6 @@ const FIRST_STATE_TIMEOUT: Duration = Duration::from_secs(5);
 /// connection.
 ///
 /// Dropping it does not stop the robot: a joint that moves continues.
->>>>>>> /tmp/tmpdfg3d52r
 #[derive(Clone, Debug)]
 pub struct Robot {
     board: Arc<RemoteControlBoard>,
@@ -48,27 +30,6 @@ impl Robot {
     /// Connects to the board `remote`, such as `/wam`, on the network named by the environment and
     /// the configuration files.
     ///
-<<<<<<< /tmp/tmp3hp3idzp
-    /// Waits for its first state, at most some seconds.
-    ///
-    /// Errors: [`Error::Network`], [`Error::Open`], and [`Error::Device`] with
-    /// [`DeviceError::NoDataYet`] if the board answers but publishes nothing.
-    pub fn connect(remote: &str) -> Result<Self, Error> {
-        Self::connect_on(&Network::from_process()?, remote)
-    }
-
-    /// Connects to the board `remote` on the given network.
-    ///
-    /// The local ports are named `/client/PROCESS/NUMBER` followed by the name of the board.
-    pub fn connect_on(network: &Network, remote: &str) -> Result<Self, Error> {
-        let number = NEXT_ROBOT_NUMBER.fetch_add(1, Ordering::Relaxed);
-        let local = format!("/client/{}/{number}{remote}", std::process::id());
-        Self::open(network, RemoteControlBoardOptions::new(remote, local))
-    }
-
-    /// Connects with explicit options.
-    pub fn open(network: &Network, options: RemoteControlBoardOptions) -> Result<Self, Error> {
-=======
     /// Waits for its first state, at most 5 s.
     ///
     /// Errors: [`Error::Network`], [`Error::Open`], and [`Error::Device`] with [`DeviceError::NoDataYet`] when the board
@@ -87,7 +48,6 @@ impl Robot {
 
     /// Connects with explicit options.
     pub fn open(network: &Network, options: RemoteControlBoardOptions) -> Result<Self> {
->>>>>>> /tmp/tmpdfg3d52r
         let board = RemoteControlBoard::open(network, options)?;
         let robot = Self {
             board: Arc::new(board),
@@ -108,11 +68,7 @@ impl Robot {
         }
     }
 
-<<<<<<< /tmp/tmp3hp3idzp
-    /// Returns the positions of the joints, in degrees or metres, without blocking.
-=======
     /// Returns the positions of the joints, in degrees or metres, without waiting.
->>>>>>> /tmp/tmpdfg3d52r
     ///
     /// Errors: [`DeviceError::Stale`] if the board has stopped publishing.
     pub fn positions(&self) -> Result<Vec<f64>, DeviceError> {
@@ -120,12 +76,7 @@ impl Robot {
         Ok(readings.iter().map(|reading| reading.position).collect())
     }
 
-<<<<<<< /tmp/tmp3hp3idzp
-    /// Waits until these joints have completed their motion, at most for `timeout`; returns true if
-    /// they have.
-=======
     /// Waits until the moves of these axes are done, at most for `timeout`; returns false after it.
->>>>>>> /tmp/tmpdfg3d52r
     ///
     /// Errors: those of [`PositionControl::motion_done`].
     pub fn wait_motion_done(&self, axes: Axes<'_>, timeout: Duration) -> Result<bool, DeviceError> {
@@ -141,11 +92,7 @@ impl Robot {
         }
     }
 
-<<<<<<< /tmp/tmp3hp3idzp
-    /// Returns the robot as a device, for code that takes local and remote devices.
-=======
     /// Returns the robot for code that takes any device, local or remote.
->>>>>>> /tmp/tmpdfg3d52r
     pub fn device(&self) -> Arc<dyn Device> {
         self.board.clone()
     }
