@@ -4,6 +4,7 @@ use yarp_client::prelude::*;
 
 fn main() -> Result<()> {
     let hand = Hand::connect("/hand")?;
+    hand.initialise()?;
     hand.grasp(GraspKind::Rectangular)?;
     hand.close_fingers()?;
     println!("closed");

@@ -19,7 +19,7 @@ use yarp_client::wrappers::{
 use yarp_devices::camera::{CameraOptions, SimulatedCamera};
 use yarp_devices::cartesian::{CartesianController, CartesianOptions};
 use yarp_devices::hand::simulated::{SimulatedHand, SimulatedHandOptions};
-use yarp_devices::hand::{BarrettHand, HandOptions};
+use yarp_devices::hand::{BarrettHand, HandBoard, HandOptions};
 use yarp_devices::wam::{SimulatedWam, WamModel};
 
 /// An example that runs; killed when the test ends.
@@ -173,8 +173,8 @@ fn an_arm_moves_in_joints_and_in_space() {
 fn a_hand_closes_and_opens() {
     let (_names, network) = name_server();
     let there = SimulatedHand::start(SimulatedHandOptions::new().speed(20.0)).unwrap();
-    let hand = BarrettHand::open(HandOptions::new(there.path()).motion(TIMEOUT)).unwrap();
-    yarp_devices::Hand::initialise(&hand).unwrap();
+    let hand = BarrettHand::open(HandOptions::new(there.path()).motion_timeout(TIMEOUT)).unwrap();
+    let hand = HandBoard::start(hand).unwrap();
     let server = wait({
         let network = network.clone();
         async move {
