@@ -6,8 +6,8 @@ pub use crate::{
     Received, Result, Robot, RpcClient, RpcServer, Subscriber, bottle,
 };
 pub use yarp_devices::{
-    Axes, AxisIndex, AxisInfo, CartesianControl, ControlLimits, ControlMode, Device, DeviceError,
-    Encoders, FrameGrabberControls, FrameGrabberImage, Grasp, GraspKind, Hand as HandInterface,
-    Mode, MotionControl, PositionControl, PositionDirect, Target, TorqueControl, VelocityControl,
+    Axes, AxisIndex, AxisInfo, CartesianControl, ControlLimits, ControlMode, DeviceError, Encoders,
+    FrameGrabberControls, FrameGrabberImage, Grasp, GraspKind, Hand as HandInterface, Mode,
+    MotionControl, PositionControl, PositionDirect, Target, TorqueControl, VelocityControl,
 };
 pub use yarp_wire::{Bottle, Stamp, Value, Vocab32};
