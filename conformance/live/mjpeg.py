@@ -21,7 +21,7 @@ from checks import check, leave
 from programs import Program
 
 WIDTH, HEIGHT = 48, 32
-REQUEST = b"GET /?action=stream HTTP/1.1\r\nHost: here\r\n\r\n"
+REQUEST = b"GET /?action=stream HTTP/1.1\r\nHost: localhost\r\n\r\n"
 
 
 def outputs(port):

@@ -59,7 +59,7 @@ class Page:
         self.socket = socket.create_connection((peer.place.getHost(), peer.place.getPort()), PATIENCE)
         key = base64.b64encode(os.urandom(16)).decode()
         self.socket.sendall(
-            f"GET /?ws HTTP/1.1\r\nHost: here\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+            f"GET /?ws HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
             f"Sec-WebSocket-Key: {key}\r\nSec-WebSocket-Version: 13\r\n\r\n".encode())
         self.bytes = b""
         head = b""

@@ -48,7 +48,7 @@ const CARRIERS: [&str; 12] = [
     "fast_tcp+send.portmonitor+recv.portmonitor+type.dll+file.bottle_compression_zlib",
 ];
 /// Request of a page for a websocket.
-const WEBSOCKET_UPGRADE: &[u8] = b"GET /?ws HTTP/1.1\r\nHost: h\r\nUpgrade: websocket\r\n\
+const WEBSOCKET_UPGRADE: &[u8] = b"GET /?ws HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\n\
     Connection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\
     Sec-WebSocket-Version: 13\r\n\r\n";
 /// Maximum number of runs if bytes are left. A list that keeps its capacity grows when by chance

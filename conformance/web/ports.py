@@ -114,8 +114,8 @@ def form(world, browser):
     shown = browser.script("return document.body.textContent")
     check("a port shows itself", "yarp port /echo" in shown and "There are no outgoing connections" in shown, shown)
     words = 'hello "<b>1</b>" "a & b" (x y)'
-    browser.type("form input[name=data]", words)
-    browser.click("form input[type=submit]")
+    browser.type("body > form input[name=data]", words)
+    browser.click("body > form input[type=submit]")
     shown = browser.until("the form is answered", "return location.pathname === '/form' && document.querySelector('pre')?.textContent")
     check("a form is filled in, sent and answered", words == shown.strip(), shown)
     check("the answer is text and no markup", browser.script("return document.querySelectorAll('pre b').length") == 0)
@@ -245,8 +245,9 @@ def main():
     os.makedirs(args.out, exist_ok=True)
     try:
         with contextlib.ExitStack() as stack:
-            world = World(args.yarp, stack)
             page = stack.enter_context(somewhere_else())
+            # It frames a port and opens sockets to others.
+            world = World(args.yarp, stack, {"browsers.conf": f"origin {page.rstrip('/')}\n"})
             pictures = subprocess.Popen([args.pictures], stdout=subprocess.PIPE, text=True)
             stack.callback(pictures.wait)
             stack.callback(pictures.kill)

@@ -32,7 +32,7 @@ ARGUMENTS = [
 class Browser:
     """Chromium without a window; ends with the `with` block."""
 
-    def __init__(self, width=1440, height=900, dark=False):
+    def __init__(self, width=1440, height=900, dark=False, arguments=(), loads=True):
         self.profile = tempfile.TemporaryDirectory(prefix="browser-")
         self.driver = subprocess.Popen(
             ["chromedriver", "--port=0"],
@@ -43,15 +43,17 @@ class Browser:
         self.session = None
         try:
             self.address = f"http://127.0.0.1:{self._number()}"
-            arguments = [f"--user-data-dir={self.profile.name}", f"--window-size={width},{height}"]
+            more = [f"--user-data-dir={self.profile.name}", f"--window-size={width},{height}", *arguments]
             if dark:
-                arguments.append("--blink-settings=preferredColorScheme=0")
-            options = {"binary": "/usr/bin/chromium", "args": ARGUMENTS + arguments}
+                more.append("--blink-settings=preferredColorScheme=0")
+            options = {"binary": "/usr/bin/chromium", "args": ARGUMENTS + more}
             wanted = {
                 "browserName": "chrome",
                 "goog:chromeOptions": options,
                 "goog:loggingPrefs": {"browser": "ALL"},
                 "unhandledPromptBehavior": "ignore",
+                # A page that goes on for ever never finishes loading.
+                "pageLoadStrategy": "normal" if loads else "none",
             }
             answer = self._ask("POST", "/session", {"capabilities": {"alwaysMatch": wanted}})
             self.session = answer["sessionId"]
@@ -101,6 +103,15 @@ class Browser:
             if time.monotonic() > end:
                 raise AssertionError(f"waited in vain until {what}")
             time.sleep(0.1)
+
+    def later(self, text, *arguments):
+        """Runs the body of an async function in the page and gives what it returns."""
+        script = f"const done = arguments[arguments.length - 1]; (async (...arguments) => {{ {text} }})(...arguments).then(done, (error) => done(String(error)))"
+        return self.ask("POST", "/execute/async", {"script": script, "args": list(arguments)})
+
+    def command(self, name, **parameters):
+        """A command of the browser's own protocol."""
+        return self.ask("POST", "/goog/cdp/execute", {"cmd": name, "params": parameters})
 
     def find(self, selector):
         """The first element that a CSS selector names."""

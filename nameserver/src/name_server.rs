@@ -19,6 +19,7 @@ use yarp_ports::{
 };
 use yarp_wire::auth::Key;
 use yarp_wire::carrier::ALL;
+use yarp_wire::http::Gate;
 use yarp_wire::message::RawText;
 use yarp_wire::name_service::{Command, Registration, Request};
 use yarp_wire::{Bottle, Vocab32};
@@ -66,6 +67,8 @@ pub struct ServerOptions {
     pub key: Option<Key>,
     /// Roles that say which peers may look up, register and connect; see [`yarp_ports::roles`].
     pub roles: Roles,
+    /// What browsers may do; see [`yarp_wire::http::gate`].
+    pub gate: Option<Gate>,
     /// Maximum age of the data from which queries are answered when names are shared with other
     /// servers and the store does not respond.
     pub max_staleness: Duration,
@@ -109,6 +112,7 @@ impl Default for ServerOptions {
             connection_limits: DEFAULT_CONNECTION_LIMITS,
             key: None,
             roles: Roles::default(),
+            gate: None,
             max_staleness: DEFAULT_MAX_STALENESS,
             incarnation: None,
         }
@@ -189,6 +193,13 @@ impl ServerOptions {
     /// Sets the roles.
     pub fn roles(mut self, roles: Roles) -> Self {
         self.roles = roles;
+        self
+    }
+
+    /// The same options with this gate in front of what browsers can reach, instead of one that knows the names of this
+    /// machine and no other origin.
+    pub fn gate(mut self, gate: Gate) -> Self {
+        self.gate = Some(gate);
         self
     }
 
@@ -371,9 +382,15 @@ impl Server {
         if let Some(address) = options.bind {
             port_options = port_options.address(address);
         }
-        let network = options
+        let mut network = options
             .network(options.port)
             .with_roles(options.roles.clone());
+        // Clients are told this name.
+        let gate = options
+            .gate
+            .clone()
+            .unwrap_or_else(|| Gate::clone(network.gate()));
+        network = network.with_gate(gate.host(&options.host));
         let port = Port::open(&network, &options.namespace, port_options).await?;
         let port = Arc::new(port);
         if port.tcp_port() != options.port {

@@ -20,7 +20,7 @@ type States = BTreeMap<String, String>;
 async fn on_the_page(server: &Server) -> States {
     let exchange = async {
         let mut stream = TcpStream::connect(("127.0.0.1", server.port())).await?;
-        let request = b"GET /api/names?wait=0 HTTP/1.1\r\nHost: h\r\n\r\n";
+        let request = b"GET /api/names?wait=0 HTTP/1.1\r\nHost: localhost\r\n\r\n";
         stream.write_all(request).await?;
         let mut answer = String::new();
         stream.read_to_string(&mut answer).await.map(|_| answer)

@@ -44,7 +44,11 @@ async fn send(server: &Server, request: &str) -> (String, String) {
 }
 
 async fn get(server: &Server, target: &str) -> (String, String) {
-    send(server, &format!("GET {target} HTTP/1.1\r\nHost: h\r\n\r\n")).await
+    send(
+        server,
+        &format!("GET {target} HTTP/1.1\r\nHost: localhost\r\n\r\n"),
+    )
+    .await
 }
 
 async fn json(server: &Server, target: &str) -> Value {
@@ -432,11 +436,11 @@ async fn stock_pages_are_still_served() {
     assert!(page.contains(&link), "{page}");
     let (_, answer) = get(&server, "/?req=list").await;
     assert!(
-        answer.contains("Access-Control-Allow-Origin: *\n\n[\"ports\", {\"type\": \"port\""),
+        answer.starts_with("[\"ports\", {\"type\": \"port\""),
         "{answer}"
     );
     let (_, answer) = get(&server, "/?req=list+in&admin=1").await;
-    assert!(answer.ends_with("\n\n[\"web\"]\n"), "{answer}");
+    assert_eq!(answer, "[\"web\"]\n");
     let (_, answer) = get(&server, "/web/none").await;
     assert!(answer.contains("Hmm."), "{answer}");
     server.close().await;

@@ -15,6 +15,7 @@ pub mod discovery_client;
 mod error;
 mod lease_renewal;
 mod network;
+mod own_names;
 mod port;
 pub mod remote_admin;
 pub mod roles;

@@ -8,6 +8,7 @@ use bytes::BytesMut;
 use yarp_wire::Contact;
 use yarp_wire::auth::Key;
 use yarp_wire::carrier::ALL;
+use yarp_wire::http::Gate;
 use yarp_wire::name_service::{
     Answer, AnswerEnd, AnswerReader, Command, PREFIX, RegisterRequest, Registration, Request,
     UNSUPPORTED_PREFIX,
@@ -17,6 +18,7 @@ use crate::addresses;
 use crate::config::{Configuration, DEFAULT_NAMESPACE, NameServer, Namespace};
 use crate::error::PortError;
 use crate::lease_renewal::LeasedNames;
+use crate::own_names;
 use crate::roles::Roles;
 use crate::socket::{self, ReadBuffer};
 
@@ -49,6 +51,8 @@ struct Inner {
     key: Option<Key>,
     /// The permissions on the ports opened here.
     roles: Roles,
+    /// What browsers may do with the ports that are opened here.
+    gate: Arc<Gate>,
 }
 
 /// A name server.
@@ -110,6 +114,7 @@ impl Network {
             deadline: DEFAULT_TIMEOUT,
             key: None,
             roles: Roles::default(),
+            gate: Arc::new(own_names::GATE.clone()),
             leased_names: Arc::default(),
         })
     }
@@ -123,6 +128,7 @@ impl Network {
             deadline: DEFAULT_TIMEOUT,
             key: None,
             roles: Roles::default(),
+            gate: Arc::new(own_names::GATE.clone()),
             leased_names: Arc::default(),
         })
     }
@@ -147,6 +153,7 @@ impl Network {
             namespace: namespaces[0].name.clone(),
             key: configuration.key().cloned(),
             roles: configuration.roles().clone(),
+            gate: Arc::new(configuration.gate().clone()),
             configuration: Some(Arc::new(configuration)),
             deadline: DEFAULT_TIMEOUT,
             leased_names: Arc::default(),
@@ -187,6 +194,14 @@ impl Network {
         })
     }
 
+    /// The same network with another gate in front of what browsers can reach of the ports that are opened on it.
+    pub fn with_gate(&self, gate: Gate) -> Self {
+        Self::from(Inner {
+            gate: Arc::new(gate),
+            ..Inner::clone(&self.0)
+        })
+    }
+
     /// The same network with its name server at another place, and nowhere else.
     pub fn with_server(&self, host: &str, port: u16) -> Self {
         let server = Server::at(self.namespace(), host, port, &[]);
@@ -199,6 +214,12 @@ impl Network {
     /// Returns the permissions on the ports opened on it, from `roles.conf`.
     pub fn roles(&self) -> &Roles {
         &self.0.roles
+    }
+
+    /// What browsers may do with the ports that are opened on it; `browsers.conf` says. Without a configuration: what
+    /// they may with this machine by its own names, and from no other origin.
+    pub fn gate(&self) -> &Arc<Gate> {
+        &self.0.gate
     }
 
     /// Returns the timeout of connections and requests.

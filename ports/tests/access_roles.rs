@@ -151,7 +151,7 @@ async fn reversing_a_connection_needs_the_right_to_read() {
     assert_eq!(raw.receive(12).await, b"not allowed:");
     for page in ["/?action=stream", "/?req=x", "/?data=x"] {
         let mut raw = Raw::to(&writer).await;
-        raw.send(format!("GET {page} HTTP/1.1\r\nHost: h\r\n\r\n"))
+        raw.send(format!("GET {page} HTTP/1.1\r\nHost: localhost\r\n\r\n"))
             .await;
         let said = String::from_utf8_lossy(&raw.ended().await).into_owned();
         let refused = said.is_empty() || said.contains("not allowed");
@@ -232,6 +232,32 @@ async fn ports_that_no_role_names_stay_open() {
     let answer: Bottle = within(caller.call(&bottle("x"))).await.unwrap();
     assert_eq!(answer.to_string(), "answer");
     assert_eq!(ask(&port, "other", "[prop] [set] key 1").await, "[ok]");
+}
+
+/// With the right to read alone an address such as `/set/stos` was delivered to the owner, and the arm stopped.
+#[tokio::test]
+async fn what_is_asked_by_its_address_needs_the_right_to_write() {
+    let world = World::with("[a]\nports /r\nrights read\n");
+    let options = PortOptions::new()
+        .handler(|message| message.bottle().map_or(Answer::Nothing, Answer::reply))
+        .pages(|request| {
+            let page = yarp_wire::http::Response::new("text/css", "own");
+            (request.target == "own")
+                .then(|| Box::pin(std::future::ready(page)) as yarp_ports::Page)
+        });
+    let port = world.open("/r", options).await;
+    for (target, expected) in [
+        ("set/stos", "not allowed"),
+        ("cal/all?format=json", "not allowed"),
+        ("own", "\r\n\r\nown"),
+        ("", "This is /r at"),
+    ] {
+        let mut raw = Raw::to(&port).await;
+        raw.send(format!("GET /{target} HTTP/1.1\r\n\r\n")).await;
+        let page = String::from_utf8(raw.ended().await).unwrap();
+        assert!(page.contains(expected), "{target}: {page}");
+    }
+    within(port.close()).await;
 }
 
 /// A browser's lines are subject to the same rights as typed lines.

@@ -8,7 +8,7 @@ use yarp_wire::mjpeg::{PartReader, comment};
 use yarp_wire::typed::{Image, PixelCode};
 use yarp_wire::{Limits, Stamp, admin};
 
-const REQUEST: &str = "GET /?action=stream HTTP/1.1\r\nHost: h\r\n\r\n";
+const REQUEST: &str = "GET /?action=stream HTTP/1.1\r\nHost: localhost\r\n\r\n";
 
 /// Returns an image of one colour.
 fn plain(red: u8, green: u8, blue: u8) -> Image {

@@ -74,7 +74,7 @@ async fn for_a_reader_and_a_viewer() {
         .unwrap();
     let mut browser = Raw::to(&writer).await;
     browser
-        .send("GET /?action=stream HTTP/1.1\r\nHost: h\r\n\r\n")
+        .send("GET /?action=stream HTTP/1.1\r\nHost: localhost\r\n\r\n")
         .await;
     until(|| writer.outputs().len() == 2).await;
     let message = Counted {

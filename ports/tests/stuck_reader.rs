@@ -147,7 +147,7 @@ async fn messages_reach_others_whatever_carrier_is_stuck() {
     let mut fast_header = tcp_header("/stuck");
     fast_header[2] = 0x64;
     let turn = tcp_command(b'r');
-    let upgrade = b"GET /?ws HTTP/1.1\r\nHost: h\r\nUpgrade: websocket\r\n\
+    let upgrade = b"GET /?ws HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\n\
         Connection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\
         Sec-WebSocket-Version: 13\r\n\r\n";
     let turn_in_frame = [0x82, 0x88, 0, 0, 0, 0, 0, 0, 0, 0, b'~', b'r', 0, 1];
@@ -174,7 +174,7 @@ async fn messages_reach_others_whatever_carrier_is_stuck() {
 #[tokio::test]
 async fn a_blocked_viewer_delays_no_other() {
     let writer = open("/writer", PortOptions::new()).await;
-    let request = b"GET /?action=stream HTTP/1.1\r\nHost: h\r\n\r\n";
+    let request = b"GET /?action=stream HTTP/1.1\r\nHost: localhost\r\n\r\n";
     let stuck = stuck_after(&writer, &[request]).await;
     // Incompressible data.
     let picture = |number: u32| {

@@ -140,7 +140,7 @@ fn false_claims_are_refused() {
 #[test]
 fn requests_open_the_connection() {
     let stock = "GET /?action=stream\n\n HTTP/1.1\nHost: h\r\n\n";
-    for text in [stock, &request(None, "h")] {
+    for text in [stock, &request(None, "10.0.0.2")] {
         for cut in 0..text.len() {
             let mut acceptor = Acceptor::new(1, WireVersion::V3, Limits::DEFAULT);
             let (mut input, mut output) = (BytesMut::new(), BytesMut::new());

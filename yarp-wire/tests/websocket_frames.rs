@@ -8,7 +8,7 @@ use yarp_wire::message::Command;
 use yarp_wire::websocket::{FrameReader, WebSocketError, put_frame_head};
 use yarp_wire::{Bottle, Limits, WireVersion};
 
-const REQUEST: &str = "GET /?ws HTTP/1.1\r\nHost: h\r\nUpgrade: WebSocket\r\n\
+const REQUEST: &str = "GET /?ws HTTP/1.1\r\nHost: localhost\r\nUpgrade: WebSocket\r\n\
     Connection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\
     Sec-WebSocket-Version: 13\r\n\r\n";
 const RESPONSE: &str = "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\n\
@@ -237,7 +237,7 @@ fn a_request_without_a_key_is_refused() {
         let (mut input, mut output) = (BytesMut::from(&text[..]), BytesMut::new());
         let error = acceptor.poll(&mut input, &mut output).unwrap_err();
         assert_eq!(error, ProtocolError::WebSocket(WebSocketError::Handshake));
-        assert!(output.is_empty());
+        assert!(output.starts_with(b"HTTP/1.1 400 Bad Request\r\n"));
     }
     assert!(Carrier::by_name("websocket").is_some());
 }
@@ -259,6 +259,27 @@ fn a_message_before_a_malformed_frame_is_read() {
     assert_eq!(message.payload.to_bottle().unwrap(), Bottle::of("good"));
     let error = acceptor.poll(&mut input, &mut output).unwrap_err();
     assert_eq!(error, ProtocolError::WebSocket(WebSocketError::Extension));
+}
+
+/// Its string was searched from the beginning with each frame, and could have 4 MB: 96 kB of empty frames behind
+/// it took 50 s.
+#[test]
+fn a_command_that_does_not_end_is_refused() {
+    let mut acceptor = Acceptor::new(1, WireVersion::V3, Limits::DEFAULT);
+    let (mut input, mut output) = (BytesMut::from(REQUEST), BytesMut::new());
+    acceptor.poll(&mut input, &mut output).unwrap().unwrap();
+    input.extend(frame(0x02, b"\0\0\0\0~\0\0\x01"));
+    let mut frames = 0;
+    let error = loop {
+        input.extend(frame(0x00, &[b'D'; 64]));
+        match acceptor.poll(&mut input, &mut output) {
+            Ok(None) => frames += 1,
+            Ok(event) => panic!("{event:?}"),
+            Err(error) => break error,
+        }
+    };
+    assert!(matches!(error, ProtocolError::Command(_)), "{error:?}");
+    assert_eq!(frames, 4096 / 64);
 }
 
 #[test]

@@ -232,7 +232,8 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         .namespace(&held.name)
         .multicast(configuration.default_port())
         .key(configuration.key().cloned())
-        .roles(configuration.roles().clone());
+        .roles(configuration.roles().clone())
+        .gate(configuration.gate().clone());
     options.port_range = numbers;
     options.bind = bind;
     options.replace = args.replace;

@@ -164,7 +164,8 @@ impl NameServerAccess {
             .namespace(&held.name)
             .multicast(configuration.default_port())
             .key(configuration.key().cloned())
-            .roles(configuration.roles().clone());
+            .roles(configuration.roles().clone())
+            .gate(configuration.gate().clone());
         let server = Server::start(options).await?;
         if held.server.is_none() {
             if let Err(error) = config::write(&held.file, &place.to_string()) {

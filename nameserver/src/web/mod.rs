@@ -1,9 +1,10 @@
-//! Pages of the name server for browsers, and JSON for programs.
+//! What the name server shows to browsers, and to programs that read JSON.
 //!
-//! | address | content |
+//! | address | what is there |
 //! | --- | --- |
 //! | `/` | the page: ports, connections, and a graph of the network |
 //! | `/web/...` | its script and style; `/web/main.css` is the style that pages of stock's ports ask for |
+//! | `/data=list` | for browsers: sends them on to `/`; for programs the list of stock |
 //! | `/api` | these addresses as JSON |
 //! | `/api/names` | every name with its place, state, carriers, type and process |
 //! | `/api/connections` | every connection with what passed over it, where the ports count |
@@ -11,10 +12,10 @@
 //! Nothing at these addresses changes anything. All other addresses are answered as any port
 //! answers them: `/form` is the plain page, `/data=list` the list of stock.
 //!
-//! The states are those of the registry. Connections are queried from the ports themselves, only
-//! while a page is in use: an answer contains the last reports and requests another round of
-//! queries, not sooner than [`Settings::interval`] after the last one. The first answer waits for
-//! the first round, two seconds unless the field `wait` says otherwise (`/api/names?wait=0`).
+//! The states are those of the registry. Connections are known from the ports themselves, which are asked only while somebody
+//! looks: an answer tells what was heard last and starts another round of questions, not sooner
+//! than [`Settings::interval`] after the last one. The first answer waits a little for the first
+//! round, two seconds unless the field `wait` says otherwise (`/api/names?wait=0`).
 
 mod connection_survey;
 mod json_view;
@@ -56,6 +57,10 @@ impl Web {
         // `/?...` belongs to stock, `/?` to neither.
         if path.is_empty() && !request.fields.is_empty() {
             return None;
+        }
+        // Where pages of ports link to; people are shown more than stock's list.
+        if path == "data=list" && request.admission.may_only_view() {
+            return Some(Box::pin(async { Response::see_other("/") }));
         }
         if let Some(file) = static_files::at(path) {
             return Some(Box::pin(std::future::ready(file)));

@@ -1,32 +1,34 @@
-//! The configuration of a YARP network: its location and content.
+//! Where the configuration of a YARP network lives, and what it says.
 //!
 //! The files and variables are those of stock YARP, so that both use one configuration:
 //!
-//! | in the configuration directory | content |
+//! | in the configuration directory | says |
 //! | --- | --- |
-//! | `yarp.conf` | address of the name server: `HOST PORT [MODE]` |
-//! | `yarp_namespace.conf` | names of the name servers to use, `/root` by default |
-//! | `_NAME.conf` | address of the name server called `/NAME` |
-//! | `auth.conf` | the key that all programs of the network share; also searched for in other directories, see [`Directories::resources`] |
-//! | `roles.conf` | permissions of peers on ports, see [`crate::roles`]; searched for like `auth.conf` |
+//! | `yarp.conf` | where the name server is: `HOST PORT [MODE]` |
+//! | `yarp_namespace.conf` | the names of the name servers to use, `/root` unless told otherwise |
+//! | `_NAME.conf` | where the name server called `/NAME` is |
+//! | `auth.conf` | the key that all programs of the network share; also looked for elsewhere, see [`Directories::resources`] |
+//! | `roles.conf` | who may do what with which ports, see [`crate::roles`]; looked for like `auth.conf` |
+//! | `browsers.conf` | which pages of others may use ports, and how else this machine is called, see [`browsers`]; looked for like `auth.conf` |
 //!
-//! [`ResourceFinder`] finds the files of robots and applications.
+//! [`ResourceFinder`] looks for the files of robots and applications.
 //!
-//! | variable | meaning |
+//! | variable | says |
 //! | --- | --- |
-//! | `YARP_CONFIG_HOME`, `XDG_CONFIG_HOME`, `HOME` | the configuration directory |
-//! | `YARP_DATA_HOME`, `YARP_DATA_DIRS`, `YARP_CONFIG_DIRS`, `XDG_…` | further directories to search |
-//! | `YARP_ROBOT_NAME` | the robot whose files are preferred, `robots/NAME` |
+//! | `YARP_CONFIG_HOME`, `XDG_CONFIG_HOME`, `HOME` | which directory that is |
+//! | `YARP_DATA_HOME`, `YARP_DATA_DIRS`, `YARP_CONFIG_DIRS`, `XDG_…` | where else files are looked for |
+//! | `YARP_ROBOT_NAME` | whose files go first, `robots/NAME` |
 //! | `YARP_NAMESPACE` | the names, instead of `yarp_namespace.conf` |
-//! | `YARP_IP` | the address to register ports with, or its beginning |
-//! | `YARP_PORT_RANGE` | default TCP port of a new name server, and UDP port of multicast detection (10000) |
-//! | `YARP_PORT_PREFIX` | prefix of every port name of this process |
+//! | `YARP_IP` | the address to register ports with, or how it begins |
+//! | `YARP_PORT_RANGE` | TCP port of a server to start, and of multicast detection (10000) |
+//! | `YARP_PORT_PREFIX` | what every port name of this process begins with |
 //! | `YARP_RENAME_x`, `YARP_PORTNUMBER_x` | another name, or a fixed TCP port, for port `/x` |
 //!
 //! [`Configuration::load`] is a function of an [`Environment`] and a way to read files;
 //! [`Configuration::from_process`] gives it those of the process. Checked against stock 3.5.0.
 
 mod auth_conf;
+pub mod browsers;
 mod directories;
 mod environment;
 mod name_server;
@@ -45,7 +47,9 @@ pub use name_server::{Mode, NameServer};
 pub use namespaces::{DEFAULT_NAMESPACE, file_name, parse_namespaces, print_namespaces};
 pub use resource_finder::{Disk, ResourceFinder};
 use yarp_wire::auth::Key;
+use yarp_wire::http::Gate;
 
+use crate::own_names;
 use crate::roles::{self, Roles};
 
 /// Default TCP port of the name server, and UDP port of multicast detection.
@@ -60,6 +64,7 @@ pub struct Configuration {
     default_port: u16,
     key: Option<Key>,
     roles: Roles,
+    gate: Gate,
 }
 
 /// One name server that may be used.
@@ -184,12 +189,25 @@ impl Configuration {
             let server = NameServer::parse(&file, &read(&file)?)?;
             Ok(Namespace { name, file, server })
         };
-        let namespaces = names.into_iter().map(namespace).collect::<Result<_, _>>()?;
+        let namespaces: Vec<_> = names.into_iter().map(namespace).collect::<Result<_, _>>()?;
         let default_port = environment.port("YARP_PORT_RANGE")?;
         let mut key = None;
         for file in directories.resources(&environment, auth_conf::FILE) {
             if let Some(text) = find(&file)? {
                 key = Some(parse_key(&file, &text)?);
+                break;
+            }
+        }
+        let mut gate = own_names::GATE.clone();
+        // The names that programs of this network know its machines by.
+        let servers = namespaces.iter().filter_map(|held| held.server.as_ref());
+        let known = servers.map(|server| server.host.as_str());
+        for name in known.chain(environment.get("YARP_IP")) {
+            gate = gate.host(name);
+        }
+        for file in directories.resources(&environment, browsers::FILE) {
+            if let Some(text) = find(&file)? {
+                gate = browsers::parse(gate, &file, &text)?;
                 break;
             }
         }
@@ -201,6 +219,7 @@ impl Configuration {
             default_port: default_port.unwrap_or(DEFAULT_PORT),
             key,
             roles,
+            gate,
         })
     }
 
@@ -240,6 +259,11 @@ impl Configuration {
     /// Returns the roles of `roles.conf`.
     pub fn roles(&self) -> &Roles {
         &self.roles
+    }
+
+    /// What browsers may do, with `browsers.conf`.
+    pub fn gate(&self) -> &Gate {
+        &self.gate
     }
 
     /// Returns the address to register ports with, given those of this machine as text.
@@ -373,6 +397,23 @@ mod tests {
         assert_eq!(has_key(&robot, &[files[1], files[3]]), Ok(true));
         let shared = [home[0], ("XDG_CONFIG_DIRS", "/w:/x")];
         assert_eq!(has_key(&shared, &files[..1]), Ok(true));
+    }
+
+    #[test]
+    fn the_gate_knows_this_network_and_what_the_file_allows() {
+        let files = [
+            ("/c/yarp.conf", "robot-server 10000"),
+            ("/c/browsers.conf", "origin http://lab.example\n"),
+            ("/d/browsers.conf", "nonsense"),
+        ];
+        let home = [("YARP_CONFIG_HOME", "/c"), ("YARP_DATA_HOME", "/d")];
+        let held = load(&home, &files).unwrap();
+        let head =
+            b"GET / HTTP/1.1\r\nHost: robot-server:10000\r\nOrigin: http://lab.example\r\n\r\n";
+        let head = yarp_wire::http::Head::parse(head);
+        let admission = held.gate().admit(yarp_wire::http::Service::Frames, &head);
+        assert_eq!(admission.unwrap().origin(), Some("http://lab.example"));
+        assert!(load(&home, &files[2..]).is_err());
     }
 
     #[test]

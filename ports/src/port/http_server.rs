@@ -3,15 +3,20 @@
 use bytes::{Bytes, BytesMut};
 use yarp_wire::connection::Message;
 use yarp_wire::http::bottle_json::{self, Outer};
-use yarp_wire::http::{Action, Request, Who, html_page};
+use yarp_wire::http::{Action, Admission, Refusal, Request, Response, Who, html_page};
 use yarp_wire::message::{Command, Form, Payload};
 use yarp_wire::protocol::{Incoming, Protocol as _, TEXT_LINES};
 use yarp_wire::{Bottle, Limits, Value, WireVersion};
 
 use super::input::{Connection, End, Next};
 use super::port_options::Page;
-use super::received_message::Received;
+use super::received_message::{Received, long_work};
 use crate::roles::Right;
+
+/// Most answers on one page, in bytes.
+const ANSWERS_LIMIT: usize = 1 << 20;
+/// Most lines of a request that are obeyed.
+const LINES_LIMIT: usize = 1000;
 
 impl Connection {
     /// Answers an HTTP request; the connection closes after the answer, or becomes an output of the
@@ -22,14 +27,23 @@ impl Connection {
                 return self.refuse_page(&request, Right::Read);
             }
             let response = self.wait_for(page).await;
-            self.output.extend_from_slice(response.to_text().as_bytes());
-            return Next::Stop(End::Closed);
+            return self.respond(&response, &request);
         }
-        let action = Action::of(&request);
+        let size = request.target.len()
+            + request
+                .fields
+                .iter()
+                .map(|(_, value)| value.len())
+                .sum::<usize>();
+        let action = long_work(size, || Action::of(&request));
+        // Any page can have a browser ask for any address.
+        if request.admission.may_only_view() && !action.only_views() {
+            return self.respond(&Response::refused(&Refusal::ViewOnly), &request);
+        }
         let needed = match &action {
             Action::Ask { who, .. } => match who {
-                Who::Owner => Some(Right::Write),
-                Who::Pages => Some(Right::Read),
+                // Also what is asked for by its address is a message to the owner.
+                Who::Owner | Who::Pages => Some(Right::Write),
                 Who::Port => None,
             },
             Action::Read => Some(Right::Read),
@@ -39,17 +53,19 @@ impl Connection {
         if let Some(right) = needed.filter(|right| !self.may(*right)) {
             return self.refuse_page(&request, right);
         }
+        let admission = &request.admission;
         let response = match action {
             Action::Type { lines, data } => {
                 let answers = self.type_lines(&lines).await;
-                self.page(&request, &data, &answers)
+                self.put_page(admission, &data, &answers);
+                return Next::Stop(End::Closed);
             }
             Action::Ask { message, who, json } => {
                 let reply = match who {
                     Who::Port => self.administer(&message).await.to_string(),
                     _ => self.ask_owner(message.to_text()).await,
                 };
-                match Reply::of(&reply, json) {
+                match long_work(reply.len(), || Reply::of(&reply, json, admission)) {
                     Reply::Whole(response) => response,
                     Reply::Stream(_) if !self.may(Right::Read) => {
                         return self.refuse_page(&request, Right::Read);
@@ -61,7 +77,7 @@ impl Connection {
                 }
             }
             Action::Read => {
-                let head = html_page::stream_head(&self.core.name);
+                let head = html_page::stream_head(&self.core.name, admission);
                 self.output.extend_from_slice(head.as_bytes());
                 return Next::Stop(End::Reversed);
             }
@@ -70,9 +86,15 @@ impl Connection {
         Next::Stop(End::Closed)
     }
 
+    fn respond(&mut self, response: &Response, request: &Request) -> Next {
+        let text = response.to_text(&request.admission);
+        self.output.extend_from_slice(text.as_bytes());
+        Next::Stop(End::Closed)
+    }
+
     fn refuse_page(&mut self, request: &Request, right: Right) -> Next {
-        let page = self.page(request, "", &self.refusal(right));
-        self.output.extend_from_slice(page.as_bytes());
+        let refusal = self.refusal(right);
+        self.put_page(&request.admission, "", &refusal);
         Next::Stop(End::Closed)
     }
 
@@ -83,7 +105,13 @@ impl Connection {
         let mut input = BytesMut::from(lines);
         input.extend_from_slice(b"\n");
         let mut answers = String::new();
+        let mut count = 0;
+        let mut is_cut = false;
         while let Ok(Some(Incoming::Message(message))) = messages.read(&mut input, &mut nothing) {
+            is_cut = answers.len() > ANSWERS_LIMIT || count == LINES_LIMIT;
+            if is_cut {
+                break;
+            }
             let Message { command, payload } = message;
             match command {
                 Command::Data { .. } if !self.may(Right::Write) => {
@@ -91,7 +119,8 @@ impl Connection {
                 }
                 Command::Data { .. } => answers += &self.ask_owner(payload.bytes()).await,
                 Command::Admin => {
-                    let request = payload.to_bottle().unwrap_or_default();
+                    let request =
+                        long_work(payload.len(), || payload.to_bottle()).unwrap_or_default();
                     answers += &self.administer(&request).await.to_string();
                 }
                 command => match self.execute(command).await {
@@ -103,6 +132,15 @@ impl Connection {
             if !answers.ends_with('\n') {
                 answers.push('\n');
             }
+            count += 1;
+            // Others have their turn, too.
+            tokio::task::consume_budget().await;
+        }
+        if is_cut || answers.len() > ANSWERS_LIMIT {
+            let fits = |end: &usize| answers.is_char_boundary(*end);
+            let end = (0..=ANSWERS_LIMIT.min(answers.len())).rev().find(fits);
+            answers.truncate(end.unwrap_or_default());
+            answers += "\n(No more is answered here: at most 1000 lines, and 1 MiB of answers.)\n";
         }
         answers
     }
@@ -112,22 +150,17 @@ impl Connection {
         self.core.options.pages.as_ref()?(request)
     }
 
-    fn page(&self, request: &Request, data: &str, text: &str) -> String {
-        let own = format!("{}:{}", self.core.host, self.core.number);
-        let host = match request.host.as_str() {
-            "" => &own,
-            host => host,
-        };
+    /// Appends the page of the port, with these answers.
+    fn put_page(&mut self, admission: &Admission, data: &str, text: &str) {
         let server = self.core.network.server();
         let server = server.map(|(host, port)| format!("{host}:{port}"));
-        html_page::Page {
+        let page = html_page::Page {
             port: &self.core.name,
-            host,
             name_server: server.as_deref(),
             data,
             text,
-        }
-        .response()
+        };
+        page.put(admission, &mut self.output);
     }
 
     /// Returns the owner's reply to a message, as text.
@@ -163,22 +196,22 @@ impl Reply {
     /// Interprets a reply as JSON if requested; else as a page with stock's keys: `web` is its
     /// body, `mime` its type, and with `stream` it continues. A reply without these keys is
     /// returned unchanged.
-    fn of(reply: &str, json: Option<Outer>) -> Self {
+    fn of(reply: &str, json: Option<Outer>, admission: &Admission) -> Self {
         let bottle = Bottle::parse(reply).unwrap_or_default();
         let text = |key: &str| bottle.find(key).map(Value::to_plain_string);
         let mime = text("mime");
         if let Some(outer) = json {
             let json = bottle_json::of(&bottle, outer);
-            return Self::Whole(html_page::json_response(&json, mime.as_deref()));
+            return Self::Whole(html_page::json_response(&json, mime.as_deref(), admission));
         }
         let mime = mime.as_deref().unwrap_or("text/html");
         let body = text("web").unwrap_or_default();
         if bottle.find("stream").is_some() {
-            return Self::Stream(html_page::own_stream_head(&body, mime));
+            return Self::Stream(html_page::own_stream_head(&body, mime, admission));
         }
         Self::Whole(match body.is_empty() {
-            true => format!("{reply}\r\n"),
-            false => html_page::own_response(&body, mime),
+            true => html_page::text_response(&format!("{reply}\r\n"), admission),
+            false => html_page::own_response(&body, mime, admission),
         })
     }
 }

@@ -61,7 +61,8 @@ pub(super) async fn serve(
     }
     let (control, control_receiver) = ConnectionControl::new();
     let mut connection = Connection {
-        acceptor: Acceptor::new(core.number, core.options.wire_version, Limits::DEFAULT),
+        acceptor: Acceptor::new(core.number, core.options.wire_version, Limits::DEFAULT)
+            .with_gate(core.network.gate().clone()),
         core: core.clone(),
         stream: Arc::new(stream),
         input: ReadBuffer::default(),
@@ -86,6 +87,8 @@ pub(super) async fn serve(
     };
     let end = connection.run_until_closed(&mut close_signal).await;
     let understood = WasValid(match end {
+        // A page that is refused is no reason to let others wait.
+        End::Broken(ProtocolError::Browser(_)) => true,
         End::Broken(_) | End::Failed(_) => false,
         // The next one of the same name may have superseded it before it was found to be invalid.
         End::Closed => connection.was_valid || begun.elapsed() >= MIN_CONNECTION_LIFETIME,
@@ -108,6 +111,14 @@ const MIN_CONNECTION_LIFETIME: Duration = Duration::from_secs(1);
 /// Time that the header reply waits for the reply to the first message, if both were received
 /// together.
 const FIRST_REPLY_DELAY: Duration = Duration::from_millis(1);
+
+/// Bytes of answers above which they are sent before the next request is looked at.
+const UNSENT: usize = 256 * 1024;
+
+/// Messages after which other tasks have their turn, however many more have come.
+const TURN: usize = 1024;
+/// How many of those one counts for that is answered.
+const ANSWERED: usize = 16;
 
 /// The reason for the end of a connection.
 pub(super) enum End {
@@ -261,6 +272,7 @@ impl Connection {
         if self.datagrams.is_some() {
             return Box::pin(self.run_watched(None)).await;
         }
+        let mut work = 0;
         loop {
             loop {
                 let next = match self.acceptor.poll(&mut self.input.bytes, &mut self.output) {
@@ -291,7 +303,24 @@ impl Connection {
                     }
                 };
                 match next {
-                    Next::Go => {}
+                    // Who asks much at once and does not read is answered no further.
+                    Next::Go if self.output.len() > UNSENT => {
+                        if let Err(error) = socket::write_all(&self.stream, &mut self.output).await
+                        {
+                            return error.into();
+                        }
+                    }
+                    // Others have their turn, too, however much has come at once.
+                    Next::Go => {
+                        work += match self.output.is_empty() {
+                            true => 1,
+                            false => ANSWERED,
+                        };
+                        if work >= TURN {
+                            work = 0;
+                            tokio::task::yield_now().await;
+                        }
+                    }
                     Next::UnixSocket => match Box::pin(self.switch_to_unix_socket()).await {
                         Ok(()) => {}
                         Err(error) => return error.into(),

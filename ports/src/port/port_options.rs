@@ -239,8 +239,9 @@ impl PortOptions {
         self
     }
 
-    /// Serves HTTP requests with the owner's pages; the port itself responds if `pages` returns
-    /// `None`.
+    /// Answers browsers with pages of the owner's own; what `pages` does not know, the port answers
+    /// as any port does. A page may be asked for by a browser that follows a link of anybody: making it must change nothing
+    /// unless [`Admission::may_only_view`](yarp_wire::http::Admission::may_only_view) is false.
     pub fn pages(
         mut self,
         pages: impl Fn(&Request) -> Option<Page> + Send + Sync + 'static,

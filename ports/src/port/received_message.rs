@@ -8,8 +8,9 @@ use std::sync::Arc;
 use bytes::Bytes;
 use smallbox::space::S8;
 use smallbox::{SmallBox, smallbox};
+use tokio::runtime::{Handle, RuntimeFlavor};
 use yarp_wire::bottle::DecodeError;
-use yarp_wire::message::{Payload, ReadObject, WireObject};
+use yarp_wire::message::{Form, Payload, ReadObject, WireObject};
 use yarp_wire::{Bottle, Stamp};
 
 use super::reply_channel::ReplySender;
@@ -29,6 +30,22 @@ impl Deref for Reply {
 
     fn deref(&self) -> &Self::Target {
         &*self.0
+    }
+}
+
+/// Bytes of text above which reading it takes long enough for others to notice.
+const LONG_WORK: usize = 64 * 1024;
+
+/// Does work on so many bytes of text; if they are many, in a way that lets another thread see to the other tasks of
+/// this one, where there are several threads.
+pub(crate) fn long_work<T>(bytes: usize, work: impl FnOnce() -> T) -> T {
+    let may_leave = || {
+        let flavor = Handle::try_current().map(|handle| handle.runtime_flavor());
+        matches!(flavor, Ok(RuntimeFlavor::MultiThread))
+    };
+    match bytes > LONG_WORK && may_leave() {
+        true => tokio::task::block_in_place(work),
+        false => work(),
     }
 }
 
@@ -72,9 +89,14 @@ impl Answer {
 }
 
 impl Received {
-    /// Returns the content as a bottle.
+    /// The content as a bottle.
+    ///
+    /// Text of more than 64 KiB is read in a place where other connections do not wait for it.
     pub fn bottle(&self) -> Result<Bottle, DecodeError> {
-        self.payload.to_bottle()
+        match self.payload.form() {
+            Form::Text => long_work(self.payload.len(), || self.payload.to_bottle()),
+            _ => self.payload.to_bottle(),
+        }
     }
 
     /// Returns the content as any type that can travel.
@@ -113,5 +135,37 @@ impl std::fmt::Debug for Answer {
             Self::ReplyAndClose(_) => "ReplyAndClose",
             Self::Later(_) => "Later",
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc;
+    use std::time::Duration;
+
+    use super::*;
+
+    /// Two who sent much text kept everybody else waiting for seconds. The only worker does the work here, and another
+    /// task has to run for it to end.
+    #[test]
+    fn long_work_leaves_the_worker_to_others() {
+        let runtime = tokio::runtime::Builder::new_multi_thread()
+            .worker_threads(1)
+            .build()
+            .unwrap();
+        let (told, heard) = mpsc::channel();
+        let work = runtime.spawn(async move {
+            let other = tokio::spawn(async move { told.send(()) });
+            let patience = Duration::from_secs(20);
+            let result = long_work(LONG_WORK + 1, || heard.recv_timeout(patience));
+            let _ = other.await;
+            result
+        });
+        assert_eq!(runtime.block_on(work).unwrap(), Ok(()));
+        // Where there is only one thread it is done there.
+        assert_eq!(long_work(LONG_WORK + 1, || 7), 7);
+        let runtime = tokio::runtime::Builder::new_current_thread().build();
+        let work = async { long_work(LONG_WORK + 1, || 7) };
+        assert_eq!(runtime.unwrap().block_on(work), 7);
     }
 }

@@ -409,7 +409,7 @@ pub(crate) fn writers(content: &Bottle) -> Vec<Conversation> {
             conversation.take("reply", 10);
         })
     }));
-    all.push(Conversation::on("http").browsing("GET / HTTP/1.1\r\nHost: here:1\r\n\r\n", 12));
+    all.push(Conversation::on("http").browsing("GET / HTTP/1.1\r\nHost: localhost\r\n\r\n", 12));
     all
 }
 
@@ -483,7 +483,7 @@ pub(crate) fn viewers(content: &Bottle) -> Vec<Conversation> {
     let mut browser = Conversation::on("http").browsing("GET /r HTTP/1.1\r\n\r\n", 12);
     browser.take("payload", 20);
     all.push(browser);
-    let request = "GET /?action=stream HTTP/1.1\r\nHost: h\r\n\r\n";
+    let request = "GET /?action=stream HTTP/1.1\r\nHost: localhost\r\n\r\n";
     let mut viewer = Conversation::on("mjpeg").browsing(request, RESPONSE.len());
     viewer.take("payload", 100);
     all.push(viewer);
@@ -570,7 +570,7 @@ const DATAGRAMS: [&str; 2] = ["udp", "mcast"];
 
 /// Returns a page that has turned its request into a connection.
 fn upgraded() -> Conversation {
-    let request = "GET /?ws HTTP/1.1\r\nHost: h\r\nUpgrade: websocket\r\n\
+    let request = "GET /?ws HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\n\
         Connection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\
         Sec-WebSocket-Version: 13\r\n\r\n";
     Conversation::on("websocket").browsing(request, 129)

@@ -10,7 +10,9 @@ use yarp_wire::carrier::{Carrier, CarrierSpec, Sender, Transport, put_group};
 use yarp_wire::connection::{Acceptor, DatagramReassembler, Event, Initiator, Progress};
 use yarp_wire::float_vector::Vector;
 use yarp_wire::http::html_page::Page;
-use yarp_wire::http::{Action, RequestReader, bottle_json};
+use yarp_wire::http::{
+    Action, Admission, Gate, Head, HeadSearch, RequestReader, Service, bottle_json,
+};
 use yarp_wire::message::{Command, Form, Index, Payload, ReadObject, WireObject};
 use yarp_wire::mjpeg::{PartReader, comment, with_comment};
 use yarp_wire::name_service::{AnswerEnd, AnswerReader, Registration, Request, Style};
@@ -24,7 +26,7 @@ use yarp_wire::{Bottle, Contact, Limits, PortName, Stamp, WireVersion, datagram,
 pub type Target = (&'static str, fn(&[u8]));
 
 /// All targets.
-pub const TARGETS: [Target; 20] = [
+pub const TARGETS: [Target; 21] = [
     ("bottle_binary", bottle_binary),
     ("bottle_text", bottle_text),
     ("acceptor", acceptor),
@@ -37,6 +39,7 @@ pub const TARGETS: [Target; 20] = [
     ("name_service_answer", name_service_answer),
     ("datagram", datagram),
     ("http", http),
+    ("gate", gate),
     ("typed", typed),
     ("mjpeg", mjpeg),
     ("websocket", websocket),
@@ -411,12 +414,54 @@ pub fn http(data: &[u8]) {
     };
     let page = Page {
         port: "/port",
-        host: &request.host,
         name_server: None,
         data: &shown,
         text: &shown,
     };
-    assert!(page.response().starts_with("HTTP/1.1 200 OK"));
+    let mut response = BytesMut::new();
+    page.put(&Admission::default(), &mut response);
+    assert!(response.starts_with(b"HTTP/1.1 200 OK"));
+}
+
+/// The gate in front of browsers: the end of a head is found whatever the pieces, no sign of a browser gets more than a
+/// look by GET, and what a page of another origin asks for is not answered.
+pub fn gate(data: &[u8]) {
+    let Some((&step, data)) = data.split_first() else {
+        return;
+    };
+    let find = |step: usize| {
+        let mut search = HeadSearch::default();
+        let sizes = (0..data.len()).step_by(step.max(1)).chain([data.len()]);
+        let mut ends = sizes.map(|size| search.end(&data[..size]));
+        ends.find_map(|end| end.ok().flatten())
+    };
+    let end = find(data.len());
+    assert_eq!(
+        find(usize::from(step)),
+        end,
+        "a head that arrives in pieces"
+    );
+    let Some(end) = end else {
+        return;
+    };
+    let head = Head::parse(&data[..end]);
+    let gate = Gate::new().host("robot");
+    for service in [Service::Pages, Service::Pictures, Service::Frames] {
+        let Ok(admission) = gate.admit(service, &head) else {
+            continue;
+        };
+        assert_eq!(admission.origin(), None, "none is allowed");
+        if !head.is_of_browser() {
+            continue;
+        }
+        let host = head.host.as_deref().expect("a browser says it");
+        if let Some(origin) = head.origin.as_deref() {
+            let origin = origin.to_ascii_lowercase();
+            assert!(origin.contains(&format!("://{}", host.to_ascii_lowercase())));
+        }
+        let sends = head.posts || service == Service::Frames;
+        assert_eq!(admission.may_only_view(), !sends);
+    }
 }
 
 /// Typed messages: decoded input encodes, and decodes to the same again.
@@ -564,10 +609,10 @@ pub fn header(carrier: &'static Carrier) -> BytesMut {
         "http" => bytes.extend_from_slice(&carrier.magic),
         "name_ser" => bytes.extend_from_slice(b"NAME_SERVER "),
         "mjpeg" => {
-            bytes.extend_from_slice(b"GET /?action=stream HTTP/1.1\r\nHost: h\r\n\r\n");
+            bytes.extend_from_slice(b"GET /?action=stream HTTP/1.1\r\nHost: localhost\r\n\r\n");
         }
         "websocket" => bytes.extend_from_slice(
-            b"GET /?ws HTTP/1.1\r\nHost: h\r\nUpgrade: websocket\r\n\
+            b"GET /?ws HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\n\
               Connection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\
               Sec-WebSocket-Version: 13\r\n\r\n",
         ),
@@ -592,6 +637,9 @@ fn reverse(
 ) -> (Vec<String>, BytesMut) {
     let mut acceptor = Acceptor::new(10002, WireVersion::V3, LIMITS);
     let (mut input, mut output) = (header(carrier), BytesMut::new());
+    if carrier.name == "http" {
+        input.extend_from_slice(b"TP/1.1\r\n\r\n");
+    }
     let opened = acceptor.poll(&mut input, &mut output);
     assert!(matches!(opened, Ok(Some(Event::Opened { .. }))));
     let mut initiator = acceptor.into_initiator().expect("its header is complete");

@@ -9,6 +9,7 @@ mod binary_form;
 mod list;
 mod literal;
 mod number_text;
+mod parse;
 mod scanner;
 mod text_form;
 mod value;

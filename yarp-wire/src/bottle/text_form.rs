@@ -7,10 +7,8 @@ use std::fmt::{self, Write};
 use std::str::FromStr;
 
 use bytes::{BufMut, Bytes, BytesMut};
-use nom::IResult;
-use nom::bytes::complete::take_while;
 
-use super::{Bottle, Text, Value, number_text};
+use super::{Bottle, Text, Value, number_text, parse};
 use crate::limits::Limits;
 use crate::vocab::{Vocab32, Vocab64};
 
@@ -38,7 +36,7 @@ impl Bottle {
 
     /// Reads the text form of bytes that need not be UTF-8.
     pub fn parse_bytes(text: &[u8]) -> Result<Self, TextError> {
-        parse_list(text, Limits::DEFAULT.depth)
+        parse::list(text, Limits::DEFAULT.depth)
     }
 }
 
@@ -50,36 +48,8 @@ impl FromStr for Bottle {
     }
 }
 
-fn is_separator(byte: u8) -> bool {
+pub(super) fn is_separator(byte: u8) -> bool {
     matches!(byte, b' ' | b'\t' | b'\r' | b'\n' | b',')
-}
-
-fn parse_list(text: &[u8], depth: usize) -> Result<Bottle, TextError> {
-    if depth == 0 {
-        let limit = Limits::DEFAULT.depth;
-        return Err(TextError::TooDeep { limit });
-    }
-    let mut bottle = Bottle::new();
-    let mut rest = text;
-    while let Ok((after, Some(token))) = next_token(rest) {
-        rest = after;
-        bottle.push(classify(token, depth)?);
-    }
-    Ok(bottle)
-}
-
-/// Returns the next token, or `None` at the end; an unfinished token at the end is dropped.
-fn next_token(input: &[u8]) -> IResult<&[u8], Option<&[u8]>> {
-    let (start, _) = take_while(is_separator)(input)?;
-    let mut balance = BracketBalance::default();
-    for (index, &byte) in start.iter().enumerate() {
-        if is_separator(byte) && balance.is_balanced() {
-            return Ok((&start[index..], Some(&start[..index])));
-        }
-        balance.add(byte);
-    }
-    let whole = !start.is_empty() && balance.is_balanced();
-    Ok((&[], whole.then_some(start)))
 }
 
 /// Keeps count of quotes and brackets over a text that arrives in pieces.
@@ -132,25 +102,23 @@ impl BracketBalance {
     }
 }
 
-/// Returns the value one token stands for.
-fn classify(token: &[u8], depth: usize) -> Result<Value, TextError> {
+/// The value one token stands for that is no list.
+pub(super) fn classify(token: &[u8]) -> Value {
     if token == b"null" {
-        return Ok(Vocab32::new("null").into());
+        return Vocab32::new("null").into();
     }
     if let Some(number) = std::str::from_utf8(token).ok().and_then(number_text::parse) {
-        return Ok(number);
+        return number;
     }
-    Ok(match token {
-        [b'(', ..] => parse_list(inner(token), depth - 1)?.into(),
+    match token {
         [b'[', ..] => vocab(token),
-        [b'{', ..] => blob(parse_list(inner(token), depth - 1)?),
         [b'"', ..] => Value::String(unescape(inner(token))),
         _ => match unescape(token) {
             text if text == "true" => Value::bool(true),
             text if text == "false" => Value::bool(false),
             text => Value::String(text),
         },
-    })
+    }
 }
 
 /// Returns the bytes between the first and the last character of a token.
@@ -165,14 +133,6 @@ fn vocab(token: &[u8]) -> Value {
     } else {
         Vocab64::from_bytes(word).into()
     }
-}
-
-fn blob(items: Bottle) -> Value {
-    let bytes: Bytes = items
-        .iter()
-        .map(|item| item.as_i32().unwrap_or(0) as u8)
-        .collect();
-    Value::Blob(bytes)
 }
 
 fn unescape(token: &[u8]) -> Text {

@@ -3,7 +3,8 @@
 use bytes::{BufMut, BytesMut};
 
 use super::{Carrier, Sender, Transport};
-use crate::http::{RequestReader, html_page};
+use crate::connection::unreadable;
+use crate::http::{RequestReader, Service, html_page};
 use crate::limits::Limits;
 use crate::message::{Command, WireObject};
 use crate::protocol::{
@@ -37,6 +38,10 @@ struct Http;
 impl Protocol for Http {
     fn payload_kind(&self) -> PayloadKind {
         PayloadKind::Page
+    }
+
+    fn service(&self) -> Option<Service> {
+        Some(Service::Pages)
     }
 
     fn put_header(&self, carrier: &Carrier, _sender: &Sender, output: &mut BytesMut) {
@@ -92,9 +97,10 @@ impl MessageDecoder for HttpRequestDecoder {
     fn read(
         &mut self,
         input: &mut BytesMut,
-        _output: &mut BytesMut,
+        output: &mut BytesMut,
     ) -> Result<Option<Incoming>, ProtocolError> {
-        let request = self.reader.read(input, self.limits)?;
+        let request = self.reader.read(input, self.limits);
+        let request = request.map_err(|error| unreadable(error, output))?;
         Ok(request.map(Incoming::Request))
     }
 }

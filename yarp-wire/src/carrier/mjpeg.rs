@@ -3,7 +3,7 @@
 use bytes::{BufMut, BytesMut};
 
 use super::{Carrier, Sender, Transport};
-use crate::http::RequestReader;
+use crate::http::{RequestReader, Service};
 use crate::limits::Limits;
 use crate::message::Command;
 use crate::mjpeg;
@@ -33,6 +33,10 @@ struct Mjpeg;
 impl Protocol for Mjpeg {
     fn payload_kind(&self) -> PayloadKind {
         PayloadKind::Jpeg
+    }
+
+    fn service(&self) -> Option<Service> {
+        Some(Service::Pictures)
     }
 
     fn put_header(&self, carrier: &Carrier, _sender: &Sender, output: &mut BytesMut) {

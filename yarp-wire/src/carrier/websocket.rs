@@ -3,7 +3,7 @@
 use bytes::{BufMut, Bytes, BytesMut};
 
 use super::{Carrier, Sender, Transport};
-use crate::http::RequestReader;
+use crate::http::{RequestReader, Service};
 use crate::limits::Limits;
 use crate::message::{Command, Form, Payload, WireObject};
 use crate::protocol::{
@@ -33,6 +33,10 @@ struct Websocket;
 impl Protocol for Websocket {
     fn payload_kind(&self) -> PayloadKind {
         UNINDEXED.payload_kind()
+    }
+
+    fn service(&self) -> Option<Service> {
+        Some(Service::Frames)
     }
 
     fn put_header(&self, carrier: &Carrier, _sender: &Sender, output: &mut BytesMut) {

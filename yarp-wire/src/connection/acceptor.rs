@@ -1,13 +1,14 @@
 //! The accepting side of a connection.
 
 use std::net::SocketAddrV4;
+use std::sync::Arc;
 
 use bytes::BytesMut;
 
 use super::{Initiator, put_acknowledgement};
 use crate::bottle::detect;
 use crate::carrier::{Carrier, MAGIC, Sender};
-use crate::http::Request;
+use crate::http::{Admission, Gate, Head, HeadSearch, Request, Response, Service};
 use crate::limits::Limits;
 use crate::message::{Command, Form, WireObject};
 use crate::protocol::{
@@ -41,12 +42,17 @@ pub struct Acceptor {
     wire_version: WireVersion,
     version_detected: bool,
     limits: Limits,
+    gate: Arc<Gate>,
+    /// What the gate lets the request do.
+    admission: Admission,
     state: State,
 }
 
 #[derive(Debug)]
 enum State {
     Magic,
+    /// A request on its way to the gate, which looks at its head and takes nothing.
+    Gate(&'static Carrier, Service, HeadSearch),
     Header(&'static Carrier, Box<dyn HandshakeDecoder>),
     Open(&'static Carrier, Box<dyn MessageDecoder>),
 }
@@ -61,15 +67,25 @@ impl Acceptor {
             wire_version,
             version_detected: false,
             limits,
+            gate: Arc::default(),
+            admission: Admission::default(),
             state: State::Magic,
         }
+    }
+
+    /// The same acceptor with another gate in front of what browsers can reach.
+    pub fn with_gate(mut self, gate: Arc<Gate>) -> Self {
+        self.gate = gate;
+        self
     }
 
     /// Returns the carrier, once it is known.
     pub fn carrier(&self) -> Option<&'static Carrier> {
         match &self.state {
             State::Magic => None,
-            State::Header(carrier, _) | State::Open(carrier, _) => Some(carrier),
+            State::Gate(carrier, ..) | State::Header(carrier, _) | State::Open(carrier, _) => {
+                Some(carrier)
+            }
         }
     }
 
@@ -102,12 +118,39 @@ impl Acceptor {
                     };
                     let carrier = Carrier::detect(magic)
                         .ok_or(ProtocolError::UnknownCarrier { magic: *magic })?;
+                    self.state = match carrier.protocol.service() {
+                        Some(service) => State::Gate(carrier, service, HeadSearch::default()),
+                        None => State::Header(
+                            carrier,
+                            carrier.protocol.handshake_decoder(carrier, input),
+                        ),
+                    };
+                }
+                State::Gate(carrier, service, search) => {
+                    let (carrier, service) = (*carrier, *service);
+                    let end = search
+                        .end(input)
+                        .map_err(|error| unreadable(error, output))?;
+                    let Some(end) = end else {
+                        return Ok(None);
+                    };
+                    let head = Head::parse(&input[..end]);
+                    self.admission = self.gate.admit(service, &head).map_err(|refusal| {
+                        let answer = Response::refused(&refusal).to_text(&Admission::default());
+                        output.extend_from_slice(answer.as_bytes());
+                        ProtocolError::Browser(refusal)
+                    })?;
                     self.state =
                         State::Header(carrier, carrier.protocol.handshake_decoder(carrier, input));
                 }
                 State::Header(carrier, handshake_decoder) => {
                     let carrier = *carrier;
-                    let opened = handshake_decoder.read(self.port, self.limits, input, output)?;
+                    let opened = handshake_decoder
+                        .read(self.port, self.limits, input, output)
+                        .map_err(|error| match carrier.protocol.service() {
+                            Some(_) => unreadable(error, output),
+                            None => error,
+                        })?;
                     let Some(Handshake { sender, group }) = opened else {
                         return Ok(None);
                     };
@@ -122,9 +165,13 @@ impl Acceptor {
                     }));
                 }
                 State::Open(_, messages) => {
-                    let incoming = messages.read(input, output)?;
-                    if let Some(Incoming::Message(message)) = &incoming {
-                        self.detect_wire_version(message);
+                    let mut incoming = messages.read(input, output)?;
+                    match &mut incoming {
+                        Some(Incoming::Message(message)) => self.detect_wire_version(message),
+                        Some(Incoming::Request(request)) => {
+                            request.admission = self.admission.clone();
+                        }
+                        None => {}
                     }
                     return Ok(incoming.map(Event::from));
                 }
@@ -199,6 +246,13 @@ impl From<Incoming> for Event {
             Incoming::Request(request) => Self::HttpRequest(request),
         }
     }
+}
+
+/// Tells a client that what it sent is no request.
+pub(crate) fn unreadable(error: ProtocolError, output: &mut BytesMut) -> ProtocolError {
+    let answer = Response::bad_request(&error).to_text(&Admission::default());
+    output.extend_from_slice(answer.as_bytes());
+    error
 }
 
 /// The text that stock sends to a peer whose first bytes select no carrier.

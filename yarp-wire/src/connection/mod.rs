@@ -20,6 +20,7 @@ mod datagram_reassembly;
 mod initiator;
 mod message_writer;
 
+pub(crate) use acceptor::unreadable;
 pub use acceptor::{Acceptor, Event, REFUSAL};
 pub use datagram_reassembly::DatagramReassembler;
 pub use initiator::Initiator;

@@ -1,7 +1,8 @@
 //! The answers: pages for people, headers for programs.
 
-use std::fmt::Write;
+use bytes::{BufMut, BytesMut};
 
+use super::{Admission, Body, ResponseHead};
 use crate::bottle::{Bottle, Value};
 
 /// The content of a port's page.
@@ -9,8 +10,6 @@ use crate::bottle::{Bottle, Value};
 pub struct Page<'a> {
     /// The port.
     pub port: &'a str,
-    /// Host and number by which the browser reached it.
-    pub host: &'a str,
     /// Host and number of the name server, if there is one.
     pub name_server: Option<&'a str>,
     /// The last message sent to the owner.
@@ -32,7 +31,7 @@ nav{display:flex;flex-wrap:wrap;gap:.5rem}nav a{background:var(--surface);border
 border-radius:99px;padding:.15rem .8rem}nav a:hover{border-color:var(--accent);text-decoration:none}\
 pre{font:.9rem/1.6 ui-monospace,monospace;background:var(--surface);border:1px solid var(--line);\
 border-radius:12px;padding:1rem;margin:1rem 0;overflow:auto}\
-form{display:flex;gap:.5rem;margin:1rem 0 0}input{font:inherit;color:inherit;background:var(--surface);\
+form{display:flex;gap:.5rem;margin:1rem 0 0}nav form{margin:0}input{font:inherit;color:inherit;background:var(--surface);\
 border:1px solid var(--line);border-radius:10px;padding:.4rem .8rem}input[name=data]{flex:1;min-width:0}\
 input[type=submit]{cursor:pointer;font-weight:600;background:light-dark(#0b62a4,#2a6ea6);color:#fff;\
 border-color:transparent}:focus-visible{outline:2px solid var(--accent);outline-offset:1px}";
@@ -42,43 +41,75 @@ const META: &str = "<meta charset=\"utf-8\">\
     <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">";
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src 'self'; \
     base-uri 'none'; form-action 'self'";
+/// Pages that an owner answers with have styles of their own, too.
+const OWN_POLICY: &str = "default-src 'none'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; \
+    base-uri 'none'; form-action 'self'";
+/// Forms of a page tell where they come from, to the port alone.
+const REFERRER: &str = "same-origin";
+/// Longest message that stands in the form again.
+const SHOWN: usize = 64 * 1024;
+
+/// The head of a page that is whole, or goes on.
+fn head(mime: &str, policy: &str, body: Body, admission: &Admission) -> String {
+    let head = ResponseHead {
+        status: "200 OK",
+        mime,
+        policy,
+        referrer: REFERRER,
+        admission,
+        body,
+    };
+    head.to_string()
+}
 
 impl Page<'_> {
-    /// Returns the whole response; the connection ends with it.
-    pub fn response(&self) -> String {
+    /// Appends the whole response; the connection ends with it.
+    pub fn put(&self, admission: &Admission, out: &mut BytesMut) {
         let body = self.html();
-        format!(
-            "HTTP/1.1 200 OK\r\nContent-Type: text/html; charset=utf-8\r\n\
-             Content-Length: {}\r\nConnection: close\r\n\
-             Content-Security-Policy: {POLICY}\r\n\r\n{body}",
-            body.len()
-        )
+        let head = head(
+            "text/html; charset=utf-8",
+            POLICY,
+            Body::Whole(body.len()),
+            admission,
+        );
+        out.reserve(head.len() + body.len());
+        out.put_slice(head.as_bytes());
+        out.put_slice(body.as_bytes());
     }
 
     fn html(&self) -> String {
-        let port = escape(self.port);
-        let host = escape(self.host);
-        let data = escape(self.data);
-        let mut out = format!(
-            "<!DOCTYPE html>\n<html lang=\"en\"><head>{META}<title>{port}</title>\
-             <style>{STYLE}</style></head><body><h1>yarp port <code>{port}</code></h1>\n<nav>"
-        );
+        let mut out = String::with_capacity(STYLE.len() + self.text.len() + 1024);
+        out.push_str("<!DOCTYPE html>\n<html lang=\"en\"><head>");
+        out.push_str(META);
+        out.push_str("<title>");
+        escape(&mut out, self.port);
+        out.push_str("</title><style>");
+        out.push_str(STYLE);
+        out.push_str("</style></head><body><h1>yarp port <code>");
+        escape(&mut out, self.port);
+        out.push_str("</code></h1>\n<nav>");
         if let Some(server) = self.name_server {
-            let server = escape(server);
-            // Writing to a string cannot fail.
-            let _ = write!(out, "<a href=\"http://{server}/data=list\">All ports</a>");
+            out.push_str("<a href=\"http://");
+            escape(&mut out, server);
+            out.push_str("/data=list\">All ports</a>");
         }
-        let _ = write!(
-            out,
-            "<a href=\"http://{host}/\">connections</a>\
-             <a href=\"http://{host}/data=help\">help</a>\
-             <a href=\"http://{host}/r\">read</a></nav>\n\
-             <form method=\"post\" action=\"http://{host}/form\">\
-             <input name=\"data\" value=\"{data}\" aria-label=\"message\" autofocus>\
-             <input type=\"submit\" value=\"send data\"></form>\n<pre>\n"
+        // Nothing is sent by following a link.
+        out.push_str(
+            "<a href=\"/\">connections</a>\
+             <form method=\"post\" action=\"/form\"><input type=\"hidden\" name=\"data\" value=\"help\">\
+             <input type=\"submit\" value=\"help\"></form>\
+             <a href=\"/r\">read</a></nav>\n\
+             <form method=\"post\" action=\"/form\"><input name=\"data\" value=\"",
+        );
+        if self.data.len() <= SHOWN {
+            escape(&mut out, self.data);
+        }
+        out.push_str(
+            "\" aria-label=\"message\" autofocus>\
+             <input type=\"submit\" value=\"send data\"></form>\n<pre>\n",
         );
         for line in self.text.lines() {
-            out.push_str(&linked(line));
+            put_linked(&mut out, line);
             out.push('\n');
         }
         out.push_str("</pre></body></html>\n");
@@ -86,10 +117,20 @@ impl Page<'_> {
     }
 }
 
-/// Returns the line with a link to the port that it registers, if it is such a line.
-fn linked(line: &str) -> String {
-    let words: Vec<&str> = line.split_whitespace().collect();
-    match words[..] {
+/// Appends the line, with a link to the port that it registers if it is such a line.
+fn put_linked(out: &mut String, line: &str) {
+    let mut words = [""; 9];
+    let mut count = 0;
+    for word in line.split_whitespace() {
+        // More than that is no such line.
+        if count == words.len() {
+            count += 1;
+            break;
+        }
+        words[count] = word;
+        count += 1;
+    }
+    match words {
         [
             "registration",
             "name",
@@ -100,42 +141,61 @@ fn linked(line: &str) -> String {
             number,
             "type",
             "tcp",
-        ] => {
-            let (name, host, number) = (escape(name), escape(host), escape(number));
-            format!("<a href=\"http://{host}:{number}/\">{name}</a>  ({host}:{number})")
+        ] if count == words.len() => {
+            out.push_str("<a href=\"http://");
+            escape(out, host);
+            out.push(':');
+            escape(out, number);
+            out.push_str("/\">");
+            escape(out, name);
+            out.push_str("</a>  (");
+            escape(out, host);
+            out.push(':');
+            escape(out, number);
+            out.push(')');
         }
-        _ => escape(line),
+        _ => escape(out, line),
     }
 }
 
-fn escape(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
-        .replace('"', "&quot;")
+/// Appends text so that it stays text.
+fn escape(out: &mut String, text: &str) {
+    let mut rest = text;
+    while let Some(at) = rest.find(['&', '<', '>', '"']) {
+        out.push_str(&rest[..at]);
+        out.push_str(match rest.as_bytes()[at] {
+            b'&' => "&amp;",
+            b'<' => "&lt;",
+            b'>' => "&gt;",
+            _ => "&quot;",
+        });
+        rest = &rest[at + 1..];
+    }
+    out.push_str(rest);
 }
 
 /// Returns the response that carries JSON to a program; an owner may call it by another type.
-pub fn json_response(json: &str, mime: Option<&str>) -> String {
-    own_response(&format!("{json}\n"), mime.unwrap_or("application/json"))
+pub fn json_response(json: &str, mime: Option<&str>, admission: &Admission) -> String {
+    let body = format!("{json}\n");
+    own_response(&body, mime.unwrap_or("application/json"), admission)
+}
+
+/// The response that carries text.
+pub fn text_response(text: &str, admission: &Admission) -> String {
+    own_response(text, "text/plain; charset=utf-8", admission)
 }
 
 /// Returns the response that carries an owner's own page.
-pub fn own_response(body: &str, mime: &str) -> String {
-    let mime = one_line(mime);
-    format!("HTTP/1.1 200 OK\nContent-Type: {mime}\nAccess-Control-Allow-Origin: *\n\n{body}")
-}
-
-/// Returns a type with a line end would be headers of its own.
-fn one_line(mime: &str) -> String {
-    mime.chars().filter(|c| !c.is_control()).collect()
+pub fn own_response(body: &str, mime: &str, admission: &Admission) -> String {
+    let head = head(mime, OWN_POLICY, Body::Whole(body.len()), admission);
+    format!("{head}{body}")
 }
 
 /// Returns the head of an owner's own streaming page: each message follows as a [`chunk`].
-pub fn own_stream_head(body: &str, mime: &str) -> String {
+pub fn own_stream_head(body: &str, mime: &str, admission: &Admission) -> String {
+    let head = head(mime, OWN_POLICY, Body::Chunks, admission);
     format!(
-        "HTTP/1.1 200 OK\r\nContent-Type: {}\r\nTransfer-Encoding: chunked\r\n\r\n{}",
-        one_line(mime),
+        "{head}{}",
         raw_chunk(&format!("{}{body}", " ".repeat(MIN_FIRST_CHUNK)))
     )
 }
@@ -144,20 +204,17 @@ pub fn own_stream_head(body: &str, mime: &str) -> String {
 const MIN_FIRST_CHUNK: usize = 2048;
 
 /// Returns the head of a streaming page: each message follows as a [`chunk`].
-pub fn stream_head(port: &str) -> String {
-    let head = format!(
-        "<!DOCTYPE html>\n<html lang=\"en\"><head>{META}<title>{0}</title>\
-         <style>{STYLE}</style></head><body><h1>reading <code>{0}</code></h1>\n",
-        escape(port)
-    );
-    let head = format!("{head}{}\n", " ".repeat(MIN_FIRST_CHUNK));
-    let mut out = String::from(
-        "HTTP/1.1 200 OK\r\nContent-Type: text/html; charset=utf-8\r\n\
-         Transfer-Encoding: chunked\r\n",
+pub fn stream_head(port: &str, admission: &Admission) -> String {
+    let mut name = String::new();
+    escape(&mut name, port);
+    let body = format!(
+        "<!DOCTYPE html>\n<html lang=\"en\"><head>{META}<title>{name}</title>\
+         <style>{STYLE}</style></head><body><h1>reading <code>{name}</code></h1>\n{}\n",
+        " ".repeat(MIN_FIRST_CHUNK)
     );
     // Content that messages carry under `web` is shown; it does not run.
-    let _ = write!(out, "Content-Security-Policy: {POLICY}\r\n\r\n");
-    out.push_str(&raw_chunk(&head));
+    let mut out = head("text/html; charset=utf-8", POLICY, Body::Chunks, admission);
+    out.push_str(&raw_chunk(&body));
     out
 }
 
@@ -173,7 +230,10 @@ pub fn chunk(text: &str) -> String {
     {
         return raw_chunk(&page);
     }
-    raw_chunk(&format!("<pre>{}</pre>\n", escape(text.trim_end())))
+    let mut shown = String::from("<pre>");
+    escape(&mut shown, text.trim_end());
+    shown.push_str("</pre>\n");
+    raw_chunk(&shown)
 }
 
 fn raw_chunk(text: &str) -> String {
@@ -188,12 +248,13 @@ mod tests {
     fn pages_escape_what_they_show() {
         let page = Page {
             port: "/<a>",
-            host: "h:1",
             name_server: Some("n:10000"),
             data: "\"x\"",
             text: "a & b\nregistration name /c ip 1.2.3.4 port 5 type tcp\n",
         };
-        let html = page.response();
+        let mut out = BytesMut::new();
+        page.put(&Admission::default(), &mut out);
+        let html = String::from_utf8_lossy(&out);
         for part in [
             "yarp port <code>/&lt;a&gt;</code>",
             "value=\"&quot;x&quot;\"",

@@ -2,9 +2,12 @@
 
 use std::collections::BTreeMap;
 
+use bytes::Bytes;
+
 use super::Request;
 use super::bottle_json::Outer;
 use crate::bottle::{Bottle, Value};
+use crate::message::Command;
 
 /// The action that an HTTP request asks of a port.
 #[derive(Clone, Debug, PartialEq)]
@@ -68,6 +71,24 @@ impl Action {
             return Self::Type { lines, data };
         }
         Self::typed_or_asked(&request.target, request, fields, Who::Pages)
+    }
+
+    /// Returns whether it only shows something: nothing is delivered, commanded or administered.
+    pub fn only_views(&self) -> bool {
+        match self {
+            Self::Read => true,
+            Self::Ask { .. } => false,
+            Self::Type { lines, .. } => {
+                let line = Bytes::copy_from_slice(lines.as_bytes());
+                let is_one = !lines.contains('\n');
+                let command = Command::parse(&line);
+                let shows = matches!(
+                    command,
+                    Command::Describe | Command::Help | Command::Unknown(_)
+                );
+                is_one && shows
+            }
+        }
     }
 
     /// Treats an address or command as typed text if it is short or known to stock, otherwise as a
@@ -247,6 +268,49 @@ mod tests {
             Who::Owner,
             Some(Outer::Any),
         );
+    }
+
+    /// What commas and one letter make of an address delivered messages and made connections.
+    #[test]
+    fn what_only_shows_is_told_from_what_sends() {
+        for target in [
+            "",
+            "?",
+            "?x=1",
+            "h",
+            "*",
+            "form",
+            "favicon.ico",
+            "r",
+            "r?x=1",
+            "?cmd=*",
+        ] {
+            assert!(action(target).only_views(), "{target}");
+        }
+        for target in [
+            "data=list",
+            "?data=a",
+            "?req=a",
+            "?cmd=a",
+            "?cmd=/x",
+            "d?,a",
+            "form,d,a",
+            "favi,a,[add]+/x",
+            "*?,d,a",
+            "a",
+            "d",
+            "i",
+            "q",
+            "/?",
+            "!?",
+            "~?",
+            "/?x",
+            "set/stos",
+            "web/main.css",
+            "list/in?admin=1",
+        ] {
+            assert!(!action(target).only_views(), "{target}");
+        }
     }
 
     /// A field that appears many times in a message took quadratic memory.

@@ -1,7 +1,8 @@
 //! One request, out of bytes that arrive in pieces.
 
-use bytes::{Buf, BytesMut};
+use bytes::BytesMut;
 
+use super::{Admission, Head, HeadSearch};
 use crate::connection::ProtocolError;
 use crate::limits::Limits;
 
@@ -16,26 +17,16 @@ pub struct Request {
     pub web_socket_key: Option<String>,
     /// The fields of query or form, decoded, in order of arrival.
     pub fields: Vec<(String, String)>,
+    /// What the [gate](super::Gate) lets it do.
+    pub admission: Admission,
 }
 
 /// Collects a request: the line, the headers, and the body of a form.
 #[derive(Debug, Default)]
 pub struct RequestReader {
+    search: HeadSearch,
     head: Option<Head>,
 }
-
-#[derive(Debug)]
-struct Head {
-    target: String,
-    host: String,
-    upgrade: bool,
-    key: Option<String>,
-    form: bool,
-    body: usize,
-}
-
-/// Longest line and headers together.
-const MAX_HEAD_LEN: usize = 64 * 1024;
 
 impl RequestReader {
     /// Takes the request from `input`, which begins with its first letter; `None` while bytes are
@@ -45,81 +36,32 @@ impl RequestReader {
         input: &mut BytesMut,
         limits: Limits,
     ) -> Result<Option<Request>, ProtocolError> {
-        if self.head.is_none() {
-            let Some(end) = end_of_head(input) else {
-                if input.len() > MAX_HEAD_LEN {
-                    let limit = MAX_HEAD_LEN;
-                    return Err(ProtocolError::LineTooLong { limit });
-                }
-                return Ok(None);
-            };
-            let head = input.split_to(end);
-            self.head = Some(parse_head(&String::from_utf8_lossy(&head)));
-        }
-        let head = self.head.as_ref().expect("read above");
-        if head.body > limits.line {
-            let limit = limits.line;
-            return Err(ProtocolError::LineTooLong { limit });
-        }
+        let head = match self.head.take() {
+            Some(head) => head,
+            None => {
+                let Some(end) = self.search.end(input)? else {
+                    return Ok(None);
+                };
+                self.search = HeadSearch::default();
+                Head::parse(&input.split_to(end))
+            }
+        };
+        head.check_body(limits)?;
         if input.len() < head.body {
+            self.head = Some(head);
             return Ok(None);
         }
-        let body = String::from_utf8_lossy(&input[..head.body]).into_owned();
-        input.advance(head.body);
-        let head = self.head.take().expect("read above");
-        let query = if head.form { &body } else { &head.target };
-        let fields = fields(query);
+        let body = input.split_to(head.body);
+        let body = String::from_utf8_lossy(&body);
+        let fields = fields(if head.form { &body } else { &head.target });
         Ok(Some(Request {
             target: head.target,
-            host: head.host,
+            host: head.host.unwrap_or_default(),
             web_socket_key: head.key.filter(|_| head.upgrade),
             fields,
+            admission: Admission::default(),
         }))
     }
-}
-
-/// Returns the position after the empty line that ends the headers.
-fn end_of_head(input: &[u8]) -> Option<usize> {
-    let crlf = input
-        .windows(4)
-        .position(|w| w == b"\r\n\r\n")
-        .map(|at| at + 4);
-    let lf = input.windows(2).position(|w| w == b"\n\n").map(|at| at + 2);
-    match (crlf, lf) {
-        (Some(a), Some(b)) => Some(a.min(b)),
-        (a, b) => a.or(b),
-    }
-}
-
-fn parse_head(head: &str) -> Head {
-    let mut lines = head.lines();
-    let line = lines.next().unwrap_or_default();
-    let target = line.split_whitespace().nth(1).unwrap_or("/");
-    let mut parsed = Head {
-        target: target.strip_prefix('/').unwrap_or(target).to_owned(),
-        host: String::new(),
-        upgrade: false,
-        key: None,
-        form: false,
-        body: 0,
-    };
-    for line in lines {
-        let Some((key, value)) = line.split_once(':') else {
-            continue;
-        };
-        let value = value.trim();
-        match key.to_ascii_lowercase().as_str() {
-            "host" => value.clone_into(&mut parsed.host),
-            "upgrade" => parsed.upgrade = value.eq_ignore_ascii_case("websocket"),
-            "sec-websocket-key" => parsed.key = Some(value.to_owned()),
-            "content-length" => parsed.body = value.parse().unwrap_or(0),
-            "content-type" => {
-                parsed.form = value.starts_with("application/x-www-form-urlencoded");
-            }
-            _ => {}
-        }
-    }
-    parsed
 }
 
 /// Returns the fields of a query; the text before `?` is not a field, a field without value is

@@ -1,15 +1,19 @@
-//! HTTP requests to ports, and the responses.
+//! What browsers ask of ports, and what they are told.
 //!
-//! [`RequestReader`] collects a request, [`Action`] is its meaning for the port, [`html_page`] and
-//! [`bottle_json`] format the answers, [`Response`] that of an owner with pages of its own. Source:
-//! recorded traffic of 3.12.3 and 4.0.0.
+//! [`gate`] decides which requests are answered. [`RequestReader`] collects a request, [`Action`] says what it asks of the port, [`page`] and
+//! [`json`] are the answers, [`Response`] that of an owner with pages of its own. Source: recorded traffic of 3.12.3 and 4.0.0.
 
 pub mod bottle_json;
+pub mod gate;
+mod head;
 pub mod html_page;
 mod http_action;
 mod http_request;
 mod http_response;
 
+pub use gate::{Admission, Gate, Refusal, Service};
+pub use head::{Head, HeadSearch};
 pub use http_action::{Action, Who};
 pub use http_request::{Request, RequestReader};
 pub use http_response::Response;
+pub(crate) use http_response::{Body, ResponseHead};

@@ -13,5 +13,5 @@ mod wire_object;
 pub use message_index::{Index, IndexError};
 pub use payload::{Form, Payload};
 pub use pieces::{Piece, Pieces};
-pub use port_command::{Command, CommandError};
+pub use port_command::{Command, CommandError, SPELLED_LIMIT};
 pub use wire_object::{RawText, ReadObject, WireObject};

@@ -48,6 +48,9 @@ pub struct CommandError {
 
 /// Bytes of a block without its string.
 const BLOCK: usize = 8;
+/// Longest string of a command on a stream, in bytes, where nothing tells its length beforehand: that of a name with
+/// its carrier, or of an envelope.
+pub const SPELLED_LIMIT: usize = 4 * 1024;
 /// Offset of the envelope in `D ENVELOPE`.
 const ENVELOPE: usize = 2;
 
@@ -109,8 +112,12 @@ impl Command {
     }
 
     /// Reads a block at the start of a stream; `None` while bytes are missing. Its string may have
-    /// `limit` bytes.
-    pub fn read_prefix(stream: &[u8], limit: usize) -> Result<Option<(Self, usize)>, CommandError> {
+    /// [`SPELLED_LIMIT`] bytes. `searched` is kept by the caller while the stream grows, 0 at first, and holds how far the end of the
+    /// string was looked for.
+    pub fn read_prefix(
+        stream: &[u8],
+        searched: &mut usize,
+    ) -> Result<Option<(Self, usize)>, CommandError> {
         let Some(block) = stream.first_chunk::<BLOCK>() else {
             return Ok(None);
         };
@@ -128,11 +135,18 @@ impl Command {
         }
         let string = &stream[BLOCK..];
         let end = match block[5] {
-            0 => match string.iter().position(|byte| *byte == 0) {
-                Some(end) => BLOCK + end + 1,
-                None if string.len() > limit => return Err(wrong()),
-                None => return Ok(None),
-            },
+            0 => {
+                let within = &string[..string.len().min(SPELLED_LIMIT + 1)];
+                let from = std::mem::take(searched).min(within.len());
+                match within[from..].iter().position(|byte| *byte == 0) {
+                    Some(end) => BLOCK + from + end + 1,
+                    None if within.len() > SPELLED_LIMIT => return Err(wrong()),
+                    None => {
+                        *searched = within.len();
+                        return Ok(None);
+                    }
+                }
+            }
             _ => BLOCK,
         };
         Self::read(&Bytes::copy_from_slice(&stream[..end])).map(Some)
@@ -246,6 +260,35 @@ mod tests {
         let spelled = Bytes::from_static(b"\x02\0\0\0~\0\0\x01a\0rest");
         assert_eq!(Command::read(&spelled), Ok((Command::Admin, 10)));
         assert_eq!(Command::parse(&"do".into()), Command::data(true));
+    }
+
+    /// Whoever never ended it had all of it searched anew for each byte that came.
+    #[test]
+    fn the_string_of_a_stream_is_searched_once_and_bounded() {
+        let mut stream = b"\0\0\0\0~\0\0\x01D ".to_vec();
+        let mut searched = 0;
+        for size in 0..4096 - 2 {
+            assert_eq!(Command::read_prefix(&stream, &mut searched), Ok(None));
+            assert_eq!(searched, 2 + size);
+            stream.push(b'x');
+        }
+        let mut whole = stream.clone();
+        whole.push(0);
+        let mut anew = searched;
+        let (command, length) = Command::read_prefix(&whole, &mut anew).unwrap().unwrap();
+        assert!(matches!(
+            command,
+            Command::Data {
+                reply: false,
+                envelope: Some(_)
+            }
+        ));
+        assert_eq!((length, anew), (whole.len(), 0));
+        assert_eq!(Command::read_prefix(&stream, &mut searched), Ok(None));
+        stream.push(b'x');
+        assert!(Command::read_prefix(&stream, &mut searched).is_err());
+        stream.push(0);
+        assert!(Command::read_prefix(&stream, &mut 0).is_err());
     }
 
     #[test]

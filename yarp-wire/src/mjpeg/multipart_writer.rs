@@ -12,6 +12,8 @@ Cache-Control: no-store, no-cache, must-revalidate, pre-check=0, post-check=0, m
 Pragma: no-cache\r\n\
 Expires: Mon, 3 Jan 2000 12:34:56 GMT\r\n\
 Content-Type: multipart/x-mixed-replace;boundary=boundarydonotcross\r\n\
+Content-Security-Policy: default-src 'none'\r\n\
+X-Content-Type-Options: nosniff\r\n\
 \r\n\
 --boundarydonotcross\r\n";
 

@@ -23,7 +23,7 @@ use std::net::SocketAddrV4;
 use bytes::BytesMut;
 
 use crate::carrier::{Carrier, Sender};
-use crate::http::Request;
+use crate::http::{Request, Service};
 use crate::limits::Limits;
 use crate::message::{Command, Payload, WireObject};
 use crate::wire_version::WireVersion;
@@ -44,6 +44,12 @@ pub(crate) use unindexed::UnindexedMessageDecoder;
 pub trait Protocol: fmt::Debug + Sync {
     /// Returns the kind of payload of the messages.
     fn payload_kind(&self) -> PayloadKind;
+
+    /// Returns what a browser gets that speaks this protocol; `None` if none can. Its requests pass a
+    /// [gate](crate::http::gate) before anything else is done with them.
+    fn service(&self) -> Option<Service> {
+        None
+    }
 
     /// Appends the header of an initiator.
     fn put_header(&self, carrier: &Carrier, sender: &Sender, output: &mut BytesMut);

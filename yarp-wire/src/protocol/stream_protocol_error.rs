@@ -2,6 +2,7 @@
 
 use crate::bottle::DecodeError;
 use crate::carrier::MAGIC;
+use crate::http::Refusal;
 use crate::message::{CommandError, IndexError};
 use crate::websocket::WebSocketError;
 
@@ -57,6 +58,9 @@ pub enum ProtocolError {
     /// The frames are wrong.
     #[error(transparent)]
     WebSocket(#[from] WebSocketError),
+    /// A request of a browser that is not answered.
+    #[error("refusing a request: {0}")]
+    Browser(Refusal),
     /// Bytes arrived outside any reply.
     #[error("{count} unexpected bytes outside a reply")]
     Unexpected {

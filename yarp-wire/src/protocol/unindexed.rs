@@ -84,6 +84,8 @@ fn take_acknowledgement(input: &mut BytesMut) -> Result<bool, ProtocolError> {
 pub(crate) struct UnindexedMessageDecoder {
     wire_version: WireVersion,
     limits: Limits,
+    /// How far the end of a spelled command was looked for.
+    searched: usize,
     /// The message in progress, of which the command block has been read.
     begun: Option<Begun>,
 }
@@ -101,6 +103,7 @@ impl UnindexedMessageDecoder {
         Self {
             wire_version,
             limits,
+            searched: 0,
             begun: None,
         }
     }
@@ -110,7 +113,8 @@ impl UnindexedMessageDecoder {
         let mut begun = match self.begun.take() {
             Some(begun) => begun,
             None => {
-                let Some((command, block)) = Command::read_prefix(input, self.limits.line)? else {
+                let Some((command, block)) = Command::read_prefix(input, &mut self.searched)?
+                else {
                     return Ok(None);
                 };
                 input.advance(block);

@@ -29,6 +29,7 @@ pub(crate) fn all() -> Vec<(&'static str, Vec<Vec<u8>>)> {
         ("name_service_answer", answers()),
         ("datagram", datagrams()),
         ("http", strings(&HTTP)),
+        ("gate", strings(&HEADS)),
         ("typed", typed_messages()),
         ("mjpeg", streams()),
         ("websocket", frames()),
@@ -83,8 +84,8 @@ const REQUESTS: [&str; 7] = [
 ];
 /// Requests of browsers; the byte in front is the step in which they are fed.
 const HTTP: [&str; 9] = [
-    "\x07GET / HTTP/1.1\r\nHost: h:1\r\n\r\n",
-    "\x01GET /?req=hello&x=1 HTTP/1.1\r\nHost: h\r\n\r\n",
+    "\x07GET / HTTP/1.1\r\nHost: localhost:1\r\n\r\n",
+    "\x01GET /?req=hello&x=1 HTTP/1.1\r\nHost: localhost\r\n\r\n",
     "\x03POST /form HTTP/1.1\r\nContent-Length: 11\r\nContent-Type: application/x-www-form-urlencoded\r\n\r\ndata=a+b%2e",
     "\x05GET /a/b?x=y&z=%4 HTTP/1.1\n\n",
     "\x05POST /form HTTP/1.1\r\nContent-Length: 99999999999\r\n\r\n",
@@ -92,6 +93,18 @@ const HTTP: [&str; 9] = [
     "\x05GET /?data=$a,$b.$&a=1 HTTP/1.1\r\n\r\n",
     "\x05GET /dict/(a+1)?format=json&outer=list&admin=1 HTTP/1.1\r\n\r\n",
     "\x05GET /?req=list+(dict+1+(a+1)+())&outer=dict HTTP/1.1\r\n\r\n",
+];
+/// Heads of requests, as browsers and programs send them; the byte in front is the step in which they are fed.
+const HEADS: [&str; 9] = [
+    "\x01GET /?data=x HTTP/1.1\r\nHost: 127.0.0.1:10002\r\nUser-Agent: curl/8.5.0\r\nAccept: */*\r\n\r\n",
+    "\x03GET / HTTP/1.1\r\nHost: robot:1\r\nUser-Agent: Mozilla/5.0\r\nAccept: text/html\r\nAccept-Language: en\r\n\r\n",
+    "\x05POST /form HTTP/1.1\r\nHost: [::1]:1\r\nOrigin: http://[::1]:1\r\nReferer: http://[::1]:1/\r\nContent-Length: 6\r\n\r\ndata=x",
+    "\x07GET /?ws HTTP/1.1\r\nHost: localhost:1\r\nOrigin: http://evil.example\r\nUpgrade: websocket\r\n\r\n",
+    "\x07GET /?action=stream HTTP/1.1\r\nHost: 10.0.0.2\r\nSec-Fetch-Site: cross-site\r\nSec-Fetch-Mode: no-cors\r\nSec-Fetch-Dest: image\r\n\r\n",
+    "\x07GET / HTTP/1.1\r\nHost: localhost\r\nSec-Fetch-Site: same-site\r\nSec-Fetch-Mode: navigate\r\nSec-Fetch-Dest: document\r\n\r\n",
+    "\x02GET / HTTP/1.1\nHost: evil.example\nReferer: http://evil.example/\n\n",
+    "\x02GET /?action=stream\n\n HTTP/1.1\nHost: h\r\n\n",
+    "\x09POST /form HTTP/1.1\r\nHost: a\r\nHost: localhost\r\nOrigin: null\r\nSec-CH-UA: x\r\n\r\n",
 ];
 const DATAGRAM: &[u8] = b"\x2d\x7c\x9f\xe0\0\0\0\0NAME_SERVER query /root\n";
 
@@ -144,7 +157,7 @@ fn acceptor() -> Vec<Vec<u8>> {
     .collect();
     for text in [
         &b"\x01GARBAGE!"[..],
-        b"\x05GET /a/b?x=y&z=%41 HTTP/1.1\r\nHost: h\r\n\r\n",
+        b"\x05GET /a/b?x=y&z=%41 HTTP/1.1\r\nHost: localhost\r\n\r\n",
         b"\x05POST /form HTTP/1.1\r\nContent-Length: 8\r\n\
           Content-Type: application/x-www-form-urlencoded\r\n\r\ndata=a+b",
         b"\x01NAME_SERVER query /x\nNAME_SERVER list\n",
@@ -340,7 +353,7 @@ fn behind_header(carrier: &'static Carrier) -> BytesMut {
     let content = Bottle::parse("1 0.5 (a \"b\")").unwrap();
     let mut bytes = BytesMut::new();
     match carrier.name {
-        "http" => bytes.extend_from_slice(b"TP/1.1\r\nHost: h\r\n\r\n"),
+        "http" => bytes.extend_from_slice(b"TP/1.1\r\nHost: localhost\r\n\r\n"),
         "name_ser" => {
             bytes.extend_from_slice(b"query /x\nNAME_SERVER list\n");
         }

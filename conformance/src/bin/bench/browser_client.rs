@@ -50,7 +50,7 @@ fn question(name: &str, n: &str) -> Result<(), Failure> {
     for _ in 0..n.parse()? {
         let begin = Instant::now();
         let mut stream = TcpStream::connect((host.as_str(), port))?;
-        stream.write_all(b"GET /?req=1+2 HTTP/1.1\r\nHost: h\r\n\r\n")?;
+        stream.write_all(b"GET /?req=1+2 HTTP/1.1\r\nHost: localhost\r\n\r\n")?;
         answer.clear();
         stream.read_to_string(&mut answer)?;
         times.push(begin.elapsed());
@@ -64,7 +64,7 @@ fn question(name: &str, n: &str) -> Result<(), Failure> {
 /// Reads at `/r` what the port writes; each input line is a count, answered when it is reached.
 fn listen(name: &str) -> Result<(), Failure> {
     let mut stream = connect(name)?;
-    stream.write_all(b"GET /r HTTP/1.1\r\nHost: h\r\n\r\n")?;
+    stream.write_all(b"GET /r HTTP/1.1\r\nHost: localhost\r\n\r\n")?;
     let mut chunks = BufReader::new(stream);
     let mut line = String::new();
     while line != "\r\n" {
@@ -106,7 +106,7 @@ fn read_chunks(mut chunks: impl BufRead, count: &AtomicU64) -> Result<(), Failur
 fn open_websocket(name: &str) -> Result<TcpStream, Failure> {
     let mut stream = connect(name)?;
     stream.write_all(
-        b"GET /?ws HTTP/1.1\r\nHost: h\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\
+        b"GET /?ws HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\
           Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n",
     )?;
     let mut head = Vec::new();

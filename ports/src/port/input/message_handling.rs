@@ -10,7 +10,7 @@ use super::{Connection, End, Next};
 use crate::port::admin_commands;
 use crate::port::dispatch::Dispatched;
 use crate::port::log_modifier;
-use crate::port::received_message::{Answer, Received, Reply};
+use crate::port::received_message::{Answer, Received, Reply, long_work};
 use crate::port::text_commands::{HELP, NOT_UNDERSTOOD};
 use crate::roles::Right;
 
@@ -87,7 +87,7 @@ impl Connection {
                 Next::Go
             }
             Step::Command(Command::Admin, payload) => {
-                let request = payload.to_bottle().unwrap_or_default();
+                let request = long_work(payload.len(), || payload.to_bottle()).unwrap_or_default();
                 let answer = self.administer(&request).await;
                 self.acceptor.reply(&answer, &mut self.output);
                 match self.core.ends_with(&request) {
