@@ -139,6 +139,8 @@ fn invalid_limits_are_refused() {
     for (option, value) in [
         ("--connections", "0"),
         ("--connections", "many"),
+        ("--max-names", "0"),
+        ("--max-memory", "much"),
         ("--handshake-timeout", "-1"),
         ("--idle-timeout", "long"),
     ] {

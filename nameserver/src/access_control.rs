@@ -2,7 +2,7 @@
 //! force.
 
 use yarp_ports::roles::{Peer, Right, Roles};
-use yarp_wire::name_service::{Command, SERVER_CHOOSES};
+use yarp_wire::name_service::{Command, Needs, SERVER_CHOOSES};
 
 use crate::registry::bare_name;
 
@@ -17,45 +17,36 @@ pub(crate) fn refusal(
     peer: Peer<'_>,
     command: &Command,
 ) -> Option<String> {
-    let mut needs = needed(own, command).into_iter();
-    let (right, port) = needs.find(|(right, port)| !roles.rights(port, peer).has(*right))?;
+    let (right, ports) = needed(own, command.rules().needs);
+    let mut ports = ports.into_iter();
+    let port = ports.find(|port| !roles.rights(port, peer).has(right))?;
     Some(format!(
         "roles.conf gives {peer} no right to {right} on {port}"
     ))
 }
 
-/// Returns the rights that a command needs, each with the port it concerns.
-fn needed<'a>(own: &'a str, command: &'a Command) -> Vec<(Right, &'a str)> {
-    match command {
-        Command::Register(asked) if asked.name == SERVER_CHOOSES || asked.name.starts_with('=') => {
-            vec![(Right::Administer, ANONYMOUS_PREFIX)]
+/// The right that a command needs, and on which ports.
+fn needed<'a>(own: &'a str, needs: Needs<'a>) -> (Right, Vec<&'a str>) {
+    use Right::{Administer, Connect, Read};
+    match needs {
+        Needs::Lookup => (Read, vec![own]),
+        Needs::AdministerServer => (Administer, vec![own]),
+        Needs::AdministerNew(name) if name == SERVER_CHOOSES || name.starts_with('=') => {
+            (Administer, vec![ANONYMOUS_PREFIX])
         }
-        Command::Register(asked) => vec![(Right::Administer, &asked.name)],
-        // The names that a port declares to own are removed together with it.
-        Command::Set { name, key, values } if key == "owns" => {
-            let owned = values.iter().map(String::as_str);
-            let names = std::iter::once(name.as_str()).chain(owned);
-            names.map(|name| (Right::Administer, name)).collect()
+        Needs::AdministerNew(name) | Needs::Administer(name) => (Administer, vec![name]),
+        Needs::AdministerOwned(name, owned) => {
+            let owned = owned.iter().map(String::as_str);
+            let names = std::iter::once(name).chain(owned);
+            (Administer, names.collect())
         }
-        Command::Unregister { name }
-        | Command::Set { name, .. }
-        | Command::Announce { name, .. } => vec![(Right::Administer, name)],
-        Command::Subscribe {
-            source,
-            destination,
-            ..
-        } => vec![
-            (Right::Connect, bare_name(source)),
-            // A topic connects its writers to every subscriber.
-            (Right::Connect, bare_name(destination)),
-        ],
-        Command::Unsubscribe { source, .. } => vec![(Right::Connect, bare_name(source))],
-        Command::Topic { name, .. } | Command::Untopic { name } => {
-            vec![(Right::Connect, bare_name(name))]
+        Needs::AdministerHolders(holders) => {
+            let names = holders.iter().map(|holder| holder.name.as_str());
+            (Administer, names.collect())
         }
-        Command::Type { value: Some(_), .. } | Command::CollectGarbage => {
-            vec![(Right::Administer, own)]
+        Needs::Connect(name) => (Connect, vec![bare_name(name)]),
+        Needs::ConnectBoth(source, destination) => {
+            (Connect, vec![bare_name(source), bare_name(destination)])
         }
-        _ => vec![(Right::Read, own)],
     }
 }

@@ -5,9 +5,11 @@
 //! and probes registered ports; `web` serves pages and JSON to browsers.
 
 mod access_control;
+mod links;
 pub mod multicast_discovery;
 mod name_server;
 mod prober;
+mod probes;
 pub mod registry;
 mod request_handler;
 pub mod shared;

@@ -14,7 +14,7 @@ use std::net::IpAddr;
 use std::time::Instant;
 
 use yarp_wire::datagram;
-use yarp_wire::name_service::{Command, Form, PREFIX, Request};
+use yarp_wire::name_service::{Command, Form, Kind, PREFIX, Request};
 
 use crate::registry::Registry;
 
@@ -72,17 +72,7 @@ pub fn respond_line(
 }
 
 fn is_question(command: &Command) -> bool {
-    matches!(
-        command,
-        Command::Query { .. }
-            | Command::List { .. }
-            | Command::Get { .. }
-            | Command::Check { .. }
-            | Command::Route { .. }
-            | Command::Runners
-            | Command::Help
-            | Command::Other(_)
-    )
+    matches!(command.rules().kind, Kind::Question { by_datagram: true })
 }
 
 #[cfg(test)]

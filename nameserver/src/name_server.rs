@@ -15,7 +15,6 @@ use tokio::time::timeout;
 use yarp_ports::roles::{Peer, Roles};
 use yarp_ports::{
     Answer, ConnectionLimits, Network, Port, PortError, PortOptions, Received, addresses,
-    remote_admin,
 };
 use yarp_wire::auth::Key;
 use yarp_wire::carrier::ALL;
@@ -25,9 +24,10 @@ use yarp_wire::name_service::{Command, Registration, Request};
 use yarp_wire::{Bottle, Vocab32};
 
 use crate::access_control;
+use crate::links::{Due, Links};
 use crate::multicast_discovery;
 use crate::prober;
-use crate::registry::{Body, Change, Effect, Link, PortStatus, Registry, Settings, Subnet};
+use crate::registry::{Body, Capacity, Effect, PortStatus, Registry, Settings, Subnet};
 use crate::request_handler::{self, Persistence, RequestHandler};
 use crate::shared::{Content, SharedStore, SharedStoreError, WRITE_TIMEOUT, Writer, WriterChannel};
 use crate::store::{Journal, Store, StoreError};
@@ -63,6 +63,9 @@ pub struct ServerOptions {
     /// Timeouts and maximum number of client connections. Default: 30 s for the handshake; one day
     /// between messages, because stock clients may keep a connection open; 8192 connections.
     pub connection_limits: ConnectionLimits,
+    /// How much it holds for others. Unless told otherwise: 50 000 names in 64 MiB, half of either
+    /// from one address.
+    pub capacity: Capacity,
     /// Key that clients must hold, if any.
     pub key: Option<Key>,
     /// Roles that say which peers may look up, register and connect; see [`yarp_ports::roles`].
@@ -110,6 +113,7 @@ impl Default for ServerOptions {
             survey: Some(DEFAULT_SURVEY_INTERVAL),
             port_range: None,
             connection_limits: DEFAULT_CONNECTION_LIMITS,
+            capacity: Capacity::default(),
             key: None,
             roles: Roles::default(),
             gate: None,
@@ -136,9 +140,16 @@ const DEFAULT_EXPIRE_AFTER: Duration = Duration::from_secs(3600);
 const DEFAULT_CONNECTION_LIMITS: ConnectionLimits = ConnectionLimits {
     handshake_timeout: Some(Duration::from_secs(30)),
     idle_timeout: Some(Duration::from_secs(24 * 3600)),
-    max_connections: Some(8192),
+    max_connections: Some(CONNECTIONS),
 };
 
+/// Connections at once unless configured otherwise.
+const CONNECTIONS: usize = 8192;
+
+/// Longest request, in bytes: more than any name and all properties of a port take.
+const MAX_MESSAGE: usize = 1 << 20;
+/// What connections over http and websocket are called.
+const BROWSER: &str = "web";
 /// TCP port of stock's name server.
 const DEFAULT_PORT: u16 = 10000;
 /// Maximum number of queued effects; further ones are dropped with a warning.
@@ -249,7 +260,8 @@ pub struct Server {
 impl Server {
     /// Starts a name server, which answers from then on. Registrations are lost when it ends.
     pub async fn start(options: ServerOptions) -> Result<Self, PortError> {
-        Self::open(options, &[], |_| Ok(Persistence::Memory)).await
+        let registry = options.registry(options.port);
+        Self::open(options, registry, |_| Ok(Persistence::Memory)).await
     }
 
     /// Starts a name server with the names in `store`, and stores changes there: a change is stored
@@ -258,14 +270,15 @@ impl Server {
         options: ServerOptions,
         mut store: impl Store,
     ) -> Result<Self, StartError> {
-        let kept = store.load()?;
+        let mut registry = options.registry(options.port);
+        registry.restore_with(Instant::now(), |take| store.load(take))?;
         let start = |registry: &Arc<Mutex<Registry>>| {
             let journal = Journal::start(store, registry.clone());
             journal
                 .map(Persistence::Journal)
                 .map_err(StartError::Thread)
         };
-        Self::open(options, &kept, start).await
+        Self::open(options, registry, start).await
     }
 
     /// Starts a name server whose names are shared with other servers: a change is committed to the
@@ -288,11 +301,15 @@ impl Server {
                 content => break content?,
             }
         };
-        let kept = content.changes();
         options.incarnation = Some(content.incarnation);
         let (channel, jobs, health) = WriterChannel::new(options.max_staleness);
         let persistence = Persistence::Shared(Arc::new(channel));
-        let opened = Self::open(options.clone(), &kept, |_| Ok::<_, PortError>(persistence));
+        let registry = options
+            .registry(options.port)
+            .rebuilt(Instant::now(), content.changes());
+        let opened = Self::open(options.clone(), registry, |_| {
+            Ok::<_, PortError>(persistence)
+        });
         let mut server = opened.await?;
         let registry = server.request_handler.shared_registry();
         let listeners = server.request_handler.effects();
@@ -302,7 +319,9 @@ impl Server {
             place: (server.host.clone(), server.port()),
             generation: content.generation,
             copy: registry.clone(),
-            draft: options.registry(server.port(), &kept),
+            draft: options
+                .registry(server.port())
+                .rebuilt(Instant::now(), content.changes()),
             jobs,
             queue: VecDeque::new(),
             health,
@@ -325,11 +344,11 @@ impl Server {
     /// state in which it answers its first request.
     async fn open<E: From<PortError>>(
         options: ServerOptions,
-        kept: &[Change],
+        registry: Registry,
         persistence: impl FnOnce(&Arc<Mutex<Registry>>) -> Result<Persistence, E>,
     ) -> Result<Self, E> {
         let (effects, waiting) = mpsc::channel(MAX_QUEUED_EFFECTS);
-        let registry = Arc::new(Mutex::new(options.registry(options.port, kept)));
+        let registry = Arc::new(Mutex::new(registry));
         let persistence = persistence(&registry)?;
         let request_handler = Arc::new(RequestHandler::new(
             registry.clone(),
@@ -339,29 +358,12 @@ impl Server {
             Network::none().with_key(options.key.clone()),
             // Without probes no port is found gone, so none expires.
             options.probe_interval.and(options.expire_after),
+            options
+                .connection_limits
+                .max_connections
+                .unwrap_or(CONNECTIONS),
         ));
-        let handler = {
-            let (request_handler, roles) = (request_handler.clone(), options.roles.clone());
-            let own = options.namespace.clone();
-            move |message: &mut Received| {
-                let Ok(bottle) = message.bottle() else {
-                    return Answer::Nothing;
-                };
-                let request = Request::from_bottle(&bottle);
-                let peer = Peer {
-                    name: &message.from,
-                    address: message.address,
-                };
-                match access_control::refusal(&roles, &own, peer, &request.command) {
-                    None => RequestHandler::answer(&request_handler, message.address, request),
-                    Some(refusal) => {
-                        tracing::warn!("refused a request: {refusal}");
-                        let body = Body::lines([format!("refused: {refusal}")]);
-                        Answer::reply(RawText(body.to_text()))
-                    }
-                }
-            }
-        };
+        let handler = handler(request_handler.clone(), &options);
         let survey = Arc::new(Survey::new(web::Settings {
             interval: options.survey,
             network: options.network(options.port).with_timeout(SURVEY_TIMEOUT),
@@ -376,6 +378,9 @@ impl Server {
             .tcp_port(options.port)
             .pages(move |request| pages.page(request))
             .connection_limits(options.connection_limits)
+            .max_message(MAX_MESSAGE)
+            // What is asked of it is nobody else's business.
+            .without_copies()
             // The handler checks the rights for each request.
             .allow_any_writer()
             .handler(handler);
@@ -395,7 +400,9 @@ impl Server {
         let port = Arc::new(port);
         if port.tcp_port() != options.port {
             // The system chose the port; no client knows it yet.
-            *request_handler.registry() = options.registry(port.tcp_port(), kept);
+            let mut registry = request_handler.registry();
+            registry.move_to(options.settings(port.tcp_port()));
+            options.register_properties(&mut registry);
         }
         let network = options.network(port.tcp_port());
         let mut tasks = vec![
@@ -493,22 +500,58 @@ impl ServerOptions {
             settings.multicast_port = number;
         }
         settings.port_range.clone_from(&self.port_range);
+        settings.capacity = self.capacity;
         let subnet = |(own, bits)| Subnet { own, bits };
         settings.subnets = addresses::subnets().into_iter().map(subnet).collect();
         settings.incarnation = self.incarnation.unwrap_or_else(stamp);
         settings
     }
 
-    /// Builds the registry for the start of the server.
-    fn registry(&self, port: u16, kept: &[Change]) -> Registry {
+    /// A registry that knows the server at this TCP port and nobody else.
+    fn registry(&self, port: u16) -> Registry {
         let mut registry = Registry::new(self.settings(port));
+        self.register_properties(&mut registry);
+        registry
+    }
+
+    fn register_properties(&self, registry: &mut Registry) {
         let own = match self.bind {
             Some(address) => vec![address.to_string()],
             None => addresses::own(),
         };
-        register_properties(&mut registry, &self.namespace, own);
-        registry.restore(Instant::now(), kept.iter().cloned());
-        registry
+        register_properties(registry, &self.namespace, own);
+    }
+}
+
+/// Answers what comes to the port, if the roles in force allow it.
+fn handler(
+    request_handler: Arc<RequestHandler>,
+    options: &ServerOptions,
+) -> impl Fn(&mut Received) -> Answer + Send + Sync + use<> {
+    let (own, roles) = (options.namespace.clone(), options.roles.clone());
+    move |message: &mut Received| {
+        let request = match message.bottle() {
+            Ok(bottle) => Request::from_bottle(&bottle),
+            Err(error) => {
+                let body = Body::refusal(&format!("the request cannot be read: {error}"));
+                return Answer::reply(RawText(body.to_text()));
+            }
+        };
+        let peer = Peer {
+            name: &message.from,
+            address: message.address,
+        };
+        match access_control::refusal(&roles, &own, peer, &request.command) {
+            None => {
+                let by_page = &*message.from == BROWSER;
+                RequestHandler::answer(&request_handler, message.address, by_page, request)
+            }
+            Some(refusal) => {
+                tracing::warn!("refused a request: {refusal}");
+                let body = Body::lines([format!("refused: {refusal}")]);
+                Answer::reply(RawText(body.to_text()))
+            }
+        }
     }
 }
 
@@ -541,19 +584,32 @@ fn register_properties(registry: &mut Registry, name: &str, addresses: Vec<Strin
     }
 }
 
-/// Runs the effects of requests one after the other.
+/// Sees to what requests cause besides their answers.
 async fn run_effects(mut effects: mpsc::Receiver<Effect>, port: Arc<Port>, network: Network) {
-    while let Some(effect) = effects.recv().await {
-        match effect {
-            Effect::Added(name) => publish(&port, "add", &name),
-            Effect::Removed(name) => publish(&port, "del", &name),
-            Effect::Connect(link) => {
-                tokio::spawn(connect(network.clone(), link));
+    let mut links = Links::new();
+    loop {
+        tokio::select! {
+            effect = effects.recv() => {
+                let due = match effect {
+                    None => return,
+                    Some(Effect::Added(name)) => {
+                        publish(&port, "add", &name);
+                        continue;
+                    }
+                    Some(Effect::Removed(name)) => {
+                        publish(&port, "del", &name);
+                        continue;
+                    }
+                    Some(Effect::Connect(link)) => Due::Connect(link),
+                    Some(Effect::Disconnect(link)) => Due::Disconnect(link),
+                };
+                if !links.add(due) {
+                    tracing::warn!("too many persistent connections are due, one is not made or ended");
+                }
             }
-            Effect::Disconnect(link) => {
-                tokio::spawn(disconnect(network.clone(), link));
-            }
+            () = links.end_one() => {}
         }
+        links.start(|due| due.by(network.clone()));
     }
 }
 
@@ -561,28 +617,6 @@ async fn run_effects(mut effects: mpsc::Receiver<Effect>, port: Arc<Port>, netwo
 fn publish(port: &Port, what: &str, name: &str) {
     let event = Bottle::from_iter([Vocab32::new(what).into(), name.into()]);
     port.write_if_idle(&event, None);
-}
-
-/// Makes a persistent connection unless it exists.
-async fn connect(network: Network, link: Link) {
-    let (source, destination) = (&link.source, &link.destination);
-    let known = remote_admin::connection(&network, source, &destination.name).await;
-    if matches!(known, Ok(Some(_))) {
-        return;
-    }
-    let carrier = Some(link.carrier.as_str());
-    let made = remote_admin::connect(&network, &source.name, &destination.name, carrier).await;
-    if let Err(error) = made {
-        let (from, to) = (&source.name, &destination.name);
-        tracing::warn!(from, to, "a persistent connection was not made: {error}");
-    }
-}
-
-/// Removes a persistent connection.
-async fn disconnect(network: Network, link: Link) {
-    let request = yarp_wire::admin::remove(&link.destination.name);
-    // A port that is gone has no connections left to remove.
-    let _ = remote_admin::administer(&network, &link.source, &request).await;
 }
 
 /// Answers multicast discovery on UDP port `number`, received through the network of `address`.

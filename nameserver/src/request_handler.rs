@@ -5,29 +5,31 @@ use std::net::IpAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use tokio::sync::{Semaphore, mpsc};
+use tokio::sync::mpsc;
+use tokio::sync::mpsc::error::TrySendError;
 use yarp_ports::{Answer, Network};
 use yarp_wire::message::RawText;
-use yarp_wire::name_service::{Command, Registration, Request, UNSUPPORTED_PREFIX};
+use yarp_wire::name_service::{Command, Kind, Registration, Request, UNSUPPORTED_PREFIX};
 
 use crate::name_server::lock;
 use crate::prober;
+use crate::probes::{Endpoint, Probes};
 use crate::registry::{Body, ClaimResult, Effect, Probe, Registry, Reply};
 use crate::shared::{self, LeaseForwarder, Precondition, WriterChannel};
 use crate::store::{Journal, StoreError, StoreResult};
 
-/// Timeout for probing the owner of a name that another port asks for.
-const OWNER_PROBE_TIMEOUT: Duration = Duration::from_secs(2);
 /// Interval between two probes of an owner that may not listen yet.
 const OWNER_PROBE_INTERVAL: Duration = Duration::from_millis(50);
-/// Maximum number of owners that are probed concurrently.
-const MAX_CONCURRENT_OWNER_PROBES: usize = 64;
 /// Maximum number of owners of one name that are probed before a request is refused; each time
 /// another request was faster.
 const MAX_OWNERS_PROBED: usize = 5;
 
 /// Refusal for a request that other requests overtook too often.
 const TOO_MANY_REQUESTS: &str = "too many requests for this name at once, try again";
+/// What to tell somebody who would have to wait beside too many others.
+const MANY_WAIT: &str = "too many wait already, try again";
+/// What to tell a browser that wants the name of a port.
+const NOT_BY_PAGE: &str = "somebody has this name, and browsers cannot take it";
 
 /// Handles requests from any number of connections.
 pub(crate) struct RequestHandler {
@@ -38,8 +40,8 @@ pub(crate) struct RequestHandler {
     effects: mpsc::Sender<Effect>,
     /// Gives a name to any port that asks for it.
     replace: bool,
-    /// Permits for concurrent probes of owners.
-    probe_permits: Semaphore,
+    /// Looks at the owners of names that others want.
+    probes: Probes,
     /// Network through which ports are reached.
     network: Network,
     /// Time for which a port must have been gone before its name expires; `None` means never.
@@ -77,6 +79,7 @@ impl RequestHandler {
         replace: bool,
         network: Network,
         expire_after: Option<Duration>,
+        connections: usize,
     ) -> Self {
         Self {
             registry,
@@ -84,7 +87,7 @@ impl RequestHandler {
             leases: Arc::default(),
             effects,
             replace,
-            probe_permits: Semaphore::new(MAX_CONCURRENT_OWNER_PROBES),
+            probes: Probes::new(&network, connections),
             network,
             expire_after,
         }
@@ -129,26 +132,36 @@ impl RequestHandler {
         &self.leases
     }
 
-    /// Answers one request.
-    pub(crate) fn answer(request_handler: &Arc<Self>, from: IpAddr, request: Request) -> Answer {
+    /// Answers one request; `by_page` tells whether a browser asks.
+    pub(crate) fn answer(
+        request_handler: &Arc<Self>,
+        from: IpAddr,
+        by_page: bool,
+        request: Request,
+    ) -> Answer {
         if let Some(channel) = request_handler.writer_channel()
-            && let Some(answer) = Self::answer_shared(request_handler, channel, from, &request)
+            && let Some(answer) =
+                Self::answer_shared(request_handler, channel, from, by_page, &request)
         {
             return answer;
         }
         let mut registry = request_handler.registry();
-        match request_handler.claim(&registry, &request) {
+        match request_handler.claim(&registry, from, &request) {
             ClaimResult::Free => {}
             ClaimResult::Refused(refusal) => return to_answer(Body::refused(&refusal)),
+            ClaimResult::Held { .. } if by_page => return to_answer(Body::refusal(NOT_BY_PAGE)),
             ClaimResult::Held {
                 holder,
                 retry_until,
             } => {
                 drop(registry);
+                let Some(place) = request_handler.probes.wait(from) else {
+                    return to_answer(Body::refusal(MANY_WAIT));
+                };
                 let request_handler = request_handler.clone();
                 return Answer::Later(Box::pin(async move {
                     request_handler
-                        .contest(from, &request, holder, retry_until)
+                        .contest(place, from, &request, holder, retry_until)
                         .await
                 }));
             }
@@ -162,9 +175,11 @@ impl RequestHandler {
     }
 
     /// Returns whether another port holds the name that `request` asks for.
-    fn claim(&self, registry: &Registry, request: &Request) -> ClaimResult {
-        match &request.command {
-            Command::Register(asked) if !self.replace => registry.claim(Instant::now(), asked),
+    fn claim(&self, registry: &Registry, from: IpAddr, request: &Request) -> ClaimResult {
+        match request.command.rules().kind {
+            Kind::Claim(asked) if !self.replace => {
+                registry.claim(Instant::now(), Some(from), asked)
+            }
             _ => ClaimResult::Free,
         }
     }
@@ -172,6 +187,7 @@ impl RequestHandler {
     /// Registers a name that another port holds, if a probe shows that this port is gone.
     async fn contest(
         &self,
+        place: Endpoint,
         from: IpAddr,
         request: &Request,
         mut holder: Registration,
@@ -179,11 +195,11 @@ impl RequestHandler {
     ) -> Answer {
         let mut refusal = None;
         for _ in 0..MAX_OWNERS_PROBED {
-            let how = self.probe_until(&holder, retry_until).await;
+            let how = self.probe_until(&place, from, &holder, retry_until).await;
             let now = Instant::now();
             let done = {
                 let mut registry = self.registry();
-                match self.claim(&registry, request) {
+                match self.claim(&registry, from, request) {
                     ClaimResult::Held {
                         holder: current,
                         retry_until: more,
@@ -217,45 +233,66 @@ impl RequestHandler {
         request_handler: &Arc<Self>,
         channel: Arc<WriterChannel>,
         from: IpAddr,
+        by_page: bool,
         request: &Request,
     ) -> Option<Answer> {
-        let command = &request.command;
-        if let Command::Lease { holders } = command {
+        let rules = request.command.rules();
+        if let Kind::Lease {
+            holders,
+            passed: false,
+        } = rules.kind
+        {
             request_handler
                 .leases
-                .record(&request_handler.registry(), holders);
+                .record(&request_handler.registry(), from, holders);
+            let Some(place) = request_handler.probes.wait_briefly() else {
+                return Some(to_answer(refused_by_this_server(request, MANY_WAIT)));
+            };
             let request = request.clone();
             let request_handler = request_handler.clone();
             return Some(Answer::Later(Box::pin(async move {
+                let _place = place;
                 to_answer(request_handler.lease(&channel, from, &request).await)
             })));
         }
-        if !shared::is_change(command) {
+        if !rules.changes() {
             let reason = channel.staleness_error()?;
             return Some(to_answer(refused_by_this_server(request, &reason)));
         }
-        let own = match command {
-            Command::Set { name, .. }
-            | Command::Announce { name, .. }
-            | Command::Unregister { name } => request_handler.registry().is_ours(name),
-            _ => false,
-        };
-        if own {
+        // Each server keeps its own port to itself.
+        if let Kind::Change { port: Some(name) } = rules.kind
+            && request_handler.registry().is_ours(name)
+        {
             return None;
         }
+        let Some(place) = request_handler.probes.wait_briefly() else {
+            return Some(to_answer(refused_by_this_server(request, MANY_WAIT)));
+        };
         let request = request.clone();
         let request_handler = request_handler.clone();
         Some(Answer::Later(Box::pin(async move {
-            to_answer(request_handler.change_shared(&channel, from, request).await)
+            let _place = place;
+            to_answer(
+                request_handler
+                    .change_shared(&channel, from, by_page, request)
+                    .await,
+            )
         })))
     }
 
     /// Commits a change to the shared store.
-    async fn change_shared(&self, channel: &WriterChannel, from: IpAddr, request: Request) -> Body {
+    async fn change_shared(
+        &self,
+        channel: &WriterChannel,
+        from: IpAddr,
+        by_page: bool,
+        request: Request,
+    ) -> Body {
         let mut gone = None;
+        let mut place = None;
         for _ in 0..MAX_OWNERS_PROBED {
-            let precondition = match request.command {
-                Command::Register(_) => Precondition::NameFree(gone),
+            let precondition = match request.command.rules().kind {
+                Kind::Claim(_) => Precondition::NameFree(gone),
                 _ => Precondition::Always,
             };
             let outcome = channel
@@ -272,7 +309,14 @@ impl RequestHandler {
                     retry_until,
                 } => (holder, retry_until),
             };
-            let how = self.probe_until(&holder, retry_until).await;
+            if by_page {
+                return Body::refusal(NOT_BY_PAGE);
+            }
+            // From the first look on it waits for others.
+            let Some(place) = place.get_or_insert_with(|| self.probes.wait(from)) else {
+                return Body::refusal(MANY_WAIT);
+            };
+            let how = self.probe_until(place, from, &holder, retry_until).await;
             let refusal = self.registry().resolve_claim(Instant::now(), &holder, how);
             if let Some(refusal) = refusal {
                 return Body::refused(&refusal);
@@ -306,20 +350,20 @@ impl RequestHandler {
     }
 
     /// Probes an owner, repeatedly until `retry_until` if it may not listen yet.
-    async fn probe_until(&self, holder: &Registration, retry_until: Option<Instant>) -> Probe {
-        let mut how = self.probe(holder).await;
+    async fn probe_until(
+        &self,
+        place: &Endpoint,
+        from: IpAddr,
+        holder: &Registration,
+        retry_until: Option<Instant>,
+    ) -> Probe {
+        let mut how = self.probes.probe(place, from, holder).await;
         while prober::is_not_there(&how) && retry_until.is_some_and(|until| Instant::now() < until)
         {
             tokio::time::sleep(OWNER_PROBE_INTERVAL).await;
-            how = self.probe(holder).await;
+            how = self.probes.probe(place, from, holder).await;
         }
         how
-    }
-
-    /// Probes an owner as soon as a permit is free.
-    async fn probe(&self, holder: &Registration) -> Probe {
-        let _room = self.probe_permits.acquire().await;
-        prober::probe(&self.network, holder, OWNER_PROBE_TIMEOUT).await
     }
 
     /// Returns the network through which ports are reached.
@@ -417,23 +461,55 @@ fn refused_by_this_server(request: &Request, reason: &str) -> Body {
 
 /// Returns a refusal in the form that the request expects.
 fn refused(request: &Request, reason: &str) -> Body {
-    match request.command.is_structured() {
+    match request.command.rules().structured {
         true => Body::failure(reason),
         false => Body::refusal(reason),
     }
 }
 
+/// Hands on what requests cause besides their answers.
 pub(crate) fn dispatch_effects(listeners: &mpsc::Sender<Effect>, effects: Vec<Effect>) {
-    for effect in effects {
-        if let Err(error) = listeners.try_send(effect) {
-            tracing::warn!("the effect queue is full, one effect is dropped: {error}");
+    let all = effects.len();
+    let dropped = hand_on(listeners, effects);
+    if dropped > 0 {
+        tracing::warn!(
+            "too much happens at once: {dropped} of {all} things that a request causes are not done"
+        );
+    }
+}
+
+/// Tells how many there was no room for.
+fn hand_on(listeners: &mpsc::Sender<Effect>, effects: Vec<Effect>) -> usize {
+    let all = effects.len();
+    for (done, effect) in effects.into_iter().enumerate() {
+        match listeners.try_send(effect) {
+            Ok(()) => {}
+            // The server ends, and so do its connections and who reads from it.
+            Err(TrySendError::Closed(_)) => return 0,
+            Err(TrySendError::Full(_)) => return all - done,
         }
     }
+    0
 }
 
 fn to_answer(body: Body) -> Answer {
     match body {
         Body::Bottle(bottle) => Answer::reply(bottle),
         lines @ Body::Lines(_) => Answer::reply(RawText(lines.to_text())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A server that ended warned that too much happened.
+    #[test]
+    fn what_nobody_waits_for_is_not_missed() {
+        let effects = || vec![Effect::Added("/a".to_owned()); 3];
+        let (listeners, waiting) = mpsc::channel(2);
+        assert_eq!(hand_on(&listeners, effects()), 1);
+        drop(waiting);
+        assert_eq!(hand_on(&listeners, effects()), 0);
     }
 }

@@ -53,6 +53,8 @@ async fn names_are_given_to_who_may_administer_them() {
         "set /wam/rpc:i key value",
         "set /mine owns /wam/rpc:i",
         "announce /wam/rpc:i 0",
+        "lease /wam/rpc:i 127.0.0.1 12345",
+        "passed /wam/rpc:i 127.0.0.1 12345",
         "subscribe tcp://wam/state:o /mine",
         "subscribe /mine tcp://wam/rpc:i",
         "unsubscribe /wam/state:o /mine",

@@ -134,8 +134,9 @@ impl Disk {
 }
 
 impl Store for Disk {
-    fn load(&mut self) -> Result<Vec<Change>, StoreError> {
-        Ok(self.0.lock().unwrap().0.clone())
+    fn load(&mut self, take: &mut dyn FnMut(Change)) -> Result<(), StoreError> {
+        self.0.lock().unwrap().0.iter().cloned().for_each(take);
+        Ok(())
     }
 
     fn append(&mut self, changes: &[Change]) -> Result<(), StoreError> {
@@ -182,6 +183,43 @@ async fn changes_that_cannot_be_stored_are_rolled_back() {
     server.close().await;
     let server = Server::start_with(options(), disk).await.unwrap();
     assert!(server.network().query("/b").await.is_ok());
+    server.close().await;
+}
+
+/// A server whose file was removed went on to say that it kept things, and lost them with its end.
+#[tokio::test]
+async fn nothing_is_said_to_be_kept_in_a_file_that_is_gone() {
+    let directory = tempfile::tempdir().unwrap();
+    let file = directory.path().join("names.db");
+    let server = start(&file).await;
+    let network = server.network();
+    ask(&network, "register /a tcp 127.0.0.1 10077").await;
+    let before = ask(&network, "list").await;
+    for suffix in ["", "-wal"] {
+        let place = directory.path().join(format!("names.db{suffix}"));
+        let aside = directory.path().join("aside");
+        std::fs::rename(&place, &aside).unwrap();
+        let answer = ask(&network, "register /b tcp 127.0.0.1 10078").await;
+        assert!(
+            answer[0].contains("was removed, replaced or renamed"),
+            "{answer:?}"
+        );
+        // Another file there does not help.
+        std::fs::write(&place, "").unwrap();
+        let answer = ask(&network, "set /a k v").await;
+        assert!(
+            answer[0].contains("was removed, replaced or renamed"),
+            "{answer:?}"
+        );
+        assert_eq!(ask(&network, "list").await, before);
+        std::fs::rename(&aside, &place).unwrap();
+        let answer = ask(&network, "set /a k v").await;
+        assert_eq!(answer, ["port /a property k = v"]);
+    }
+    server.close().await;
+    let server = start(&file).await;
+    let property = "port /a property k = v";
+    assert_eq!(ask(&server.network(), "get /a k").await, [property]);
     server.close().await;
 }
 

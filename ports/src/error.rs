@@ -172,6 +172,12 @@ pub enum PortError {
         /// The requested modifier.
         what: String,
     },
+    /// The port lets nobody have copies of what it receives.
+    #[error("port {name} forwards nothing of what it receives: log.in is not allowed here")]
+    CopiesNotAllowed {
+        /// The port.
+        name: String,
+    },
     /// A port that calls has one connection.
     #[error("port {name} is an RPC client and already connected")]
     AlreadyConnected {

@@ -10,6 +10,7 @@ use std::time::Duration;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use tokio::signal::unix::{SignalKind, signal};
 #[cfg(feature = "etcd")]
+use yarp_nameserver::registry::Capacity;
 use yarp_nameserver::shared::{EtcdStore, SharedStore as _};
 use yarp_nameserver::store::{Durability, SqliteStore};
 use yarp_nameserver::{Server, ServerOptions, StartError};
@@ -121,6 +122,13 @@ pub(crate) struct Args {
     /// more than the system allows
     #[arg(long, value_name = "NUMBER", default_value = "8192")]
     connections: Option<String>,
+    /// Registered names at once; one address may have half of them
+    #[arg(long, value_name = "NUMBER", default_value = "50000")]
+    max_names: Option<String>,
+    /// Memory for names, properties, topics, types and persistent connections together, in MiB; one
+    /// address may have half of it
+    #[arg(long, value_name = "MIB", default_value = "64")]
+    max_memory: Option<String>,
     /// Print only errors
     #[arg(long)]
     silent: bool,
@@ -182,12 +190,29 @@ impl Args {
             ("--handshake-timeout", &mut self.handshake_timeout),
             ("--idle-timeout", &mut self.idle_timeout),
             ("--connections", &mut self.connections),
+            ("--max-names", &mut self.max_names),
+            ("--max-memory", &mut self.max_memory),
         ] {
             if let Some(value) = take_value(rest, option) {
                 *held = Some(value);
             }
         }
         self
+    }
+
+    /// How many connections the server takes and how much it holds for others, or what is wrong with
+    /// that.
+    fn limits(&self) -> std::result::Result<(usize, Capacity), String> {
+        let number = |option: &str, text: &Option<String>, unit: usize| {
+            let text = text.as_deref().unwrap_or_default();
+            let number = text.parse::<usize>().ok().filter(|number| *number > 0);
+            let number = number.and_then(|number| number.checked_mul(unit));
+            number.ok_or_else(|| format!("{option} {text}: expected a number, 1 or more"))
+        };
+        let connections = number("--connections", &self.connections, 1)?;
+        let names = number("--max-names", &self.max_names, 1)?;
+        let memory = number("--max-memory", &self.max_memory, 1 << 20)?;
+        Ok((connections, Capacity::of(names, memory)))
     }
 }
 
@@ -268,11 +293,13 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             return Ok(ExitCode::FAILURE);
         }
     }
-    let connections = args.connections.as_deref().unwrap_or_default();
-    match connections.parse() {
-        Ok(most) if most > 0 => options.connection_limits.max_connections = Some(most),
-        _ => {
-            eprintln!("--connections {connections}: expected a number, 1 or more");
+    match args.limits() {
+        Ok((connections, capacity)) => {
+            options.connection_limits.max_connections = Some(connections);
+            options.capacity = capacity;
+        }
+        Err(problem) => {
+            eprintln!("{problem}");
             complain(out, "Aborting.")?;
             return Ok(ExitCode::FAILURE);
         }

@@ -4,7 +4,7 @@ use std::collections::{BTreeSet, HashMap, VecDeque};
 use std::net::Ipv4Addr;
 use std::ops::RangeInclusive;
 
-use super::registry_limits::Refusal;
+use super::registry_limits::{MAX_REMEMBERED_NAME, Refusal};
 
 /// Port numbers that the server hands out, one pool for all hosts.
 ///
@@ -64,6 +64,9 @@ impl PortNumbers {
     /// [`take`](Self::take).
     pub(super) fn choose(&mut self, name: &str) -> Option<u16> {
         let number = self.candidate(name)?;
+        if name.len() > MAX_REMEMBERED_NAME {
+            return Some(number);
+        }
         if let Some(last_name) = self.names.insert(number, name.to_owned()) {
             self.previous.remove(&last_name);
         }
@@ -120,6 +123,9 @@ impl PortNumbers {
         } else if (self.last + 1..=self.most).contains(&number.into()) && self.next > self.last {
             self.spare = self.spare.max(after);
         } else {
+            return;
+        }
+        if name.len() > MAX_REMEMBERED_NAME {
             return;
         }
         self.names.insert(number, name.to_owned());

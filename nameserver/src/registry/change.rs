@@ -4,93 +4,15 @@
 //! applies them, and later returns its content as changes again, restores the registry. The server
 //! itself and its multicast group are never among them: they come from its settings.
 
-use std::sync::Arc;
+use std::convert::Infallible;
 use std::time::Instant;
 
 use yarp_wire::name_service::Registration;
 
+use super::budget::Enforce;
 use super::liveness::LivenessRecord;
-use super::persistent_connections::ConnectionEnd;
-use super::{Entry, FALLBACK, Registry};
-
-/// One change of the registry.
-#[derive(Clone, Debug, Eq, PartialEq)]
-#[non_exhaustive]
-pub enum Change {
-    /// A port has this address now; its properties are unchanged.
-    Port(Registration),
-    /// A port and its properties are removed.
-    PortGone(String),
-    /// A property has these values now, sorted; no values remove it.
-    Property {
-        /// Name of the port.
-        name: String,
-        /// Name of the property.
-        key: String,
-        /// Values.
-        values: Arc<[String]>,
-    },
-    /// A port announced that it listens, or was found not to.
-    Announced {
-        /// Name of the port.
-        name: String,
-        /// True if it listens.
-        announced: bool,
-    },
-    /// A persistent connection was added.
-    Subscription {
-        /// Writing end as written, carrier included.
-        source: String,
-        /// Reading end as written, carrier included.
-        destination: String,
-        /// Mode: `from`, `to`, or empty.
-        mode: String,
-    },
-    /// A persistent connection was removed.
-    SubscriptionGone {
-        /// Bare name of the writing end.
-        source: String,
-        /// Bare name of the reading end.
-        destination: String,
-    },
-    /// A topic was added.
-    Topic {
-        /// Name of the topic.
-        name: String,
-        /// Type of its messages; empty if unknown.
-        structure: String,
-    },
-    /// A topic was removed.
-    TopicGone(String),
-    /// A type was defined.
-    Type {
-        /// Name of the type.
-        name: String,
-        /// Definition.
-        value: String,
-    },
-}
-
-impl Change {
-    /// Returns the bare names of both ends of a subscription, given as written.
-    pub fn bare_ends(source: &str, destination: &str) -> (String, String) {
-        (
-            ConnectionEnd::parse(source).name,
-            ConnectionEnd::parse(destination).name,
-        )
-    }
-
-    /// Returns the port that the change concerns, if it concerns one.
-    fn port(&self) -> Option<&str> {
-        match self {
-            Self::Port(registration) => Some(&registration.name),
-            Self::PortGone(name) | Self::Property { name, .. } | Self::Announced { name, .. } => {
-                Some(name)
-            }
-            _ => None,
-        }
-    }
-}
+use super::registry_limits::Refusal;
+use super::{Change, Effect, Entry, FALLBACK, Item, ItemValue, Registry, Settings};
 
 impl Registry {
     /// Records a change.
@@ -105,97 +27,193 @@ impl Registry {
         change.port().is_some_and(own)
     }
 
-    /// Restores what an earlier registry left: `changes` in any order in which they could have
-    /// happened.
+    /// Brings back what an earlier registry left: `changes` in any order that could have happened.
     ///
-    /// Changes that do not apply, such as a property of an unknown port, are ignored. Ports that
-    /// had announced themselves count as announced at `now`.
+    /// Changes that make no sense here, such as a property of a port that is not there, are left
+    /// out, and so is what exceeds the limits of the whole registry. Ports that had announced
+    /// themselves count as announced at `now`.
     pub fn restore(&mut self, now: Instant, changes: impl IntoIterator<Item = Change>) {
-        for change in changes {
-            if !self.is_own(&change) {
-                self.restore_one(now, change);
+        let restored = self.restore_with(now, |take| {
+            changes.into_iter().for_each(take);
+            Ok::<_, Infallible>(())
+        });
+        restored.unwrap_or_else(|never| match never {});
+    }
+
+    /// The same for changes that `load` hands over one by one, so that they are never all in memory
+    /// besides.
+    pub fn restore_with<E>(
+        &mut self,
+        now: Instant,
+        load: impl FnOnce(&mut dyn FnMut(Change)) -> Result<(), E>,
+    ) -> Result<(), E> {
+        self.account = self.account.of(None, Enforce::Total);
+        let mut left_out = 0;
+        let mut reason = None;
+        let loaded = load(&mut |change| {
+            if self.is_own(&change) {
+                return;
             }
-        }
+            if let Err(refusal) = self.restore_one(now, change) {
+                left_out += 1;
+                reason.get_or_insert(refusal);
+            }
+        });
         self.numbers.free_unused();
+        if let Some(reason) = reason {
+            tracing::error!(
+                "{left_out} entries of the stored names are left out: {reason}; they stay in the store"
+            );
+        }
+        loaded
     }
 
     /// Returns a registry built from `changes`, which keeps the entry of the server itself and the
     /// liveness of ports whose address is unchanged.
     pub(crate) fn rebuilt(&self, now: Instant, changes: Vec<Change>) -> Self {
         let mut rebuilt = Self::new(self.settings.clone());
-        rebuilt.restore(now, changes);
-        let own = self.settings.name.as_str();
-        if let (Some(entry), Some(old)) = (rebuilt.ports.get_mut(own), self.ports.get(own)) {
-            entry.properties = old.properties.clone();
-        }
-        for (name, entry) in &mut rebuilt.ports {
-            let same = |old: &&Entry| old.registration == entry.registration;
-            if let Some(old) = self.ports.get(name).filter(same) {
-                entry.liveness = old.liveness.clone();
+        // Several servers have agreed on it.
+        rebuilt.account = rebuilt.account.of(None, Enforce::Nothing);
+        for change in changes {
+            if !rebuilt.is_own(&change) {
+                // What is not kept here makes no sense elsewhere either.
+                let _ = rebuilt.restore_one(now, change);
             }
         }
+        rebuilt.numbers.free_unused();
+        rebuilt.keep_what_is_known(self);
         rebuilt
     }
 
-    pub(super) fn restore_one(&mut self, now: Instant, change: Change) {
-        match change {
-            Change::Port(registration) => self.restore_port(registration),
-            Change::PortGone(name) => {
-                if let Some(Entry { registration, .. }) = self.ports.remove(&name) {
-                    self.release(&registration);
-                }
+    /// The same for changes that `load` hands over one by one.
+    pub(crate) fn rebuilt_with<E>(
+        &self,
+        now: Instant,
+        load: impl FnOnce(&mut dyn FnMut(Change)) -> Result<(), E>,
+    ) -> Result<Self, E> {
+        let mut rebuilt = Self::new(self.settings.clone());
+        rebuilt.restore_with(now, load)?;
+        rebuilt.keep_what_is_known(self);
+        Ok(rebuilt)
+    }
+
+    fn keep_what_is_known(&mut self, old: &Self) {
+        self.account = self.account.of(None, Enforce::Nothing);
+        let own = self.settings.name.clone();
+        if let Some(entry) = old.ports.get(&own) {
+            for (key, values) in entry.properties.all() {
+                // Nothing is refused to the server itself but what it could not have before.
+                let _ = self.put(&own, &key, &values);
             }
-            Change::Property { name, key, values } => {
-                if let Some(entry) = self.ports.get_mut(&name) {
-                    // It was within the limits when it was stored.
-                    let _ = entry.properties.set(&mut self.pool, &key, &values);
-                }
+        }
+        for (name, entry) in &mut self.ports {
+            let same = |old: &&Entry| old.registration == entry.registration;
+            if let Some(old) = old.ports.get(name).filter(same) {
+                entry.liveness = old.liveness.clone();
             }
-            Change::Announced { name, announced } => {
-                if let Some(entry) = self.ports.get_mut(&name) {
-                    entry.announced = announced.then_some(now);
-                }
-            }
-            Change::Subscription {
-                source,
-                destination,
-                mode,
-            } => {
-                let ends = [&source, &destination].map(|text| ConnectionEnd::parse(text));
-                let [source, destination] = ends;
-                // It was within the limits, as above.
-                let _ = self.persistent.restore(source, destination, &mode);
-            }
-            Change::SubscriptionGone {
-                source,
-                destination,
-            } => {
-                let [source, destination] =
-                    [source, destination].map(|name| ConnectionEnd::parse(&name));
-                self.persistent.unsubscribe(&source, &destination);
-            }
-            Change::Topic { name, structure } => {
-                let _ = self.persistent.add_topic(&name, &structure);
-            }
-            Change::TopicGone(name) => drop(self.persistent.remove_topic(&name)),
-            Change::Type { name, value } => drop(self.types.insert(name, value)),
         }
     }
 
-    fn restore_port(&mut self, registration: Registration) {
+    /// Goes on as the registry of a server at another place, with all that others have asked for. The
+    /// properties of the server itself are to be set again.
+    pub(crate) fn move_to(&mut self, settings: Settings) {
+        let fresh = Self::new(settings);
+        let old = std::mem::replace(self, fresh);
+        for (name, entry) in old.ports {
+            if old.settings.name == name || self.is_ours(&name) {
+                continue;
+            }
+            let Registration {
+                carrier,
+                host,
+                port,
+                ..
+            } = &entry.registration;
+            self.numbers.restore(&name, *port);
+            self.names.restore(&name);
+            if carrier == "mcast" {
+                self.groups.restore(host);
+            }
+            self.ports.insert(name, entry);
+        }
+        self.numbers.free_unused();
+        self.persistent = old.persistent;
+        self.types = old.types;
+        self.pool = old.pool;
+        self.account = old.account;
+    }
+
+    pub(super) fn adopt_port(
+        &mut self,
+        now: Instant,
+        name: &str,
+        held: Option<ItemValue>,
+    ) -> Vec<Effect> {
+        if self.is_ours(name) {
+            return Vec::new();
+        }
+        let changes = held.map(|held| Item::Port(name.to_owned()).changes(held));
+        let place = match changes.as_deref() {
+            Some([Change::Port(place), ..]) => Some(place.clone()),
+            _ => None,
+        };
+        let before = self.ports.get(name).map(|entry| entry.registration.clone());
+        let moved = before != place;
+        if moved && let Some(before) = &before {
+            self.remove(name);
+            self.release(before);
+        }
+        let Some(place) = place else {
+            let shown = before.filter(|before| before.carrier != "mcast");
+            let removed = shown.map(|_| Effect::Removed(name.to_owned()));
+            return removed.into_iter().collect();
+        };
+        let added = moved && place.carrier != "mcast";
+        if moved {
+            // Not `restore`: numbers in between stay free without a look at each of them.
+            self.numbers.take(place.port);
+            self.names.restore(name);
+            if place.carrier == "mcast" {
+                self.groups.restore(&place.host);
+            }
+            // Never refused: other servers have agreed on it.
+            let _ = self.place(place, LivenessRecord::registered(now, None));
+        }
+        let mut announced = None;
+        if let Some(entry) = self.ports.get_mut(name) {
+            entry.properties.clear(&mut self.pool, &mut entry.charge);
+            announced = entry.announced.take();
+        }
+        for change in changes.into_iter().flatten().skip(1) {
+            // As above.
+            let _ = self.restore_one(now, change);
+        }
+        if let Some(entry) = self.ports.get_mut(name)
+            && entry.announced.is_some()
+        {
+            // It did so when it did.
+            entry.announced = announced.or(entry.announced);
+        }
+        let added = added.then(|| Effect::Added(name.to_owned()));
+        added.into_iter().collect()
+    }
+
+    pub(super) fn restore_port(&mut self, registration: Registration) -> Result<(), Refusal> {
         let name = registration.name.clone();
         if let Some(entry) = self.ports.get_mut(&name) {
             self.numbers.free(entry.registration.port);
             self.numbers.restore(&name, registration.port);
             entry.registration = registration;
-            return;
+            return Ok(());
         }
+        self.account = self.account.at(registration.host.parse().ok());
+        self.place(registration.clone(), LivenessRecord::restored())?;
         self.numbers.restore(&name, registration.port);
         self.names.restore(&name);
         if registration.carrier == "mcast" {
             self.groups.restore(&registration.host);
         }
-        self.place(registration, LivenessRecord::restored());
+        Ok(())
     }
 }
 
@@ -207,7 +225,6 @@ mod tests {
     use yarp_wire::name_service::Request;
 
     use super::*;
-    use crate::registry::Settings;
 
     fn settings() -> Settings {
         Settings::at("192.0.2.2", 10310)

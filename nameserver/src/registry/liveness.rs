@@ -6,11 +6,13 @@
 //! in stock, whatever the state of a port.
 
 use std::fmt;
+use std::net::IpAddr;
 use std::time::{Duration, Instant};
 
 use yarp_wire::name_service::{LeaseHolder, RegisterRequest, Registration, plain_text};
 
 use super::lookup::is_below;
+use super::ownership::{has_owner, keeps_ownership};
 use super::registry_limits::Refusal;
 use super::{Body, Entry, FALLBACK, Registry};
 
@@ -123,11 +125,13 @@ pub(super) struct LivenessRecord {
     registered: Option<Instant>,
     probed_at: Option<Instant>,
     leased_until: Option<Instant>,
+    /// The address that the registration came from, if that was in this life of the server.
+    pub(super) registered_by: Option<IpAddr>,
 }
 
 impl LivenessRecord {
     /// Returns the record of a port that has just registered, which counts as alive.
-    pub(super) fn registered(now: Instant) -> Self {
+    pub(super) fn registered(now: Instant, by: Option<IpAddr>) -> Self {
         Self {
             state: Liveness::Alive,
             reason: None,
@@ -135,6 +139,7 @@ impl LivenessRecord {
             registered: Some(now),
             probed_at: Some(now),
             leased_until: None,
+            registered_by: by.map(|by| by.to_canonical()),
         }
     }
 
@@ -148,6 +153,7 @@ impl LivenessRecord {
             registered: None,
             probed_at: None,
             leased_until: None,
+            registered_by: None,
         }
     }
 
@@ -162,7 +168,7 @@ impl LivenessRecord {
         }
     }
 
-    fn state(&self, now: Instant) -> Liveness {
+    pub(super) fn state(&self, now: Instant) -> Liveness {
         match self.is_leased(now) {
             true => Liveness::Alive,
             false => self.state,
@@ -171,18 +177,24 @@ impl LivenessRecord {
 }
 
 impl Registry {
-    /// Checks if `asked` may have its name.
+    /// Whether `asked` may have its name.
     ///
-    /// A group and a topic have no owner that could be probed: their names are given away as in
-    /// stock.
-    pub fn claim(&self, now: Instant, asked: &RegisterRequest) -> ClaimResult {
+    /// A group and a topic have no owner that could be asked: they are given away as in stock. The
+    /// owner, who asks at `from`, gets the place that it has, unless it asks to be a group or topic.
+    pub fn claim(
+        &self,
+        now: Instant,
+        from: Option<IpAddr>,
+        asked: &RegisterRequest,
+    ) -> ClaimResult {
         let Some(entry) = self.ports.get(&asked.name) else {
             return ClaimResult::Free;
         };
         let holder = &entry.registration;
         let number = asked.number.and_then(|number| u16::try_from(number).ok());
         let same_place = asked.host.as_ref() == Some(&holder.host) && number == Some(holder.port);
-        if same_place || !has_owner(holder) {
+        let is_owner = same_place && keeps_ownership(asked, holder) && self.is_owner(entry, from);
+        if is_owner || !has_owner(holder) {
             return ClaimResult::Free;
         }
         if self.is_ours(&asked.name) {
@@ -316,16 +328,25 @@ impl Registry {
         }
     }
 
-    /// Handles `lease NAME HOST NUMBER ...`, the renewal of leases. The answer contains the
-    /// duration of the lease, the incarnation of the server, the ports that are not registered
-    /// (`lost`) or are registered with another address (`taken`), and the addresses of other
-    /// servers of the same names (`also HOST PORT`).
-    pub(super) fn lease(&mut self, now: Instant, holders: &[LeaseHolder]) -> Body {
+    /// `lease NAME HOST NUMBER ...`: these ports are there. The answer tells how long that holds,
+    /// which server it is, who of them is registered no longer (`lost`) or elsewhere (`taken`), and
+    /// where other servers of the same names are (`also HOST PORT`).
+    ///
+    /// Only the owner is believed that its port is there; others are told the same, and the port is
+    /// probed as before.
+    pub(super) fn lease(
+        &mut self,
+        now: Instant,
+        from: Option<IpAddr>,
+        holders: &[LeaseHolder],
+    ) -> Body {
         let (incarnation, lease) = (self.settings.incarnation, self.settings.lease);
         let first = format!("lease {} server {incarnation}", lease.as_secs());
         let mut lines = vec![first];
         for holder in holders {
             let name = plain_text(&holder.name);
+            let entry = self.ports.get(&holder.name);
+            let believed = entry.is_some_and(|entry| self.is_owner(entry, from));
             match self.ports.get_mut(&holder.name) {
                 None => lines.push(format!("lost {name}")),
                 Some(Entry {
@@ -334,8 +355,10 @@ impl Registry {
                     ..
                 }) => {
                     if (&registration.host, registration.port) == (&holder.host, holder.number) {
-                        liveness.transition_to(now, Liveness::Alive);
-                        liveness.leased_until = Some(now + lease);
+                        if believed {
+                            liveness.transition_to(now, Liveness::Alive);
+                            liveness.leased_until = Some(now + lease);
+                        }
                     } else {
                         lines.push(format!("taken {name}"));
                     }
@@ -358,11 +381,6 @@ impl Registry {
     pub(crate) fn is_ours(&self, name: &str) -> bool {
         name == self.settings.name || name == FALLBACK
     }
-}
-
-/// Returns false for groups and topics, which are names without a port.
-fn has_owner(registration: &Registration) -> bool {
-    !matches!(registration.carrier.as_str(), "mcast" | "topic")
 }
 
 fn taken(holder: &Registration) -> Refusal {
@@ -412,7 +430,7 @@ mod tests {
         fn claim(&self, line: &str) -> ClaimResult {
             match Request::parse(line).unwrap().command {
                 yarp_wire::name_service::Command::Register(asked) => {
-                    self.registry.claim(self.now, &asked)
+                    self.registry.claim(self.now, None, &asked)
                 }
                 other => panic!("{other:?}"),
             }

@@ -1,6 +1,7 @@
 //! Queries about ports.
 
 use std::net::IpAddr;
+use std::time::Instant;
 
 use yarp_wire::name_service::{Form, Registration, plain_text};
 use yarp_wire::{Bottle, Value};
@@ -96,20 +97,32 @@ impl Registry {
     }
 
     /// Sets a property. The property `carrier` is that of the registration itself, as in stock.
-    pub(super) fn set(&mut self, form: Form, name: &str, key: &str, values: &[String]) -> Body {
-        let Some(entry) = self.ports.get_mut(name) else {
+    pub(super) fn set(
+        &mut self,
+        now: Instant,
+        form: Form,
+        from: Option<IpAddr>,
+        name: &str,
+        key: &str,
+        values: &[String],
+    ) -> Body {
+        if !self.ports.contains_key(name) {
             return unknown(form);
-        };
+        }
         let held = registry_limits::check_key(key)
             .and_then(|()| match (key, values.iter().min()) {
                 ("carrier", Some(carrier)) => registry_limits::check_word("carrier", carrier),
                 _ => Ok(()),
             })
-            .and_then(|()| entry.properties.set(&mut self.pool, key, values));
+            .and_then(|()| self.may_set(now, from, name, key, values))
+            .and_then(|()| self.put(name, key, values));
         if let Err(refusal) = held {
             return Body::refused(&refusal);
         }
-        if let ("carrier", [carrier, ..]) = (key, entry.properties.get(key)) {
+        if key == "carrier"
+            && let Some(entry) = self.ports.get_mut(name)
+            && let [carrier, ..] = entry.properties.get(key)
+        {
             entry.registration.carrier = carrier.clone();
             let registration = entry.registration.clone();
             self.record(Change::Port(registration));

@@ -16,10 +16,12 @@
 //! * `(format json)` is not taken for an argument (stock stores it as a value with `set`).
 
 mod allocator;
+mod budget;
 mod change;
 mod fixed_replies;
 mod liveness;
 mod lookup;
+mod ownership;
 mod persistent_connections;
 mod properties;
 mod register;
@@ -27,7 +29,7 @@ mod registry_limits;
 #[cfg(test)]
 mod registry_tests;
 mod reply_and_effects;
-mod shared_item;
+mod stored;
 mod subnets;
 mod subscribe;
 
@@ -41,15 +43,17 @@ use yarp_wire::name_service::{
 };
 
 use allocator::{AnonymousNames, MulticastGroups, PortNumbers};
+use budget::{Account, Charge, Enforce};
 use liveness::LivenessRecord;
 use persistent_connections::PersistentConnections;
 use properties::{Pool, Properties};
+use subscribe::Definition;
 
-pub use change::Change;
 pub use liveness::{ClaimResult, Liveness, PortStatus, Probe, ProbeResult};
-pub use registry_limits::Refusal;
+pub use registry_limits::{Capacity, Refusal};
 pub use reply_and_effects::{Body, Effect, Link, Reply};
-pub(crate) use shared_item::{Item, ItemValue};
+pub use stored::Change;
+pub(crate) use stored::{Item, ItemValue};
 pub use subnets::Subnet;
 
 /// Returns the name in a contact such as `tcp://name`, as used in persistent connections.
@@ -79,6 +83,8 @@ pub struct Settings {
     pub lease: Duration,
     /// Host and TCP port of each other server of the same names, sent to ports that hold a lease.
     pub others: Vec<(String, u16)>,
+    /// How much is held for others.
+    pub capacity: Capacity,
 }
 
 /// All ports, their properties, and the connections that outlive them.
@@ -90,8 +96,10 @@ pub struct Registry {
     names: AnonymousNames,
     groups: MulticastGroups,
     persistent: PersistentConnections,
-    types: BTreeMap<String, String>,
+    types: BTreeMap<String, Definition>,
     pool: Pool,
+    /// Who pays for what the request in hand makes the registry keep.
+    account: Account,
     /// Changes made by the current request.
     journal: Vec<Change>,
 }
@@ -105,6 +113,8 @@ struct Entry {
     /// port was found dead.
     announced: Option<Instant>,
     liveness: LivenessRecord,
+    /// What it costs, without its properties.
+    charge: Charge,
 }
 
 impl Settings {
@@ -120,6 +130,7 @@ impl Settings {
             incarnation: 0,
             lease: LEASE,
             others: Vec::new(),
+            capacity: Capacity::default(),
         }
     }
 }
@@ -147,6 +158,7 @@ impl Registry {
             persistent: PersistentConnections::default(),
             types: BTreeMap::new(),
             pool: Pool::default(),
+            account: Account::new(settings.capacity),
             journal: Vec::new(),
             settings,
         };
@@ -168,7 +180,14 @@ impl Registry {
         registry.register(now, Form::Plain, None, &own(&name, "tcp", &host, port));
         let group = own(FALLBACK, "mcast", GROUP, multicast_port);
         registry.register(now, Form::Plain, None, &group);
-        registry.set(Form::Plain, &name, "nameserver", &["true".to_owned()]);
+        registry.set(
+            now,
+            Form::Plain,
+            None,
+            &name,
+            "nameserver",
+            &["true".to_owned()],
+        );
         registry.journal.clear();
         registry
     }
@@ -180,8 +199,14 @@ impl Registry {
     ///   (`localhost` if unknown, as in stock), and selects which of several addresses of a port
     ///   the client is told.
     pub fn handle(&mut self, now: Instant, from: Option<IpAddr>, request: &Request) -> Reply {
+        self.account = self.account.of(from, Enforce::All);
         let mut reply = self.answer(now, from, request);
         reply.changes = std::mem::take(&mut self.journal);
+        // Else several servers would not agree on it.
+        debug_assert!(
+            reply.changes.is_empty() || request.command.rules().changes(),
+            "{request} changes what its rules say it does not"
+        );
         reply
     }
 
@@ -193,7 +218,9 @@ impl Registry {
             Command::Query { name } => self.query(form, from, name).into(),
             Command::List { prefix } => self.list(form, from, prefix).into(),
             Command::Runners => self.runners(form, from).into(),
-            Command::Set { name, key, values } => self.set(form, name, key, values).into(),
+            Command::Set { name, key, values } => {
+                self.set(now, form, from, name, key, values).into()
+            }
             Command::Get { name, key } => self.property(form, name, key).into(),
             Command::Check { name, key, value } => self.check(name, key, value).into(),
             Command::Route {
@@ -222,11 +249,11 @@ impl Registry {
                 value,
             } => self.type_definition(family, name, value.as_deref()).into(),
             Command::Web(_) => fixed_replies::web().into(),
-            Command::Lease { holders } => self.lease(now, holders).into(),
+            Command::Lease { holders } => self.lease(now, from, holders).into(),
             // Sent to another server, which forwards it.
-            Command::Passed { holders } => self.lease(now, holders).into(),
+            Command::Passed { holders } => self.passed(now, from, holders).into(),
             Command::States { prefix } => self.states(now, prefix).into(),
-            _ => Body::end().into(),
+            Command::Other(_) => Body::end().into(),
         }
     }
 

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use yarp_wire::vocab::Vocab32;
 use yarp_wire::{Bottle, Value};
 
+use super::budget::{Account, Charge, text_cost};
 use super::registry_limits::{self, Refusal};
 
 /// All persistent connections and topics.
@@ -24,13 +25,15 @@ struct Topic {
     /// Sequence number: stock lists topics in the order of their creation.
     order: u64,
     structure: String,
+    _charge: Charge,
 }
 
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 struct Subscription {
     source: ConnectionEnd,
     destination: ConnectionEnd,
     mode: String,
+    _charge: Charge,
 }
 
 /// One end of a subscription.
@@ -86,6 +89,7 @@ impl PersistentConnections {
     /// it names.
     pub(super) fn subscribe(
         &mut self,
+        account: &Account,
         source: ConnectionEnd,
         destination: ConnectionEnd,
         mode: &str,
@@ -93,24 +97,23 @@ impl PersistentConnections {
         self.check(&source, &destination, mode)?;
         for end in [&source, &destination] {
             if end.names_topic() {
-                self.add_topic(&end.name, "")?;
+                self.add_topic(account, &end.name, "")?;
             }
         }
-        self.insert(source, destination, mode);
-        Ok(())
+        self.insert(account, source, destination, mode)
     }
 
     /// Restores a stored subscription. Topics are stored separately, and one that it names may have
     /// been removed since.
     pub(super) fn restore(
         &mut self,
+        account: &Account,
         source: ConnectionEnd,
         destination: ConnectionEnd,
         mode: &str,
     ) -> Result<(), Refusal> {
         self.check(&source, &destination, mode)?;
-        self.insert(source, destination, mode);
-        Ok(())
+        self.insert(account, source, destination, mode)
     }
 
     /// Checks that a subscription is within the limits and can be listed.
@@ -141,14 +144,25 @@ impl PersistentConnections {
         Ok(())
     }
 
-    fn insert(&mut self, source: ConnectionEnd, destination: ConnectionEnd, mode: &str) {
+    fn insert(
+        &mut self,
+        account: &Account,
+        source: ConnectionEnd,
+        destination: ConnectionEnd,
+        mode: &str,
+    ) -> Result<(), Refusal> {
         let key = (source.name.clone(), destination.name.clone());
+        // Both names stand there twice, and with a carrier once more.
+        let texts = [&source, &destination].map(|end| end.text.as_str());
+        let charge = account.charge(3 * text_cost(texts) + mode.len())?;
         let subscription = Subscription {
             source,
             destination,
             mode: mode.to_owned(),
+            _charge: charge,
         };
         self.subscriptions.insert(key, subscription);
+        Ok(())
     }
 
     /// Removes the subscription between two names; returns true if it existed.
@@ -228,7 +242,12 @@ impl PersistentConnections {
     }
 
     /// Adds a topic; an existing topic keeps its structure unless a new one is given.
-    pub(super) fn add_topic(&mut self, name: &str, structure: &str) -> Result<(), Refusal> {
+    pub(super) fn add_topic(
+        &mut self,
+        account: &Account,
+        name: &str,
+        structure: &str,
+    ) -> Result<(), Refusal> {
         registry_limits::check_name(name)?;
         if structure.len() > registry_limits::MAX_DEFINITION_BYTES {
             return Err(Refusal::Full {
@@ -238,6 +257,7 @@ impl PersistentConnections {
         }
         if let Some(topic) = self.topics.get_mut(name) {
             if !structure.is_empty() {
+                topic._charge = account.charge(text_cost([name, structure]))?;
                 topic.structure = structure.to_owned();
             }
             return Ok(());
@@ -251,6 +271,7 @@ impl PersistentConnections {
         let topic = Topic {
             order: self.topics_made,
             structure: structure.to_owned(),
+            _charge: account.charge(text_cost([name, structure]))?,
         };
         self.topics_made += 1;
         self.topics.insert(name.to_owned(), topic);
@@ -319,11 +340,17 @@ pub(super) fn ok_or_fail(result: Result<(), Refusal>) -> Bottle {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::registry::registry_limits::Capacity;
+
+    fn account() -> Account {
+        Account::new(Capacity::default())
+    }
 
     fn with(subscriptions: &[(&str, &str)]) -> PersistentConnections {
         let mut held = PersistentConnections::default();
         for (source, destination) in subscriptions {
             held.subscribe(
+                &account(),
                 ConnectionEnd::parse(source),
                 ConnectionEnd::parse(destination),
                 "",
@@ -389,20 +416,26 @@ mod tests {
         for index in 0..2000 {
             let topic = || ConnectionEnd::parse("topic://t");
             let port = |kind: &str| ConnectionEnd::parse(&format!("/{kind}/{index}"));
-            held.subscribe(port("w"), topic(), "").unwrap();
-            held.subscribe(topic(), port("r"), "").unwrap();
+            held.subscribe(&account(), port("w"), topic(), "").unwrap();
+            held.subscribe(&account(), topic(), port("r"), "").unwrap();
         }
         assert_eq!(
             held.pairs("/t").len(),
             registry_limits::MAX_LINKS_PER_REQUEST
         );
         let more = held
-            .subscribe(ConnectionEnd::parse("/a"), ConnectionEnd::parse("/b"), "")
+            .subscribe(
+                &account(),
+                ConnectionEnd::parse("/a"),
+                ConnectionEnd::parse("/b"),
+                "",
+            )
             .is_ok();
         assert!(more);
         let full = (0..200).any(|i| {
             let end = ConnectionEnd::parse(&format!("/more/{i}"));
-            held.subscribe(end, ConnectionEnd::parse("/b"), "").is_err()
+            held.subscribe(&account(), end, ConnectionEnd::parse("/b"), "")
+                .is_err()
         });
         assert!(full);
     }

@@ -9,7 +9,7 @@ use yarp_wire::name_service::{Form, RegisterRequest, Registration, SERVER_CHOOSE
 use super::liveness::LivenessRecord;
 use super::properties::Properties;
 use super::registry_limits::{self, Refusal};
-use super::{Body, Change, Effect, Entry, Registry, Reply};
+use super::{Body, Change, Effect, Entry, Registry, Reply, budget};
 
 impl Registry {
     pub(super) fn register(
@@ -46,12 +46,10 @@ impl Registry {
         let number = self.wanted_number(carrier, asked)?;
         let name = self.name_for(&asked.name)?;
         self.forget(&name, effects, &mut Vec::new());
-        if self.ports.len() >= registry_limits::MAX_PORTS {
+        // It is looked at before numbers and groups are handed out.
+        if let Err(refusal) = self.account.charge_name(budget::port_cost(&name, "")) {
             self.names.free(&name);
-            return Err(Refusal::Full {
-                what: "ports",
-                limit: registry_limits::MAX_PORTS,
-            });
+            return Err(refusal);
         }
         let Some(port) = number.or_else(|| self.numbers.choose(&name)) else {
             self.names.free(&name);
@@ -68,11 +66,17 @@ impl Registry {
             host,
             port,
         };
+        if let Err(refusal) =
+            self.place(registration.clone(), LivenessRecord::registered(now, from))
+        {
+            self.release(&registration);
+            return Err(refusal);
+        }
         self.record(Change::Port(registration.clone()));
-        self.place(registration.clone(), LivenessRecord::registered(now));
         if let Some(type_name) = &asked.type_name {
-            // A short word: it is always within the limits.
-            self.set(Form::Plain, &name, "type", std::slice::from_ref(type_name));
+            // A short word: if it does not fit, the port goes without.
+            let values = std::slice::from_ref(type_name);
+            self.set(now, Form::Plain, from, &name, "type", values);
         }
         if carrier != "mcast" {
             effects.push(Effect::Added(name));
@@ -81,19 +85,45 @@ impl Registry {
     }
 
     /// Inserts a port, with no property but its carrier.
-    pub(super) fn place(&mut self, registration: Registration, liveness: LivenessRecord) {
-        let mut properties = Properties::default();
-        let carrier = std::slice::from_ref(&registration.carrier);
-        // A short word: it is always within the limits.
-        let _ = properties.set(&mut self.pool, "carrier", carrier);
+    pub(super) fn place(
+        &mut self,
+        registration: Registration,
+        liveness: LivenessRecord,
+    ) -> Result<(), Refusal> {
         let name = registration.name.clone();
+        let carrier = [registration.carrier.clone()];
+        let cost = budget::port_cost(&name, &registration.host);
         let entry = Entry {
             registration,
-            properties,
+            properties: Properties::default(),
             announced: None,
             liveness,
+            charge: self.account.charge_name(cost)?,
         };
-        self.ports.insert(name, entry);
+        self.ports.insert(name.clone(), entry);
+        let put = self.put(&name, "carrier", &carrier);
+        if put.is_err() {
+            self.remove(&name);
+        }
+        put
+    }
+
+    /// Sets a property of a port that is there, within the limits.
+    pub(super) fn put(&mut self, name: &str, key: &str, values: &[String]) -> Result<(), Refusal> {
+        let Some(entry) = self.ports.get_mut(name) else {
+            return Ok(());
+        };
+        let (pool, account) = (&mut self.pool, &self.account);
+        entry
+            .properties
+            .set(pool, account, &mut entry.charge, key, values)
+    }
+
+    /// Takes a port out, with its properties.
+    pub(super) fn remove(&mut self, name: &str) -> Option<Registration> {
+        let mut entry = self.ports.remove(name)?;
+        entry.properties.clear(&mut self.pool, &mut entry.charge);
+        Some(entry.registration)
     }
 
     /// Returns the number that the port brings itself; `None` if one is to be allocated.
@@ -195,7 +225,7 @@ impl Registry {
         let links = self.links(name, |_| true);
         effects.extend(links.into_iter().map(Effect::Disconnect));
         self.end_with(name);
-        let Some(Entry { registration, .. }) = self.ports.remove(name) else {
+        let Some(registration) = self.remove(name) else {
             return;
         };
         self.record(Change::PortGone(name.to_owned()));

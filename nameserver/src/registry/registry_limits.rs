@@ -6,8 +6,8 @@ pub(super) const MAX_NAME_BYTES: usize = 999;
 pub(super) const MAX_WORD_BYTES: usize = 255;
 /// Maximum size of all keys and values of one port, in bytes.
 pub(super) const MAX_PROPERTY_BYTES: usize = 64 << 10;
-/// Maximum number of registered ports.
-pub(super) const MAX_PORTS: usize = 50_000;
+/// Longest name whose number is remembered after its port has gone, in bytes.
+pub(super) const MAX_REMEMBERED_NAME: usize = 128;
 /// Maximum number of persistent connections.
 pub(super) const MAX_SUBSCRIPTIONS: usize = 4096;
 /// Maximum number of topics, and of stored types.
@@ -16,6 +16,41 @@ pub(super) const MAX_TOPICS: usize = 4096;
 pub(super) const MAX_DEFINITION_BYTES: usize = 16 << 10;
 /// Maximum number of connections that one request starts or ends; a later `announce` does the rest.
 pub(super) const MAX_LINKS_PER_REQUEST: usize = 4096;
+
+/// How much a name server holds for others. Each limit is a field of
+/// [`ServerOptions::capacity`](crate::ServerOptions::capacity).
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub struct Capacity {
+    /// Registered ports.
+    pub names: usize,
+    /// Registered ports that one address has registered.
+    pub names_per_address: usize,
+    /// Bytes of all names, properties, topics, types and persistent connections together.
+    ///
+    /// A server that shares its names with others holds them twice.
+    pub memory: usize,
+    /// Bytes of those that one address has asked for.
+    pub memory_per_address: usize,
+}
+
+impl Capacity {
+    /// So many names in so many bytes, half of either from one address.
+    pub fn of(names: usize, memory: usize) -> Self {
+        Self {
+            names,
+            names_per_address: names.div_ceil(2),
+            memory,
+            memory_per_address: memory.div_ceil(2),
+        }
+    }
+}
+
+impl Default for Capacity {
+    /// 50 000 names in 64 MiB, half of either from one address.
+    fn default() -> Self {
+        Self::of(50_000, 64 << 20)
+    }
+}
 
 /// Reason why the server refuses a request.
 ///
@@ -70,6 +105,33 @@ pub enum Refusal {
         host: String,
         /// TCP port of the owner.
         port: u16,
+    },
+    /// A property that only the owner of a living port may change.
+    #[error(
+        "only {name} itself, at {host}:{port}, may change its property {key} while it lives; ask it \
+         from there, or unregister it first"
+    )]
+    NotOwner {
+        /// Name.
+        name: String,
+        /// Host of the owner.
+        host: String,
+        /// TCP port of the owner.
+        port: u16,
+        /// The property.
+        key: String,
+    },
+    /// A carrier that would take the owner from a name, or give it one.
+    #[error(
+        "{name} is registered over {registered}, which {carrier} cannot replace; unregister it first"
+    )]
+    Ownership {
+        /// Name.
+        name: String,
+        /// The carrier that it has.
+        registered: String,
+        /// The carrier that was asked for.
+        carrier: String,
     },
     /// A limit is reached.
     #[error("the server holds at most {limit} {what}")]

@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use super::budget::{Charge, text_cost};
 use super::persistent_connections::{ConnectionEnd, ok_or_fail};
 use super::registry_limits::{self, Refusal};
 use super::{Body, Change, Effect, Entry, Link, Registry, Reply};
@@ -10,6 +11,13 @@ use super::{Body, Change, Effect, Entry, Link, Registry, Reply};
 ///
 /// A port that has just opened may not have been ready for the reporting client yet. Source: stock.
 const MAX_ANNOUNCEMENT_AGE: Duration = Duration::from_secs(30);
+
+/// The definition of a type.
+#[derive(Debug)]
+pub(super) struct Definition {
+    pub(super) value: String,
+    _charge: Charge,
+}
 
 impl Registry {
     /// Handles `announce NAME`: the port listens, and connections that waited for it are made. With
@@ -53,7 +61,10 @@ impl Registry {
             destination: destination.text().to_owned(),
             mode: mode.to_owned(),
         };
-        if let Err(refusal) = self.persistent.subscribe(source, destination, mode) {
+        let subscribed = self
+            .persistent
+            .subscribe(&self.account, source, destination, mode);
+        if let Err(refusal) = subscribed {
             return Body::Bottle(ok_or_fail(Err(refusal))).into();
         }
         for topic in topics.iter().flatten() {
@@ -112,7 +123,7 @@ impl Registry {
     }
 
     pub(super) fn topic(&mut self, name: &str, structure: &str) -> Reply {
-        let result = self.persistent.add_topic(name, structure);
+        let result = self.persistent.add_topic(&self.account, name, structure);
         let effects = match &result {
             Ok(()) => {
                 self.record_topic(name);
@@ -145,7 +156,7 @@ impl Registry {
         }
         let Some(value) = value else {
             return match self.types.get(name) {
-                Some(value) if !value.is_empty() => {
+                Some(Definition { value, .. }) if !value.is_empty() => {
                     let answer = Bottle::of("type").with(family).with(name);
                     Body::Bottle(answer.with(value.as_str()))
                 }
@@ -169,9 +180,18 @@ impl Registry {
                 limit: registry_limits::MAX_TOPICS,
             });
         }
+        self.define_type(name, value)?;
         let (name, value) = (name.to_owned(), value.to_owned());
-        self.types.insert(name.clone(), value.clone());
         self.record(Change::Type { name, value });
+        Ok(())
+    }
+
+    pub(super) fn define_type(&mut self, name: &str, value: &str) -> Result<(), Refusal> {
+        let definition = Definition {
+            value: value.to_owned(),
+            _charge: self.account.charge(text_cost([name, value]))?,
+        };
+        self.types.insert(name.to_owned(), definition);
         Ok(())
     }
 

@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 
 use tokio::sync::mpsc;
 use tokio::time::{MissedTickBehavior, interval, timeout};
-use yarp_wire::name_service::Command;
+use yarp_wire::name_service::Kind;
 
 use super::store_format::{self, Content};
 use super::writer_channel::{Precondition, StoreHealth, WriteOutcome, WriteRequest};
@@ -234,9 +234,9 @@ impl<T: SharedStore> Writer<T> {
         let Some(request) = &job.request else {
             return (nothing(), Vec::new());
         };
-        match (&job.precondition, &request.command) {
-            (Precondition::NameFree(gone), Command::Register(asked)) if !self.replace => {
-                match self.draft.claim(now, asked) {
+        match (&job.precondition, request.command.rules().kind) {
+            (Precondition::NameFree(gone), Kind::Claim(asked)) if !self.replace => {
+                match self.draft.claim(now, job.from, asked) {
                     ClaimResult::Held {
                         holder,
                         retry_until,

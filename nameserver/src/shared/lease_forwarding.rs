@@ -4,6 +4,7 @@
 //! repeated when the port renews its lease, four times while the lease holds.
 
 use std::collections::BTreeMap;
+use std::net::IpAddr;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
@@ -27,11 +28,13 @@ const MAX_LEASES_PER_REQUEST: usize = 64;
 pub(crate) struct LeaseForwarder(Mutex<BTreeMap<String, LeaseHolder>>);
 
 impl LeaseForwarder {
-    /// Records the leases of ports that are registered with the address they claim.
-    pub(crate) fn record(&self, registry: &Registry, holders: &[LeaseHolder]) {
+    /// Takes note of ports that are registered where they say, and ask from `from` themselves.
+    pub(crate) fn record(&self, registry: &Registry, from: IpAddr, holders: &[LeaseHolder]) {
         let known = holders.iter().filter(|holder| {
             let place = registry.find(&holder.name);
-            place.is_some_and(|place| (&place.host, place.port) == (&holder.host, holder.number))
+            let is_there = place
+                .is_some_and(|place| (&place.host, place.port) == (&holder.host, holder.number));
+            is_there && registry.is_asked_by(&holder.name, from)
         });
         let mut held = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         held.extend(known.map(|holder| (holder.name.clone(), holder.clone())));

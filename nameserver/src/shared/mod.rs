@@ -29,7 +29,7 @@ pub(crate) use commit_writer::Writer;
 pub use etcd_store::EtcdStore;
 pub(crate) use lease_forwarding::LeaseForwarder;
 pub(crate) use store_format::Content;
-pub(crate) use writer_channel::{Precondition, WriteOutcome, WriterChannel, is_change};
+pub(crate) use writer_channel::{Precondition, WriteOutcome, WriterChannel};
 
 /// Timeout of a request that changes something.
 pub(crate) const WRITE_TIMEOUT: Duration = Duration::from_secs(4);

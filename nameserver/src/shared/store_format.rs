@@ -137,13 +137,7 @@ pub(crate) fn mark(server: &str, id: &str) -> Write {
 
 /// Encodes an item.
 pub(crate) fn write(item: &Item, held: Option<&ItemValue>) -> Write {
-    let key = match item {
-        Item::Port(name) => format!("port/{name}"),
-        // Names contain no blanks.
-        Item::Connection(from, to) => format!("connection/{from} {to}"),
-        Item::Topic(name) => format!("topic/{name}"),
-        Item::Type(name) => format!("type/{name}"),
-    };
+    let key = item.key();
     let value = held.map(|held| {
         serde_json::to_vec(held).expect("keys are texts, and writing to memory succeeds")
     });
@@ -152,17 +146,7 @@ pub(crate) fn write(item: &Item, held: Option<&ItemValue>) -> Write {
 
 /// Decodes an item and its value; `None` if they are malformed.
 pub(crate) fn item_of(key: &str, value: Option<&[u8]>) -> Option<(Item, Option<ItemValue>)> {
-    let (kind, name) = key.split_once('/')?;
-    let item = match kind {
-        "port" => Item::Port(name.to_owned()),
-        "topic" => Item::Topic(name.to_owned()),
-        "type" => Item::Type(name.to_owned()),
-        "connection" => {
-            let (from, to) = name.split_once(' ')?;
-            Item::Connection(from.to_owned(), to.to_owned())
-        }
-        _ => return None,
-    };
+    let item = Item::of_key(key)?;
     let held = match value {
         None => None,
         Some(value) => {

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use tokio::sync::{mpsc, oneshot};
-use yarp_wire::name_service::{Command, Registration, Request};
+use yarp_wire::name_service::{Registration, Request};
 
 use super::{SharedStoreError, WRITE_TIMEOUT};
 use crate::registry::{Body, Refusal};
@@ -154,20 +154,4 @@ impl WriterChannel {
             }
         }
     }
-}
-
-/// Returns true if a command may change shared data.
-pub(crate) fn is_change(command: &Command) -> bool {
-    matches!(
-        command,
-        Command::Register(_)
-            | Command::Unregister { .. }
-            | Command::Set { .. }
-            | Command::Announce { .. }
-            | Command::Subscribe { .. }
-            | Command::Unsubscribe { .. }
-            | Command::Topic { .. }
-            | Command::Untopic { .. }
-            | Command::Type { value: Some(_), .. }
-    )
 }

@@ -125,9 +125,10 @@ fn write(
                 let mut registry = lock(registry);
                 // The registry is locked: requests queued so far are as little stored as the batch.
                 batch.extend(waiting.try_iter());
-                unsaved_error = match store.load() {
-                    Ok(changes) => {
-                        *registry = registry.rebuilt(Instant::now(), changes);
+                let kept = registry.rebuilt_with(Instant::now(), |take| store.load(take));
+                unsaved_error = match kept {
+                    Ok(kept) => {
+                        *registry = kept;
                         None
                     }
                     Err(_) => Some(error.clone()),

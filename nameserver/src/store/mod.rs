@@ -19,8 +19,9 @@ pub use sqlite::{Durability, SqliteStore};
 ///
 /// Called from one dedicated thread, which may block.
 pub trait Store: Send + 'static {
-    /// Returns everything stored, as the changes that turn an empty registry into it.
-    fn load(&mut self) -> Result<Vec<Change>, StoreError>;
+    /// Hands over everything that is kept, one by one: the changes that bring an empty registry to
+    /// it.
+    fn load(&mut self, take: &mut dyn FnMut(Change)) -> Result<(), StoreError>;
 
     /// Stores all of `changes`, in order, or none of them.
     ///
@@ -73,6 +74,12 @@ pub enum StoreError {
         path: PathBuf,
         /// Reason.
         reason: String,
+    },
+    /// The file is no longer where it was.
+    #[error("the database {} was removed, replaced or renamed while the server runs: nothing is changed until it is back; put it back, or start the server again", path.display())]
+    Moved {
+        /// File.
+        path: PathBuf,
     },
     /// The server is shutting down.
     #[error("the server is shutting down")]

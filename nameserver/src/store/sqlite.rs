@@ -4,11 +4,12 @@
 //! process at any instruction, because the system has them by then; [`Durability`] says if they
 //! also survive a loss of power. One process at a time uses the file.
 
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-use rusqlite::{Connection, OpenFlags, Transaction, params};
+use rusqlite::{Connection, OpenFlags, Row, Transaction, params};
 use yarp_wire::name_service::Registration;
 
 use super::{Store, StoreError};
@@ -55,6 +56,30 @@ pub enum Durability {
 pub struct SqliteStore {
     path: PathBuf,
     connection: Connection,
+    /// The files that are open: what is written to them is lost when they are not at their place.
+    files: Files,
+}
+
+/// Device and number of the file, and of the log beside it.
+#[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
+struct Files([Option<(u64, u64)>; 2]);
+
+impl Files {
+    fn at(path: &Path) -> Self {
+        let mut log = path.as_os_str().to_owned();
+        log.push("-wal");
+        Self([path, Path::new(&log)].map(|path| {
+            let file = std::fs::metadata(path).ok()?;
+            Some((file.dev(), file.ino()))
+        }))
+    }
+
+    /// Whether those that were there still are.
+    fn are_at(&self, path: &Path) -> bool {
+        let now = Self::at(path);
+        let mut files = self.0.iter().zip(&now.0);
+        files.all(|(then, now)| then.is_none() || then == now)
+    }
 }
 
 impl SqliteStore {
@@ -78,9 +103,15 @@ impl SqliteStore {
         let connection = Connection::open_with_flags(path, flags)
             .map_err(|source| StoreError::of(path, "opened", source))?;
         let path = path.to_owned();
-        let mut store = Self { path, connection };
+        let mut store = Self {
+            path,
+            connection,
+            files: Files::default(),
+        };
         store.check()?;
         store.prepare(durability)?;
+        // The log is there once something was written.
+        store.files = Files::at(&store.path);
         Ok(store)
     }
 
@@ -160,11 +191,17 @@ impl SqliteStore {
 }
 
 impl Store for SqliteStore {
-    fn load(&mut self) -> Result<Vec<Change>, StoreError> {
-        load(&self.connection).map_err(|source| StoreError::of(&self.path, "read", source))
+    fn load(&mut self, take: &mut dyn FnMut(Change)) -> Result<(), StoreError> {
+        let mut tables = Table::ALL.iter();
+        let loaded = tables.try_for_each(|table| table.load(&self.connection, take));
+        loaded.map_err(|source| StoreError::of(&self.path, "read", source))
     }
 
     fn append(&mut self, changes: &[Change]) -> Result<(), StoreError> {
+        if !self.files.are_at(&self.path) {
+            let path = self.path.clone();
+            return Err(StoreError::Moved { path });
+        }
         let mut keep = || {
             // Dropping it without a commit rolls everything back.
             let transaction = self.connection.transaction()?;
@@ -187,68 +224,108 @@ impl Store for SqliteStore {
     }
 }
 
-fn load(connection: &Connection) -> rusqlite::Result<Vec<Change>> {
-    let mut changes = Vec::new();
-    let mut announced = Vec::new();
-    let mut ports =
-        connection.prepare("SELECT name, carrier, host, number, announced FROM port")?;
-    let mut rows = ports.query([])?;
+/// Names a table once; what is loaded and what a change is kept in come from the same list.
+macro_rules! tables {
+    ($($table:ident),*) => {
+        /// The tables, in the order in which they are loaded.
+        #[derive(Clone, Copy, Debug, Eq, PartialEq)]
+        enum Table { $($table),* }
+
+        impl Table {
+            const ALL: &[Self] = &[$(Self::$table),*];
+        }
+    };
+}
+
+tables!(Port, Property, Topic, Subscription, Type);
+
+impl Table {
+    /// Hands over all rows, one by one.
+    fn load(self, connection: &Connection, take: &mut dyn FnMut(Change)) -> rusqlite::Result<()> {
+        match self {
+            Self::Port => load_ports(connection, take),
+            Self::Property => load_properties(connection, take),
+            Self::Topic => each(
+                connection,
+                "SELECT name, structure FROM topic ORDER BY made",
+                |row| {
+                    take(Change::Topic {
+                        name: row.get(0)?,
+                        structure: row.get(1)?,
+                    });
+                    Ok(())
+                },
+            ),
+            Self::Subscription => each(
+                connection,
+                "SELECT source, destination, mode FROM subscription",
+                |row| {
+                    take(Change::Subscription {
+                        source: row.get(0)?,
+                        destination: row.get(1)?,
+                        mode: row.get(2)?,
+                    });
+                    Ok(())
+                },
+            ),
+            Self::Type => each(connection, "SELECT name, value FROM type", |row| {
+                take(Change::Type {
+                    name: row.get(0)?,
+                    value: row.get(1)?,
+                });
+                Ok(())
+            }),
+        }
+    }
+}
+
+/// Does `work` with each row of a query.
+fn each(
+    connection: &Connection,
+    sql: &str,
+    mut work: impl FnMut(&Row<'_>) -> rusqlite::Result<()>,
+) -> rusqlite::Result<()> {
+    let mut statement = connection.prepare(sql)?;
+    let mut rows = statement.query([])?;
     while let Some(row) = rows.next()? {
+        work(row)?;
+    }
+    Ok(())
+}
+
+fn load_ports(connection: &Connection, take: &mut dyn FnMut(Change)) -> rusqlite::Result<()> {
+    let sql = "SELECT name, carrier, host, number, announced FROM port";
+    each(connection, sql, |row| {
         let registration = Registration {
             name: row.get(0)?,
             carrier: row.get(1)?,
             host: row.get(2)?,
             port: row.get(3)?,
         };
+        let name = registration.name.clone();
+        take(Change::Port(registration));
         if row.get(4)? {
-            announced.push(Change::Announced {
-                name: registration.name.clone(),
-                announced: true,
-            });
+            let announced = true;
+            take(Change::Announced { name, announced });
         }
-        changes.push(Change::Port(registration));
-    }
-    changes.extend(announced);
-    let mut properties = connection.prepare("SELECT name, key, value FROM property")?;
-    let mut rows = properties.query([])?;
-    while let Some(row) = rows.next()? {
+        Ok(())
+    })
+}
+
+fn load_properties(connection: &Connection, take: &mut dyn FnMut(Change)) -> rusqlite::Result<()> {
+    each(connection, "SELECT name, key, value FROM property", |row| {
         let values = row.get_ref(2)?.as_str()?;
         let values: Vec<String> = serde_json::from_str(values).map_err(|error| {
             let kind = rusqlite::types::Type::Text;
             rusqlite::Error::FromSqlConversionFailure(2, kind, Box::new(error))
         })?;
-        changes.push(Change::Property {
+        take(Change::Property {
             name: row.get(0)?,
             key: row.get(1)?,
             values: Arc::from(values),
         });
-    }
-    let mut topics = connection.prepare("SELECT name, structure FROM topic ORDER BY made")?;
-    let topics = topics.query_map([], |row| {
-        Ok(Change::Topic {
-            name: row.get(0)?,
-            structure: row.get(1)?,
-        })
-    })?;
-    changes.extend(topics.collect::<rusqlite::Result<Vec<_>>>()?);
-    let mut held = connection.prepare("SELECT source, destination, mode FROM subscription")?;
-    let held = held.query_map([], |row| {
-        Ok(Change::Subscription {
-            source: row.get(0)?,
-            destination: row.get(1)?,
-            mode: row.get(2)?,
-        })
-    })?;
-    changes.extend(held.collect::<rusqlite::Result<Vec<_>>>()?);
-    let mut types = connection.prepare("SELECT name, value FROM type")?;
-    let types = types.query_map([], |row| {
-        Ok(Change::Type {
-            name: row.get(0)?,
-            value: row.get(1)?,
-        })
-    })?;
-    changes.extend(types.collect::<rusqlite::Result<Vec<_>>>()?);
-    Ok(changes)
+        Ok(())
+    })
 }
 
 fn apply(transaction: &Transaction<'_>, change: &Change) -> rusqlite::Result<()> {

@@ -225,6 +225,11 @@ impl Core {
             self.check_right(&found, Right::Read).await?;
         }
         let logs = spec.as_ref().map_or(Ok(false), log_modifier::is_wanted)?;
+        if logs && !self.options.copies {
+            return Err(PortError::CopiesNotAllowed {
+                name: self.name.clone(),
+            });
+        }
         if self.options.outputs == Outputs::None && !logs {
             return Err(PortError::OutputsNotAllowed {
                 name: self.name.clone(),

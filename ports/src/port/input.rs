@@ -11,7 +11,6 @@ use std::time::{Duration, Instant};
 
 use bytes::BytesMut;
 use tokio::net::TcpStream;
-use yarp_wire::Limits;
 use yarp_wire::carrier::Sender;
 use yarp_wire::connection::{Acceptor, Event, ProtocolError};
 
@@ -61,7 +60,7 @@ pub(super) async fn serve(
     }
     let (control, control_receiver) = ConnectionControl::new();
     let mut connection = Connection {
-        acceptor: Acceptor::new(core.number, core.options.wire_version, Limits::DEFAULT)
+        acceptor: Acceptor::new(core.number, core.options.wire_version, core.options.limits)
             .with_gate(core.network.gate().clone()),
         core: core.clone(),
         stream: Arc::new(stream),

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use yarp_wire::http::{Request, Response};
-use yarp_wire::{Bottle, WireVersion};
+use yarp_wire::{Bottle, Limits, WireVersion};
 
 use super::idle_connections::ConnectionLimits;
 use super::monitor::{Monitor, MonitorSetup, OwnMonitor};
@@ -77,6 +77,8 @@ pub struct PortOptions {
     pub(super) connection_limits: Option<ConnectionLimits>,
     pub(super) monitors: Vec<OwnMonitor>,
     pub(super) datagram_timeout: Duration,
+    pub(super) limits: Limits,
+    pub(super) copies: bool,
 }
 
 /// Idle time after which a datagram writer is probed; the same as the keepalive time of an idle TCP
@@ -110,6 +112,8 @@ impl Default for PortOptions {
             connection_limits: None,
             monitors: Vec::new(),
             datagram_timeout: DEFAULT_DATAGRAM_TIMEOUT,
+            limits: Limits::DEFAULT,
+            copies: true,
         }
     }
 }
@@ -212,6 +216,21 @@ impl PortOptions {
     /// indefinitely, as in stock.
     pub fn connection_limits(mut self, limits: ConnectionLimits) -> Self {
         self.connection_limits = Some(limits);
+        self
+    }
+
+    /// Limits messages and lines that peers send to this many bytes. A longer one ends its
+    /// connection before memory is taken for it. Default: [`Limits::DEFAULT`].
+    pub fn max_message(mut self, bytes: usize) -> Self {
+        let line = self.limits.line.min(bytes);
+        self.limits = self.limits.with_message(bytes).with_line(line);
+        self
+    }
+
+    /// Refuses connections over `log.in`, which carry copies of what the port receives. Default:
+    /// every port offers them, as in stock.
+    pub fn without_copies(mut self) -> Self {
+        self.copies = false;
         self
     }
 

@@ -100,6 +100,7 @@ impl Core {
                         format!("Logger configured as log.{what}, but only log.in is supported\r\n")
                     }
                     PortError::NotAllowed { text } => format!("{text}\r\n"),
+                    PortError::CopiesNotAllowed { .. } => format!("{error}\r\n"),
                     PortError::Modifier(_) | PortError::Declined { .. } => {
                         format!(
                             "Cannot connect to {destination}: {}\r\n",

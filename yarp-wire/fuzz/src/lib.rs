@@ -321,6 +321,7 @@ pub fn name_service_request(data: &[u8]) {
     let Ok(request) = Request::parse(&text) else {
         return;
     };
+    let _ = request.command.rules();
     let _ = request.to_bottle();
     for style in [Style::Line, Style::NameSer, Style::TextAck] {
         let _ = request.to_bytes(style);

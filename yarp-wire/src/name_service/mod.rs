@@ -19,14 +19,21 @@
 //! ```
 
 mod answer_reader;
+mod arguments;
+mod command;
 mod name_request;
+mod registering;
 mod registration;
 mod request_writer;
+mod rules;
 
 pub use answer_reader::{Answer, AnswerEnd, AnswerError, AnswerReader, Property};
-pub use name_request::{Command, Form, LeaseHolder, RegisterRequest, Request};
+pub use command::Command;
+pub use name_request::{Form, Request};
+pub use registering::{LeaseHolder, RegisterRequest};
 pub use registration::{Registration, RegistrationError};
 pub use request_writer::{Style, plain_text};
+pub use rules::{Kind, Needs, Rules};
 
 /// Last line of every old-style answer.
 pub const END: &str = "*** end of message";

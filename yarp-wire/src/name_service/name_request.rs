@@ -4,6 +4,8 @@ use crate::bottle::TextError;
 use crate::{Bottle, Value};
 
 use super::PREFIX;
+use super::arguments::Arguments;
+use super::command::Command;
 
 /// One request to the name server.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,177 +24,6 @@ pub enum Form {
     Plain,
     /// One bottle: the request began with `bot` or holds `(format json)`.
     Bot,
-}
-
-/// A command of the name server, with its arguments.
-///
-/// Missing arguments are empty; the server interprets them.
-#[derive(Clone, Debug, PartialEq)]
-#[non_exhaustive]
-pub enum Command {
-    /// `register NAME [CARRIER [IP [NUMBER [TYPE]]]]`: gives a port its address.
-    Register(RegisterRequest),
-    /// `unregister NAME`: forgets a port.
-    Unregister {
-        /// The port.
-        name: String,
-    },
-    /// `query NAME`: where a port is.
-    Query {
-        /// The port; may have a `CARRIER:/` in front, or a `/net=PREFIX`.
-        name: String,
-    },
-    /// `list [PREFIX]`: all ports, or those below a prefix.
-    List {
-        /// The prefix, empty for all.
-        prefix: String,
-    },
-    /// `set NAME KEY V...`: replaces a property.
-    Set {
-        /// The port.
-        name: String,
-        /// The property.
-        key: String,
-        /// Its new values, as text.
-        values: Vec<String>,
-    },
-    /// `get NAME KEY`: the values of a property.
-    Get {
-        /// The port.
-        name: String,
-        /// The property.
-        key: String,
-    },
-    /// `check NAME KEY VALUE`: whether a property has a value.
-    Check {
-        /// The port.
-        name: String,
-        /// The property.
-        key: String,
-        /// The value.
-        value: String,
-    },
-    /// `route A B`: what to connect two ports by.
-    Route {
-        /// The writing port.
-        source: String,
-        /// The reading port.
-        destination: String,
-    },
-    /// `gc`.
-    CollectGarbage,
-    /// `runners`: the ports of process launchers.
-    Runners,
-    /// `help`.
-    Help,
-    /// `announce NAME [0]`: the port listens now, or (`0`) was found dead.
-    Announce {
-        /// The port.
-        name: String,
-        /// `true` if the port responds.
-        alive: bool,
-    },
-    /// `subscribe SRC DEST [MODE]`: asks for a connection that outlives both ports.
-    Subscribe {
-        /// The writing port or topic, with an optional `CARRIER:/`.
-        source: String,
-        /// The reading port or topic, with an optional `CARRIER:/`.
-        destination: String,
-        /// `from`: ends with the source; `to`: ends with the destination; else empty.
-        mode: String,
-    },
-    /// `subscribe [PORT]`: lists persistent connections.
-    Subscriptions {
-        /// Only those of this port or topic; empty for all.
-        port: String,
-    },
-    /// `unsubscribe SRC DEST`.
-    Unsubscribe {
-        /// The writing port or topic.
-        source: String,
-        /// The reading port or topic.
-        destination: String,
-    },
-    /// `topic NAME [STRUCTURE]`: makes a topic.
-    Topic {
-        /// Its name.
-        name: String,
-        /// The type of the messages, empty if not given.
-        structure: String,
-    },
-    /// `topic`: lists the topics.
-    Topics,
-    /// `untopic NAME`: forgets a topic.
-    Untopic {
-        /// Its name.
-        name: String,
-    },
-    /// `type FAMILY NAME [VALUE]`: stores or returns the definition of a type.
-    Type {
-        /// The system that defines it; stock keeps only `yarp`.
-        family: String,
-        /// The type.
-        name: String,
-        /// The definition to store, or none to ask for it.
-        value: Option<String>,
-    },
-    /// `lease NAME HOST NUMBER ...`: renews the leases of these ports. Not in stock, which answers
-    /// as to any unknown word: with the end.
-    Lease {
-        /// The holders of the leases.
-        holders: Vec<LeaseHolder>,
-    },
-    /// `passed NAME HOST NUMBER ...`: another server of the same names received `lease` from these
-    /// ports. Not in stock.
-    Passed {
-        /// The holders of the leases.
-        holders: Vec<LeaseHolder>,
-    },
-    /// `state [PREFIX]`: as `list`, with the last probe result of each port. Not in stock either.
-    States {
-        /// The prefix, empty for all.
-        prefix: String,
-    },
-    /// `web ...`: a page, asked for by a browser.
-    Web(Bottle),
-    /// Anything else, as it came.
-    Other(Bottle),
-}
-
-/// A port that renews its lease.
-#[derive(Clone, Debug, Eq, PartialEq)]
-pub struct LeaseHolder {
-    /// Its name.
-    pub name: String,
-    /// Its host, as it is registered.
-    pub host: String,
-    /// Its TCP port.
-    pub number: u16,
-}
-
-/// The properties that a port requests at registration. `None` leaves the choice to the server.
-#[derive(Clone, Debug, Default, Eq, PartialEq)]
-pub struct RegisterRequest {
-    /// The port's name; `...` lets the server invent one.
-    pub name: String,
-    /// The carrier to be reached by.
-    pub carrier: Option<String>,
-    /// The host to be reached at.
-    pub host: Option<String>,
-    /// The TCP port; may be out of range, as it came.
-    pub number: Option<i64>,
-    /// The type of the messages, for example `yarp/image`.
-    pub type_name: Option<String>,
-}
-
-impl RegisterRequest {
-    /// Creates a port that leaves everything but its name to the server.
-    pub fn named(name: &str) -> Self {
-        Self {
-            name: name.to_owned(),
-            ..Self::default()
-        }
-    }
 }
 
 impl Request {
@@ -229,9 +60,13 @@ impl Request {
         // `(format json)` selects the form of the answer; stock also stores it as a property value.
         let mut arguments: Vec<&Value> = items.iter().take(1).collect();
         arguments.extend(items.iter().skip(1).filter(|item| !is_format(item)));
+        let is_page = arguments.first().and_then(|word| word.as_str()) == Some("web");
+        if !is_page {
+            arguments.truncate(arguments.len() - fields(&arguments));
+        }
         let mut command = Arguments(&arguments).command();
         // These answer with a bottle by themselves; stock does not know them after `bot`.
-        if bot && command.is_structured() {
+        if bot && command.rules().structured {
             command = Command::Other(items.iter().cloned().collect());
         }
         Self {
@@ -246,27 +81,29 @@ impl Request {
     }
 }
 
-impl Command {
-    /// Returns whether stock answers the command with a bottle even if none was requested.
-    pub fn is_structured(&self) -> bool {
-        matches!(
-            self,
-            Self::Announce { .. }
-                | Self::Subscribe { .. }
-                | Self::Subscriptions { .. }
-                | Self::Unsubscribe { .. }
-                | Self::Topic { .. }
-                | Self::Topics
-                | Self::Untopic { .. }
-                | Self::Type { .. }
-                | Self::Web(_)
-        )
-    }
-}
-
 fn skip<'a>(items: &'a [Value], word: &str) -> Option<&'a [Value]> {
     let (first, after) = items.split_first()?;
     (first.as_str() == Some(word)).then_some(after)
+}
+
+/// How many of the words at the end are the fields of an http request, which a port appends as
+/// `(key value)`, sorted by key, `REQUEST_URI` among them. Stock takes them for arguments.
+fn fields(words: &[&Value]) -> usize {
+    let key = |word: &Value| {
+        let pair = word.as_list().filter(|list| list.len() == 2)?;
+        pair.get(0)?.as_str().map(str::to_owned)
+    };
+    let mut keys: Vec<String> = Vec::new();
+    for word in words.iter().skip(1).rev() {
+        match key(word) {
+            Some(key) if keys.last().is_none_or(|after| key < *after) => keys.push(key),
+            _ => break,
+        }
+    }
+    match keys.iter().any(|key| key == "REQUEST_URI") {
+        true => keys.len(),
+        false => 0,
+    }
 }
 
 fn is_format(item: &Value) -> bool {
@@ -276,153 +113,10 @@ fn is_format(item: &Value) -> bool {
     })
 }
 
-/// Any value as the text that stock stores; the bytes of a blob without their braces.
-fn text_of(value: &Value) -> String {
-    match value.as_blob() {
-        Some(bytes) => {
-            let bytes: Vec<_> = bytes.iter().map(u8::to_string).collect();
-            bytes.join(" ")
-        }
-        None => value.to_plain_string(),
-    }
-}
-
-/// The words of one request, the command itself first.
-struct Arguments<'a>(&'a [&'a Value]);
-
-impl Arguments<'_> {
-    /// Returns a name: stock takes strings and vocabs, and reads an empty name from anything else.
-    fn name(&self, index: usize) -> String {
-        match self.0.get(index) {
-            Some(value @ (Value::String(_) | Value::Vocab32(_) | Value::Vocab64(_))) => {
-                value.to_plain_string()
-            }
-            _ => String::new(),
-        }
-    }
-
-    /// Anything, as text; empty if missing.
-    fn text(&self, index: usize) -> String {
-        self.0
-            .get(index)
-            .map_or_else(String::new, |value| text_of(value))
-    }
-
-    /// Returns a field of `register`: `...` and missing leave the choice to the server.
-    fn optional_text(&self, index: usize) -> Option<String> {
-        let text = self.text(index);
-        (!text.is_empty() && text != super::SERVER_CHOOSES).then_some(text)
-    }
-
-    /// Returns the number of `register`. Stock chooses one also for 0, -1 and words.
-    fn number(&self, index: usize) -> Option<i64> {
-        let number = match self.0.get(index)? {
-            Value::String(_) => None,
-            value => value.as_i64(),
-        };
-        number.filter(|number| !matches!(number, 0 | -1))
-    }
-
-    /// Returns the ports of `lease`; other items are skipped.
-    fn holders(&self) -> Vec<LeaseHolder> {
-        let starts = (1..self.0.len()).step_by(3);
-        let holders = starts.filter_map(|index| {
-            Some(LeaseHolder {
-                name: self.name(index),
-                host: self.text(index + 1),
-                number: self.number(index + 2)?.try_into().ok()?,
-            })
-        });
-        holders.collect()
-    }
-
-    fn command(&self) -> Command {
-        match self.name(0).as_str() {
-            "register" => Command::Register(RegisterRequest {
-                name: self.name(1),
-                carrier: self.optional_text(2),
-                host: self.optional_text(3),
-                number: self.number(4),
-                // `*` stands for any type.
-                type_name: self.optional_text(5).filter(|name| name != "*"),
-            }),
-            "unregister" => Command::Unregister { name: self.name(1) },
-            "query" => Command::Query { name: self.name(1) },
-            "list" => Command::List {
-                prefix: self.name(1),
-            },
-            "state" => Command::States {
-                prefix: self.name(1),
-            },
-            "lease" => Command::Lease {
-                holders: self.holders(),
-            },
-            "passed" => Command::Passed {
-                holders: self.holders(),
-            },
-            "set" => Command::Set {
-                name: self.name(1),
-                key: self.text(2),
-                values: self.0.iter().skip(3).map(|value| text_of(value)).collect(),
-            },
-            "get" => Command::Get {
-                name: self.name(1),
-                key: self.text(2),
-            },
-            "check" => Command::Check {
-                name: self.name(1),
-                key: self.text(2),
-                value: self.text(3),
-            },
-            "route" => Command::Route {
-                source: self.name(1),
-                destination: self.name(2),
-            },
-            "gc" => Command::CollectGarbage,
-            "runners" => Command::Runners,
-            "help" => Command::Help,
-            "announce" => Command::Announce {
-                name: self.name(1),
-                alive: self.0.get(2).and_then(|value| value.as_i64()) != Some(0),
-            },
-            "subscribe" if self.name(2).is_empty() => Command::Subscriptions { port: self.name(1) },
-            "subscribe" => Command::Subscribe {
-                source: self.name(1),
-                destination: self.name(2),
-                mode: self.text(3),
-            },
-            "unsubscribe" => Command::Unsubscribe {
-                source: self.name(1),
-                destination: self.name(2),
-            },
-            "topic" if self.0.len() == 1 => Command::Topics,
-            "topic" => Command::Topic {
-                name: self.name(1),
-                structure: self.name(2),
-            },
-            "untopic" => Command::Untopic { name: self.name(1) },
-            "type" => Command::Type {
-                family: self.name(1),
-                name: self.name(2),
-                value: (self.0.len() > 3).then(|| self.name(3)),
-            },
-            "web" => Command::Web(self.rest(1)),
-            _ => Command::Other(self.rest(0)),
-        }
-    }
-
-    fn rest(&self, from: usize) -> Bottle {
-        self.0
-            .iter()
-            .skip(from)
-            .map(|value| (*value).clone())
-            .collect()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::name_service::{LeaseHolder, RegisterRequest};
 
     #[track_caller]
     fn check(line: &str, form: Form, command: Command) {
@@ -495,6 +189,40 @@ mod tests {
         check(&format!("{line} /c h 99999 /d h"), Form::Plain, lease);
         let prefix = "/a".to_owned();
         check("state /a", Form::Plain, Command::States { prefix });
+    }
+
+    /// `?req=type+yarp+X` stored what it should have asked for.
+    #[test]
+    fn fields_of_http_are_no_arguments() {
+        let fields = r#"(REQUEST_URI "?req=x") (format html) (req x)"#;
+        let ask = Command::Type {
+            family: "yarp".into(),
+            name: "X".into(),
+            value: None,
+        };
+        check(&format!("type yarp X {fields}"), Form::Plain, ask);
+        let set = |values: &[&str]| Command::Set {
+            name: "/a".into(),
+            key: "k".into(),
+            values: values.iter().map(|value| (*value).to_owned()).collect(),
+        };
+        let line = |words: &str| format!("set /a k {words}");
+        check(&line(&format!("v {fields}")), Form::Plain, set(&["v"]));
+        check(
+            &line(&format!("(a 1) {fields}")),
+            Form::Plain,
+            set(&["a 1"]),
+        );
+        check(
+            &line("v (a 1) (b 2)"),
+            Form::Plain,
+            set(&["v", "a 1", "b 2"]),
+        );
+        check(
+            &line("(REQUEST_URI x) v"),
+            Form::Plain,
+            set(&["REQUEST_URI x", "v"]),
+        );
     }
 
     #[test]

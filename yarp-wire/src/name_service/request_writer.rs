@@ -4,8 +4,8 @@ use std::fmt;
 
 use crate::{Bottle, Value};
 
-use super::name_request::{Command, Form, RegisterRequest, Request};
-use super::{PREFIX, SERVER_CHOOSES};
+use super::PREFIX;
+use super::name_request::{Form, Request};
 
 /// The format of a request: the three of stock clients, each on a connection of its own.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
@@ -56,109 +56,6 @@ impl fmt::Display for Request {
     }
 }
 
-impl Command {
-    /// Returns the command and its arguments; empty arguments at the end are left out.
-    pub fn to_bottle(&self) -> Bottle {
-        let words = |words: &[&str]| -> Bottle {
-            let used = words.iter().rposition(|word| !word.is_empty());
-            let used = used.map_or(0, |last| last + 1);
-            words[..used]
-                .iter()
-                .map(|word| Value::from(*word))
-                .collect()
-        };
-        match self {
-            Self::Register(registering) => registering.to_bottle(),
-            Self::Unregister { name } => words(&["unregister", name]),
-            Self::Query { name } => words(&["query", name]),
-            Self::List { prefix } => words(&["list", prefix]),
-            Self::Set { name, key, values } => {
-                let mut bottle = words(&["set", name, key]);
-                bottle.extend(values.iter().map(|value| Value::from(value.as_str())));
-                bottle
-            }
-            Self::Get { name, key } => words(&["get", name, key]),
-            Self::Check { name, key, value } => words(&["check", name, key, value]),
-            Self::Route {
-                source,
-                destination,
-            } => words(&["route", source, destination]),
-            Self::CollectGarbage => words(&["gc"]),
-            Self::Runners => words(&["runners"]),
-            Self::Help => words(&["help"]),
-            Self::Announce { name, alive: true } => words(&["announce", name]),
-            Self::Announce { name, alive: false } => words(&["announce", name]).with(0),
-            Self::Subscribe {
-                source,
-                destination,
-                mode,
-            } => words(&["subscribe", source, destination, mode]),
-            Self::Subscriptions { port } => words(&["subscribe", port]),
-            Self::Unsubscribe {
-                source,
-                destination,
-            } => words(&["unsubscribe", source, destination]),
-            Self::Topic { name, structure } => words(&["topic", name, structure]),
-            Self::Topics => words(&["topic"]),
-            Self::Untopic { name } => words(&["untopic", name]),
-            Self::Type {
-                family,
-                name,
-                value,
-            } => words(&["type", family, name, value.as_deref().unwrap_or("")]),
-            Self::Lease { holders } | Self::Passed { holders } => {
-                let mut bottle = words(&[match self {
-                    Self::Passed { .. } => "passed",
-                    _ => "lease",
-                }]);
-                for holder in holders {
-                    bottle.push(holder.name.as_str());
-                    bottle.push(holder.host.as_str());
-                    bottle.push(i32::from(holder.number));
-                }
-                bottle
-            }
-            Self::States { prefix } => words(&["state", prefix]),
-            Self::Web(arguments) => {
-                let mut bottle = words(&["web"]);
-                bottle.extend(arguments.clone());
-                bottle
-            }
-            Self::Other(bottle) => bottle.clone(),
-        }
-    }
-}
-
-impl RegisterRequest {
-    /// Writes `register NAME` if nothing else is requested, else all four fields, with `...` for an
-    /// open one and `-1` for an open number, as stock clients do.
-    fn to_bottle(&self) -> Bottle {
-        let mut bottle = Bottle::of("register").with(self.name.as_str());
-        let Self {
-            carrier,
-            host,
-            number,
-            type_name,
-            ..
-        } = self;
-        if (carrier, host, number, type_name) == (&None, &None, &None, &None) {
-            return bottle;
-        }
-        bottle.push(carrier.as_deref().unwrap_or(SERVER_CHOOSES));
-        bottle.push(host.as_deref().unwrap_or(SERVER_CHOOSES));
-        bottle.push(
-            number.map_or(Value::from(-1), |number| match i32::try_from(number) {
-                Ok(number) => number.into(),
-                Err(_) => number.into(),
-            }),
-        );
-        if let Some(type_name) = type_name {
-            bottle.push(type_name.as_str());
-        }
-        bottle
-    }
-}
-
 /// Returns one word of an old-style answer: its text form without any quotes.
 ///
 /// Stock strips the quotes from the whole line, so a blank inside a word becomes a word boundary
@@ -177,6 +74,7 @@ pub fn plain_text(word: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::name_service::{Command, RegisterRequest};
 
     #[track_caller]
     fn check(request: &Request, style: Style, expected: &str) {

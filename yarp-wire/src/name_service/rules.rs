@@ -1,0 +1,74 @@
+//! What a name server decides by the command alone.
+//!
+//! [`Command::rules`](super::Command::rules) is the one table of these decisions. Access checks, the
+//! store that several servers share, the probe of the holder of a name, the choice between a reply
+//! of lines and of one bottle, and the replies to datagrams are all derived from it.
+
+use super::registering::{LeaseHolder, RegisterRequest};
+
+/// What a name server decides by the command alone.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rules<'a> {
+    /// What the command does to the server.
+    pub kind: Kind<'a>,
+    /// What the roles in force must allow.
+    pub needs: Needs<'a>,
+    /// Whether stock replies with a bottle although not asked for one.
+    pub structured: bool,
+}
+
+/// What a command does to the server.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Kind<'a> {
+    /// It changes nothing.
+    Question {
+        /// Whether a server that is found by multicast also replies to it by a datagram.
+        by_datagram: bool,
+    },
+    /// It changes what is stored, and what several servers share.
+    Change {
+        /// The registered port that it changes, if it is about one: each server keeps its own port
+        /// to itself.
+        port: Option<&'a str>,
+    },
+    /// The same; it takes a name, whose holder is probed first.
+    Claim(&'a RegisterRequest),
+    /// It says that ports are alive, which nobody stores.
+    Lease {
+        /// The ports.
+        holders: &'a [LeaseHolder],
+        /// Whether the ports told another server, which passes it on.
+        passed: bool,
+    },
+}
+
+/// What the roles in force must allow. "The server" is the name server's own port.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Needs<'a> {
+    /// To read from the server.
+    Lookup,
+    /// To administer the server.
+    AdministerServer,
+    /// To administer the port that is registered, whose name the server may choose.
+    AdministerNew(&'a str),
+    /// To administer this port.
+    Administer(&'a str),
+    /// To administer this port and those that it says to own.
+    AdministerOwned(&'a str, &'a [String]),
+    /// To administer all of these ports.
+    AdministerHolders(&'a [LeaseHolder]),
+    /// To connect this port or topic, which may have a carrier in front.
+    Connect(&'a str),
+    /// To connect both of these.
+    ConnectBoth(&'a str, &'a str),
+}
+
+impl Rules<'_> {
+    /// Whether the command may change what is stored, and what several servers share.
+    pub fn changes(&self) -> bool {
+        match self.kind {
+            Kind::Change { .. } | Kind::Claim(_) => true,
+            Kind::Question { .. } | Kind::Lease { .. } => false,
+        }
+    }
+}
