@@ -9,8 +9,8 @@ use std::time::Duration;
 
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use tokio::signal::unix::{SignalKind, signal};
-#[cfg(feature = "etcd")]
 use yarp_nameserver::registry::Capacity;
+#[cfg(feature = "etcd")]
 use yarp_nameserver::shared::{EtcdStore, SharedStore as _};
 use yarp_nameserver::store::{Durability, SqliteStore};
 use yarp_nameserver::{Server, ServerOptions, StartError};
