@@ -384,7 +384,9 @@ impl Server {
             // The handler checks the rights for each request.
             .allow_any_writer()
             .handler(handler);
-        if let Some(address) = options.bind {
+        // Who is told of a loopback address reaches no other.
+        let told = options.host.parse().ok().filter(Ipv4Addr::is_loopback);
+        if let Some(address) = options.bind.or(told) {
             port_options = port_options.address(address);
         }
         let mut network = options

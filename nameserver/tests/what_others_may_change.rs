@@ -3,7 +3,7 @@
 use std::net::IpAddr;
 use std::time::Instant;
 
-use yarp_nameserver::registry::{Claim, Outcome, Registry, Settings, State};
+use yarp_nameserver::registry::{ClaimResult, Liveness, ProbeResult, Registry, Settings};
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_ports::{Port, PortOptions, remote_admin};
 use yarp_wire::name_service::{Command, Registration, Request};
@@ -40,22 +40,22 @@ impl Asked {
         assert!(answer.starts_with("port /"), "{line}: {answer}");
     }
 
-    fn claim(&self, from: impl Into<IpAddr>, line: &str) -> Claim {
+    fn claim(&self, from: impl Into<IpAddr>, line: &str) -> ClaimResult {
         match Request::parse(line).unwrap().command {
             Command::Register(asked) => self.0.claim(self.1, Some(from.into()), &asked),
             other => panic!("{other:?}"),
         }
     }
 
-    fn state(&self, name: &str) -> State {
-        let mut known = self.0.known(self.1);
+    fn state(&self, name: &str) -> Liveness {
+        let mut known = self.0.port_statuses(self.1);
         let known = known.find(|known| known.registration.name == name);
         known.unwrap().state
     }
 
-    fn seen(&mut self, line: &str, outcome: Outcome) {
+    fn seen(&mut self, line: &str, outcome: ProbeResult) {
         let port: Registration = line.parse().unwrap();
-        self.0.seen(self.1, None, &port, outcome);
+        self.0.record_probe(self.1, None, &port, outcome);
     }
 }
 
@@ -77,16 +77,22 @@ fn no_property_makes_a_port_ownerless() {
         "register /owner mcast 10.0.0.1 10002",
     ] {
         let claim = asked.claim(OWNER, line);
-        assert!(matches!(claim, Claim::Held { .. }), "{line}: {claim:?}");
+        assert!(
+            matches!(claim, ClaimResult::Held { .. }),
+            "{line}: {claim:?}"
+        );
     }
     let again = "register /owner tcp 10.0.0.1 10002";
-    assert_eq!(asked.claim(OWNER, again), Claim::Free);
+    assert_eq!(asked.claim(OWNER, again), ClaimResult::Free);
     // It would count as the owner afterwards.
     let claim = asked.claim(OTHER, again);
-    assert!(matches!(claim, Claim::Held { .. }), "{claim:?}");
+    assert!(matches!(claim, ClaimResult::Held { .. }), "{claim:?}");
     asked.ask(OWNER, "register /group mcast");
     asked.refused(OTHER, "set /group carrier tcp");
-    assert_eq!(asked.claim(OTHER, "register /group mcast"), Claim::Free);
+    assert_eq!(
+        asked.claim(OTHER, "register /group mcast"),
+        ClaimResult::Free
+    );
 }
 
 #[test]
@@ -112,10 +118,10 @@ fn others_do_not_move_a_port_that_lives() {
         asked.done(OWNER, line);
     }
     // One that cannot be reached has an owner who may come back; one that is gone has none.
-    asked.seen(place, Outcome::NoWay);
+    asked.seen(place, ProbeResult::Unroutable);
     asked.refused(OTHER, "set /a ips 10.0.0.2");
     asked.done([192, 168, 0, 1], "set /a ips 10.0.0.1");
-    asked.seen(place, Outcome::Refused);
+    asked.seen(place, ProbeResult::Refused);
     asked.done(OTHER, "set /a ips 10.0.0.2");
 }
 
@@ -136,17 +142,17 @@ fn others_do_not_keep_a_port_alive() {
     let mut asked = Asked::new();
     let place = "registration name /a ip 10.0.0.1 port 10002 type tcp";
     asked.ask(OWNER, "register /a tcp 10.0.0.1 10002");
-    asked.seen(place, Outcome::Refused);
+    asked.seen(place, ProbeResult::Refused);
     for word in ["lease", "passed"] {
         let line = format!("{word} /a 10.0.0.1 10002");
         asked.ask(OTHER, &line);
-        assert_eq!(asked.state("/a"), State::Gone, "{line}");
+        assert_eq!(asked.state("/a"), Liveness::Gone, "{line}");
     }
     // No other server is known.
     asked.ask(OWNER, "passed /a 10.0.0.1 10002");
-    assert_eq!(asked.state("/a"), State::Gone);
+    assert_eq!(asked.state("/a"), Liveness::Gone);
     asked.ask(OWNER, "lease /a 10.0.0.1 10002");
-    assert_eq!(asked.state("/a"), State::Alive);
+    assert_eq!(asked.state("/a"), Liveness::Alive);
 }
 
 /// What arrives at the name server was copied to whoever wanted it, from an address that is trusted.
@@ -158,7 +164,7 @@ async fn the_server_sends_nobody_copies_of_what_it_is_asked() {
     let spy = Port::open(&network, "/spy", PortOptions::new())
         .await
         .unwrap();
-    let reader = format!("tcp://127.0.0.1:{}/spy", spy.number());
+    let reader = format!("tcp://127.0.0.1:{}/spy", spy.tcp_port());
     let copies = remote_admin::connect(&network, "/root", &reader, Some("tcp+log.in")).await;
     let error = copies.unwrap_err().to_string();
     assert!(error.contains("log.in is not allowed here"), "{error}");

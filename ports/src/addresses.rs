@@ -31,8 +31,19 @@ pub fn subnets() -> Vec<(IpAddr, u8)> {
 
 /// Returns whether this is an address of one of this machine's interfaces.
 pub(crate) fn is_own(address: IpAddr) -> bool {
+    all().contains(&address)
+}
+
+/// Whether this is an address of this machine.
+pub(crate) fn is_local(address: IpAddr) -> bool {
+    let address = address.to_canonical();
+    address.is_loopback() || is_own(address)
+}
+
+/// The addresses of this machine's interfaces.
+pub(crate) fn all() -> Vec<IpAddr> {
     let interfaces = if_addrs::get_if_addrs().unwrap_or_default();
-    interfaces.iter().any(|interface| interface.ip() == address)
+    interfaces.iter().map(if_addrs::Interface::ip).collect()
 }
 
 /// Returns the address under which others reach this machine, as stock chooses it: the IPv4 address that is

@@ -8,6 +8,7 @@
 //! removed.
 
 use std::collections::BTreeMap;
+use std::net::Ipv4Addr;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -15,6 +16,7 @@ use tokio::task::{JoinHandle, JoinSet};
 use yarp_wire::name_service::{Command, LeaseHolder, RegisterRequest, Registration, Request};
 
 use crate::error::PortError;
+use crate::log_text::printable;
 use crate::network::Network;
 
 /// Renewal interval of a server of this implementation; a lease lasts four of them.
@@ -32,7 +34,8 @@ pub(crate) struct LeasedNames(Mutex<Held>);
 
 #[derive(Debug, Default)]
 struct Held {
-    ports: BTreeMap<String, RegisterRequest>,
+    /// What is registered, and the address that it listens at.
+    ports: BTreeMap<String, (RegisterRequest, Ipv4Addr)>,
     task: Option<JoinHandle<()>>,
 }
 
@@ -42,7 +45,12 @@ impl LeasedNames {
     }
 
     /// Keeps a port that has been registered, from within a runtime.
-    pub(crate) fn keep(network: &Network, endpoint: &Registration, type_name: Option<String>) {
+    pub(crate) fn keep(
+        network: &Network,
+        endpoint: &Registration,
+        type_name: Option<String>,
+        address: Ipv4Addr,
+    ) {
         let port = RegisterRequest {
             name: endpoint.name.clone(),
             carrier: Some(endpoint.carrier.clone()),
@@ -51,7 +59,7 @@ impl LeasedNames {
             type_name,
         };
         let mut held = network.leased_names().held();
-        held.ports.insert(endpoint.name.clone(), port);
+        held.ports.insert(endpoint.name.clone(), (port, address));
         // The runtime of the first port may have ended.
         if held.task.as_ref().is_none_or(JoinHandle::is_finished) {
             held.task = Some(tokio::spawn(renew_leases(network.clone())));
@@ -70,11 +78,17 @@ impl LeasedNames {
     }
 
     fn ports(&self) -> Vec<RegisterRequest> {
-        self.held().ports.values().cloned().collect()
+        let held = self.held();
+        held.ports.values().map(|(port, _)| port.clone()).collect()
     }
 
     fn has(&self, name: &str) -> bool {
-        self.held().ports.contains_key(name)
+        self.address(name).is_some()
+    }
+
+    /// Returns the address that a port listens at, if it is kept.
+    fn address(&self, name: &str) -> Option<Ipv4Addr> {
+        self.held().ports.get(name).map(|(_, address)| *address)
     }
 }
 
@@ -176,7 +190,7 @@ impl LeaseRenewer {
                 ("lost", Some(port)) if again => self.register(port).await?,
                 ("lost", Some(port)) => self.network.leased_names().forget(&port.name),
                 ("taken", Some(port)) => {
-                    tracing::warn!("the name {name} now belongs to another port");
+                    tracing::warn!("another port has the name {} now", printable(name));
                     self.network.leased_names().forget(&port.name);
                 }
                 ("also", _) => others.extend(endpoint(name)),
@@ -211,11 +225,16 @@ impl LeaseRenewer {
     /// Registers a port again where it was.
     async fn register(&self, port: &RegisterRequest) -> Result<(), PortError> {
         let leased_names = self.network.leased_names();
-        if !leased_names.has(&port.name) {
+        let Some(address) = leased_names.address(&port.name) else {
             return Ok(());
-        }
+        };
         match self.network.register(port.clone()).await {
-            Ok(_) => self.network.register_properties(&port.name).await?,
+            Ok(_) => {
+                let addresses = Network::reached_at(address);
+                self.network
+                    .register_properties(&port.name, &addresses)
+                    .await?;
+            }
             Err(error @ PortError::Refused { .. }) => {
                 tracing::warn!("{} is no longer registered: {error}", port.name);
                 leased_names.forget(&port.name);

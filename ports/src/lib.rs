@@ -14,6 +14,8 @@ pub mod config;
 pub mod discovery_client;
 mod error;
 mod lease_renewal;
+pub mod limits;
+mod log_text;
 mod network;
 mod own_names;
 mod port;
@@ -31,6 +33,7 @@ mod version_probe;
 pub use admin_client::AdminClient;
 pub use auth_step::AuthFailure;
 pub use error::{PortError, error_chain};
+pub use log_text::{Printable, printable};
 pub use network::{Endpoint, Network};
 pub use port::{
     AdminHandler, Answer, ConnectionChange, ConnectionCounters, ConnectionLimits,

@@ -1,6 +1,7 @@
 //! The name server, and where ports are.
 
 use std::io;
+use std::net::{IpAddr, Ipv4Addr};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -18,6 +19,7 @@ use crate::addresses;
 use crate::config::{Configuration, DEFAULT_NAMESPACE, NameServer, Namespace};
 use crate::error::PortError;
 use crate::lease_renewal::LeasedNames;
+use crate::log_text::printable;
 use crate::own_names;
 use crate::roles::Roles;
 use crate::socket::{self, ReadBuffer};
@@ -53,6 +55,8 @@ struct Inner {
     roles: Roles,
     /// What browsers may do with the ports that are opened here.
     gate: Arc<Gate>,
+    /// The address that ports listen at, if it was chosen.
+    bind: Option<Ipv4Addr>,
 }
 
 /// A name server.
@@ -96,6 +100,14 @@ impl Server {
     }
 }
 
+/// Whether a host is a loopback address, or the name of one.
+fn is_loopback(host: &str) -> bool {
+    match host.parse::<IpAddr>() {
+        Ok(address) => address.to_canonical().is_loopback(),
+        Err(_) => host.eq_ignore_ascii_case("localhost"),
+    }
+}
+
 /// Default timeout of connections and requests, as in stock.
 const DEFAULT_TIMEOUT: Duration = Duration::from_secs(10);
 
@@ -115,6 +127,7 @@ impl Network {
             key: None,
             roles: Roles::default(),
             gate: Arc::new(own_names::GATE.clone()),
+            bind: None,
             leased_names: Arc::default(),
         })
     }
@@ -129,6 +142,7 @@ impl Network {
             key: None,
             roles: Roles::default(),
             gate: Arc::new(own_names::GATE.clone()),
+            bind: None,
             leased_names: Arc::default(),
         })
     }
@@ -154,6 +168,7 @@ impl Network {
             key: configuration.key().cloned(),
             roles: configuration.roles().clone(),
             gate: Arc::new(configuration.gate().clone()),
+            bind: configuration.bind(),
             configuration: Some(Arc::new(configuration)),
             deadline: DEFAULT_TIMEOUT,
             leased_names: Arc::default(),
@@ -220,6 +235,41 @@ impl Network {
     /// they may with this machine by its own names, and from no other origin.
     pub fn gate(&self) -> &Arc<Gate> {
         &self.0.gate
+    }
+
+    /// Returns the same network with another address for its ports to listen at; `0.0.0.0` stands for all addresses of
+    /// the machine. Takes the place of `YARP_BIND`.
+    pub fn with_bind(&self, address: Ipv4Addr) -> Self {
+        Self::from(Inner {
+            bind: Some(address),
+            ..Inner::clone(&self.0)
+        })
+    }
+
+    /// Returns the address that ports of this network listen at, unless [`PortOptions::address`](crate::PortOptions::address)
+    /// names another.
+    ///
+    /// That is the address given to [`Network::with_bind`] or in `YARP_BIND`. Without either it is `127.0.0.1` if every
+    /// known name server is at a loopback address (then only programs of this machine can find the ports) and `YARP_IP`
+    /// does not ask for another address; in all other cases, and without a name server, it is `0.0.0.0`.
+    pub fn listen_address(&self) -> Ipv4Addr {
+        if let Some(address) = self.0.bind {
+            return address;
+        }
+        let is_local = |host: &str| is_loopback(host);
+        let servers = &self.0.servers;
+        let everywhere = |server: &Server| {
+            let places = server.servers();
+            places.known.iter().all(|(host, _)| is_local(host))
+        };
+        let advertised = self.own_address();
+        match !servers.is_empty()
+            && servers.iter().all(everywhere)
+            && advertised.is_none_or(|host| is_local(&host))
+        {
+            true => Ipv4Addr::LOCALHOST,
+            false => Ipv4Addr::UNSPECIFIED,
+        }
     }
 
     /// Returns the timeout of connections and requests.
@@ -311,7 +361,7 @@ impl Network {
                 (Ok(_), Ok(_)) => {}
                 (Ok(done), Err(_)) => result = Ok(done),
                 (Err(error), Err(PortError::NoNameServer)) => result = Err(error),
-                (Err(error), _) => tracing::warn!(namespace, "{}", error.error_chain()),
+                (Err(error), _) => tracing::warn!(namespace, "{}", printable(&error.error_chain())),
             }
         }
         result
@@ -338,9 +388,20 @@ impl Network {
         self.0.configuration.as_ref()?.address(&addresses::own())
     }
 
-    /// Returns the address of a port that is not registered.
-    pub(crate) fn own_host(&self) -> String {
-        self.own_address().unwrap_or_else(addresses::best)
+    /// The host that a port which listens at `address` is registered with, or says that it has.
+    ///
+    /// None where the name server decides: of a port that listens at all addresses, without `YARP_IP`.
+    pub(crate) fn host_of(&self, address: Ipv4Addr) -> Option<String> {
+        let specific = (!address.is_unspecified()).then(|| address.to_string());
+        self.own_address().or(specific)
+    }
+
+    /// The addresses that a port which listens at `address` is reached under.
+    pub(crate) fn reached_at(address: Ipv4Addr) -> Vec<String> {
+        match address.is_unspecified() {
+            true => addresses::own(),
+            false => vec![address.to_string()],
+        }
     }
 
     /// Sends one request line to the name server and returns its answer.
@@ -501,7 +562,7 @@ impl Network {
                     result = Ok(given);
                 }
                 (Err(error), Err(PortError::NoNameServer)) => result = Err(error),
-                (Err(error), _) => tracing::warn!("{}", error.error_chain()),
+                (Err(error), _) => tracing::warn!("{}", printable(&error.error_chain())),
             }
         }
         result
@@ -540,16 +601,26 @@ impl Network {
     }
 
     /// Registers the properties of a listening port with every name server.
-    pub(crate) async fn register_properties(&self, name: &str) -> Result<(), PortError> {
-        self.with_each(|network| async move { network.register_properties_at_one(name).await })
-            .await
+    pub(crate) async fn register_properties(
+        &self,
+        name: &str,
+        addresses: &[String],
+    ) -> Result<(), PortError> {
+        self.with_each(|network| async move {
+            network.register_properties_at_one(name, addresses).await
+        })
+        .await
     }
 
-    async fn register_properties_at_one(&self, name: &str) -> Result<(), PortError> {
+    async fn register_properties_at_one(
+        &self,
+        name: &str,
+        addresses: &[String],
+    ) -> Result<(), PortError> {
         let mut carriers = ALL.map(|carrier| carrier.name).to_vec();
         carriers.dedup();
         let carriers = carriers.join(" ");
-        let addresses = addresses::own().join(" ");
+        let addresses = addresses.join(" ");
         let process = std::process::id();
         for request in [
             format!("set {name} offers {carriers}"),
@@ -568,5 +639,46 @@ impl Network {
         let request = &format!("unregister {name}");
         self.with_each(|network| async move { network.tell(request).await })
             .await
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Environment;
+
+    /// Where ports listen with these variables and this `yarp.conf`.
+    fn listens(variables: &[(&str, &str)], file: &str) -> Ipv4Addr {
+        let variables = variables.iter().copied();
+        let environment: Environment = variables.chain([("YARP_CONFIG_HOME", "/c")]).collect();
+        let configuration = Configuration::load(environment, |asked| match asked.to_str() {
+            Some("/c/yarp.conf") => Ok(file.to_owned()),
+            _ => Err(io::ErrorKind::NotFound.into()),
+        });
+        Network::from_configuration(configuration.unwrap()).listen_address()
+    }
+
+    #[test]
+    fn a_network_on_loopback_listens_on_loopback() {
+        let (all, here) = (Ipv4Addr::UNSPECIFIED, Ipv4Addr::LOCALHOST);
+        for (file, expected) in [
+            ("127.0.0.1 10000 yarp", here),
+            ("127.0.0.2 10000 yarp", here),
+            ("localhost 10000 yarp", here),
+            ("::1 10000 yarp", here),
+            ("192.0.2.1 10000 yarp", all),
+            ("localhost.example 10000 yarp", all),
+            ("127.0.0.1 10000 yarp\n192.0.2.1 10000 yarp", all),
+            ("", all),
+        ] {
+            assert_eq!(listens(&[], file), expected, "{file}");
+        }
+        let file = "127.0.0.1 10000 yarp";
+        assert_eq!(listens(&[("YARP_IP", "192.0.2.2")], file), all);
+        assert_eq!(listens(&[("YARP_IP", "127.0.0.1")], file), here);
+        assert_eq!(listens(&[("YARP_BIND", "0.0.0.0")], file), all);
+        let chosen = listens(&[("YARP_BIND", "192.0.2.2")], file);
+        assert_eq!(chosen, Ipv4Addr::new(192, 0, 2, 2));
+        assert_eq!(Network::none().listen_address(), all);
     }
 }

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use bytes::{BufMut, BytesMut};
 use socket2::{SockRef, TcpKeepalive};
-use tokio::net::{TcpListener, TcpStream};
+use tokio::net::{TcpListener, TcpStream, UdpSocket};
 
 use crate::auth_step;
 use crate::error::{PortError, resolve};
@@ -23,6 +23,8 @@ pub(crate) enum Socket {
     Tcp(Tcp),
     Unix(Unix),
     Shmem(Box<ShmemStream>),
+    /// Nothing: messages come as datagrams on this socket, and the stream of the header is closed.
+    Datagrams(Arc<UdpSocket>),
 }
 
 macro_rules! either {
@@ -31,6 +33,7 @@ macro_rules! either {
             Socket::Tcp($stream) => $call,
             Socket::Unix($stream) => $call,
             Socket::Shmem($stream) => $call,
+            Socket::Datagrams(_) => Err(io::ErrorKind::NotConnected.into()),
         }
     };
 }
@@ -47,6 +50,7 @@ impl Socket {
             Self::Tcp(stream) => stream.readable_by(missing).await,
             Self::Unix(stream) => stream.readable().await,
             Self::Shmem(stream) => stream.readable().await,
+            Self::Datagrams(_) => Err(io::ErrorKind::NotConnected.into()),
         }
     }
 
@@ -64,7 +68,7 @@ impl Socket {
         match self {
             Self::Tcp(stream) => stream.suppress_wakeups(),
             Self::Unix(stream) => stream.suppress_wakeups(),
-            Self::Shmem(_) => {}
+            Self::Shmem(_) | Self::Datagrams(_) => {}
         }
     }
 
@@ -75,6 +79,7 @@ impl Socket {
                 let most = bytes.len();
                 stream.try_read(&mut bytes, most)
             }
+            Self::Datagrams(_) => Err(io::ErrorKind::NotConnected.into()),
             _ => (&*self.raw()).read(bytes),
         }
     }
@@ -93,6 +98,7 @@ impl Socket {
             Self::Tcp(stream) => SockRef::from(&**stream),
             Self::Unix(stream) => SockRef::from(stream),
             Self::Shmem(stream) => SockRef::from(stream.tcp()),
+            Self::Datagrams(socket) => SockRef::from(&**socket),
         }
     }
 
@@ -100,7 +106,7 @@ impl Socket {
     pub(crate) fn tcp(&self) -> Option<&TcpStream> {
         match self {
             Self::Tcp(stream) => Some(stream),
-            Self::Unix(_) | Self::Shmem(_) => None,
+            Self::Unix(_) | Self::Shmem(_) | Self::Datagrams(_) => None,
         }
     }
 }
@@ -119,7 +125,7 @@ impl Socket {
                     .map(|stream| Self::Tcp(Tcp::new(stream)))
             }
             Self::Unix(_) => copied().and_then(Unix::try_from).map(Self::Unix),
-            Self::Shmem(_) => return self.clone(),
+            Self::Shmem(_) | Self::Datagrams(_) => return self.clone(),
         };
         renewed.map_or_else(|_| self.clone(), Arc::new)
     }
@@ -131,6 +137,7 @@ impl AsFd for Socket {
             Self::Tcp(stream) => stream.as_fd(),
             Self::Unix(stream) => stream.as_fd(),
             Self::Shmem(stream) => stream.tcp().as_fd(),
+            Self::Datagrams(socket) => socket.as_fd(),
         }
     }
 }

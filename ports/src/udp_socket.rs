@@ -2,12 +2,14 @@
 
 use std::cell::RefCell;
 use std::io;
-use std::net::{IpAddr, Ipv4Addr, SocketAddrV4};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, SocketAddrV4};
 use std::os::fd::AsFd;
 use std::sync::Arc;
 
-use socket2::{Domain, Protocol, Socket, Type};
+use socket2::{Domain, Protocol, SockRef, Socket, Type};
 use tokio::net::UdpSocket;
+
+use crate::addresses;
 
 /// Maximum length of a datagram.
 const MAX_DATAGRAM_LEN: usize = 65_536;
@@ -16,9 +18,9 @@ const RECEIVE_BUFFER: usize = 8 << 20;
 /// Room for datagrams that wait to be sent, in bytes; the system may grant less.
 const SEND_BUFFER: usize = 4 << 20;
 
-/// Returns a socket to read from, on a port that the system chooses.
-pub(crate) fn reader() -> io::Result<UdpSocket> {
-    bound(SocketAddrV4::new(Ipv4Addr::UNSPECIFIED, 0), |_| Ok(()))
+/// A socket to read from at `local`, on a port that the system chooses.
+pub(crate) fn reader(local: Ipv4Addr) -> io::Result<UdpSocket> {
+    bound(SocketAddrV4::new(local, 0), |_| Ok(()))
 }
 
 /// Returns the same socket, registered with the current runtime; if that fails, the previous
@@ -34,19 +36,67 @@ thread_local! {
     static ARRIVING: RefCell<Vec<u8>> = const { RefCell::new(Vec::new()) };
 }
 
-/// Passes the next datagram to `take`; `None` if there is none now.
+/// Hands the next datagram to `take`, and where it came from; `None` if there is none now.
 pub(crate) fn receive<T>(
     socket: &UdpSocket,
-    take: impl FnOnce(&[u8]) -> T,
+    take: impl FnOnce(&[u8], SocketAddr) -> T,
 ) -> io::Result<Option<T>> {
     ARRIVING.with_borrow_mut(|buffer| {
         buffer.resize(MAX_DATAGRAM_LEN, 0);
-        match socket.try_recv(buffer) {
-            Ok(length) => Ok(Some(take(&buffer[..length]))),
+        match socket.try_recv_from(buffer) {
+            Ok((length, source)) => Ok(Some(take(&buffer[..length], source))),
             Err(error) if error.kind() == io::ErrorKind::WouldBlock => Ok(None),
             Err(error) => Err(error),
         }
     })
+}
+
+/// Where the datagrams of a connection may come from.
+#[derive(Clone, Debug, Eq, PartialEq)]
+pub(crate) enum Sources {
+    /// This address, and the port that was the first to send from there, once there is one.
+    Peer(IpAddr, Option<u16>),
+    /// Any port of these addresses.
+    Hosts(Vec<IpAddr>),
+}
+
+impl Sources {
+    /// Returns those of a writer over `udp` whose header came from `peer`.
+    pub(crate) fn of_writer(peer: IpAddr) -> Self {
+        Self::Peer(peer.to_canonical(), None)
+    }
+
+    /// Returns those of a group whose writer sent its header from `peer`.
+    ///
+    /// A writer of this machine may send from any of its interfaces. One of another machine sends from the interface that
+    /// the header came from. Its port may change: any connection of the group may be the one that transmits.
+    pub(crate) fn of_group(peer: IpAddr) -> Self {
+        let peer = peer.to_canonical();
+        let mut hosts = vec![peer];
+        let own = addresses::all();
+        if peer.is_loopback() || own.contains(&peer) {
+            hosts.extend(own);
+        }
+        Self::Hosts(hosts)
+    }
+
+    /// Returns whether a datagram from there is one of the writer's; the first one of a writer over `udp` settles its port.
+    pub(crate) fn admit(&mut self, socket: &UdpSocket, source: SocketAddr) -> bool {
+        let address = source.ip().to_canonical();
+        match self {
+            Self::Hosts(hosts) => hosts.contains(&address),
+            Self::Peer(peer, Some(port)) => *peer == address && *port == source.port(),
+            Self::Peer(peer, port) => {
+                let is_first = *peer == address;
+                if is_first {
+                    *port = Some(source.port());
+                    // From now on the system keeps others out of the buffer, too; those that are in it are found here.
+                    let _ = SockRef::from(socket).connect(&source.into());
+                }
+                is_first
+            }
+        }
+    }
 }
 
 /// Creates a socket that receives the datagrams of a group, on the interface with address `local`.

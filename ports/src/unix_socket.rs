@@ -1,18 +1,21 @@
-//! Unix sockets for connections within one machine.
+//! Sockets of the file system for connections within one machine.
 //!
-//! Such a stream reports readiness for every few bytes, at the expense of its writer; so the
-//! runtime waits for it only while a task sleeps on it, and not while the task polls
-//! ([`BusyPoll`](crate::busy_poll::BusyPoll)). RegisterRequest and deregistering takes system calls and
-//! memory; so after a task did sleep, the stream stays registered for a while.
+//! Such a stream tells whoever waits for it of every few bytes, and its writer pays for that; so the runtime waits for it
+//! only while a task sleeps on it, and not while one looks for bytes itself ([`BusyPoll`](crate::busy_poll::BusyPoll)). To begin
+//! and end that takes system calls and memory; so where the task went to sleep after all it stays begun for a while.
 //!
 //! Both ends know the TCP ports of the header's connection and derive the path from them:
-//! `DIR/<acceptor's TCP port>_<initiator's TCP port>.sock`. The acceptor creates the socket.
+//! `DIR/<acceptor's TCP port>_<initiator's TCP port>.sock`. The acceptor makes the socket.
+//!
+//! **Invariant:** both ends belong to the same user, or the other one to root; DIR is this user's, and nobody else's to enter.
 
+use std::fs::{DirBuilder, Metadata, Permissions};
 use std::io::{self, IoSlice, Write};
 use std::mem;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
 use std::os::unix::net;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicU32;
 use std::sync::atomic::Ordering::Relaxed;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -29,6 +32,12 @@ const RETRY_INTERVAL: Duration = Duration::from_millis(20);
 const MAX_TRIES: usize = 50;
 /// Tries that are left once the header's connection has ended: most likely the acceptor has died.
 const MAX_TRIES_AFTER_CLOSE: usize = 5;
+
+/// The mode of sockets and their folder.
+const PRIVATE: u32 = 0o700;
+/// The bit of a folder in which only owners take their files away.
+const STICKY: u32 = 0o1000;
+const ROOT: u32 = 0;
 
 /// Size of the send buffer in bytes. The system reports room to a writer once no more than a
 /// quarter of it is used; with a smaller buffer the reader would have read that quarter before more
@@ -168,10 +177,12 @@ pub(crate) async fn accept(header: &TcpStream) -> io::Result<Unix> {
     // Left behind by a process that had the same ports and was killed.
     let _ = std::fs::remove_file(&path);
     let listener = UnixListener::bind(&path)?;
+    std::fs::set_permissions(&path, Permissions::from_mode(PRIVATE))?;
     let accepted = tokio::time::timeout(ACCEPT_TIMEOUT, listener.accept()).await;
     // No other peer may connect; the connection itself stays.
     let _ = std::fs::remove_file(&path);
     let (stream, _) = accepted.map_err(|_| io::ErrorKind::TimedOut)??;
+    check_peer(&stream)?;
     Unix::with_room(stream)
 }
 
@@ -183,7 +194,10 @@ pub(crate) async fn connect(header: &TcpStream, answer: &mut [u8; 8]) -> io::Res
     let mut said = 0;
     loop {
         match UnixStream::connect(&path).await {
-            Ok(stream) => return Unix::with_room(stream),
+            Ok(stream) => {
+                check_peer(&stream)?;
+                return Unix::with_room(stream);
+            }
             Err(error) if tries == 0 => {
                 let message = format!("no socket at {}: {error}", path.display());
                 return Err(io::Error::new(error.kind(), message));
@@ -213,8 +227,68 @@ fn path(acceptor: u16, initiator: u16) -> io::Result<PathBuf> {
         let user = user.to_string_lossy();
         PathBuf::from(format!("/tmp/runtime-{user}")).join("yarp")
     };
-    std::fs::create_dir_all(&folder)?;
+    prepare(&folder)?;
     Ok(folder.join(format!("{acceptor}_{initiator}.sock")))
+}
+
+/// Makes the folder of sockets if it is not there, and makes sure that no other user can put sockets into it or take them
+/// away.
+fn prepare(folder: &Path) -> io::Result<()> {
+    let own = rustix::process::geteuid().as_raw();
+    DirBuilder::new()
+        .recursive(true)
+        .mode(PRIVATE)
+        .create(folder)?;
+    let wrong = |folder: &Path, about: &Metadata, expected: &str| {
+        let message = format!(
+            "the folder of sockets cannot be trusted: {} belongs to user {} with mode {:03o}, expected {expected}; \
+             set YARP_RUNTIME_DIR or XDG_RUNTIME_DIR to a folder of your own",
+            folder.display(),
+            about.uid(),
+            about.mode() & 0o7777,
+        );
+        io::Error::new(io::ErrorKind::PermissionDenied, message)
+    };
+    if let Some(above) = folder
+        .parent()
+        .filter(|above| !above.as_os_str().is_empty())
+    {
+        let about = std::fs::metadata(above)?;
+        let is_shared = about.mode() & 0o022 != 0 && about.mode() & STICKY == 0;
+        if ![own, ROOT].contains(&about.uid()) || is_shared {
+            let expected = format!("user {own} or root, and nobody else to write there");
+            return Err(wrong(above, &about, &expected));
+        }
+    }
+    let about = std::fs::symlink_metadata(folder)?;
+    // Stock makes it for others to read; that is harmless, as the sockets in it are this user's alone.
+    match about.is_dir() && about.uid() == own && about.mode() & 0o022 == 0 {
+        true => Ok(()),
+        false => {
+            let expected =
+                format!("a folder of user {own} where nobody else writes, such as mode 700");
+            Err(wrong(folder, &about, &expected))
+        }
+    }
+}
+
+/// Whether the program at the other end is one that may be there: of the same user, or of root.
+fn check_peer(stream: &UnixStream) -> io::Result<()> {
+    let user = stream.peer_cred()?.uid();
+    let own = rustix::process::geteuid().as_raw();
+    match is_trusted(user, own) {
+        true => Ok(()),
+        false => {
+            let message = format!(
+                "a program of user {user} is at the other end, expected user {own} or root"
+            );
+            Err(io::Error::new(io::ErrorKind::PermissionDenied, message))
+        }
+    }
+}
+
+fn is_trusted(user: u32, own: u32) -> bool {
+    user == own || user == ROOT
 }
 
 #[cfg(test)]
@@ -224,6 +298,55 @@ mod tests {
     use tokio::time::timeout;
 
     use super::*;
+
+    #[test]
+    fn the_folder_is_private() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = place.path().join("a/yarp");
+        prepare(&folder).unwrap();
+        let mode = |folder: &Path| std::fs::metadata(folder).unwrap().mode() & 0o777;
+        assert_eq!(
+            (mode(&folder), mode(folder.parent().unwrap())),
+            (PRIVATE, PRIVATE)
+        );
+        // As stock leaves it.
+        std::fs::set_permissions(&folder, Permissions::from_mode(0o755)).unwrap();
+        prepare(&folder).unwrap();
+        for shared in [0o775, 0o757, 0o1777] {
+            std::fs::set_permissions(&folder, Permissions::from_mode(shared)).unwrap();
+            let error = prepare(&folder).unwrap_err();
+            assert_eq!(error.kind(), io::ErrorKind::PermissionDenied, "{error}");
+        }
+        std::fs::set_permissions(&folder, Permissions::from_mode(PRIVATE)).unwrap();
+        // Others could replace it.
+        std::fs::set_permissions(folder.parent().unwrap(), Permissions::from_mode(0o777)).unwrap();
+        let error = prepare(&folder).unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::PermissionDenied, "{error}");
+        std::fs::set_permissions(folder.parent().unwrap(), Permissions::from_mode(0o1777)).unwrap();
+        prepare(&folder).unwrap();
+        // Somebody was here first. Without root it is a folder of root's that stands for it.
+        let others = place.path().join("b");
+        DirBuilder::new().create(&others).unwrap();
+        let others = match std::os::unix::fs::chown(&others, Some(65534), None) {
+            Ok(()) => others,
+            Err(_) => PathBuf::from("/proc/sys"),
+        };
+        let error = prepare(&others).unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::PermissionDenied, "{error}");
+        let error = prepare(&others.join("yarp")).unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::PermissionDenied, "{error}");
+        let link = place.path().join("link");
+        std::os::unix::fs::symlink(&folder, &link).unwrap();
+        assert!(prepare(&link).is_err());
+    }
+
+    #[tokio::test]
+    async fn only_the_same_user_and_root_are_trusted() {
+        assert!(is_trusted(1000, 1000) && is_trusted(0, 1000) && is_trusted(0, 0));
+        assert!(!is_trusted(1001, 1000) && !is_trusted(1000, 0));
+        let (one, _other) = UnixStream::pair().unwrap();
+        check_peer(&one).unwrap();
+    }
 
     #[tokio::test]
     async fn bytes_received_while_suppressed_wake_a_later_sleeper() {

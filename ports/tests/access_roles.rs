@@ -285,3 +285,37 @@ async fn a_browser_may_do_only_what_its_name_may() {
     assert!(port.outputs().is_empty());
     within(port.close()).await;
 }
+
+/// What a port forwards comes from its own address, with its own name.
+#[tokio::test]
+async fn a_port_that_no_role_names_forwards_nothing() {
+    let world = World::with("[a]\nports /arm\nat local\nrights all\n");
+    let arm = world.open("/arm", reading()).await;
+    let other = world.open("/other", reading()).await;
+    let to = |carrier| format!("[add] \"{}\"", common::at(&arm, carrier));
+    let answer = ask(&other, "anybody", &to("tcp+log.in")).await;
+    assert!(answer.contains("not allowed"), "{answer}");
+    assert!(other.outputs().is_empty());
+    // Without copies it is connected, from this machine.
+    let answer = ask(&other, "anybody", &to("tcp")).await;
+    assert!(answer.contains("Added"), "{answer}");
+    // One that a role names is as that says.
+    world.change("[a]\nports /arm /other\nat local\nrights all # more\n");
+    world.network.roles().refresh();
+    let answer = ask(&other, "anybody", &to("tcp+log.in")).await;
+    assert!(answer.contains("Added"), "{answer}");
+}
+
+#[tokio::test]
+async fn monitors_at_the_reader_need_the_right_to_administer() {
+    let world = World::with("[a]\nports /r\nrights write\n");
+    let reader = world.open("/r", reading()).await;
+    let writer = common::open("/w", PortOptions::new()).await;
+    let carrier = "tcp+recv.portmonitor+type.dll+file.statistics";
+    let refused = within(writer.connect(&common::at(&reader, carrier))).await;
+    assert!(refused.is_err(), "it may write, no more");
+    common::connect(&writer, &reader, "tcp").await;
+    world.change("[a]\nports /r\nrights write administer\n");
+    world.network.roles().refresh();
+    common::connect(&writer, &reader, carrier).await;
+}

@@ -1,6 +1,7 @@
 //! The variables that a configuration depends on.
 
 use std::collections::BTreeMap;
+use std::net::Ipv4Addr;
 
 use super::ConfigError;
 
@@ -91,6 +92,21 @@ impl Environment {
                 found: found.to_owned(),
             }),
         }
+    }
+}
+
+impl Environment {
+    /// Returns a variable that holds an IPv4 address.
+    pub fn ipv4(&self, variable: &str) -> Result<Option<Ipv4Addr>, ConfigError> {
+        let Some(found) = self.get(variable) else {
+            return Ok(None);
+        };
+        let address = found.trim().parse();
+        address.map(Some).map_err(|_| ConfigError::Variable {
+            variable: variable.to_owned(),
+            expected: "an IPv4 address of this machine, or 0.0.0.0 for all",
+            found: found.to_owned(),
+        })
     }
 }
 

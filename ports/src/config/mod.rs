@@ -9,7 +9,6 @@
 //! | `_NAME.conf` | where the name server called `/NAME` is |
 //! | `auth.conf` | the key that all programs of the network share; also looked for elsewhere, see [`Directories::resources`] |
 //! | `roles.conf` | who may do what with which ports, see [`crate::roles`]; looked for like `auth.conf` |
-//! | `browsers.conf` | which pages of others may use ports, and how else this machine is called, see [`browsers`]; looked for like `auth.conf` |
 //!
 //! [`ResourceFinder`] looks for the files of robots and applications.
 //!
@@ -20,6 +19,7 @@
 //! | `YARP_ROBOT_NAME` | whose files go first, `robots/NAME` |
 //! | `YARP_NAMESPACE` | the names, instead of `yarp_namespace.conf` |
 //! | `YARP_IP` | the address to register ports with, or how it begins |
+//! | `YARP_BIND` | the IPv4 address that ports listen at; `0.0.0.0` is all ([`Network::listen_address`](crate::Network::listen_address)) |
 //! | `YARP_PORT_RANGE` | TCP port of a server to start, and of multicast detection (10000) |
 //! | `YARP_PORT_PREFIX` | what every port name of this process begins with |
 //! | `YARP_RENAME_x`, `YARP_PORTNUMBER_x` | another name, or a fixed TCP port, for port `/x` |
@@ -37,8 +37,12 @@ mod port_naming;
 mod resource_finder;
 pub(crate) mod section;
 
+use std::collections::BTreeSet;
 use std::io;
+use std::net::Ipv4Addr;
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 pub use auth_conf::parse_key;
 pub use directories::Directories;
@@ -62,6 +66,7 @@ pub struct Configuration {
     directories: Directories,
     namespaces: Vec<Namespace>,
     default_port: u16,
+    bind: Option<Ipv4Addr>,
     key: Option<Key>,
     roles: Roles,
     gate: Gate,
@@ -191,9 +196,11 @@ impl Configuration {
         };
         let namespaces: Vec<_> = names.into_iter().map(namespace).collect::<Result<_, _>>()?;
         let default_port = environment.port("YARP_PORT_RANGE")?;
+        let bind = environment.ipv4("YARP_BIND")?;
         let mut key = None;
         for file in directories.resources(&environment, auth_conf::FILE) {
             if let Some(text) = find(&file)? {
+                warn_if_shared(&file);
                 key = Some(parse_key(&file, &text)?);
                 break;
             }
@@ -217,6 +224,7 @@ impl Configuration {
             directories,
             namespaces,
             default_port: default_port.unwrap_or(DEFAULT_PORT),
+            bind,
             key,
             roles,
             gate,
@@ -251,6 +259,11 @@ impl Configuration {
         self.default_port
     }
 
+    /// Returns the address that ports shall listen at: `YARP_BIND`.
+    pub fn bind(&self) -> Option<Ipv4Addr> {
+        self.bind
+    }
+
     /// Returns the key of `auth.conf`, if there is such a file.
     pub fn key(&self) -> Option<&Key> {
         self.key.as_ref()
@@ -275,6 +288,32 @@ impl Configuration {
         let found = own.iter().find(|address| address.starts_with(wanted));
         Some(found.map_or(wanted, String::as_str).to_owned())
     }
+}
+
+/// Warns, once for each file, if other users may read a file that holds a secret or says who may do what, or may change it.
+pub(crate) fn warn_if_shared(file: &Path) {
+    static TOLD: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+    let Ok(about) = std::fs::metadata(file) else {
+        return;
+    };
+    let mode = about.permissions().mode();
+    if is_shared(mode)
+        && TOLD
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .insert(file.to_owned())
+    {
+        let shown = file.display();
+        tracing::warn!(
+            "other users may read or change {shown} (mode {:03o}): chmod 600 {shown}",
+            mode & 0o777
+        );
+    }
+}
+
+/// Others read or write, or the group writes.
+fn is_shared(mode: u32) -> bool {
+    mode & 0o026 != 0
 }
 
 /// Writes one configuration file, its directories first, so that a reader sees the old text or
@@ -369,6 +408,10 @@ mod tests {
         let error = load(&variables, &[]).unwrap_err();
         let text = "variable YARP_PORT_RANGE: expected a port number of 1 to 65535, got \"many\"";
         assert_eq!(error.to_string(), text);
+        let variables = [("HOME", "/"), ("YARP_BIND", "lo")];
+        let error = load(&variables, &[]).unwrap_err();
+        let text = "variable YARP_BIND: expected an IPv4 address of this machine, or 0.0.0.0 for all, got \"lo\"";
+        assert_eq!(error.to_string(), text);
         assert!(matches!(
             load(&[], &[]),
             Err(ConfigError::NoDirectory { .. })
@@ -414,6 +457,19 @@ mod tests {
         let admission = held.gate().admit(yarp_wire::http::Service::Frames, &head);
         assert_eq!(admission.unwrap().origin(), Some("http://lab.example"));
         assert!(load(&home, &files[2..]).is_err());
+    }
+
+    #[test]
+    fn files_that_other_users_read_or_change_are_shared() {
+        for (mode, shared) in [
+            (0o600, false),
+            (0o640, false),
+            (0o644, true),
+            (0o660, true),
+            (0o602, true),
+        ] {
+            assert_eq!(is_shared(mode), shared, "{mode:o}");
+        }
     }
 
     #[test]

@@ -4,14 +4,16 @@ use std::sync::Arc;
 
 use yarp_wire::admin::{AdminRequest, Direction};
 use yarp_wire::carrier::Carrier;
-use yarp_wire::{Bottle, Value, Vocab32, WireVersion};
+use yarp_wire::{Bottle, Limits, Value, Vocab32, WireVersion};
 
 use super::core::Core;
 use super::monitor::{Attached, Chain, MonitorSide};
 use super::port_options::{Input, Outputs, Serving};
 use super::pray_command;
 use super::socket_qos::scheduling;
-use crate::roles::Right;
+use crate::limits::{MAX_PROPERTIES, MAX_PROPERTY_BYTES};
+use crate::log_text::printable;
+use crate::roles::{self, Right};
 use crate::thread_schedule::{self, Schedule};
 use crate::version_probe;
 
@@ -39,11 +41,8 @@ const HELP: [&str; 20] = [
     "[dtch] [in]             # detach portmonitor plug-in from the port's input",
 ];
 
-/// Most properties a port keeps for others, so that they cannot fill its memory.
-const MAX_PROPERTIES: usize = 1024;
-
 /// Returns the right that a request needs; `None` if every peer may send it.
-pub(super) fn required_right(request: &Bottle) -> Option<Right> {
+fn required_right(request: &Bottle) -> Option<Right> {
     match AdminRequest::parse(request) {
         AdminRequest::Add(_) | AdminRequest::Remove(_) => Some(Right::Connect),
         AdminRequest::Set(..)
@@ -55,6 +54,34 @@ pub(super) fn required_right(request: &Bottle) -> Option<Right> {
         | AdminRequest::BusInfo
         | AdminRequest::Other(_) => Some(Right::Administer),
         _ => None,
+    }
+}
+
+/// Who asks for a change of what messages pass, or of how the process is scheduled; it may administer the port.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Asking {
+    /// It speaks as browsers do.
+    pub(super) is_page: bool,
+    /// It is on this machine.
+    pub(super) is_local: bool,
+    /// A role names the port, so that the right to administer it was given on purpose.
+    pub(super) is_named: bool,
+}
+
+impl Asking {
+    /// Returns why it may not; none if it may.
+    pub(super) fn why_not(self, port: &str, modifiable: bool) -> Option<String> {
+        if !modifiable {
+            return Some(format!("not allowed: the owner of {port} refuses it"));
+        }
+        if self.is_page {
+            return Some("not allowed from pages".to_owned());
+        }
+        let may = self.is_local || self.is_named;
+        (!may).then(|| {
+            let file = roles::FILE;
+            format!("not allowed from other machines: {file} may give `administer` on {port}")
+        })
     }
 }
 
@@ -72,6 +99,27 @@ fn as_parsed_by(request: &Bottle, wire_version: WireVersion) -> Bottle {
 }
 
 impl Core {
+    /// What a peer must be allowed to do before its request is answered; none for what anybody may ask.
+    pub(super) fn required_right(&self, request: &Bottle) -> Option<Right> {
+        required_right(&as_parsed_by(request, self.options.wire_version))
+    }
+
+    /// Whether a request changes what messages pass, or how connections and processes are scheduled.
+    ///
+    /// The scheduling of a connection counts for those who may not have it at all ([`PortOptions::deny_modification`]
+    /// and pages), since it can starve others; programs of other machines may ask for it, as in stock.
+    ///
+    /// [`PortOptions::deny_modification`]: crate::PortOptions::deny_modification
+    pub(super) fn modifies(&self, request: &Bottle) -> bool {
+        match AdminRequest::parse(&as_parsed_by(request, self.options.wire_version)) {
+            AdminRequest::Attach(..) | AdminRequest::Detach(_) => true,
+            AdminRequest::SetProperty(key, groups) => {
+                key == self.name && groups.find_group("process").is_some()
+            }
+            _ => false,
+        }
+    }
+
     /// Returns the answer to an admin request.
     pub(super) async fn administer(self: &Arc<Self>, request: &Bottle) -> Bottle {
         let request = as_parsed_by(request, self.options.wire_version);
@@ -222,7 +270,8 @@ impl Core {
                 ok()
             }
             Err(error) => {
-                tracing::warn!(port = %self.name, "no monitor is attached: {error}");
+                let reason = error.to_string();
+                tracing::warn!(port = %self.name, "no monitor is attached: {}", printable(&reason));
                 fail("Failed to configure the portmonitor plug-in").with(error.to_string())
             }
         }
@@ -341,14 +390,29 @@ impl Core {
         if key.starts_with('/') {
             return self.set_connection_properties(&key, &values).await;
         }
+        // This form holds all values.
+        let size = |key: &str, values: &Bottle| key.len() + values.encode(WireVersion::V4).len();
         let mut properties = self.properties();
-        if let Some(entry) = properties.iter_mut().find(|(name, _)| *name == key) {
-            entry.1 = values;
-        } else if properties.len() < MAX_PROPERTIES {
-            properties.push((key, values));
-            properties.sort_by(|a, b| a.0.cmp(&b.0));
-        } else {
+        let others = properties.iter().filter(|(name, _)| *name != key);
+        let (count, bytes) = others.fold((0, 0), |(count, bytes), (name, values)| {
+            (count + 1, bytes + size(name, values))
+        });
+        if count >= MAX_PROPERTIES {
             return fail("too many properties");
+        }
+        if bytes + size(&key, &values) > MAX_PROPERTY_BYTES {
+            let text = format!(
+                "too large: the properties of a port have {MAX_PROPERTY_BYTES} bytes in all"
+            );
+            return fail(&text);
+        }
+        // A part of a message would keep all of it in memory.
+        let bytes = values.encode(WireVersion::V4);
+        let copied = Bottle::decode(&bytes, WireVersion::V4, Limits::DEFAULT);
+        let values = copied.unwrap_or_default();
+        match properties.binary_search_by(|(name, _)| name.cmp(&key)) {
+            Ok(found) => properties[found].1 = values,
+            Err(place) => properties.insert(place, (key, values)),
         }
         ok()
     }
@@ -416,4 +480,41 @@ pub(super) fn pair(key: &str, value: impl Into<Value>) -> Value {
 
 pub(super) fn group<const N: usize>(key: &str, pairs: [Value; N]) -> Value {
     pair(key, Value::Dictionary(Bottle::from_iter(pairs)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn other_machines_modify_ports_that_roles_name_and_pages_none() {
+        for (is_page, is_local, is_named, may) in [
+            (false, true, false, true),
+            (false, false, false, false),
+            (false, false, true, true),
+            (true, true, true, false),
+        ] {
+            let asking = Asking {
+                is_page,
+                is_local,
+                is_named,
+            };
+            assert_eq!(asking.why_not("/p", true).is_none(), may, "{asking:?}");
+            assert!(asking.why_not("/p", false).is_some(), "the owner decides");
+        }
+    }
+
+    #[test]
+    fn long_words_are_looked_at_as_they_are_obeyed() {
+        let long = Bottle::from_iter([
+            Value::Vocab64(yarp_wire::Vocab64::from_bytes(b"dtchmore")),
+            Value::from(Vocab32::new("in")),
+        ]);
+        assert_eq!(
+            required_right(&as_parsed_by(&long, WireVersion::V3)),
+            Some(Right::Administer)
+        );
+        let parsed = AdminRequest::parse(&as_parsed_by(&long, WireVersion::V3));
+        assert_eq!(parsed, AdminRequest::Detach(Some(Direction::In)));
+    }
 }

@@ -22,6 +22,8 @@ use super::reply_channel::ReplyPool;
 use super::socket_qos::SocketHandle;
 use crate::cancel::{Cancel, Cancelled, join};
 use crate::error::{PortError, resolve};
+use crate::limits::{self, BAD_CONNECTION_LOG_INTERVAL, BAD_CONNECTION_LOG_LINES};
+use crate::log_text::{LogLimit, printable};
 use crate::network::{Endpoint, Network};
 use crate::remote_admin;
 use crate::roles::{self, Peer, Right};
@@ -52,6 +54,8 @@ pub(crate) struct Core {
     /// Pool of the channels on which connections wait for the owner's replies.
     pub(super) slots: ReplyPool<Answer>,
     ended: Mutex<Ended>,
+    /// How much is logged about connections that are refused or break.
+    pub(super) bad_connections: LogLimit,
     /// `true` if there may be connections that carry copies of received messages.
     pub(super) logged: AtomicBool,
     /// Connections that this port made to read from.
@@ -121,6 +125,7 @@ impl Core {
             next_input: AtomicU64::new(1),
             slots: ReplyPool::default(),
             ended: Mutex::default(),
+            bad_connections: LogLimit::new(BAD_CONNECTION_LOG_LINES, BAD_CONNECTION_LOG_INTERVAL),
             logged: AtomicBool::new(false),
             pulls: Mutex::default(),
             arbiter: Arc::default(),
@@ -230,6 +235,9 @@ impl Core {
                 name: self.name.clone(),
             });
         }
+        if peer_asks {
+            self.check_output(logs)?;
+        }
         if self.options.outputs == Outputs::None && !logs {
             return Err(PortError::OutputsNotAllowed {
                 name: self.name.clone(),
@@ -299,6 +307,29 @@ impl Core {
         }
     }
 
+    /// Whether a peer may have the port make another connection, by what kind of connection it is and how many there are.
+    ///
+    /// Copies of what arrives come from this port, with its name and address: whoever may send to it would have the
+    /// rights of this port at the reader. So where there are roles, one must say who may connect this port.
+    fn check_output(&self, logs: bool) -> Result<(), PortError> {
+        let roles = self.network.roles();
+        if logs && roles.are_any() && !roles.name(&self.name) {
+            let name = &self.name;
+            let text = format!(
+                "not allowed: log.in of {name}, which no role in {} names",
+                roles::FILE
+            );
+            return Err(PortError::NotAllowed { text });
+        }
+        let most = limits::outputs();
+        match self.outputs().len() < most {
+            true => Ok(()),
+            false => Err(PortError::NotAllowed {
+                text: format!("not allowed: {} has {most} outgoing connections", self.name),
+            }),
+        }
+    }
+
     /// Returns whether the roles give the port at `endpoint` this right on this port.
     async fn check_right(&self, endpoint: &Endpoint, right: Right) -> Result<(), PortError> {
         let roles = self.network.roles();
@@ -319,7 +350,7 @@ impl Core {
             name: &endpoint.name,
             address: address.ip(),
         };
-        match roles.rights(&self.name, peer).has(right) {
+        match roles.rights_at_port(&self.name, peer).has(right) {
             true => Ok(()),
             false => Err(PortError::NotAllowed {
                 text: roles::refusal(&self.name, peer, right),
@@ -496,6 +527,7 @@ impl Core {
     /// not reported, as in stock.
     fn report(&self, from: &str, to: &str, carrier: &str, incoming: bool, began: bool) {
         if is_port(from) && is_port(to) {
+            let (from, to, carrier) = (printable(from), printable(to), printable(carrier));
             let what = match (incoming, began) {
                 (true, true) => "Receiving input",
                 (true, false) => "Removing input",

@@ -1,12 +1,13 @@
-//! Liveness of writers over datagrams.
+//! Writers whose messages come in datagrams, and that fell silent.
 //!
-//! Datagrams have no end: a killed writer over `udp` or `mcast` looks like one that has nothing to
-//! send. Stock (3.5.0) keeps both in its list until they reconnect. Here the name server is asked
-//! at the beginning for the address of the writer's port; whenever no datagram has arrived for a
-//! while, that port is asked for its readers.
+//! Datagrams have no end: of a writer over `udp` or `mcast` that is killed nothing more comes, as of
+//! one that has nothing to say. Stock (3.5.0) keeps both in its list until they come back. Here the
+//! name server is asked at the beginning where the writer's port is; whenever nothing has come for
+//! a while, that port is asked to whom it writes.
 //!
-//! An unregistered writer cannot be probed, and stays. So does one whose port accepts connections
-//! without answering, such as a stopped program, or refuses admin requests.
+//! A writer that nobody has registered cannot be asked: its connection ends after several such
+//! intervals without a datagram. One whose port takes connections and says nothing stays, as a program that is
+//! stopped, and so does one that does not let us ask, or whose name server does not answer.
 
 use std::io;
 use std::sync::Arc;
@@ -15,9 +16,11 @@ use std::time::Duration;
 use yarp_wire::admin::{self, Direction};
 use yarp_wire::{Value, Vocab32};
 
+use super::connection_slots::KnownWriter;
 use super::core::Core;
 use super::counters::Meter;
 use crate::error::PortError;
+use crate::limits::UNKNOWN_WRITER_INTERVALS;
 use crate::network::Endpoint;
 use crate::remote_admin;
 
@@ -39,9 +42,15 @@ enum ProbeResult {
 }
 
 /// Waits until the writer of a connection is gone; returns the reason.
-pub(super) async fn wait_until_gone(core: &Core, from: &str, meter: &Arc<Meter>) -> String {
+pub(super) async fn wait_until_gone(
+    core: &Core,
+    from: &str,
+    meter: &Arc<Meter>,
+    known: &KnownWriter,
+) -> String {
     let silence = core.options.datagram_timeout;
-    let mut endpoint = endpoint(core, from).await;
+    let mut endpoint = endpoint(core, from, known).await;
+    let mut unknown = 0;
     let mut heard = meter.traffic();
     let mut missed = 0;
     let mut pause = silence;
@@ -50,12 +59,20 @@ pub(super) async fn wait_until_gone(core: &Core, from: &str, meter: &Arc<Meter>)
         pause = silence;
         let now = meter.traffic();
         if now != heard {
-            (heard, missed) = (now, 0);
+            (heard, missed, unknown) = (now, 0, 0);
             continue;
         }
-        let Some(endpoint) = &endpoint else {
-            endpoint = self::endpoint(core, from).await;
-            continue;
+        let endpoint = match &endpoint {
+            Ok(Some(endpoint)) => endpoint,
+            unasked => {
+                unknown += u32::from(unasked.is_ok());
+                if unknown == UNKNOWN_WRITER_INTERVALS {
+                    let seconds = silence.as_secs_f64() * f64::from(unknown);
+                    return format!("nothing came for {seconds} s, and no name server knows it");
+                }
+                endpoint = self::endpoint(core, from, known).await;
+                continue;
+            }
         };
         match probe(core, endpoint).await {
             ProbeResult::Connected => missed = 0,
@@ -71,9 +88,20 @@ pub(super) async fn wait_until_gone(core: &Core, from: &str, meter: &Arc<Meter>)
     }
 }
 
-/// Returns the address of the writer's port, if the name server knows it.
-async fn endpoint(core: &Core, name: &str) -> Option<Endpoint> {
-    core.network.query(name).await.ok()
+/// Where the writer's port is, as the name server says; none if nobody knows it.
+async fn endpoint(
+    core: &Core,
+    name: &str,
+    known: &KnownWriter,
+) -> Result<Option<Endpoint>, PortError> {
+    match core.network.query(name).await {
+        Ok(endpoint) => {
+            known.set();
+            Ok(Some(endpoint))
+        }
+        Err(PortError::Unknown { .. } | PortError::NoNameServer) => Ok(None),
+        Err(error) => Err(error),
+    }
 }
 
 /// Asks the writer's port for its readers.

@@ -131,7 +131,7 @@ impl<T> Drop for AbortOnDrop<T> {
 }
 
 /// Requests an incoming connection to close or to move. Dropping it closes the connection.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct ConnectionControl(watch::Sender<ControlState>);
 
 /// The end of a [`ConnectionControl`] that the connection listens to.

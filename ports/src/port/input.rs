@@ -16,6 +16,8 @@ use yarp_wire::connection::{Acceptor, Event, ProtocolError};
 
 use self::datagram_input::Datagrams;
 use self::message_handling::Step;
+use super::admin_commands::Asking;
+use super::connection_slots::ConnectionSlot;
 use super::core::{CLOSE_TIMEOUT, Core, Entry};
 use super::counters::Meter;
 use super::dedicated_thread::{ConnectionControl, ControlReceiver, DedicatedThread};
@@ -23,10 +25,13 @@ use super::idle_connections::{CloseSignal, ConnectionGuard};
 use super::monitor::{Chain, MonitorError};
 use super::output::{Output, OutputTransport};
 use super::socket_qos::SocketHandle;
+use crate::addresses;
 use crate::auth_step;
 use crate::busy_poll::{BusyPoll, Expecting};
 use crate::cancel::Cancelled;
 use crate::error::error_chain;
+use crate::limits::{INCOMING_BUDGET, Reservation, SMALL_MESSAGE};
+use crate::log_text::printable;
 use crate::roles::{self, Peer, Right, Rights};
 use crate::socket::{self, ReadBuffer, Socket};
 use crate::tcp_stream::Tcp;
@@ -35,30 +40,35 @@ use crate::udp_socket;
 /// Serves a connection until it closes, is superseded, times out, or the port closes.
 ///
 /// Connections are numbered in the order in which they were accepted. Returns how it ended.
-pub(super) async fn serve(
-    core: Arc<Core>,
-    stream: TcpStream,
-    address: IpAddr,
-    number: u64,
-    guard: Option<(ConnectionGuard, CloseSignal)>,
-) -> WasValid {
+pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, guest: Guest) -> WasValid {
+    let Guest {
+        address,
+        number,
+        guard,
+        slot,
+        control,
+        control_receiver,
+    } = guest;
     let begun = Instant::now();
     let (guard, mut close_signal) = guard.unzip();
     let mut closing = core.cancelled.clone();
     let stream = Socket::Tcp(Tcp::new(stream));
     core.network.roles().refresh_if_due(Instant::now());
     if let Some(key) = core.network.key() {
+        let mut ending = control_receiver.clone();
         let known = tokio::select! {
             known = auth_step::accept(&stream, key) => known,
             () = closing.cancelled() => return WasValid(true),
+            () = ending.ended() => return WasValid(true),
         };
         if let Err(error) = known {
-            let text = error_chain(&error);
-            tracing::warn!(port = %core.name, %address, "Authentication of {address} failed: {text}");
+            if let Some(more) = core.bad_connections.pass(Instant::now()) {
+                let text = error_chain(&error);
+                tracing::warn!(port = %core.name, %address, "Authentication of {address} failed: {text}{more}");
+            }
             return WasValid(false);
         }
     }
-    let (control, control_receiver) = ConnectionControl::new();
     let mut connection = Connection {
         acceptor: Acceptor::new(core.number, core.options.wire_version, core.options.limits)
             .with_gate(core.network.gate().clone()),
@@ -82,6 +92,8 @@ pub(super) async fn serve(
         closing: core.cancelled.clone(),
         rights: (0, Rights::ALL),
         guard,
+        slot,
+        incoming: None,
         was_valid: false,
     };
     let end = connection.run_until_closed(&mut close_signal).await;
@@ -90,7 +102,10 @@ pub(super) async fn serve(
         End::Broken(ProtocolError::Browser(_)) => true,
         End::Broken(_) | End::Failed(_) => false,
         // The next one of the same name may have superseded it before it was found to be invalid.
-        End::Closed => connection.was_valid || begun.elapsed() >= MIN_CONNECTION_LIFETIME,
+        End::Closed => {
+            let made_room = connection.slot.has_ended();
+            connection.was_valid || made_room || begun.elapsed() >= MIN_CONNECTION_LIFETIME
+        }
         _ => true,
     });
     match end {
@@ -98,6 +113,20 @@ pub(super) async fn serve(
         end => connection.end(end),
     }
     understood
+}
+
+/// A connection that was accepted.
+pub(super) struct Guest {
+    /// The address that it comes from.
+    pub(super) address: IpAddr,
+    /// Connections are numbered in the order in which they were accepted.
+    pub(super) number: u64,
+    /// Its place among the callers, if the port keeps a list of them.
+    pub(super) guard: Option<(ConnectionGuard, CloseSignal)>,
+    /// Its place among the connections of the process.
+    pub(super) slot: ConnectionSlot,
+    pub(super) control: ConnectionControl,
+    pub(super) control_receiver: ControlReceiver,
 }
 
 /// `true` if a connection was valid: no protocol error, no failure, and not closed at once without
@@ -130,6 +159,8 @@ pub(super) enum End {
     Reversed,
     /// The peer lacks a right.
     NotAllowed(Right),
+    /// The process has no room for what it wants.
+    Full(&'static str),
     /// No datagrams arrive any more, and the peer is gone.
     Gone(String),
     /// It continues on this thread.
@@ -175,6 +206,10 @@ pub(super) struct Connection {
     rights: (u64, Rights),
     /// Its place among the callers, if the port keeps a list of them.
     guard: Option<ConnectionGuard>,
+    /// Its place among the connections of the process.
+    slot: ConnectionSlot,
+    /// What it takes of the process's budget for incomplete messages.
+    incoming: Option<Reservation>,
     /// Something that came made sense.
     was_valid: bool,
 }
@@ -242,27 +277,26 @@ impl Connection {
 
     fn end(mut self, end: End) {
         self.entry = None;
-        let (port, from) = (&self.core.name, &self.sender.name);
-        match end {
+        let (port, from) = (&self.core.name, printable(&self.sender.name));
+        let text = match end {
             // A connection moves only once.
-            End::Closed | End::Moved(_) => {}
-            End::Broken(error) => {
-                tracing::warn!(%port, from, "dropping a connection: {error}");
-            }
-            End::Refused(error) => {
-                tracing::warn!(%port, from, "refusing a connection: {error}");
-            }
+            End::Closed | End::Moved(_) => return,
+            End::Broken(error) => format!("dropping a connection: {error}"),
+            End::Refused(error) => format!("refusing a connection: {error}"),
+            End::Full(what) => format!("refusing a connection: {what}"),
+            End::NotAllowed(right) => format!("dropping a connection: {}", self.refusal(right)),
             End::Failed(error) => {
-                tracing::debug!(%port, from, "a connection failed: {error}");
+                tracing::debug!(%port, %from, "a connection failed: {error}");
+                return;
             }
-            End::NotAllowed(right) => {
-                let text = self.refusal(right);
-                tracing::warn!(%port, from, "dropping a connection: {text}");
-            }
-            End::Reversed => self.into_output(),
+            End::Reversed => return self.into_output(),
             End::Gone(reason) => {
-                tracing::info!(%port, from, "closing the connection of an unreachable datagram writer: {reason}");
+                tracing::info!(%port, %from, "closing the connection of an unreachable datagram writer: {reason}");
+                return;
             }
+        };
+        if let Some(more) = self.core.bad_connections.pass(Instant::now()) {
+            tracing::warn!(%port, %from, "{text}{more}");
         }
     }
 
@@ -293,6 +327,7 @@ impl Connection {
                     }
                     Ok(Some(Event::HttpRequest(request))) => {
                         self.was_valid = true;
+                        self.record_activity();
                         Box::pin(self.browse(request)).await
                     }
                     Ok(None) => break,
@@ -345,6 +380,10 @@ impl Connection {
             }
             self.header_reply_len = 0;
             let missing = self.acceptor.missing(&self.input.bytes);
+            let held = self.input.bytes.len();
+            if (held > SMALL_MESSAGE || self.incoming.is_some()) && !self.holds(held, missing) {
+                return End::Full("too many large messages come to this process at a time");
+            }
             self.busy.misses(missing);
             if missing == 0
                 && let Some(read) = self
@@ -372,6 +411,23 @@ impl Connection {
         }
     }
 
+    /// Takes note of how much of a message has arrived; tells whether the process has room for it.
+    fn holds(&mut self, held: usize, missing: usize) -> bool {
+        if held <= SMALL_MESSAGE {
+            self.incoming = None;
+            return true;
+        }
+        // As much again is offered to the next read, if it is missing.
+        let wanted = held.saturating_add(missing.min(held));
+        match &mut self.incoming {
+            Some(reservation) => reservation.grow_to(wanted),
+            incoming => {
+                *incoming = INCOMING_BUDGET.reserve(wanted);
+                incoming.is_some()
+            }
+        }
+    }
+
     /// Records the new socket of the connection.
     fn set_socket(&self, socket: SocketHandle) {
         if let Some(entry) = &self.entry {
@@ -384,7 +440,7 @@ impl Connection {
         let roles = self.core.network.roles();
         let generation = roles.generation();
         if self.rights.0 != generation {
-            let mut rights = roles.rights(&self.core.name, self.peer());
+            let mut rights = roles.rights_at_port(&self.core.name, self.peer());
             if self.core.options.allows_any_writer {
                 rights = rights.and(Right::Write.into());
             }
@@ -398,6 +454,23 @@ impl Connection {
             name: &self.sender.name,
             address: self.address,
         }
+    }
+
+    /// Why the peer may not change how messages pass the port, or how its process is scheduled; none if it may.
+    pub(super) fn why_not_modify(&self) -> Option<String> {
+        let core = &self.core;
+        let asking = Asking {
+            is_page: self.comes_from_page(),
+            is_local: addresses::is_local(self.address),
+            is_named: core.network.roles().name(&core.name),
+        };
+        asking.why_not(&core.name, core.options.modifiable)
+    }
+
+    /// Whether it speaks as browsers do.
+    fn comes_from_page(&self) -> bool {
+        let carrier = self.acceptor.carrier();
+        carrier.is_some_and(|carrier| carrier.protocol.service().is_some())
     }
 
     /// Returns the refusal for a peer without this right.
@@ -417,6 +490,7 @@ impl Connection {
         if let Some(guard) = &mut self.guard {
             guard.set_busy(Instant::now());
         }
+        self.slot.waits();
         let done = tokio::select! {
             biased;
             done = &mut waiting => done,
@@ -441,6 +515,7 @@ impl Connection {
         if let Some(guard) = &mut self.guard {
             guard.set_active(Instant::now());
         }
+        self.slot.spoke();
     }
 
     /// Goes on as a connection that the port writes to.
@@ -451,7 +526,8 @@ impl Connection {
             .connection_limits
             .and_then(|limits| limits.max_connections);
         if most.is_some_and(|most| self.core.outputs().len() >= most) {
-            tracing::warn!(port = %self.core.name, from = self.sender.name, "too many readers: refusing a connection");
+            let from = printable(&self.sender.name);
+            tracing::warn!(port = %self.core.name, %from, "too many readers: refusing a connection");
             return;
         }
         let Some(initiator) = self.acceptor.into_initiator() else {
@@ -470,6 +546,7 @@ impl Connection {
             ),
             initiator,
             self.core.cancelled.clone(),
+            Some(self.slot),
         );
         self.core.add_output(output);
     }

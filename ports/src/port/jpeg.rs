@@ -11,6 +11,8 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
+use crate::limits::EXPANSION_BUDGET;
+
 /// Quality of encoded images, of 100; the default of most JPEG encoders.
 const QUALITY: u8 = 75;
 /// Maximum number of pixels of a decoded image.
@@ -28,6 +30,9 @@ pub(crate) enum JpegError {
         width: usize,
         height: usize,
     },
+    /// As much is not left of the process's budget.
+    #[error("the process has no room for an image of {0} bytes now")]
+    NoRoom(usize),
     #[error("not a JPEG image: {0:?}")]
     Jpeg(DecodeErrors),
     #[error(transparent)]
@@ -87,8 +92,12 @@ pub(super) fn decode(jpeg: &[u8], buffer: BytesMut) -> Result<Image, JpegError> 
             height,
         });
     }
+    let size = decoder.output_buffer_size().unwrap_or_default();
+    let Some(_reservation) = EXPANSION_BUDGET.reserve(size) else {
+        return Err(JpegError::NoRoom(size));
+    };
     let mut pixels = buffer;
-    pixels.resize(decoder.output_buffer_size().unwrap_or_default(), 0);
+    pixels.resize(size, 0);
     decoder.decode_into(&mut pixels).map_err(JpegError::Jpeg)?;
     let pixels = pixels.freeze();
     Ok(Image::from_packed(PixelCode::RGB, width, height, pixels)?)

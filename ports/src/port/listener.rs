@@ -11,12 +11,16 @@ use tokio::task::JoinSet;
 use yarp_wire::name_service::RegisterRequest;
 
 use super::accept_throttle::{self, AcceptThrottle};
+use super::connection_slots;
 use super::core::Core;
+use super::dedicated_thread::ConnectionControl;
 use super::idle_connections::ConnectionTable;
-use super::input::{self, WasValid};
+use super::input::{self, Guest, WasValid};
 use super::port_options::PortOptions;
 use crate::cancel::join;
 use crate::error::PortError;
+use crate::limits::{self, ACCEPT_LOG_INTERVAL};
+use crate::log_text::LogLimit;
 use crate::network::{Endpoint, Network};
 use crate::socket;
 
@@ -72,7 +76,9 @@ pub(super) async fn bind_other_port(
         };
         invented.push(given.name);
         if let Ok(listener) = bind(name, given.port, options) {
+            let address = options.address.unwrap_or(Ipv4Addr::UNSPECIFIED);
             let asking = RegisterRequest {
+                host: network.host_of(address),
                 number: Some(given.port.into()),
                 type_name: options.type_name.clone(),
                 ..RegisterRequest::named(name)
@@ -118,6 +124,12 @@ pub(super) async fn listen(core: Arc<Core>, listener: TcpListener) {
     let (mut is_open, mut is_throttling) = (true, false);
     let closed = tokio::time::sleep(Duration::ZERO);
     tokio::pin!(closed);
+    // Only while there may be connections whose header is not complete.
+    let header_due = tokio::time::sleep(Duration::ZERO);
+    tokio::pin!(header_due);
+    let mut awaits_headers = false;
+    let failures = LogLimit::new(1, ACCEPT_LOG_INTERVAL);
+    let refusals = LogLimit::new(1, ACCEPT_LOG_INTERVAL);
     let prepared = socket::prepare_all(&listener);
     loop {
         tokio::select! {
@@ -135,9 +147,33 @@ pub(super) async fn listen(core: Arc<Core>, listener: TcpListener) {
                             endpoint => endpoint,
                         },
                     };
-                    let number = core.next_number();
-                    connections.spawn(input::serve(core.clone(), stream, peer.ip(), number, guard));
                     let now = Instant::now();
+                    let (control, control_receiver) = ConnectionControl::new();
+                    // A port with limits of its own has its own times.
+                    let due = table.is_none().then(|| now + limits::header_timeout());
+                    let slots = connection_slots::process();
+                    let slot = slots.admit(&control, due);
+                    if slots.wants_to_know(now) {
+                        tokio::spawn(connection_slots::ask_about_peers(core.network.clone()));
+                    }
+                    let Some(slot) = slot else {
+                        if let Some(more) = refusals.pass(now) {
+                            tracing::warn!(
+                                port = %core.name, address = %peer.ip(),
+                                "turning away a connection from {}: all {} places of this process are taken by \
+                                 ports; raise `ulimit -n`{more}",
+                                peer.ip(), limits::connections(),
+                            );
+                        }
+                        continue;
+                    };
+                    if let Some(due) = due && (!awaits_headers || header_due.deadline() > due.into()) {
+                        awaits_headers = true;
+                        header_due.as_mut().reset(due.into());
+                    }
+                    let number = core.next_number();
+                    let guest = Guest { address: peer.ip(), number, guard, slot, control, control_receiver };
+                    connections.spawn(input::serve(core.clone(), stream, guest));
                     let throttling = table.is_none() && throttle.is_throttling(now);
                     if throttling != is_throttling {
                         is_throttling = throttling;
@@ -158,9 +194,12 @@ pub(super) async fn listen(core: Arc<Core>, listener: TcpListener) {
                     }
                 }
                 Err(error) => {
-                    tracing::warn!(port = %core.name, "cannot accept: {error}");
-                    if let Some(table) = &table && is_out_of_descriptors(&error) {
-                        table.evict_one();
+                    if let Some(more) = failures.pass(Instant::now()) {
+                        tracing::warn!(port = %core.name, "cannot accept: {error}{more}");
+                    }
+                    if is_out_of_descriptors(&error) {
+                        let made = table.as_ref().is_some_and(|table| table.evict_one());
+                        let _ = made || connection_slots::process().make_room();
                     }
                     // Most likely out of descriptors: give others time to free some.
                     tokio::time::sleep(Duration::from_millis(50)).await;
@@ -172,6 +211,12 @@ pub(super) async fn listen(core: Arc<Core>, listener: TcpListener) {
                 silence.as_mut().reset(next.into());
             }
             () = &mut closed, if !is_open => is_open = true,
+            () = &mut header_due, if awaits_headers => {
+                match connection_slots::process().end_overdue(Instant::now()) {
+                    Some(next) => header_due.as_mut().reset(next.into()),
+                    None => awaits_headers = false,
+                }
+            }
             Some(ended) = connections.join_next(), if !connections.is_empty() => {
                 if let Ok(WasValid(false)) = ended {
                     throttle.record_failure(Instant::now());

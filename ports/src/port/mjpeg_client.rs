@@ -21,6 +21,7 @@ use super::monitor::{Chain, MonitorSide};
 use super::received_message::Received;
 use super::socket_qos::SocketHandle;
 use crate::error::PortError;
+use crate::log_text::printable;
 use crate::network::Endpoint;
 use crate::socket::{self, ReadBuffer, Socket};
 
@@ -94,7 +95,8 @@ impl Core {
         self.own(async move {
             let _entry = entry;
             if let Some(Err(error)) = thread.run(begin).await {
-                tracing::warn!(port = %core.name, from, "dropping a connection: {error}");
+                let from = printable(&from);
+                tracing::warn!(port = %core.name, %from, "dropping a connection: {error}");
             }
         });
         Ok(())

@@ -1,24 +1,26 @@
-//! A port: a named endpoint that other programs connect to.
+//! A port: a named place that other programs connect to.
 //!
-//! | file | content |
+//! | file | what it is about |
 //! | --- | --- |
-//! | `port_options` | options of a port |
-//! | `core` | the state shared by the tasks of a port |
-//! | `listener`, `accept_throttle`, `idle_connections` | listening, throttling of accepts, timeouts of idle connections |
-//! | `input`, `dispatch`, `receive_queue`, `received_message` | incoming connections, dispatch to the owner, the queue of received messages |
-//! | `output`, `send_queue`, `multicast_group`, `in_process` | outgoing connections, queues of messages to send, multicast, the carrier `local` |
-//! | `encode_once`, `write_batch`, `reply_channel` | encodings of a message, bytes to be written, waiting for a reply |
-//! | `mjpeg_client`, `jpeg`, `jpeg_decoder` | connections made to read from, JPEG encoding and decoding |
-//! | `admin_commands`, `text_commands`, `http_server` | requests of programs, terminals and browsers to the port itself |
-//! | `reconnecting` | connections that reconnect |
-//! | `datagram_liveness` | liveness of writers over datagrams |
-//! | `log_modifier` | copies of received messages for loggers |
-//! | `counters` | message counters |
-//! | `monitor` | monitors of messages |
-//! | `socket_qos`, `dedicated_thread` | priority of packets and threads of a connection |
+//! | `options` | how a port is to be opened |
+//! | `core` | what the tasks of a port share |
+//! | `listener`, `callers` | the number that it listens on, who comes and is silent |
+//! | `connection_slots` | how many connections the process holds, and which one makes room |
+//! | `input`, `inbox`, `received` | incoming connections, what arrived, one message of it |
+//! | `output`, `outbox`, `group` | outgoing connections, what is to be sent, multicast |
+//! | `encoded`, `batch`, `call` | a message in the forms that readers want, bytes on their way, who waits for a reply |
+//! | `pull`, `picture` | connections made to read from, images as browsers see them |
+//! | `admin`, `describe`, `browser` | what programs and people ask of the port itself |
+//! | `supervised` | connections that come back |
+//! | `silent` | writers in datagrams that may be gone |
+//! | `log` | copies of what arrives for those who look on |
+//! | `counters` | what passed |
+//! | `monitor` | what messages pass on their way |
+//! | `qos`, `own_thread` | how urgent the packets and the thread of a connection are |
 
 mod accept_throttle;
 mod admin_commands;
+mod connection_slots;
 mod core;
 mod counters;
 mod datagram_liveness;
@@ -63,6 +65,7 @@ use self::core::Core;
 use self::encode_once::{Encoded, Form};
 use self::monitor::Outgoing;
 use self::output::Output;
+use crate::addresses;
 use crate::cancel::Cancel;
 use crate::error::PortError;
 use crate::lease_renewal::LeasedNames;
@@ -131,8 +134,11 @@ impl Port {
             name.parse::<PortName>()?;
         }
         let mut registered = None;
+        let address = options.address.unwrap_or_else(|| network.listen_address());
+        options.address = Some(address);
         let (name, host, number) = if options.registered {
             let asking = RegisterRequest {
+                host: network.host_of(address),
                 number: options.tcp_port.map(i64::from),
                 type_name: options.type_name.clone(),
                 ..RegisterRequest::named(&name)
@@ -142,7 +148,8 @@ impl Port {
             (given.name, given.host, given.port)
         } else {
             let host = options.host.take();
-            let host = host.unwrap_or_else(|| network.own_host());
+            let host = host.or_else(|| network.host_of(address));
+            let host = host.unwrap_or_else(addresses::best);
             (name, host, options.tcp_port.unwrap_or(0))
         };
         let listener = match listener::bind(&name, number, &options) {
@@ -186,8 +193,10 @@ impl Port {
             registered: registered.is_some(),
         };
         if let Some(endpoint) = registered {
-            network.register_properties(port.name()).await?;
-            LeasedNames::keep(network, &endpoint, port.core.options.type_name.clone());
+            let addresses = Network::reached_at(address);
+            network.register_properties(port.name(), &addresses).await?;
+            let type_name = port.core.options.type_name.clone();
+            LeasedNames::keep(network, &endpoint, type_name, address);
         }
         tracing::info!(port = %port.core.name, "Port {} active at {}", port.name(), port.address());
         if network.key().is_none() {

@@ -18,6 +18,7 @@ use yarp_wire::connection::{Initiator, Progress};
 use yarp_wire::message::{Command, Pieces};
 use yarp_wire::{Limits, WireVersion};
 
+use super::connection_slots;
 use super::encode_once::Form;
 use super::monitor::{self, Chain, MonitorSide};
 use super::multicast_group::Group;
@@ -26,6 +27,7 @@ use super::socket_qos::SocketHandle;
 use crate::admin_client::AdminClient;
 use crate::cancel::Cancelled;
 use crate::error::PortError;
+use crate::log_text::printable;
 use crate::network::{Endpoint, Network};
 use crate::remote_admin;
 use crate::socket::{ReadBuffer, Socket, connect, within, write_all};
@@ -140,13 +142,8 @@ impl Output {
         };
         let deadline = target.network.timeout();
         let (transport, initiator) = within(deadline, name, "connection header", opening).await?;
-        let mut output = Self::start(
-            name,
-            target.spec.to_string(),
-            transport,
-            initiator,
-            cancelled,
-        );
+        let carrier = target.spec.to_string();
+        let mut output = Self::start(name, carrier, transport, initiator, cancelled, None);
         output.group = target.group.cloned();
         output.remove_input_request = target.carrier.connectionless.then(|| RemoveInputRequest {
             from: target.from.to_owned(),
@@ -156,26 +153,32 @@ impl Output {
         Ok(output)
     }
 
-    /// Takes over a connection whose header is done with.
+    /// Takes over a connection whose header is done with; one that came to the port keeps its place.
     pub(crate) fn start(
         to: &str,
         carrier_text: String,
         transport: OutputTransport,
         initiator: Initiator,
         cancelled: Cancelled,
+        slot: Option<connection_slots::ConnectionSlot>,
     ) -> Self {
         let carrier = initiator.carrier();
         let wire_version = initiator.wire_version();
         let send_queue = Arc::new(SendQueue::new(Some(initiator)));
         let peer = to.to_owned();
         let shared = send_queue.clone();
+        let slot = slot.map(|mut slot| {
+            slot.reads(&send_queue, to);
+            slot
+        });
         let socket = match &transport {
             OutputTransport::Stream(stream, _) => SocketHandle::of(stream),
             OutputTransport::Datagrams(socket) => SocketHandle::of(socket),
         };
         let task = tokio::spawn(async move {
             let reason = send(transport, &shared, cancelled).await;
-            tracing::debug!(peer, reason, "output connection ended");
+            drop(slot);
+            tracing::debug!(peer = %printable(&peer), reason, "output connection ended");
             shared.close(&reason);
         });
         Self::over(

@@ -74,6 +74,7 @@ pub struct PortOptions {
     pub(crate) on_connection_change: Option<ConnectionObserver>,
     pub(crate) type_name: Option<String>,
     pub(crate) allows_any_writer: bool,
+    pub(crate) modifiable: bool,
     pub(super) connection_limits: Option<ConnectionLimits>,
     pub(super) monitors: Vec<OwnMonitor>,
     pub(super) datagram_timeout: Duration,
@@ -109,6 +110,7 @@ impl Default for PortOptions {
             on_connection_change: None,
             type_name: None,
             allows_any_writer: false,
+            modifiable: true,
             connection_limits: None,
             monitors: Vec::new(),
             datagram_timeout: DEFAULT_DATAGRAM_TIMEOUT,
@@ -167,7 +169,8 @@ impl PortOptions {
         self
     }
 
-    /// Listens at this address of the machine alone, instead of at all.
+    /// Listens at this address of the machine, instead of at [`Network::listen_address`](crate::Network::listen_address);
+    /// `0.0.0.0` stands for all. One that is registered is registered with this address.
     pub fn address(mut self, address: Ipv4Addr) -> Self {
         self.address = Some(address);
         self
@@ -212,8 +215,19 @@ impl PortOptions {
         self
     }
 
-    /// Limits idle time and number of incoming connections. Without it a port waits for its peers
-    /// indefinitely, as in stock.
+    /// Refuses `[atch]`, `[dtch]` and the scheduling of the process, whoever asks: for ports that must not fall silent
+    /// because of a request.
+    ///
+    /// Without it programs of this machine may ask for these, those of others if `roles.conf` gives them `administer` on
+    /// the port, and pages never.
+    pub fn deny_modification(mut self) -> Self {
+        self.modifiable = false;
+        self
+    }
+
+    /// Ends connections that are silent for too long, and the most silent ones when there are too
+    /// many. Without it the limits of the process hold alone ([`limits`](crate::limits)): a port waits for whoever has
+    /// sent a header, as in stock, until there are too many connections.
     pub fn connection_limits(mut self, limits: ConnectionLimits) -> Self {
         self.connection_limits = Some(limits);
         self

@@ -14,6 +14,7 @@ use super::core::Core;
 use super::log_modifier;
 use super::send_queue::SendQueue;
 use crate::cancel::{Cancel, Cancelled};
+use crate::log_text::printable;
 
 /// Options of a reconnecting connection.
 #[derive(Clone, Debug, Eq, PartialEq)]
@@ -223,7 +224,7 @@ impl Reconnector {
                 Err(_) => "connecting timed out".into(),
             };
             let port = &self.core.name;
-            tracing::info!(%port, to = %self.to.name, "no connection: {reason}");
+            tracing::info!(%port, to = %printable(&self.to.name), "no connection: {}", printable(&reason));
             self.state
                 .send_replace(ConnectionState::Disconnected { reason });
             tokio::time::sleep(jittered(backoff.next())).await;

@@ -66,6 +66,7 @@ impl Core {
         destination: &str,
     ) -> Result<String, String> {
         use crate::error::PortError;
+        use crate::log_text::printable;
         // A person types `/reader`, and `/fast_tcp://reader` for another carrier.
         let contact = match destination.strip_prefix('/') {
             Some(contact) if contact.contains("://") => contact,
@@ -90,7 +91,8 @@ impl Core {
                 ))
             }
             Err(error) => {
-                tracing::warn!(port = %self.name, destination, "{}", error.error_chain());
+                let (destination_text, error_chain) = (printable(destination), error.error_chain());
+                tracing::warn!(port = %self.name, destination = %destination_text, "{}", printable(&error_chain));
                 Err(match error {
                     PortError::OutputsNotAllowed { .. } => "Outputs not allowed\r\n".to_owned(),
                     PortError::AlreadyConnected { .. } => {

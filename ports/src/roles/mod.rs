@@ -1,4 +1,4 @@
-//! Permissions of peers on ports: `roles.conf`.
+//! Who may do what with which ports: `roles.conf`.
 //!
 //! ```text
 //! [operators]                        # any word; it shows up in nothing but this file
@@ -14,29 +14,34 @@
 //!
 //! | right | allows a peer to |
 //! | --- | --- |
-//! | `read` | receive the messages of the port |
+//! | `read` | be sent what the port writes |
 //! | `write` | send messages and requests to the port |
-//! | `connect` | make the port open and close connections |
+//! | `connect` | have the port make and end connections |
 //! | `administer` | change properties of the port, and its registration at the name server |
 //!
-//! `all` and `none` have their literal meaning. A `*` in a pattern matches any text, including
-//! none; `local` matches any address of this machine. The rights of all matching roles add up. **A
-//! port that no role names is open to every peer, and so are all ports without the file**, as in
-//! stock; a named port is closed to peers without a matching role. Queries for the version and
-//! connections of a port are always allowed.
+//! With roles in force, a port that no role names makes and ends connections, and is administered, for programs of its own
+//! machine alone; and it sends nobody copies of what it receives (`log.in`), since these come from its own address.
+//! **`at local` trusts every port of this machine**: whoever may send to one of them that forwards what it gets, or may
+//! connect one of them, acts from a local address. Name the sender (`from`), or give the port a key, where that matters.
+//! `[atch]`, `[dtch]` and the scheduling of the process are for programs of the port's own machine unless a role names the
+//! port, and never for pages.
 //!
-//! At a name server, queries need `read` on its own port (`/root`); registering, announcing or
-//! unregistering a name or setting its properties needs `administer` on that name; `subscribe` and
-//! topics need `connect` on the writer or the topic.
+//! `all` and `none` stand for themselves. A `*` in a pattern is any text, also none; `local` is any
+//! address of this machine. What all matching roles give adds up. **A port that no role names is open
+//! to everybody, and so are all without the file**, as in stock; one that is named is closed to
+//! whom no role lets in. Asking a port what it is, and who is connected, is always allowed.
 //!
-//! The file is searched for like `auth.conf` ([`Directories::resources`]), and is reloaded when a
-//! connection is accepted and the file has changed. Existing connections apply it from their next
-//! message on; existing readers continue to receive. Connections that the owner of a port makes are
-//! not restricted. If the file becomes invalid, or is removed, the previous roles remain in force,
-//! and this is logged.
+//! At a name server, looking up needs `read` on its own port (`/root`); to register, announce or
+//! forget a name or to set its properties needs `administer` on that name; `subscribe` and topics
+//! need `connect` on the writer or the topic.
 //!
-//! The name is the peer's claim: with a key ([`crate::config`]) the peer holds at least the key,
-//! without one it may be any host. Addresses are those of the connection.
+//! The file is looked for where `auth.conf` is ([`Directories::resources`]), and is read again when a
+//! connection comes in and the file has changed. Connections that are there heed it from their next
+//! message on; who reads already goes on reading. What the owner of a port connects itself is its own
+//! decision. A file that is wrong, or gone, leaves what was last in force and says so in the log.
+//!
+//! A name is only what the peer says: with a key ([`crate::config`]) it is at least somebody who holds
+//! the key, without one it is anybody. Addresses are those of the connection.
 //!
 //! [`Directories::resources`]: crate::config::Directories::resources
 
@@ -46,6 +51,8 @@ mod roles_file;
 
 use std::fmt;
 use std::net::IpAddr;
+
+use crate::log_text::printable;
 
 pub use role_table::RoleTable;
 pub use roles_file::Roles;
@@ -123,7 +130,7 @@ pub struct Peer<'a> {
 
 impl fmt::Display for Peer<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:?} at {}", self.name, self.address)
+        write!(f, "\"{}\" at {}", printable(self.name), self.address)
     }
 }
 

@@ -1,6 +1,5 @@
 //! The content of a `roles.conf`.
 
-use std::net::IpAddr;
 use std::path::Path;
 
 use yarp_wire::Value;
@@ -44,6 +43,22 @@ impl RoleTable {
         self.roles.is_empty()
     }
 
+    /// Returns whether a role names `port`.
+    pub fn names(&self, port: &str) -> bool {
+        let names = |role: &Role| role.ports.iter().any(|pattern| pattern.matches(port));
+        self.roles.iter().any(names)
+    }
+
+    /// Returns what `peer` may have `port` itself do: as [`RoleTable::rights`], but with roles of which none names the
+    /// port, peers of other machines may neither connect nor administer it.
+    pub(crate) fn rights_at_port(&self, port: &str, peer: Peer<'_>) -> Rights {
+        let open = self.is_empty() || self.names(port) || addresses::is_local(peer.address);
+        match open {
+            true => self.rights(port, peer),
+            false => Rights::from(Right::Read).and(Right::Write.into()),
+        }
+    }
+
     /// Returns the rights of `peer` on `port`.
     pub fn rights(&self, port: &str, peer: Peer<'_>) -> Rights {
         let mut named = false;
@@ -67,16 +82,12 @@ impl Role {
         let text = address.to_string();
         let at = |patterns: &Vec<Pattern>| {
             patterns.iter().any(|pattern| match pattern.as_str() {
-                LOCAL => is_local(address),
+                LOCAL => addresses::is_local(address),
                 _ => pattern.matches(&text),
             })
         };
         self.from.as_ref().is_none_or(from) && self.at.as_ref().is_none_or(at)
     }
-}
-
-fn is_local(address: IpAddr) -> bool {
-    address.is_loopback() || addresses::is_own(address)
 }
 
 fn role(file: &Path, section: &Section) -> Result<Role, ConfigError> {
@@ -204,6 +215,26 @@ rights all
             };
             assert_eq!(table.rights("/wam", peer), Rights::ALL);
         }
+    }
+
+    #[test]
+    fn ports_without_roles_are_connected_and_administered_from_here() {
+        let table = RoleTable::parse(Path::new("f"), TEXT).unwrap();
+        let none = RoleTable::default();
+        for (port, address, expected) in [
+            ("/other", "203.0.113.9", "rw"),
+            ("/other", "127.0.0.1", "rwca"),
+            ("/wam/rpc:i", "10.0.0.3", "rwca"),
+            ("/secret", "127.0.0.1", ""),
+        ] {
+            let peer = Peer {
+                name: "/joystick",
+                address: address.parse().unwrap(),
+            };
+            assert_eq!(shown(table.rights_at_port(port, peer)), expected, "{port}");
+            assert_eq!(none.rights_at_port(port, peer), Rights::ALL);
+        }
+        assert!(table.names("/wam/x") && !table.names("/other") && !none.names("/wam"));
     }
 
     #[test]

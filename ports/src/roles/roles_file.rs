@@ -8,7 +8,7 @@ use std::time::{Duration, Instant, SystemTime};
 
 use super::role_table::RoleTable;
 use super::{Peer, Rights};
-use crate::config::ConfigError;
+use crate::config::{ConfigError, warn_if_shared};
 use crate::error::error_chain;
 
 /// Roles in force; cheap to clone and shared by all clones. The default is none: everything is
@@ -117,6 +117,7 @@ impl Roles {
             tracing::warn!("{file} was removed: its roles remain in force");
             return;
         };
+        warn_if_shared(file);
         let table = fs::read_to_string(file)
             .map_err(|source| ConfigError::Read {
                 file: file.clone(),
@@ -146,6 +147,29 @@ impl Roles {
                 state.table.rights(port, peer)
             }
         }
+    }
+
+    /// Returns what `peer` may have `port` itself do.
+    ///
+    /// As [`Roles::rights`]; but where there are roles and none names the port, connecting and administering it is for
+    /// programs of this machine.
+    pub(crate) fn rights_at_port(&self, port: &str, peer: Peer<'_>) -> Rights {
+        match &self.0 {
+            None => Rights::ALL,
+            Some(watched) => {
+                let state = watched.state.lock().unwrap_or_else(PoisonError::into_inner);
+                state.table.rights_at_port(port, peer)
+            }
+        }
+    }
+
+    /// Returns whether a role names `port`.
+    pub(crate) fn name(&self, port: &str) -> bool {
+        let Some(watched) = &self.0 else {
+            return false;
+        };
+        let state = watched.state.lock().unwrap_or_else(PoisonError::into_inner);
+        state.table.names(port)
     }
 
     /// Returns whether there are any: whether the answer can be another than "everything".

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use yarp_wire::carrier::{Carrier, Sender, Transport};
 use yarp_wire::connection::{ProtocolError, REFUSAL};
-use yarp_wire::protocol::header_reply;
+use yarp_wire::protocol::{PayloadKind, header_reply};
 
 use super::{Connection, End, Next};
 use crate::port::core::{Entry, InputEntry, is_port};
@@ -90,12 +90,24 @@ impl Connection {
 
     /// Records the connection; `false` if a newer one has the same name.
     fn opened(&mut self, carrier: &'static Carrier) -> Result<bool, MonitorError> {
-        self.record_activity();
+        // The header of a request for a page is the whole request.
+        if carrier.protocol.payload_kind() != PayloadKind::Page {
+            self.record_activity();
+        }
+        if is_port(&self.sender.name) {
+            self.slot.is_peer(&self.sender.name);
+        }
         let sender = &self.sender;
         let ends = (sender.name.as_str(), self.core.name.as_str());
         let monitors = self
             .core
             .monitors(&sender.modifiers, MonitorSide::Receive, ends)?;
+        let needs_right = monitors.as_ref().is_some_and(|chain| !chain.is_offered);
+        if needs_right && !self.may(Right::Administer) {
+            let text = self.refusal(Right::Administer);
+            return Err(MonitorError::NotAllowed { text });
+        }
+        let sender = &self.sender;
         let mut text = carrier.name.to_owned();
         for (key, value) in &sender.modifiers {
             // As in stock, keys without a value also have the dot.

@@ -1,7 +1,10 @@
 //! An incoming connection whose messages come as datagrams.
+//!
+//! A datagram from another host than the header, or over `udp` from another port than the first one, is dropped.
+//! The stream of the header is closed once the socket is there, as the writer closes it, too.
 
 use std::io;
-use std::net::{IpAddr, SocketAddrV4};
+use std::net::{IpAddr, Ipv4Addr, SocketAddrV4};
 use std::sync::Arc;
 
 use tokio::net::UdpSocket;
@@ -12,24 +15,29 @@ use yarp_wire::protocol::header_reply;
 use super::{Connection, End, Next};
 use crate::port::datagram_liveness;
 use crate::port::socket_qos::SocketHandle;
-use crate::socket;
-use crate::udp_socket;
+use crate::socket::{self, Socket};
+use crate::udp_socket::{self, Sources};
 
 /// Receives datagrams and reassembles messages.
 pub(super) struct Datagrams {
     pub(super) socket: Arc<UdpSocket>,
+    sources: Sources,
     reader: DatagramReassembler,
 }
 
 impl Connection {
     /// Serves a datagram connection until the writer closes it, or is found to be gone.
     pub(super) async fn run_watched(&mut self, group: Option<SocketAddrV4>) -> End {
+        if self.datagrams.is_none() && !self.slot.sends_datagrams() {
+            return End::Full("too many send datagrams to this process");
+        }
         let (core, from, meter) = (self.core.clone(), self.from.clone(), self.meter.clone());
+        let known = self.slot.known_writer();
         tokio::select! {
             // Received messages are served first.
             biased;
             end = self.run_datagrams(group) => end,
-            reason = datagram_liveness::wait_until_gone(&core, &from, &meter) => End::Gone(reason),
+            reason = datagram_liveness::wait_until_gone(&core, &from, &meter, &known) => End::Gone(reason),
         }
     }
 
@@ -44,7 +52,11 @@ impl Connection {
             },
         };
         loop {
-            let Datagrams { socket, reader } = &mut *datagrams;
+            let Datagrams {
+                socket,
+                sources,
+                reader,
+            } = &mut *datagrams;
             let ready = tokio::select! {
                 biased;
                 () = self.closing.cancelled() => return End::Closed,
@@ -55,8 +67,20 @@ impl Connection {
                 }
             };
             let dropped = reader.dropped();
-            let received = ready
-                .and_then(|()| udp_socket::receive(socket, |datagram| reader.receive(datagram)));
+            let mut foreign = false;
+            let received = ready.and_then(|()| {
+                udp_socket::receive(socket, |datagram, source| {
+                    foreign = !sources.admit(socket, source);
+                    match foreign {
+                        true => Ok(None),
+                        false => reader.receive(datagram),
+                    }
+                })
+            });
+            if foreign {
+                self.meter.drop_one();
+                continue;
+            }
             let message = match received {
                 Ok(message) => message.unwrap_or(Ok(None)),
                 Err(error) => return error.into(),
@@ -88,7 +112,8 @@ impl Connection {
             .and_then(|stream| stream.local_addr().ok());
         let socket = match (group, local.map(|address| address.ip())) {
             (Some(group), Some(IpAddr::V4(local))) => udp_socket::group_reader(group, local),
-            _ => udp_socket::reader(),
+            (None, Some(IpAddr::V4(local))) => udp_socket::reader(local),
+            _ => udp_socket::reader(Ipv4Addr::UNSPECIFIED),
         };
         let socket = Arc::new(socket?);
         self.set_socket(SocketHandle::of(&socket));
@@ -97,7 +122,17 @@ impl Connection {
             header_reply(number, &mut self.output);
         }
         socket::write_all(&self.stream, &mut self.output).await?;
+        // Not before the answer is sent: that is its end.
+        self.stream = Arc::new(Socket::Datagrams(socket.clone()));
+        let sources = match group {
+            Some(_) => Sources::of_group(self.address),
+            None => Sources::of_writer(self.address),
+        };
         let reader = DatagramReassembler::new(self.acceptor.wire_version(), Limits::DEFAULT);
-        Ok(Box::new(Datagrams { socket, reader }))
+        Ok(Box::new(Datagrams {
+            socket,
+            sources,
+            reader,
+        }))
     }
 }

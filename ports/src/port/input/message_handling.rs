@@ -103,12 +103,18 @@ impl Connection {
 
     /// Returns the answer to an admin request, or the refusal.
     pub(in crate::port) async fn administer(&mut self, request: &Bottle) -> Bottle {
-        if let Some(right) =
-            admin_commands::required_right(request).filter(|right| !self.may(*right))
+        let core = self.core.clone();
+        if let Some(right) = core
+            .required_right(request)
+            .filter(|right| !self.may(*right))
         {
             return admin_commands::fail(&self.refusal(right));
         }
-        let core = self.core.clone();
+        if core.modifies(request)
+            && let Some(reason) = self.why_not_modify()
+        {
+            return admin_commands::fail(&reason);
+        }
         self.wait_for(Box::pin(core.administer(request))).await
     }
 

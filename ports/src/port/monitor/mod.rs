@@ -1,32 +1,35 @@
-//! Monitors: inspection and modification of the messages of a connection.
+//! Monitors: what happens to the messages of a connection on their way.
 //!
-//! A carrier string requests them: `tcp+send.portmonitor+type.dll+file.NAME` at the writer, `recv.`
-//! at the reader. They are built in, under the names of stock's plugins where stock has one. The
-//! admin requests `[atch]` and `[dtch]` attach one monitor to everything that a port writes or
-//! reads.
+//! A carrier string asks for them: `tcp+send.portmonitor+type.dll+file.NAME` for what the writer
+//! sends, `recv.` for what the reader takes in. Here they are built in, under the names of stock's
+//! plugins where stock has one. The admin requests `[atch]` and `[dtch]` put one monitor on
+//! everything that a port writes or reads.
 //!
-//! | `file.` | stock's | function | parameters |
+//! | `file.` | stock's | what it does | parameters |
 //! | --- | --- | --- | --- |
 //! | `bottle_compression_zlib` | yes | compresses at the writer, expands at the reader | |
 //! | `depthimage_compression_zlib` | yes | the same for images of `dec` pixels | |
 //! | `depthimage_to_mono`, `depthimage_to_rgb` | yes | depths of 0.2 to 10 m as grey or colour | |
 //! | `throttleDown` | yes | lets one message through per period | `period_ms`, 1000 |
 //! | `simulated_network_delay` | yes | holds each message back | `delay_ms`, 0 |
-//! | `stats_monitor`, `statistics` | by name | counts; `[get]` returns the counts | |
-//! | `image_compression_jpeg` | no | images as JPEG between two ports of this implementation | |
+//! | `stats_monitor`, `statistics` | by name | counts; `[get]` tells | |
+//! | `image_compression_jpeg` | no | images as JPEG between two of our ports | |
 //! | `image_to_mono` | no | images in grey | |
 //!
-//! | modifier | side | function | parameters |
+//! | modifier | side | what it does | parameters |
 //! | --- | --- | --- | --- |
 //! | `portmonitor` | both | the monitors above | `type`, `file`; more with `type1`, `file1` and so on |
-//! | `bayer` | `recv` | Bayer images of cameras to colour ([`bayer`]) | `order`, `method`, `size` |
-//! | `priority` | `recv` | selects one of several writers ([`priority_arbiter`]) | `tc`, `tr`, `st`, `bs`, `ex`, `virtual` |
+//! | `bayer` | `recv` | raw images of cameras in colour ([`bayer`]) | `order`, `method`, `size` |
+//! | `priority` | `recv` | which of several writers is heard ([`priority`]) | `tc`, `tr`, `st`, `bs`, `ex`, `virtual` |
 //!
 //! Options after `send.` are for the writer and those after `recv.` for the reader, as in 4.0; if
 //! they name no `file`, all options of the carrier string count, as in 3.x.
 //!
-//! A monitor runs on the task of its connection and holds no lock; a message of more than a few
-//! kilobytes is processed where tasks may block. A connection without monitors has no overhead.
+//! A monitor runs on the task of its connection and holds no lock while it works; a message of
+//! more than a few kilobytes is worked on where tasks may block, and so is one that is expanded. What messages and pictures
+//! are expanded to counts against a budget of the process ([`limits`](crate::limits)). Where there are roles, who asks for
+//! `recv.portmonitor` needs `administer` on the reader, except for monitors of the owner's own. A connection without monitors
+//! pays nothing for them.
 //!
 //! Source: the sources of 3.5.0 and 4.0.0; the names marked `yes` were checked against stock's
 //! plugins of 4.0.0 in a port of 3.5.0.
@@ -208,6 +211,12 @@ pub enum MonitorError {
         name: String,
         /// The known names.
         known: String,
+    },
+    /// The peer may not have monitors here.
+    #[error("{text}")]
+    NotAllowed {
+        /// Who may not do what.
+        text: String,
     },
     /// The options do not do.
     #[error("{name} cannot be used: {reason}")]

@@ -1,9 +1,10 @@
 //! The monitors of one connection, one behind the other.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
 use bytes::{Bytes, BytesMut};
+use tokio::sync::Semaphore;
 use yarp_wire::message::{Form, Payload, Pieces, WireObject};
 use yarp_wire::typed::Property;
 use yarp_wire::{Bottle, Value, WireVersion};
@@ -19,19 +20,43 @@ use crate::port::log_modifier::Content;
 const MIN_BLOCKING_LEN: usize = 16 * 1024;
 /// The most monitors that one connection may ask for.
 const MAX_MONITORS: usize = 16;
+/// Those that make messages larger at the reader.
+const EXPANDING: [&str; 3] = [
+    "bottle_compression_zlib",
+    "depthimage_compression_zlib",
+    "image_compression_jpeg",
+];
+/// Messages that are expanded at a time: half of the processors stay free for others.
+static EXPANSIONS: LazyLock<Semaphore> = LazyLock::new(|| {
+    let processors = std::thread::available_parallelism().map_or(1, usize::from);
+    Semaphore::new((processors / 2).max(1))
+});
 
 /// Monitors, in the order in which messages pass them.
 #[derive(Debug)]
-pub(in crate::port) struct Chain(Vec<Arc<dyn Monitor>>);
+pub(in crate::port) struct Chain {
+    monitors: Vec<Arc<dyn Monitor>>,
+    /// One of them may make messages much larger.
+    expands: bool,
+    /// They are the owner's own, or none that a peer needs a right for.
+    pub(in crate::port) is_offered: bool,
+}
 
 impl Chain {
     /// Passes a message through the monitors; `None` if one of them stops it.
     pub(in crate::port) async fn update(self: &Arc<Self>, payload: Payload) -> Option<Passing> {
-        if payload.len() < MIN_BLOCKING_LEN {
+        if payload.len() < MIN_BLOCKING_LEN && !self.expands {
             return self.update_now(payload);
         }
+        let permit = match self.expands {
+            true => EXPANSIONS.acquire().await.ok(),
+            false => None,
+        };
         let chain = self.clone();
-        let working = tokio::task::spawn_blocking(move || chain.update_now(payload));
+        let working = tokio::task::spawn_blocking(move || {
+            let _permit = permit;
+            chain.update_now(payload)
+        });
         // A monitor that panics stops its message.
         working.await.unwrap_or_default()
     }
@@ -39,24 +64,26 @@ impl Chain {
     /// Passes a message like [`Chain::update`], on this thread.
     pub(in crate::port) fn update_now(&self, payload: Payload) -> Option<Passing> {
         let first = Passing::new(payload);
-        self.0
+        self.monitors
             .iter()
             .try_fold(first, |message, monitor| monitor.update(message))
     }
 
     pub(in crate::port) fn reply(&self, reply: Payload) -> Payload {
-        self.0
+        self.monitors
             .iter()
             .fold(reply, |reply, monitor| monitor.reply(reply))
     }
 
     pub(in crate::port) fn set(&self, parameters: &Bottle) {
-        self.0.iter().for_each(|monitor| monitor.set(parameters));
+        self.monitors
+            .iter()
+            .for_each(|monitor| monitor.set(parameters));
     }
 
     /// All parameters, sorted by name as in stock.
     pub(in crate::port) fn get(&self) -> Bottle {
-        let all = self.0.iter().flat_map(|monitor| monitor.get());
+        let all = self.monitors.iter().flat_map(|monitor| monitor.get());
         Property::from_bottle(all.collect()).to_bottle()
     }
 }
@@ -173,7 +200,11 @@ impl Core {
             return Err(MonitorError::NoModifier { name, side, known });
         }
         let monitor = built_in(&name, &setup)?;
-        Ok(Some(Arc::new(Chain(vec![monitor]))))
+        Ok(Some(Arc::new(Chain {
+            monitors: vec![monitor],
+            expands: false,
+            is_offered: true,
+        })))
     }
 
     /// Creates the monitor of an attach request, for everything that the port writes or reads.
@@ -200,6 +231,8 @@ impl Core {
     fn portmonitor(&self, setup: MonitorSetup) -> Result<Arc<Chain>, MonitorError> {
         let word = |key: String| setup.option(&key).map(Value::to_plain_string);
         let mut monitors = Vec::new();
+        let mut expansions = 0;
+        let mut is_offered = true;
         for stage in 0..MAX_MONITORS {
             let number = match stage {
                 0 => String::new(),
@@ -215,9 +248,21 @@ impl Core {
                 return Err(MonitorError::NoType { name: kind, known });
             }
             let file = word(format!("file{number}")).unwrap_or_default();
+            let is_own = self.options.monitors.iter().any(|own| own.name == file);
+            is_offered &= is_own;
+            let expands = !is_own && EXPANDING.contains(&file.as_str());
+            expansions += usize::from(expands && setup.side == MonitorSide::Receive);
+            if expansions > 1 {
+                let reason = "a connection expands its messages once".to_owned();
+                return Err(MonitorError::Options { name: file, reason });
+            }
             monitors.push(self.monitor(&file, &setup)?);
         }
-        Ok(Arc::new(Chain(monitors)))
+        Ok(Arc::new(Chain {
+            monitors,
+            expands: expansions > 0,
+            is_offered,
+        }))
     }
 
     fn monitor(&self, name: &str, setup: &MonitorSetup) -> Result<Arc<dyn Monitor>, MonitorError> {

@@ -1,8 +1,8 @@
 //! `bottle_compression_zlib`: any message, compressed.
 //!
-//! On the wire a message is a bottle of its original size, an int32, and a blob in zlib format. A
-//! reader passes messages of another form unchanged, as stock does; a message that would exceed
-//! [`Limits::inflated`] or its claimed size is stopped.
+//! On the way it is a bottle of the size that the message had, an int32, and a blob in zlib's form.
+//! A reader passes on as it came what is not of that form, as stock does; what would become larger
+//! than [`Limits::inflated`], larger than it claims, or larger than what is left of the process's budget, is stopped.
 //!
 //! Source: messages between 3.5.0 and the plugin of 4.0.0.
 
@@ -18,6 +18,7 @@ use yarp_wire::{Bottle, Limits, Value, WireVersion};
 
 use super::monitor_chain::binary;
 use super::{Made, Monitor, MonitorSetup, MonitorSide, Passing};
+use crate::limits::{EXPANSION_BUDGET, Reservation};
 
 /// Deflate makes at most this many bytes out of one.
 const MAX_COMPRESSION_RATIO: usize = 1032;
@@ -48,6 +49,8 @@ pub(super) fn inflate(bytes: &[u8], size: usize, limits: Limits) -> Result<Bytes
     if size > most {
         return Err(InflateError::TooLarge);
     }
+    let budget = EXPANSION_BUDGET.reserve(size);
+    let reservation = budget.ok_or(InflateError::TooLarge)?;
     let mut inflated = Vec::new();
     let mut decoder = ZlibDecoder::new(bytes).take(size as u64 + 1);
     decoder
@@ -56,7 +59,22 @@ pub(super) fn inflate(bytes: &[u8], size: usize, limits: Limits) -> Result<Bytes
     match inflated.len() {
         length if length > size => Err(InflateError::TooLarge),
         length if length < size => Err(InflateError::Broken),
-        _ => Ok(inflated.into()),
+        _ => Ok(Bytes::from_owner(Inflated {
+            bytes: inflated,
+            _reservation: reservation,
+        })),
+    }
+}
+
+/// Bytes that count against the budget of the process as long as somebody has them.
+struct Inflated {
+    bytes: Vec<u8>,
+    _reservation: Reservation,
+}
+
+impl AsRef<[u8]> for Inflated {
+    fn as_ref(&self) -> &[u8] {
+        &self.bytes
     }
 }
 

@@ -50,7 +50,9 @@ pub(super) async fn run(
         }
         let written = match **stream {
             Socket::Unix(_) => write_polling(stream, send_queue, batch).await,
-            Socket::Tcp(_) | Socket::Shmem(_) => write_batch(stream, send_queue, batch),
+            Socket::Tcp(_) | Socket::Shmem(_) | Socket::Datagrams(_) => {
+                write_batch(stream, send_queue, batch)
+            }
         };
         if let Err(error) = written {
             return StopReason::End(format!("writing failed: {error}"));

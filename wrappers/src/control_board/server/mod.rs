@@ -161,6 +161,8 @@ impl ControlBoardServer {
             ("stateExt:o", PortOptions::new()),
             ("async:o", announcing(board.clone())),
         ];
+        // No request shall make the arm deaf.
+        let wanted = wanted.map(|(part, options)| (part, options.deny_modification()));
         let [rpc, calls, command, state, extended, ends] = open_all(network, name, wanted).await?;
         let outputs = [state, extended, ends].map(Arc::new);
         let axes = board.axes();
