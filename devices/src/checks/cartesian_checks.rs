@@ -237,8 +237,8 @@ pub fn a_velocity_lasts_until_it_is_nothing(device: &dyn Device, timeout: Durati
     };
     tool.set_task_velocity(up).expect("it moves");
     eventually("a velocity", timeout, || {
-        let told = tool.task_velocity().expect("it answers");
-        (told.linear[2] - 0.01).abs() < 0.001 && told.linear[0].abs() < 0.001
+        let reported = tool.task_velocity().expect("it answers");
+        (reported.linear[2] - 0.01).abs() < 0.001 && reported.linear[0].abs() < 0.001
     });
     eventually("a way", timeout, || {
         place(tool, timeout).position[2] > start[2] + 0.01

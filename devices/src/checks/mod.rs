@@ -439,8 +439,8 @@ pub fn too_hard_is_as_hard_as_it_can(device: &dyn Device, timeout: Duration) {
             .velocity()
             .set_reference_accelerations(axis, &[asked])
             .expect("it is not refused");
-        let told = board.velocity().reference_accelerations(axis);
-        told.expect("known")[0]
+        let reported = board.velocity().reference_accelerations(axis);
+        reported.expect("known")[0]
     };
     // Stock's windows send this before a velocity.
     let most = in_force(1e5);

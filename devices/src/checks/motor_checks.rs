@@ -34,8 +34,8 @@ pub fn direct_positions_are_followed(device: &dyn Device, timeout: Duration) {
             .set_direct_positions(FIRST.into(), &[target])
             .expect("it is allowed");
         board.eventually("the position sent", || close(board.at(FIRST), target));
-        let told = direct.direct_positions(FIRST.into()).expect("it answers");
-        assert!(close(one(told), target));
+        let reported = direct.direct_positions(FIRST.into()).expect("it answers");
+        assert!(close(one(reported), target));
     }
     let all: Vec<f64> = board.readings().iter().map(|now| now.position).collect();
     direct
@@ -118,8 +118,8 @@ pub fn motor_torque_parameters_are_kept(device: &dyn Device, timeout: Duration) 
         torque
             .set_motor_torque_parameters(FIRST, parameters)
             .expect("it is allowed");
-        let told = torque.motor_torque_parameters(FIRST).expect("it answers");
-        assert_eq!(told, parameters);
+        let reported = torque.motor_torque_parameters(FIRST).expect("it answers");
+        assert_eq!(reported, parameters);
     }
     assert!(torque.motor_torque_parameters(board.total.into()).is_err());
 }
@@ -262,8 +262,8 @@ pub fn control_loops_keep_what_they_are_told(device: &dyn Device, timeout: Durat
             control
                 .set_pid_values(kind, value, FIRST.into(), &[12.5])
                 .expect("it is allowed");
-            let told = control.pid_values(kind, value, FIRST.into());
-            assert_eq!(one(told.expect("known")), 12.5);
+            let reported = control.pid_values(kind, value, FIRST.into());
+            assert_eq!(one(reported.expect("known")), 12.5);
             let all = vec![1.5; board.total];
             control
                 .set_pid_values(kind, value, Axes::All, &all)
@@ -271,8 +271,8 @@ pub fn control_loops_keep_what_they_are_told(device: &dyn Device, timeout: Durat
             assert_eq!(control.pid_values(kind, value, Axes::All).unwrap(), all);
         }
         for value in [PidValue::Error, PidValue::Output] {
-            let told = control.pid_values(kind, value, Axes::All).expect("known");
-            assert_eq!(told.len(), board.total);
+            let reported = control.pid_values(kind, value, Axes::All).expect("known");
+            assert_eq!(reported.len(), board.total);
             control
                 .pid_values(kind, value, FIRST.into())
                 .expect("known");
@@ -284,8 +284,8 @@ pub fn control_loops_keep_what_they_are_told(device: &dyn Device, timeout: Durat
             control
                 .enable_pids(kind, FIRST.into(), enabled)
                 .expect("it is allowed");
-            let told = control.pids_enabled(kind, FIRST.into()).expect("known");
-            assert_eq!(told, [enabled]);
+            let reported = control.pids_enabled(kind, FIRST.into()).expect("known");
+            assert_eq!(reported, [enabled]);
         }
         control
             .reset_pids(kind, FIRST.into())
@@ -405,8 +405,8 @@ pub fn amplifiers_switch_joints_off(device: &dyn Device, timeout: Duration) {
             amplifiers
                 .set_amplifier_limit(limit, FIRST, wanted)
                 .expect("it is allowed");
-            let told = amplifiers.amplifier_limit(limit, FIRST).expect("known");
-            assert_eq!(told, wanted, "{limit:?}");
+            let reported = amplifiers.amplifier_limit(limit, FIRST).expect("known");
+            assert_eq!(reported, wanted, "{limit:?}");
         }
     }
     assert!(amplifiers.supply_voltage(FIRST).expect("it answers") > 0.0);
@@ -540,8 +540,8 @@ pub fn direct_velocities_are_followed(device: &dyn Device, timeout: Duration) {
         board.eventually("the velocity sent", || {
             close(board.reading(FIRST).speed, velocity)
         });
-        let told = direct.direct_velocities(FIRST.into()).expect("it answers");
-        assert!(close(one(told), velocity));
+        let reported = direct.direct_velocities(FIRST.into()).expect("it answers");
+        assert!(close(one(reported), velocity));
     }
     direct
         .set_direct_velocities(Axes::All, &vec![0.0; board.total])
@@ -585,7 +585,7 @@ pub fn gains_have_units(device: &dyn Device, timeout: Duration) {
     let board = Board::new(device, timeout);
     let control = device.pid_control().expect("it has control loops");
     let kinds = control.available_pids(FIRST).expect("it answers");
-    let mut told = Vec::new();
+    let mut reported = Vec::new();
     for kind in kinds {
         let all = control.pid_info(kind, Axes::All).expect("it answers");
         assert_eq!(all.len(), board.total);
@@ -600,8 +600,11 @@ pub fn gains_have_units(device: &dyn Device, timeout: Duration) {
         }
         assert_eq!(info.units.scale, "", "it is a factor");
         assert_ne!(info.units.kp, info.units.max_output);
-        assert!(!told.contains(info), "no two loops are the same: {info:?}");
-        told.extend(one);
+        assert!(
+            !reported.contains(info),
+            "no two loops are the same: {info:?}"
+        );
+        reported.extend(one);
     }
     let missing = Axes::One(board.total.into());
     assert!(control.pid_info(PidKind::Position, missing).is_err());
@@ -630,8 +633,8 @@ pub fn modes_and_loops_are_listed(device: &dyn Device, timeout: Duration) {
                 control
                     .set_pid_values(kind, value, FIRST.into(), &[wanted])
                     .expect("it is allowed");
-                let told = control.pid_values(kind, value, FIRST.into());
-                assert_eq!(one(told.expect("known")), wanted);
+                let reported = control.pid_values(kind, value, FIRST.into());
+                assert_eq!(one(reported.expect("known")), wanted);
             }
         }
     }

@@ -27,7 +27,7 @@ pub struct LinkAddresses {
     pub packets: SocketAddr,
 }
 
-/// Whether this end listens or connects.
+/// Role of this end: listening or connecting.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum LinkMode {
     /// Waits for the other end; port 0 is any that is free.

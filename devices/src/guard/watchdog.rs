@@ -30,7 +30,7 @@ struct State {
 #[derive(Clone, Copy)]
 struct Stream {
     /// Time of the command.
-    told: Instant,
+    commanded_at: Instant,
     /// Maximum deceleration of the joint, per second squared.
     acceleration: f64,
     /// Pushed by torques: it takes another mode to make it hold.
@@ -59,7 +59,7 @@ impl Watchdog {
     /// Records a commanded velocity of a joint; 0 ends its stream.
     pub(super) fn record_velocity(&self, joint: AxisIndex, velocity: f64, acceleration: f64) {
         let stream = Stream {
-            told: Instant::now(),
+            commanded_at: Instant::now(),
             acceleration,
             pushed: false,
         };
@@ -69,7 +69,7 @@ impl Watchdog {
     /// Records a commanded torque of a joint; 0 does not end its stream, for the joint may coast.
     pub(super) fn record_torque(&self, joint: AxisIndex) {
         let stream = Stream {
-            told: Instant::now(),
+            commanded_at: Instant::now(),
             // Not known under torques: judged by where it would be after the two periods alone.
             acceleration: f64::INFINITY,
             pushed: true,
@@ -129,7 +129,7 @@ impl Watchdog {
     }
 
     fn must_stop(&self, joint: AxisIndex, stream: &Stream) -> Option<&'static str> {
-        let over = |timeout: Duration| stream.told.elapsed() > timeout;
+        let over = |timeout: Duration| stream.commanded_at.elapsed() > timeout;
         if self.timeout.is_some_and(over) {
             return Some("its stream of commands has stopped");
         }
@@ -171,7 +171,7 @@ impl Watchdog {
                 let mut state = self.lock();
                 let slot = &mut state.streams[joint.index()];
                 // A command that came meanwhile is a stream of its own.
-                if slot.is_some_and(|now| now.told == seen.told) {
+                if slot.is_some_and(|now| now.commanded_at == seen.commanded_at) {
                     *slot = None;
                 }
             }

@@ -136,18 +136,18 @@ impl Remapper {
     ) -> Outcome<()> {
         axes.check_command(self.axes.len(), what, values.len())?;
         let shares = self.shares(axes)?;
-        let mut told: Vec<_> = shares
+        let mut targets: Vec<_> = shares
             .into_iter()
             .map(|share| {
                 let own = share.values(values);
                 (share, own)
             })
             .collect();
-        if told.len() > 1 {
+        if targets.len() > 1 {
             // False comes before true, and the order is kept otherwise.
-            told.sort_by_cached_key(|(share, own)| !doubtful(share, own));
+            targets.sort_by_cached_key(|(share, own)| !doubtful(share, own));
         }
-        self.all_of(interface, others, told, |device, axes, values| {
+        self.all_of(interface, others, targets, |device, axes, values| {
             call(device, axes, values)
         })
     }
@@ -161,8 +161,8 @@ impl Remapper {
         call: impl Fn(&dyn Device, Axes<'_>) -> DeviceReply<()>,
     ) -> Outcome<()> {
         let shares = self.shares(axes)?;
-        let told = shares.into_iter().map(|share| (share, ())).collect();
-        self.all_of(interface, others, told, |device, axes, ()| {
+        let targets = shares.into_iter().map(|share| (share, ())).collect();
+        self.all_of(interface, others, targets, |device, axes, ()| {
             call(device, axes)
         })
     }
@@ -172,11 +172,11 @@ impl Remapper {
         &self,
         interface: Interface,
         others: OnRefusal,
-        told: Vec<(DeviceShare<'_>, V)>,
+        targets: Vec<(DeviceShare<'_>, V)>,
         call: impl Fn(&dyn Device, Axes<'_>, &V) -> DeviceReply<()>,
     ) -> Outcome<()> {
         if others == OnRefusal::StopThere {
-            for (share, _) in &told {
+            for (share, _) in &targets {
                 if !(interface.has)(share.part.device.as_ref()) {
                     return Err(self.lack(interface, share.part, share.theirs[0]));
                 }
@@ -185,7 +185,7 @@ impl Remapper {
         let mut done = Vec::new();
         let mut undone = Vec::new();
         let mut refusal: Option<(&RemappedDevice, DeviceError)> = None;
-        for (share, values) in &told {
+        for (share, values) in &targets {
             let part = share.part;
             if refusal.is_some() && others == OnRefusal::StopThere {
                 undone.push(part.name.clone());

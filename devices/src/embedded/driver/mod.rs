@@ -30,7 +30,7 @@ use crate::fake::AxisParameters;
 /// Options of a driver.
 #[derive(Clone, Debug)]
 pub struct DriverOptions {
-    /// Which end listens, and at which addresses. In the thesis the driver.
+    /// The end that listens, and the addresses. In the thesis the driver listens.
     pub link_mode: LinkMode,
     /// Interval between readings of the joints: 20 ms in the thesis.
     pub period: Duration,

@@ -20,7 +20,7 @@ use crate::{Device, DeviceError};
 /// Options of a server.
 #[derive(Clone, Copy, Debug)]
 pub struct NodeOptions {
-    /// Which end listens, and at which addresses. In the thesis the driver does, so that the server connects.
+    /// The end that listens, and the addresses. In the thesis the driver listens, and the server connects.
     pub link_mode: LinkMode,
     /// Timeout of the rest of a request that has begun, and of writing a reply.
     pub timeout: Duration,
@@ -135,7 +135,7 @@ impl Drop for WamNode {
 impl Shared {
     fn run(&self, connector: &LinkConnector, mut arm: Arm, options: &NodeOptions) {
         let mut backoff = Backoff::new(options.initial_backoff, options.max_backoff);
-        let mut told = String::new();
+        let mut last_error = String::new();
         while !self.ending.load(Ordering::Acquire) {
             match connector.connect(&self.ending) {
                 Ok(None) => break,
@@ -160,9 +160,9 @@ impl Shared {
                 }
                 Err(error) => {
                     let error = error.to_string();
-                    if error != told {
+                    if error != last_error {
                         warn!(error, "no client yet");
-                        told = error;
+                        last_error = error;
                     }
                 }
             }

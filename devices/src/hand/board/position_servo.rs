@@ -34,7 +34,7 @@ struct ServoAxis {
     measured_at: Instant,
     /// Start and number of rounds of pushing at the same position.
     pushing: Option<(Instant, u32)>,
-    told: i8,
+    commanded: i8,
 }
 
 impl PositionServo {
@@ -44,7 +44,7 @@ impl PositionServo {
                 position: counts(feedback, motor),
                 measured_at: now,
                 pushing: None,
-                told: 0,
+                commanded: 0,
             }),
             stepped: now,
         }
@@ -80,9 +80,9 @@ impl PositionServo {
                     wanted.signum() * wanted.abs().max(1.0)
                 }
             };
-            followed.told = units.round().clamp(-127.0, 127.0) as i8;
+            followed.commanded = units.round().clamp(-127.0, 127.0) as i8;
             MotorControl {
-                speed: followed.told,
+                speed: followed.commanded,
                 gain: 0,
             }
         })
@@ -103,7 +103,7 @@ impl PositionServo {
             followed.position = position;
             followed.measured_at = now;
             followed.pushing = match followed.pushing {
-                _ if followed.told == 0 || way != 0.0 => None,
+                _ if followed.commanded == 0 || way != 0.0 => None,
                 None => Some((now, 1)),
                 Some((since, rounds)) => Some((since, rounds.saturating_add(1))),
             };
@@ -121,7 +121,7 @@ impl PositionServo {
             Measured {
                 position: units::degrees(motor, position),
                 speed: units::degrees(motor, way / seconds),
-                there: followed.told == 0 && way == 0.0 && off.abs() <= close(motor),
+                there: followed.commanded == 0 && way == 0.0 && off.abs() <= close(motor),
             }
         })
     }

@@ -219,10 +219,10 @@ impl Layout {
     pub fn write_control(&self, header: Header, control: &Control) -> Vec<u8> {
         let mut block = vec![header.byte()];
         if header.has_data() {
-            for (layout, told) in self.motors.iter().zip(control) {
+            for (layout, fields) in self.motors.iter().zip(control) {
                 let Some(layout) = layout else { continue };
-                block.extend(layout.speed.map(|_| told.speed.cast_unsigned()));
-                block.extend(layout.gain.then_some(told.gain));
+                block.extend(layout.speed.map(|_| fields.speed.cast_unsigned()));
+                block.extend(layout.gain.then_some(fields.gain));
             }
         }
         block
@@ -235,13 +235,13 @@ impl Layout {
         }
         let mut bytes = data.iter().copied();
         let mut control = Control::default();
-        for (layout, told) in self.motors.iter().zip(&mut control) {
+        for (layout, fields) in self.motors.iter().zip(&mut control) {
             let Some(layout) = layout else { continue };
             if layout.speed.is_some() {
-                told.speed = bytes.next()?.cast_signed();
+                fields.speed = bytes.next()?.cast_signed();
             }
             if layout.gain {
-                told.gain = bytes.next()?;
+                fields.gain = bytes.next()?;
             }
         }
         Some(control)
@@ -253,15 +253,15 @@ impl Layout {
         if !header.asks() {
             return block;
         }
-        for (layout, told) in self.motors.iter().zip(&feedback.motors) {
+        for (layout, fields) in self.motors.iter().zip(&feedback.motors) {
             let Some(layout) = layout else { continue };
-            let speed = told.speed.unwrap_or(0).cast_unsigned();
+            let speed = fields.speed.unwrap_or(0).cast_unsigned();
             block.extend(layout.measured_speed.map(|_| speed));
-            block.extend(layout.strain.then_some(told.strain.unwrap_or(0)));
+            block.extend(layout.strain.then_some(fields.strain.unwrap_or(0)));
             if layout.position {
-                block.extend(told.position.unwrap_or(0).to_be_bytes());
+                block.extend(fields.position.unwrap_or(0).to_be_bytes());
             }
-            let change = told.change.unwrap_or(0).cast_unsigned();
+            let change = fields.change.unwrap_or(0).cast_unsigned();
             block.extend(layout.change.map(|_| change));
         }
         if self.temperature {
@@ -294,14 +294,14 @@ impl Layout {
         let mut bytes = data.iter().copied();
         let mut next = || bytes.next().expect("the length was checked");
         let mut feedback = Feedback::default();
-        for (layout, told) in self.motors.iter().zip(&mut feedback.motors) {
+        for (layout, fields) in self.motors.iter().zip(&mut feedback.motors) {
             let Some(layout) = layout else { continue };
-            told.speed = layout.measured_speed.map(|_| next().cast_signed());
-            told.strain = layout.strain.then(&mut next);
-            told.position = layout
+            fields.speed = layout.measured_speed.map(|_| next().cast_signed());
+            fields.strain = layout.strain.then(&mut next);
+            fields.position = layout
                 .position
                 .then(|| i16::from_be_bytes([next(), next()]));
-            told.change = layout.change.map(|_| next().cast_signed());
+            fields.change = layout.change.map(|_| next().cast_signed());
         }
         feedback.temperature = self
             .temperature
@@ -387,11 +387,11 @@ mod tests {
             ..MotorLayout::default()
         };
         let layout = Layout::same(MotorSet::FINGERS, motor);
-        let told = MotorControl {
+        let fields = MotorControl {
             speed: 100,
             gain: 90,
         };
-        let block = layout.write_control(Header::Control, &[told; 4]);
+        let block = layout.write_control(Header::Control, &[fields; 4]);
         assert_eq!(block, [0x43, 0x64, 0x5a, 0x64, 0x5a, 0x64, 0x5a]);
         assert_eq!(layout.feedback_length(), 9);
     }

@@ -223,7 +223,7 @@ fn set_limits(bus: &mut PuckBus, options: &CanOptions) -> Result<(), CanErrorKin
         bus.discard_for(CONFIGURATION_INTERVAL)?;
         let got = bus.get_property(Node::SAFETY, property)?;
         if got != value {
-            let expected = format!("{value}, which it was told");
+            let expected = format!("{value}, which was written");
             return Err(unexpected(Node::SAFETY, property, &expected, got));
         }
     }
@@ -267,7 +267,7 @@ fn zero(
         bus.discard_for(CONFIGURATION_INTERVAL)?;
         let got = bus.get_position(node)?;
         if got.abs_diff(counts) > turn.unsigned_abs() / POSITION_TOLERANCE_DIVISOR as u32 {
-            let expected = format!("{counts}, which it was told");
+            let expected = format!("{counts}, which was written");
             return Err(unexpected(node, PuckProperty::P, &expected, got));
         }
     }
@@ -301,7 +301,7 @@ fn declare_zeroed(bus: &mut PuckBus) -> Result<(), CanErrorKind> {
         0 => Err(unexpected(
             Node::SAFETY,
             PuckProperty::ZERO,
-            "1, which it was told",
+            "1, which was written",
             0,
         )),
         _ => Ok(()),

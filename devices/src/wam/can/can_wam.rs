@@ -130,9 +130,9 @@ impl ControlledArm for CanArm {
     fn temperatures(&self) -> Result<[f64; AXES], DeviceError> {
         self.control.reachable()?;
         let mut known = [0.0; AXES];
-        for (known, told) in known.iter_mut().zip(self.status.temperatures) {
+        for (known, measured) in known.iter_mut().zip(self.status.temperatures) {
             let what = "temperature";
-            *known = f64::from(told.ok_or(DeviceError::NoDataYet { what })?);
+            *known = f64::from(measured.ok_or(DeviceError::NoDataYet { what })?);
         }
         Ok(known)
     }

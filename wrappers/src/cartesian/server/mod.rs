@@ -124,20 +124,20 @@ impl CartesianServer {
             ("command:i", obeying(&handler)),
             ("rpc:i", answering(&handler)),
         ];
-        let [state, told, command, rpc] = open_all(network, name, wanted).await?;
+        let [state, event_port, command, rpc] = open_all(network, name, wanted).await?;
         let inputs = [command, rpc];
-        let (state, told) = (Arc::new(state), Arc::new(told));
+        let (state, event_port) = (Arc::new(state), Arc::new(event_port));
         let (sender, receiver) = unbounded_channel();
         match publisher::start(handler, state.clone(), events, sender, period) {
             Ok(publisher) => {
                 tracing::info!(name, ?period, "controller of a tool served");
-                let writer = tokio::spawn(write_events(told.clone(), receiver));
+                let writer = tokio::spawn(write_events(event_port.clone(), receiver));
                 Ok(Self {
                     name: name.to_owned(),
                     running: Some(Running {
                         inputs,
                         state,
-                        events: told,
+                        events: event_port,
                         publisher,
                         writer,
                     }),
@@ -145,7 +145,7 @@ impl CartesianServer {
                 })
             }
             Err(error) => {
-                let outputs = [state, told].into_iter().filter_map(Arc::into_inner);
+                let outputs = [state, event_port].into_iter().filter_map(Arc::into_inner);
                 close_all(inputs.into_iter().chain(outputs)).await;
                 Err(OpenError::Thread(error))
             }

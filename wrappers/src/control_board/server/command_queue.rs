@@ -103,7 +103,7 @@ struct State<T> {
     over: bool,
     /// Orders dropped since the start.
     dropped: u64,
-    told: Option<(Instant, u64)>,
+    last_warning: Option<(Instant, u64)>,
 }
 
 /// Holds the device for a command until it is dropped.
@@ -130,7 +130,7 @@ impl<T> CommandQueue<T> {
                 waiting: VecDeque::new(),
                 over: false,
                 dropped: 0,
-                told: None,
+                last_warning: None,
             }),
             next: Condvar::new(),
         }
@@ -199,13 +199,13 @@ impl<T> CommandQueue<T> {
     /// A line in the log, not more often than every 5 s.
     fn warn_about_drops(&self, state: &mut State<T>) {
         let now = Instant::now();
-        let before = match state.told {
-            Some((told, _)) if now < told + WARNING_INTERVAL => return,
+        let before = match state.last_warning {
+            Some((last, _)) if now < last + WARNING_INTERVAL => return,
             Some((_, dropped)) => dropped,
             None => 0,
         };
         let newly = state.dropped - before;
-        state.told = Some((now, state.dropped));
+        state.last_warning = Some((now, state.dropped));
         tracing::warn!(
             board = %self.name,
             "dropped {newly} commands for newer ones while the device was busy: \

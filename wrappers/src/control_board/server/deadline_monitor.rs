@@ -14,7 +14,7 @@ const WARNING_INTERVAL: Duration = Duration::from_secs(5);
 pub(super) struct DeadlineMonitor {
     period: Duration,
     begun: Option<Instant>,
-    told: Option<Instant>,
+    last_report: Option<Instant>,
     unreported: u64,
     worst: Duration,
 }
@@ -34,7 +34,7 @@ impl DeadlineMonitor {
         Self {
             period,
             begun: None,
-            told: None,
+            last_report: None,
             unreported: 0,
             worst: Duration::ZERO,
         }
@@ -49,11 +49,13 @@ impl DeadlineMonitor {
                 self.worst = self.worst.max(late);
             }
         }
-        let silent = self.told.is_some_and(|told| now < told + WARNING_INTERVAL);
+        let silent = self
+            .last_report
+            .is_some_and(|last| now < last + WARNING_INTERVAL);
         if self.unreported == 0 || silent {
             return None;
         }
-        self.told = Some(now);
+        self.last_report = Some(now);
         Some(MissedDeadlines {
             period: self.period,
             times: std::mem::take(&mut self.unreported),
@@ -84,28 +86,29 @@ mod tests {
     const DEFAULT_PERIOD: Duration = Duration::from_millis(20);
 
     /// Returns the reports when periods begin at these milliseconds.
-    fn told(begins: &[u64]) -> Vec<(u64, u64)> {
+    fn reports(begins: &[u64]) -> Vec<(u64, u64)> {
         let start = Instant::now();
         let mut deadline_monitor = DeadlineMonitor::new(DEFAULT_PERIOD);
-        let told = begins
+        let reports = begins
             .iter()
             .filter_map(|&at| deadline_monitor.period_began(start + Duration::from_millis(at)));
-        told.map(|missed| (missed.times, missed.worst.as_millis() as u64))
+        reports
+            .map(|missed| (missed.times, missed.worst.as_millis() as u64))
             .collect()
     }
 
     #[test]
     fn twenty_milliseconds_are_let_pass_and_more_are_told() {
-        assert_eq!(told(&[0, 20, 40, 80]), []);
-        assert_eq!(told(&[0, 20, 61]), [(1, 21)]);
+        assert_eq!(reports(&[0, 20, 40, 80]), []);
+        assert_eq!(reports(&[0, 20, 61]), [(1, 21)]);
     }
 
     #[test]
     fn a_run_of_slips_is_one_line_every_five_seconds() {
         let long = [0, 100, 200, 350, 370, 390];
-        assert_eq!(told(&long), [(1, 80)]);
+        assert_eq!(reports(&long), [(1, 80)]);
         // Unreported deadlines are reported after the interval.
         let later: Vec<u64> = long.into_iter().chain([5090, 5110]).collect();
-        assert_eq!(told(&later), [(1, 80), (3, 4680)]);
+        assert_eq!(reports(&later), [(1, 80), (3, 4680)]);
     }
 }

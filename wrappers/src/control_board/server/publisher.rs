@@ -29,8 +29,8 @@ pub(super) fn start(
     let mut deadline_monitor = DeadlineMonitor::new(period);
     let mut cycle = Cycle::new(board, [state, extended], backlog(period));
     PeriodicThread::start("control-board", period, move || {
-        if let Some(slipped) = deadline_monitor.period_began(Instant::now()) {
-            tracing::warn!(board = %cycle.board.name(), "{slipped}");
+        if let Some(missed) = deadline_monitor.period_began(Instant::now()) {
+            tracing::warn!(board = %cycle.board.name(), "{missed}");
         }
         cycle.publish();
     })

@@ -127,9 +127,11 @@ impl RequestHandler {
                     }
                     Reply::ok()
                 }),
-                (_, Submission::Queued(told)) => {
+                (_, Submission::Queued(pending_outcome)) => {
                     return ReplyTiming::later(async {
-                        told.await.map_or_else(|_| Reply::fail(), |()| Reply::ok())
+                        pending_outcome
+                            .await
+                            .map_or_else(|_| Reply::fail(), |()| Reply::ok())
                     });
                 }
             },
@@ -182,9 +184,9 @@ impl RequestHandler {
                     self.report(Some(&request), message, from, &error);
                     error.code().alone()
                 }
-                (_, Submission::Queued(told)) => {
+                (_, Submission::Queued(pending_outcome)) => {
                     return Answer::Later(Box::pin(async {
-                        let code = told
+                        let code = pending_outcome
                             .await
                             .map_or_else(|error| error.code(), |()| ReturnCode::Ok);
                         Answer::reply(Message(code.alone()))

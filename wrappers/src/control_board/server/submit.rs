@@ -95,7 +95,7 @@ impl RequestHandler {
         if let Err(error) = self.check_queueable(set) {
             return (number, Submission::Done(Err(error)));
         }
-        let (reply_sender, told) = oneshot::channel();
+        let (reply_sender, pending_outcome) = oneshot::channel();
         let waiting = PendingCommand {
             set: set.clone(),
             from: from.to_owned(),
@@ -103,8 +103,8 @@ impl RequestHandler {
             reply_sender: Some(reply_sender),
         };
         self.queue(number, kind, waiting);
-        let told = async { told.await.unwrap_or(Err(Refusal::Dropped(0))) };
-        (number, Submission::Queued(Box::pin(told)))
+        let pending_outcome = async { pending_outcome.await.unwrap_or(Err(Refusal::Dropped(0))) };
+        (number, Submission::Queued(Box::pin(pending_outcome)))
     }
 
     /// Handles a streamed command; a malformed one changes nothing.
@@ -325,8 +325,8 @@ impl RequestHandler {
             Submission::Done(outcome) => {
                 Answer::reply(outcome_of(number, axes, outcome).to_bottle())
             }
-            Submission::Queued(told) => Answer::Later(Box::pin(async move {
-                Answer::reply(outcome_of(number, axes, told.await).to_bottle())
+            Submission::Queued(pending_outcome) => Answer::Later(Box::pin(async move {
+                Answer::reply(outcome_of(number, axes, pending_outcome.await).to_bottle())
             })),
         }
     }
