@@ -22,7 +22,7 @@ pub(crate) enum Arm {
     Dynamic,
     /// An arm behind its embedded PC, which runs `yarp wam-node`.
     Embedded,
-    /// An arm on the CAN_PREFIX bus of this interface.
+    /// An arm on the CAN bus of this interface.
     Can(String),
 }
 

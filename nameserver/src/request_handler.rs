@@ -35,7 +35,7 @@ const NOT_BY_PAGE: &str = "somebody has this name, and browsers cannot take it";
 pub(crate) struct RequestHandler {
     registry: Arc<Mutex<Registry>>,
     persistence: Mutex<Persistence>,
-    /// LeaseForwarder that ports renewed at this server, to be forwarded to the other servers.
+    /// Leases that ports renewed at this server, to be forwarded to the other servers.
     leases: Arc<LeaseForwarder>,
     effects: mpsc::Sender<Effect>,
     /// Gives a name to any port that asks for it.

@@ -178,7 +178,7 @@ struct Counter {
 }
 
 impl Counter {
-    /// PortNumbers further ahead than this are not tracked; they are skipped when the counter reaches
+    /// Numbers further ahead than this are not tracked; they are skipped when the counter reaches
     /// them.
     const GAP: u32 = 100_000;
 

@@ -84,7 +84,7 @@ impl ProbeResult {
 pub struct PortStatus {
     /// Name and address.
     pub registration: Registration,
-    /// Liveness after the last probe or lease renewal.
+    /// State after the last probe or lease renewal.
     pub state: Liveness,
     /// Time of the last change of state.
     pub since: Instant,

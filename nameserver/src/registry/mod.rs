@@ -74,7 +74,7 @@ pub struct Settings {
     pub multicast_port: u16,
     /// Networks in which the server has addresses.
     pub subnets: Vec<Subnet>,
-    /// PortNumbers to hand out, instead of those above the server's own.
+    /// Numbers to hand out, instead of those above the server's own.
     pub port_range: Option<RangeInclusive<u16>>,
     /// Number sent to ports that hold a lease; a new number tells them that the server lost all
     /// names.

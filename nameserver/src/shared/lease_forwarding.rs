@@ -23,7 +23,7 @@ const FORWARD_TIMEOUT: Duration = Duration::from_secs(2);
 /// Maximum number of leases in one request.
 const MAX_LEASES_PER_REQUEST: usize = 64;
 
-/// LeaseForwarder that were renewed since the last round.
+/// Leases that were renewed since the last round.
 #[derive(Debug, Default)]
 pub(crate) struct LeaseForwarder(Mutex<BTreeMap<String, LeaseHolder>>);
 

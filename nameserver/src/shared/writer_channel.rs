@@ -33,7 +33,7 @@ pub(crate) enum Precondition {
     Unmoved(Registration),
 }
 
-/// WriteOutcome of a request.
+/// Outcome of a request.
 #[derive(Debug)]
 pub(crate) enum WriteOutcome {
     /// The request was processed and committed.
