@@ -9,6 +9,7 @@ use clap::{CommandFactory, Parser};
 use crate::commands::Command;
 use crate::error::Result;
 use crate::stock_format::complain;
+use crate::{descriptors, output};
 
 /// Exit code for an unknown command, as in stock.
 const NO_SUCH_COMMAND: u8 = 255;
@@ -72,7 +73,13 @@ pub(crate) async fn run(
     }
     let words = ["yarp".to_owned(), name].into_iter().chain(words.skip(1));
     match Cli::try_parse_from(words) {
-        Ok(cli) => cli.command.run(prefixes, out).await,
+        Ok(cli) => {
+            if cli.command.serves() {
+                output::serve();
+                descriptors::raise_limit();
+            }
+            cli.command.run(prefixes, out).await
+        }
         Err(error) => {
             let help = matches!(error.kind(), ErrorKind::DisplayHelp);
             write!(out, "{error}")?;

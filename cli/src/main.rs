@@ -1,22 +1,28 @@
 //! The `yarp` command.
 //!
-//! | file | content |
+//! | file | what it is about |
 //! | --- | --- |
-//! | `cli` | the command line, and the selection of the command |
+//! | `cli` | the words on the command line, and which command they mean |
 //! | `commands` | one file per command |
-//! | `network_access` | the configured network; opening ports on it |
-//! | `arm_selection` | the arms that a command can serve |
-//! | `port_connections` | connecting ports, with stock's messages |
-//! | `stdin_lines`, `signals` | lines of standard input; signals that end a command |
-//! | `systemd_notify` | readiness notification for a service manager |
-//! | `stock_log`, `stock_format` | log lines and numbers in stock's form |
+//! | `session` | the network that the configuration names; opening ports on it |
+//! | `arm` | the arms that a command can serve |
+//! | `connecting` | connecting ports, in stock's words |
+//! | `input`, `signals` | lines that a person types, and the wish to end |
+//! | `descriptors` | the limit on open files |
+//! | `exposure` | `--bind`, and who can reach what is served |
+//! | `ready` | telling a service manager that we work |
+//! | `output` | standard output and standard error behind writer threads, so that nobody waits for a reader |
+//! | `log`, `text` | what the libraries report, and numbers, in stock's form |
 
 mod arm_selection;
 mod cli;
 mod commands;
 mod connection_qos;
+mod descriptors;
 mod error;
+mod exposure;
 mod network_access;
+mod output;
 mod port_connections;
 mod signals;
 mod stdin_lines;
@@ -24,13 +30,30 @@ mod stock_format;
 mod stock_log;
 mod systemd_notify;
 
+use std::io::Write;
+use std::path::Path;
 use std::process::ExitCode;
 
+use error::Failure;
 use tokio::runtime::Builder;
+
+/// The name of stock's program for what is `yarp run` here.
+const RUN_PROGRAM: &str = "yarprun";
+
+/// Returns the words after the program's own name. Under the name of stock's `yarprun` they belong to `yarp run`.
+fn words(mut arguments: impl Iterator<Item = String>) -> Vec<String> {
+    let program = arguments.next().unwrap_or_default();
+    let mut words: Vec<String> = arguments.collect();
+    let is_run = Path::new(&program).file_name() == Some(RUN_PROGRAM.as_ref());
+    if is_run && words.first().is_none_or(|word| word != "run") {
+        words.insert(0, "run".to_owned());
+    }
+    words
+}
 
 fn main() -> ExitCode {
     stock_log::start();
-    let words: Vec<String> = std::env::args().skip(1).collect();
+    let words = words(std::env::args());
     // Requests to the name server are so short that handing them to another thread costs more than
     // it gains.
     let workers = match words.first().map(String::as_str) {
@@ -45,20 +68,26 @@ fn main() -> ExitCode {
     let runtime = match runtime {
         Ok(runtime) => runtime,
         Err(error) => {
-            eprintln!("[ERROR] cannot start: {error}");
+            output::error_line(format_args!("[ERROR] cannot start: {error}"));
+            output::finish();
             return ExitCode::FAILURE;
         }
     };
-    let result = runtime.block_on(cli::run(words, &mut std::io::stdout()));
-    // A thread may still wait for a line of standard input; it ends with the process.
-    runtime.shutdown_background();
-    match result {
+    let mut out = output::Printer::default();
+    let result = runtime.block_on(cli::run(words, &mut out));
+    let result = out.flush().map_err(Failure::from).and(result);
+    let code = match result {
         Ok(code) => code,
         // The reader of standard output is gone: `yarp read /x | head`.
         Err(error) if error.is_broken_pipe() => ExitCode::FAILURE,
         Err(error) => {
-            eprintln!("[ERROR] {}", error.error_chain());
+            output::error_line(format_args!("[ERROR] {}", error.error_chain()));
             ExitCode::FAILURE
         }
-    }
+    };
+    // Signals are still heard meanwhile: a second one ends a command whose output nobody reads.
+    output::finish();
+    // A thread may still wait for a line of standard input; it ends with the process.
+    runtime.shutdown_background();
+    code
 }

@@ -1,17 +1,27 @@
 //! Signals that end a command.
 
-use std::io::Write;
+use std::collections::HashMap;
 use std::time::Duration;
 
 use tokio::sync::watch;
+use tokio::time::Instant;
+
+use crate::output::{self, Stream};
 
 /// Time after the first signal from which a second signal aborts the process.
 const SECOND_SIGNAL_ABORT_AFTER: Duration = Duration::from_secs(2);
 
-/// Receives SIGINT, SIGTERM and SIGHUP from its creation on.
+/// Interval in which the same signal again is taken for the same wish: `timeout` sends it to its child and to the group of
+/// the child, a terminal that closes to all that run in it.
+const DUPLICATE_INTERVAL: Duration = Duration::from_secs(2);
+/// The same for SIGINT, which a person may well mean twice.
+const DUPLICATE_INTERVAL_OF_KEYS: Duration = Duration::from_millis(100);
+
+/// Hears SIGINT, SIGTERM and SIGHUP from the moment it is made.
 ///
-/// The first signal ends the waits of the command, which then closes its ports. If that takes
-/// longer than two seconds, a second signal aborts the process.
+/// The first signal ends the waits of the command, which then closes its ports; if that takes
+/// longer than two seconds, a second signal ends the process at once. The same signal again within
+/// [`DUPLICATE_INTERVAL`] does not count.
 #[derive(Debug)]
 pub(crate) struct Interrupt {
     heard: watch::Receiver<u32>,
@@ -31,11 +41,20 @@ impl Interrupt {
         if let Ok(mut signals) = Signals::new() {
             // The task ends with the runtime, that is with the command.
             tokio::spawn(async move {
-                signals.next().await;
+                let mut last = HashMap::new();
+                last.insert(signals.next().await, Instant::now());
                 sender.send_modify(|heard| *heard += 1);
-                let first = tokio::time::Instant::now();
+                let first = Instant::now();
                 loop {
-                    signals.next().await;
+                    let kind = signals.next().await;
+                    let now = Instant::now();
+                    if last
+                        .get(&kind)
+                        .is_some_and(|last| now - *last < kind.duplicate_interval())
+                    {
+                        continue;
+                    }
+                    last.insert(kind, now);
                     sender.send_modify(|heard| *heard += 1);
                     if *sender.borrow() > count && first.elapsed() >= abort_after {
                         std::process::abort();
@@ -58,8 +77,27 @@ impl Interrupt {
     pub(crate) async fn interrupted(&mut self) {
         self.interrupted_times(1).await;
         if !std::mem::replace(&mut self.told, true) {
-            // Standard output may be closed; the command ends all the same.
-            let _ = writeln!(std::io::stdout(), "Interrupting...");
+            // Nobody may read it; we end all the same.
+            output::try_line(Stream::Out, "Interrupting...");
+        }
+    }
+}
+
+/// A signal that ends a command.
+#[derive(Clone, Copy, Debug, Eq, Hash, PartialEq)]
+enum Kind {
+    Interrupt,
+    #[cfg_attr(not(unix), allow(dead_code))]
+    Terminate,
+    #[cfg_attr(not(unix), allow(dead_code))]
+    Hangup,
+}
+
+impl Kind {
+    fn duplicate_interval(self) -> Duration {
+        match self {
+            Self::Interrupt => DUPLICATE_INTERVAL_OF_KEYS,
+            Self::Terminate | Self::Hangup => DUPLICATE_INTERVAL,
         }
     }
 }
@@ -78,12 +116,12 @@ impl Signals {
         ]))
     }
 
-    async fn next(&mut self) {
+    async fn next(&mut self) -> Kind {
         let [interrupt, terminate, hangup] = &mut self.0;
         tokio::select! {
-            _ = interrupt.recv() => {}
-            _ = terminate.recv() => {}
-            _ = hangup.recv() => {}
+            _ = interrupt.recv() => Kind::Interrupt,
+            _ = terminate.recv() => Kind::Terminate,
+            _ = hangup.recv() => Kind::Hangup,
         }
     }
 }
@@ -97,10 +135,11 @@ impl Signals {
         Ok(Self)
     }
 
-    async fn next(&mut self) {
+    async fn next(&mut self) -> Kind {
         // On an error the system delivers no signals.
         if tokio::signal::ctrl_c().await.is_err() {
             std::future::pending::<()>().await;
         }
+        Kind::Interrupt
     }
 }

@@ -5,6 +5,8 @@ use std::sync::mpsc::{SyncSender, sync_channel};
 
 use tokio::sync::mpsc;
 
+use crate::output::Printer;
+
 /// Prompt for a line on a terminal.
 const PROMPT: &str = ">>";
 
@@ -28,7 +30,7 @@ impl Lines {
             let terminal = std::io::stdin().is_terminal();
             while asked.recv().is_ok() {
                 if terminal {
-                    let mut out = std::io::stdout();
+                    let mut out = Printer::default();
                     // If standard output is closed, the prompt is not needed.
                     let _ = write!(out, "{PROMPT}").and_then(|()| out.flush());
                 }

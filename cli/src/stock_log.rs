@@ -1,17 +1,32 @@
-//! Prints the log of the libraries in the form of stock's log lines.
+//! What the libraries report, in the form of stock's log lines.
 //!
 //! `[INFO] |yarp.os.Port| Port /read active at tcp://127.0.0.1:10002/`: information and below on
-//! standard output, warnings and errors on standard error. Verified against stock 3.5.0.
+//! standard output, warnings and errors on standard error. Checked against stock 3.5.0.
+//!
+//! A line never makes the thread that reports it wait ([`output`](crate::output)). What others chose, such as the name of a
+//! sender, is printed without control characters and cut to a bounded length ([`foreign_text`]), and what the libraries report
+//! again and again is limited to a rate ([`rate_limit`]).
+
+mod foreign_text;
+mod rate_limit;
 
 use std::fmt;
 use std::io;
+use std::time::Instant;
 
+use tracing::callsite::Identifier;
 use tracing::field::{Field, Visit};
 use tracing::{Event, Level, Metadata, Subscriber};
 use tracing_subscriber::filter::LevelFilter;
 use tracing_subscriber::fmt::format::Writer;
 use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields, MakeWriter};
 use tracing_subscriber::registry::LookupSpan;
+
+use crate::output::{self, Stream, WhenFull};
+use rate_limit::Repeats;
+
+/// Where the modules of this program begin, as opposed to those of the libraries.
+const OWN_MODULES: &str = concat!(env!("CARGO_BIN_NAME"), "::");
 
 /// Starts to print the log.
 pub(crate) fn start() {
@@ -49,18 +64,74 @@ fn is_on(value: &str) -> bool {
 struct Streams;
 
 impl MakeWriter<'_> for Streams {
-    type Writer = Box<dyn io::Write>;
+    type Writer = Line;
 
     fn make_writer(&self) -> Self::Writer {
-        Box::new(io::stdout())
+        Line {
+            level: Level::INFO,
+            limited: None,
+            when_full: WhenFull::Drop,
+        }
     }
 
     fn make_writer_for(&self, metadata: &Metadata<'_>) -> Self::Writer {
-        if *metadata.level() <= Level::WARN {
-            Box::new(io::stderr())
-        } else {
-            Box::new(io::stdout())
+        let level = *metadata.level();
+        let module = metadata.module_path().unwrap_or_default();
+        // What a command was asked to find out is printed whole.
+        let own = module.starts_with(OWN_MODULES);
+        Line {
+            level,
+            // Who asked for more than information wants all of it.
+            limited: (!own && level <= Level::INFO).then(|| metadata.callsite()),
+            when_full: if own { WhenFull::Wait } else { WhenFull::Drop },
         }
+    }
+}
+
+/// One line on its way to its stream.
+struct Line {
+    level: Level,
+    /// The place in the code that reports it, if such lines are limited to a rate.
+    limited: Option<Identifier>,
+    when_full: WhenFull,
+}
+
+impl io::Write for Line {
+    fn write(&mut self, text: &[u8]) -> io::Result<usize> {
+        static REPEATS: Repeats = Repeats::new();
+        let stream = match self.level <= Level::WARN {
+            true => Stream::Err,
+            false => Stream::Out,
+        };
+        if let Some(place) = &self.limited {
+            let Some(left_out) = REPEATS.admit(place.clone(), Instant::now()) else {
+                return Ok(text.len());
+            };
+            if left_out > 0 {
+                let level = level_name(self.level);
+                let told = format!(
+                    "[{level}] |yarp.os.Log| {left_out} lines like the next one left out\n"
+                );
+                output::push(stream, told.as_bytes(), self.when_full)?;
+            }
+        }
+        output::push(stream, text, self.when_full)?;
+        Ok(text.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Returns stock's name of a level.
+fn level_name(level: Level) -> &'static str {
+    match level {
+        Level::ERROR => "ERROR",
+        Level::WARN => "WARNING",
+        Level::INFO => "INFO",
+        Level::DEBUG => "DEBUG",
+        Level::TRACE => "TRACE",
     }
 }
 
@@ -78,17 +149,15 @@ where
         event: &Event<'_>,
     ) -> fmt::Result {
         let metadata = event.metadata();
-        let level = match *metadata.level() {
-            Level::ERROR => "ERROR",
-            Level::WARN => "WARNING",
-            Level::INFO => "INFO",
-            Level::DEBUG => "DEBUG",
-            Level::TRACE => "TRACE",
-        };
+        let level = level_name(*metadata.level());
         let mut message = Message::default();
         event.record(&mut message);
         let component = component(metadata.target(), &message.0);
-        writeln!(writer, "[{level}] |{component}| {}", message.0)
+        writeln!(
+            writer,
+            "[{level}] |{component}| {}",
+            foreign_text::cleaned(&message.0)
+        )
     }
 }
 

@@ -58,7 +58,11 @@ fn a_signal_parks_and_a_second_one_ends_at_once() {
         assert!(done.says("[ok]"), "{done:?}");
         dev.signal("TERM").see("parking")
     };
-    let ended = start().signal("TERM").finish();
+    // `timeout` sends its signal to the child and to the group of the child: names were left behind.
+    let dev = start().signal("TERM");
+    let asked = home.run_with("rpc /arm/rpc:i", "[get] [axes]\n").with(0);
+    assert!(asked.says("[is] [axes]"), "{asked:?}");
+    let ended = dev.signal("INT").finish();
     assert_eq!(
         ended.code, None,
         "it was not ended by the second signal: {ended:?}"

@@ -21,7 +21,7 @@ fn ask(home: &Home, words: &[&str]) -> Ended {
 }
 
 fn serve(home: &Home) -> Running {
-    let server = home.start("run --server /host");
+    let server = home.start("run --server /host --insecure");
     server.see("Yarprun successfully started on port:  /host")
 }
 
@@ -248,5 +248,5 @@ fn an_open_server_logs_a_warning() {
     let home = Home::new();
     let _name_server = home.serve();
     let ended = serve(&home).signal("INT").finish().with(0);
-    ended.complains("no roles.conf that is about /host");
+    ended.complains("no role (roles.conf) that is about /host");
 }

@@ -14,7 +14,7 @@ use tokio::task::JoinHandle;
 use tokio::time::timeout;
 use yarp_ports::roles::{Peer, Roles};
 use yarp_ports::{
-    Answer, ConnectionLimits, Network, Port, PortError, PortOptions, Received, addresses,
+    Answer, ConnectionLimits, Network, Port, PortError, PortOptions, Received, Tls, addresses,
 };
 use yarp_wire::auth::Key;
 use yarp_wire::carrier::ALL;
@@ -68,6 +68,8 @@ pub struct ServerOptions {
     pub capacity: Capacity,
     /// Key that clients must hold, if any.
     pub key: Option<Key>,
+    /// What encrypted connections need; with a [`Tls`] that requires encryption the server refuses plain connections.
+    pub tls: Option<Tls>,
     /// Roles that say which peers may look up, register and connect; see [`yarp_ports::roles`].
     pub roles: Roles,
     /// What browsers may do; see [`yarp_wire::http::gate`].
@@ -115,6 +117,7 @@ impl Default for ServerOptions {
             connection_limits: DEFAULT_CONNECTION_LIMITS,
             capacity: Capacity::default(),
             key: None,
+            tls: None,
             roles: Roles::default(),
             gate: None,
             max_staleness: DEFAULT_MAX_STALENESS,
@@ -166,7 +169,9 @@ const RECEIVE_RETRY_DELAY: Duration = Duration::from_millis(100);
 impl ServerOptions {
     /// Returns the network of a server that listens on this port.
     fn network(&self, port: u16) -> Network {
-        Network::at(&self.host, port).with_key(self.key.clone())
+        Network::at(&self.host, port)
+            .with_key(self.key.clone())
+            .with_tls(self.tls.clone())
     }
 
     /// Sets host and TCP port, and disables multicast discovery.
@@ -198,6 +203,12 @@ impl ServerOptions {
     /// Sets the key that clients must hold.
     pub fn key(mut self, key: Option<Key>) -> Self {
         self.key = key;
+        self
+    }
+
+    /// Returns the same options with these settings for encrypted connections.
+    pub fn tls(mut self, tls: Option<Tls>) -> Self {
+        self.tls = tls;
         self
     }
 
@@ -250,6 +261,7 @@ pub struct Server {
     port: Arc<Port>,
     host: String,
     key: Option<Key>,
+    tls: Option<Tls>,
     request_handler: Arc<RequestHandler>,
     /// Tasks that run effects and answer multicast discovery.
     tasks: Vec<JoinHandle<()>>,
@@ -355,7 +367,9 @@ impl Server {
             persistence,
             effects,
             options.replace,
-            Network::none().with_key(options.key.clone()),
+            Network::none()
+                .with_key(options.key.clone())
+                .with_tls(options.tls.clone()),
             // Without probes no port is found gone, so none expires.
             options.probe_interval.and(options.expire_after),
             options
@@ -429,6 +443,7 @@ impl Server {
             port,
             host: options.host,
             key: options.key,
+            tls: options.tls,
             request_handler,
             tasks,
             writer: None,
@@ -447,7 +462,9 @@ impl Server {
 
     /// Returns the network of this name server.
     pub fn network(&self) -> Network {
-        Network::at(&self.host, self.port()).with_key(self.key.clone())
+        Network::at(&self.host, self.port())
+            .with_key(self.key.clone())
+            .with_tls(self.tls.clone())
     }
 
     /// Returns every registered port, sorted by name.

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use bytes::BytesMut;
-use yarp_wire::carrier::{Carrier, Sender};
+use yarp_wire::carrier::{Carrier, Sender, Transport};
 use yarp_wire::connection::{Initiator, Progress, ProtocolError};
 use yarp_wire::message::{Command, Payload, WireObject};
 use yarp_wire::{Bottle, Limits};
@@ -37,11 +37,14 @@ impl AdminClient {
         network: &Network,
     ) -> Result<Self, PortError> {
         // The question itself is asked in text, so that it does not lead back here.
-        let wire_version = match carrier.protocol.payload_kind().are_binary() {
+        let is_binary = carrier.protocol.payload_kind().are_binary();
+        // Stock has no encrypted carrier, and ports of ours read both.
+        let wire_version = match is_binary && carrier.transport != Transport::Encrypted {
             true => Box::pin(version_probe::peer_version(peer, (host, port), network)).await,
             false => None,
         };
-        let stream = socket::connect(peer, host, port, network).await?;
+        let connecting = socket::connect_over(peer, host, port, network, carrier.transport);
+        let stream = connecting.await?;
         let mut output = BytesMut::new();
         let initiator = Initiator::new(
             carrier,

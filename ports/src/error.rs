@@ -11,6 +11,7 @@ use yarp_wire::port_name::NameError;
 use crate::auth_step::AuthFailure;
 use crate::config::ConfigError;
 use crate::port::MonitorError;
+use crate::tls::TlsError;
 
 /// The reason why an operation on a port failed.
 #[derive(Debug, thiserror::Error)]
@@ -86,6 +87,17 @@ pub enum PortError {
         /// The cause.
         #[source]
         source: AuthFailure,
+    },
+    /// The connection could not be encrypted.
+    #[error("the connection to {peer} at {address} is not encrypted")]
+    Encryption {
+        /// The peer.
+        peer: String,
+        /// Its address.
+        address: String,
+        /// The reason.
+        #[source]
+        source: TlsError,
     },
     /// The roles in force do not allow it.
     #[error("{text}")]

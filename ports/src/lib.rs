@@ -25,6 +25,8 @@ mod shmem;
 mod socket;
 mod tcp_stream;
 mod thread_schedule;
+#[cfg_attr(not(feature = "tls"), path = "tls_absent.rs")]
+mod tls;
 mod transport_switch;
 mod udp_socket;
 mod unix_socket;
@@ -43,6 +45,9 @@ pub use port::{
 };
 pub use port::{built_in as built_in_monitor, built_in_names as built_in_monitors, modifier_names};
 pub use thread_schedule::request_low_timer_slack;
+#[cfg(feature = "tls")]
+pub use tls::Required as TlsRequired;
+pub use tls::{Tls, TlsError};
 
 /// Compiles the example of the README.
 #[cfg(doctest)]

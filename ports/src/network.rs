@@ -23,6 +23,7 @@ use crate::log_text::printable;
 use crate::own_names;
 use crate::roles::Roles;
 use crate::socket::{self, ReadBuffer};
+use crate::tls::Tls;
 
 /// A YARP network: name servers, usually one, each with its namespace.
 ///
@@ -51,6 +52,8 @@ struct Inner {
     leased_names: Arc<LeasedNames>,
     /// The key that both ends of each connection must hold.
     key: Option<Key>,
+    /// What encrypted connections need.
+    tls: Option<Tls>,
     /// The permissions on the ports opened here.
     roles: Roles,
     /// What browsers may do with the ports that are opened here.
@@ -125,6 +128,7 @@ impl Network {
             configuration: None,
             deadline: DEFAULT_TIMEOUT,
             key: None,
+            tls: None,
             roles: Roles::default(),
             gate: Arc::new(own_names::GATE.clone()),
             bind: None,
@@ -140,6 +144,7 @@ impl Network {
             configuration: None,
             deadline: DEFAULT_TIMEOUT,
             key: None,
+            tls: None,
             roles: Roles::default(),
             gate: Arc::new(own_names::GATE.clone()),
             bind: None,
@@ -166,6 +171,7 @@ impl Network {
             servers: namespaces.iter().filter_map(server).collect(),
             namespace: namespaces[0].name.clone(),
             key: configuration.key().cloned(),
+            tls: configuration.tls().cloned(),
             roles: configuration.roles().clone(),
             gate: Arc::new(configuration.gate().clone()),
             bind: configuration.bind(),
@@ -199,6 +205,19 @@ impl Network {
     /// Returns the key that both ends of a connection must hold; `auth.conf` gives it.
     pub fn key(&self) -> Option<&Key> {
         self.0.key.as_ref()
+    }
+
+    /// Returns the same network with other settings for encrypted connections, or none.
+    pub fn with_tls(&self, tls: Option<Tls>) -> Self {
+        Self::from(Inner {
+            tls,
+            ..Inner::clone(&self.0)
+        })
+    }
+
+    /// Returns what encrypted connections need; `tls.conf` gives it.
+    pub fn tls(&self) -> Option<&Tls> {
+        self.0.tls.as_ref()
     }
 
     /// The same network with other roles for the ports that are opened on it.

@@ -9,12 +9,14 @@ use std::time::Duration;
 use bytes::{BufMut, BytesMut};
 use socket2::{SockRef, TcpKeepalive};
 use tokio::net::{TcpListener, TcpStream, UdpSocket};
+use yarp_wire::carrier::Transport;
 
 use crate::auth_step;
 use crate::error::{PortError, resolve};
 use crate::network::Network;
 use crate::shmem::ShmemStream;
 use crate::tcp_stream::Tcp;
+use crate::tls::{self, Tls, TlsError, TlsStream};
 use crate::unix_socket::Unix;
 
 /// The socket of a connection, by transport.
@@ -25,6 +27,7 @@ pub(crate) enum Socket {
     Shmem(Box<ShmemStream>),
     /// Nothing: messages come as datagrams on this socket, and the stream of the header is closed.
     Datagrams(Arc<UdpSocket>),
+    Tls(Box<TlsStream>),
 }
 
 macro_rules! either {
@@ -34,6 +37,7 @@ macro_rules! either {
             Socket::Unix($stream) => $call,
             Socket::Shmem($stream) => $call,
             Socket::Datagrams(_) => Err(io::ErrorKind::NotConnected.into()),
+            Socket::Tls($stream) => $call,
         }
     };
 }
@@ -51,6 +55,8 @@ impl Socket {
             Self::Unix(stream) => stream.readable().await,
             Self::Shmem(stream) => stream.readable().await,
             Self::Datagrams(_) => Err(io::ErrorKind::NotConnected.into()),
+            // What is missing of a message is not what is missing on the wire.
+            Self::Tls(stream) => stream.readable().await,
         }
     }
 
@@ -69,6 +75,7 @@ impl Socket {
             Self::Tcp(stream) => stream.suppress_wakeups(),
             Self::Unix(stream) => stream.suppress_wakeups(),
             Self::Shmem(_) | Self::Datagrams(_) => {}
+            Self::Tls(stream) => stream.tcp().suppress_wakeups(),
         }
     }
 
@@ -80,7 +87,8 @@ impl Socket {
                 stream.try_read(&mut bytes, most)
             }
             Self::Datagrams(_) => Err(io::ErrorKind::NotConnected.into()),
-            _ => (&*self.raw()).read(bytes),
+            Self::Tls(stream) => stream.peek_now(bytes),
+            Self::Tcp(_) | Self::Unix(_) => (&*self.raw()).read(bytes),
         }
     }
 
@@ -99,6 +107,7 @@ impl Socket {
             Self::Unix(stream) => SockRef::from(stream),
             Self::Shmem(stream) => SockRef::from(stream.tcp()),
             Self::Datagrams(socket) => SockRef::from(&**socket),
+            Self::Tls(stream) => SockRef::from(&**stream.tcp()),
         }
     }
 
@@ -106,14 +115,19 @@ impl Socket {
     pub(crate) fn tcp(&self) -> Option<&TcpStream> {
         match self {
             Self::Tcp(stream) => Some(stream),
-            Self::Unix(_) | Self::Shmem(_) | Self::Datagrams(_) => None,
+            Self::Unix(_) | Self::Shmem(_) | Self::Datagrams(_) | Self::Tls(_) => None,
         }
+    }
+
+    /// Returns whether what is said is encrypted.
+    pub(crate) fn is_encrypted(&self) -> bool {
+        matches!(self, Self::Tls(_))
     }
 }
 
 impl Socket {
-    /// Returns the same socket, registered with the current runtime. If that fails, the previous
-    /// registration remains; shared memory always keeps it.
+    /// The same socket, waited for by the runtime that this is called in. Where that cannot be had it
+    /// is waited for as before; shared memory and encrypted streams always are.
     pub(crate) fn renewed(self: &Arc<Self>) -> Arc<Self> {
         let copied = || self.as_fd().try_clone_to_owned();
         let renewed = match &**self {
@@ -125,7 +139,7 @@ impl Socket {
                     .map(|stream| Self::Tcp(Tcp::new(stream)))
             }
             Self::Unix(_) => copied().and_then(Unix::try_from).map(Self::Unix),
-            Self::Shmem(_) | Self::Datagrams(_) => return self.clone(),
+            Self::Shmem(_) | Self::Datagrams(_) | Self::Tls(_) => return self.clone(),
         };
         renewed.map_or_else(|_| self.clone(), Arc::new)
     }
@@ -138,6 +152,7 @@ impl AsFd for Socket {
             Self::Unix(stream) => stream.as_fd(),
             Self::Shmem(stream) => stream.tcp().as_fd(),
             Self::Datagrams(socket) => socket.as_fd(),
+            Self::Tls(stream) => stream.as_fd(),
         }
     }
 }
@@ -171,12 +186,24 @@ fn prepare_socket(socket: &SockRef<'_>) -> io::Result<()> {
     socket.set_tcp_keepalive(&asking)
 }
 
-/// Connects to a port, and performs the key handshake if the network has a key.
+/// Connects to a port, and shows it the key of the network if there is one. The connection is encrypted where the network
+/// requires it.
 pub(crate) async fn connect(
     peer: &str,
     host: &str,
     port: u16,
     network: &Network,
+) -> Result<Socket, PortError> {
+    connect_over(peer, host, port, network, Transport::Stream).await
+}
+
+/// As [`connect`], for a carrier of this transport.
+pub(crate) async fn connect_over(
+    peer: &str,
+    host: &str,
+    port: u16,
+    network: &Network,
+    transport: Transport,
 ) -> Result<Socket, PortError> {
     let stream = connect_only(peer, host, port, network.timeout()).await?;
     if let Some(key) = network.key() {
@@ -187,7 +214,44 @@ pub(crate) async fn connect(
             source,
         })?;
     }
-    Ok(stream)
+    let failed = |source| PortError::Encryption {
+        peer: peer.to_owned(),
+        address: format!("{host}:{port}"),
+        source,
+    };
+    let encrypts = secure(stream, host, network, transport == Transport::Encrypted).await;
+    encrypts.map_err(failed)
+}
+
+/// Encrypts a connection to `host` if it is `wanted` or the network requires it.
+async fn secure(
+    stream: Socket,
+    host: &str,
+    network: &Network,
+    wanted: bool,
+) -> Result<Socket, TlsError> {
+    let Some(tls) = network.tls() else {
+        return match wanted {
+            true => Err(TlsError::NotConfigured),
+            false => Ok(stream),
+        };
+    };
+    match stream {
+        Socket::Tcp(tcp) if wanted || concerns(tls, &tcp) => {
+            let encrypted = tls::initiate(tcp, host, tls).await?;
+            Ok(Socket::Tls(Box::new(encrypted)))
+        }
+        stream => Ok(stream),
+    }
+}
+
+/// Returns whether a connection has to be encrypted: it leads to another machine, and the network requires it.
+pub(crate) fn concerns(tls: &Tls, stream: &TcpStream) -> bool {
+    match (stream.local_addr(), stream.peer_addr()) {
+        (Ok(local), Ok(peer)) => tls.concerns(local.ip(), peer.ip()),
+        // It is not connected any more.
+        _ => true,
+    }
 }
 
 /// Connects to a TCP port with a deadline; small messages go out at once.

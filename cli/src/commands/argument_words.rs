@@ -3,6 +3,8 @@
 use yarp_wire::Value;
 use yarp_wire::settings::{Group, Settings};
 
+use crate::exposure::BindArgs;
+
 /// Removes `option` from the words; returns true if it was there.
 pub(super) fn take_flag(words: &mut Vec<String>, option: &str) -> bool {
     let before = words.len();
@@ -46,6 +48,11 @@ impl Options {
     pub(super) fn value(&self, name: &str) -> Option<Value> {
         let value = self.0.get(name).map(|setting| setting.value());
         value.or_else(|| self.has(name).then(|| "".into()))
+    }
+
+    /// Returns where ports are to listen.
+    pub(super) fn bind(&self) -> Result<BindArgs, String> {
+        BindArgs::from_settings(&self.0)
     }
 
     /// Returns all options as text.

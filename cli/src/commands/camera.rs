@@ -13,8 +13,9 @@ use yarp_wrappers::frame_grabber::Capability;
 use yarp_wrappers::{FrameGrabberOptions, FrameGrabberServer};
 
 use crate::error::Result;
-use crate::network_access;
+use crate::exposure::BindArgs;
 use crate::signals::Interrupt;
+use crate::{network_access, systemd_notify};
 
 /// show a test pattern, an image or a video as a camera
 ///
@@ -47,6 +48,8 @@ pub(crate) struct Args {
     /// Stream grey images
     #[arg(long)]
     raw: bool,
+    #[command(flatten)]
+    bind: BindArgs,
 }
 
 fn pattern(word: &str) -> std::result::Result<Pattern, String> {
@@ -57,7 +60,7 @@ fn pattern(word: &str) -> std::result::Result<Pattern, String> {
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     args.name.parse::<PortName>().map_err(PortError::from)?;
     let mut interrupt = Interrupt::listen();
-    let network = network_access::network()?;
+    let network = args.bind.apply(network_access::network()?);
     let scene = match args.src {
         Some(path) => Scene::File(path),
         None => Scene::Pattern(args.mode),
@@ -85,6 +88,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let server = opened?;
     let told = print_help(&args.name, out);
     if told.is_ok() {
+        systemd_notify::notify_ready();
         interrupt.interrupted().await;
     }
     server.close().await;

@@ -68,6 +68,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         return Ok(ExitCode::FAILURE);
     };
     write!(out, "\n\n")?;
+    crate::systemd_notify::notify_ready();
     let clock = Clock {
         began: Instant::now(),
         offset: if system { wall_clock() } else { 0.0 },

@@ -11,6 +11,7 @@ use yarp_wire::settings::{Origin, Parameters, Settings};
 use yarp_wire::{Bottle, Value, Vocab32};
 
 use crate::error::Result;
+use crate::exposure::{self, BindArgs};
 use crate::signals::Interrupt;
 use crate::{network_access, systemd_notify};
 
@@ -18,7 +19,8 @@ const COMPONENT: &str = "yarp.dev.Drivers";
 /// Exit code of stock's yarpdev without a name server.
 const NO_NETWORK: u8 = 255;
 /// Options of the command; all others belong to the device.
-const OURS: [&str; 9] = [
+const OURS: [&str; 10] = [
+    "bind",
     "device",
     "from",
     "context",
@@ -46,7 +48,7 @@ You can always move options to a configuration file:
 /// process. Then the device is parked and closed; a second signal ends at once.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// --device NAME, --from FILE, --context CONTEXT, --list, --nested "(a b) ...", --nopark, and the options of the
+    /// --device NAME, --from FILE, --context CONTEXT, --list, --nested "(a b) ...", --nopark, --bind ADDRESS, and the options of the
     /// device: --key value, --group::key value
     #[arg(
         value_name = "OPTION",
@@ -85,7 +87,13 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         }
         return Ok(ExitCode::SUCCESS);
     };
-    let network = Network::from_process()?;
+    let network = match BindArgs::from_settings(finder.settings()) {
+        Ok(bind) => bind.apply(Network::from_process()?),
+        Err(problem) => {
+            tracing::error!(target: COMPONENT, "{problem}");
+            return Ok(ExitCode::FAILURE);
+        }
+    };
     if !network_access::serves(&network, network.namespace()).await {
         tracing::error!(target: COMPONENT, "YARP network not available, check if yarp server is reachable");
         return Ok(ExitCode::from(NO_NETWORK));
@@ -182,6 +190,9 @@ async fn serve(
         }
     };
     tracing::info!(target: COMPONENT, "device active in background...");
+    if hosted.machine().is_some() {
+        exposure::warn_if_open(network, quit.trim_end_matches("/quit"));
+    }
     systemd_notify::notify_ready();
     tokio::select! {
         () = interrupt.interrupted() => {}

@@ -11,7 +11,9 @@ use yarp_wire::PortName;
 use yarp_wrappers::{ControlBoardOptions, ControlBoardServer, HandServer};
 
 use crate::error::Result;
+use crate::exposure::{self, BindArgs};
 use crate::signals::Interrupt;
+use crate::systemd_notify;
 
 /// serve a BarrettHand on a serial line as a control board
 ///
@@ -30,12 +32,14 @@ pub(crate) struct Args {
     /// Prefix of the names of the hand's ports
     #[arg(long, value_name = "PREFIX", default_value = "/hand")]
     name: String,
+    #[command(flatten)]
+    bind: BindArgs,
 }
 
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     args.name.parse::<PortName>().map_err(PortError::from)?;
     let mut interrupt = Interrupt::listen();
-    let network = Network::from_process()?;
+    let network = args.bind.apply(Network::from_process()?);
     let options = HandOptions::new(&args.serial).baud(args.baud);
     let path = args.serial.clone();
     let opening = tokio::task::spawn_blocking(move || ready(options, &path));
@@ -57,6 +61,8 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let told = writeln!(out, "Hand on {}, served as {}", args.serial, args.name);
     let told = told.and_then(|()| out.flush());
     if told.is_ok() {
+        exposure::warn_if_open(&network, &args.name);
+        systemd_notify::notify_ready();
         interrupt.interrupted().await;
     }
     whole.close().await;

@@ -11,6 +11,7 @@ use yarp_devices::hand::{BarrettHand, HandOptions};
 
 use crate::error::Result;
 use crate::signals::Interrupt;
+use crate::systemd_notify;
 
 /// serve a BarrettHand on a serial port to a driver elsewhere
 ///
@@ -50,6 +51,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         args.serial
     )?;
     out.flush()?;
+    systemd_notify::notify_ready();
     interrupt.interrupted().await;
     // Stops a motion in progress, which takes a moment.
     drop(server);

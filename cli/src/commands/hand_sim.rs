@@ -8,6 +8,7 @@ use yarp_devices::hand::simulated::{SimulatedHand, SimulatedHandOptions};
 
 use crate::error::Result;
 use crate::signals::Interrupt;
+use crate::systemd_notify;
 
 /// run a simulated BarrettHand on a serial line
 ///
@@ -39,6 +40,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let hand = SimulatedHand::start(options)?;
     writeln!(out, "{}", hand.path())?;
     out.flush()?;
+    systemd_notify::notify_ready();
     interrupt.interrupted().await;
     Ok(ExitCode::SUCCESS)
 }

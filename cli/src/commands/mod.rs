@@ -18,6 +18,8 @@ mod hand_node;
 #[cfg(unix)]
 mod hand_sim;
 mod help;
+#[cfg(feature = "tls")]
+mod keys;
 mod latency_test;
 mod merge;
 mod name;
@@ -81,6 +83,8 @@ pub(crate) enum Command {
     #[command(name = "hand-sim")]
     HandSim(hand_sim::Args),
     Help(help::Args),
+    #[cfg(feature = "tls")]
+    Keys(keys::Args),
     #[command(name = "latency-test")]
     LatencyTest(latency_test::Args),
     Merge(merge::Args),
@@ -119,6 +123,26 @@ pub(crate) enum Command {
 }
 
 impl Command {
+    /// Returns whether others depend on this command while it runs, so that it never waits for a reader of what it prints.
+    pub(crate) fn serves(&self) -> bool {
+        match self {
+            Self::Camera(_)
+            | Self::Clock(_)
+            | Self::Dev(_)
+            | Self::HandBoard(_)
+            | Self::HandNode(_)
+            | Self::Robotinterface(_)
+            | Self::Server(_)
+            | Self::Up(_)
+            | Self::WamNode(_) => true,
+            #[cfg(unix)]
+            Self::HandSim(_) => true,
+            #[cfg(unix)]
+            Self::Run(args) => args.serves(),
+            _ => false,
+        }
+    }
+
     /// Does it; gives the exit code.
     pub(crate) async fn run(self, prefixes: Prefixes, out: &mut dyn Write) -> Result<ExitCode> {
         match self {
@@ -139,6 +163,8 @@ impl Command {
             #[cfg(unix)]
             Self::HandSim(args) => hand_sim::run(args, out).await,
             Self::Help(args) => help::run(args, out),
+            #[cfg(feature = "tls")]
+            Self::Keys(args) => keys::run(args, out),
             Self::LatencyTest(args) => latency_test::run(args, out).await,
             Self::Merge(args) => merge::run(args, out).await,
             Self::Name(args) => name::run(args, out).await,

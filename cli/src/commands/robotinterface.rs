@@ -11,6 +11,7 @@ use yarp_wire::{Bottle, Value, Vocab32};
 use yarp_wrappers::thrift::{Item, Message};
 
 use crate::error::Result;
+use crate::exposure::{self, BindArgs};
 use crate::signals::Interrupt;
 use crate::{network_access, systemd_notify};
 
@@ -42,7 +43,7 @@ const HELP: [(&str, &str); 8] = [
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// --config FILE (or `config FILE` in yarprobotinterface.ini), --context CONTEXT, --portprefix /P, --dryrun,
-    /// --nopark, --enable_tags "(a b)", --disable_tags "(a b)", --allow-deprecated-dtd, and values for parameters that
+    /// --nopark, --enable_tags "(a b)", --disable_tags "(a b)", --allow-deprecated-dtd, --bind ADDRESS, and values for parameters that
     /// have an extern-name
     #[arg(
         value_name = "OPTION",
@@ -75,7 +76,13 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
     let parks = !settings.has("nopark");
-    let network = Network::from_process()?;
+    let network = match BindArgs::from_settings(settings) {
+        Ok(bind) => bind.apply(Network::from_process()?),
+        Err(problem) => {
+            tracing::error!(target: COMPONENT, "{problem}");
+            return Ok(ExitCode::FAILURE);
+        }
+    };
     if !network_access::serves(&network, network.namespace()).await {
         tracing::error!(target: COMPONENT, "Sorry YARP network does not seem to be available, is the yarp server available?");
         return Ok(ExitCode::FAILURE);
@@ -113,6 +120,7 @@ async fn live(
     interrupt: &mut Interrupt,
     mut told: watch::Receiver<bool>,
 ) -> bool {
+    let name = format!("/{}", robot.port_prefix);
     let mut starting = std::pin::pin!(RunningRobot::start(network, robot, progress.clone()));
     let mut heard = false;
     let started = loop {
@@ -130,6 +138,9 @@ async fn live(
     let mut well = robot.is_ready();
     if well {
         tracing::info!(target: COMPONENT, "running happily");
+        if robot.has_machine() {
+            exposure::warn_if_open(network, &name);
+        }
         systemd_notify::notify_ready();
         tokio::select! {
             () = interrupt.interrupted() => {}

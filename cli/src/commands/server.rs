@@ -7,7 +7,6 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
-use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use tokio::signal::unix::{SignalKind, signal};
 use yarp_nameserver::registry::Capacity;
 #[cfg(feature = "etcd")]
@@ -19,8 +18,10 @@ use yarp_ports::{PortError, addresses, error_chain};
 
 use super::argument_words::{take_flag, take_value};
 use crate::error::Result;
+use crate::output::error_line;
 use crate::signals::Interrupt;
 use crate::stock_format::{complain, leading_integer};
+use crate::{descriptors, systemd_notify};
 
 const BANNER: &str = r"
      ==========================
@@ -232,7 +233,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let (place, database) = match chosen {
         Ok(chosen) => chosen,
         Err(problem) => {
-            eprintln!("{problem}");
+            error_line(problem);
             complain(out, "Aborting.")?;
             return Ok(ExitCode::FAILURE);
         }
@@ -244,7 +245,6 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         }
         bind => bind.and_then(std::result::Result::ok),
     };
-    let bind = bind.filter(|address| !address.is_unspecified());
     let numbers = match args.ports.as_deref().map(parse_range) {
         Some(None) => {
             complain(out, "--ports: expected FIRST-LAST, such as 10002-10100")?;
@@ -257,6 +257,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         .namespace(&held.name)
         .multicast(configuration.default_port())
         .key(configuration.key().cloned())
+        .tls(configuration.tls().cloned())
         .roles(configuration.roles().clone())
         .gate(configuration.gate().clone());
     options.port_range = numbers;
@@ -288,7 +289,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         if let Some(text) = text
             && let Err(problem) = seconds(option, text).map(|seconds| *time = seconds)
         {
-            eprintln!("{problem}");
+            error_line(problem);
             complain(out, "Aborting.")?;
             return Ok(ExitCode::FAILURE);
         }
@@ -299,7 +300,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
             options.capacity = capacity;
         }
         Err(problem) => {
-            eprintln!("{problem}");
+            error_line(problem);
             complain(out, "Aborting.")?;
             return Ok(ExitCode::FAILURE);
         }
@@ -330,7 +331,8 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         config::write(&held.file, &place.to_string())?;
     }
     if !args.silent {
-        let is_open = bind.is_none_or(|address| !address.is_loopback());
+        let listens = bind.or_else(|| place.host.parse().ok());
+        let is_open = listens.is_none_or(|address| !address.is_loopback());
         if is_open && configuration.key().is_none() {
             tracing::warn!(
                 target: "yarp.serversql.Server",
@@ -342,6 +344,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         writeln!(out, "Name server can be browsed at http://{host}:{port}/")?;
         writeln!(out, "Ok. Ready!")?;
     }
+    systemd_notify::notify_ready();
     interrupt.interrupted().await;
     server.close().await;
     Ok(ExitCode::SUCCESS)
@@ -457,18 +460,8 @@ fn seconds(option: &str, text: &str) -> std::result::Result<Option<Duration>, St
 /// Raises the limit of file descriptors as far as the system allows; returns the number left for
 /// clients. The rest is for the database and for connections to ports.
 fn allow_many_connections() -> Option<usize> {
-    let limit = getrlimit(Resource::Nofile);
-    let most = Rlimit {
-        current: limit.maximum,
-        maximum: limit.maximum,
-    };
-    if let Err(error) = setrlimit(Resource::Nofile, most) {
-        tracing::debug!("at most {:?} connections at once: {error}", limit.current);
-    }
-    let allowed = usize::try_from(getrlimit(Resource::Nofile).current?);
-    allowed
-        .ok()
-        .map(|allowed| allowed.saturating_sub(OWN_DESCRIPTORS).max(allowed / 2))
+    let allowed = descriptors::raise_limit()?;
+    Some(allowed.saturating_sub(OWN_DESCRIPTORS).max(allowed / 2))
 }
 
 fn register_properties(
@@ -583,10 +576,10 @@ fn reachable(ip: &str) -> String {
     let best = addresses::best();
     let loopback = ip == "localhost" || ip.starts_with("127.");
     if loopback && best != ip {
-        eprintln!("Overriding loopback address for name server");
+        error_line("Overriding loopback address for name server");
         best
     } else if !loopback && !addresses::own().iter().any(|own| own == ip) {
-        eprintln!("Overriding non-local address for name server");
+        error_line("Overriding non-local address for name server");
         best
     } else {
         ip.to_owned()

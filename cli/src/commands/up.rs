@@ -19,8 +19,9 @@ use yarp_wrappers::{
 
 use crate::arm_selection::{Arm, LinkModeArgs};
 use crate::error::{Failure, Result};
-use crate::network_access;
+use crate::exposure::{self, BindArgs};
 use crate::signals::Interrupt;
+use crate::{network_access, systemd_notify};
 
 /// Ports of the arm, with their purposes.
 const PORTS: [(&str, &str); 6] = [
@@ -66,6 +67,8 @@ pub(crate) struct Args {
           value_parser = cartesian_version)]
     cartesian: Option<CartesianVersion>,
     #[command(flatten)]
+    bind: BindArgs,
+    #[command(flatten)]
     link_mode: LinkModeArgs,
 }
 
@@ -96,7 +99,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let arm = args.arm();
     let link_mode = args.link_mode.link_mode(true).map_err(Failure::LinkMode)?;
     let mut interrupt = Interrupt::listen();
-    let base = NameServerAccess::find(out).await?;
+    let base = NameServerAccess::find(args.bind, out).await?;
     let opened = tokio::select! {
         biased;
         () = interrupt.interrupted() => None,
@@ -123,6 +126,8 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     )
     .await;
     if told.is_ok() {
+        exposure::warn_if_open(&base.network, &args.name);
+        systemd_notify::notify_ready();
         interrupt.interrupted().await;
     }
     served.close().await;
@@ -137,10 +142,12 @@ struct NameServerAccess {
 }
 
 impl NameServerAccess {
-    /// Uses the configured name server if it answers, else starts one at the configured address.
-    async fn find(out: &mut dyn Write) -> Result<Self> {
+    /// The configured name server if it answers, else one of our own where the configuration says.
+    ///
+    /// A server of our own listens where its place is, if `bind` names an address; its ports listen at that address.
+    async fn find(bind: BindArgs, out: &mut dyn Write) -> Result<Self> {
         let configuration = Configuration::from_process()?;
-        let network = Network::from_process()?;
+        let network = bind.apply(Network::from_process()?);
         if let Some((namespace, _)) = configuration.name_server()
             && network_access::serves(&network, namespace).await
         {
@@ -157,15 +164,20 @@ impl NameServerAccess {
                     place: format!("{}:{}", server.host, server.port),
                 });
             }
-            None => NameServer::at(&addresses::best(), configuration.default_port()),
+            None => NameServer::at(&host_for(bind), configuration.default_port()),
         };
-        let options = ServerOptions::default()
+        let mut options = ServerOptions::default()
             .at(&place.host, place.port)
             .namespace(&held.name)
             .multicast(configuration.default_port())
             .key(configuration.key().cloned())
+            .tls(configuration.tls().cloned())
             .roles(configuration.roles().clone())
             .gate(configuration.gate().clone());
+        options.bind = match bind.address() {
+            Some(address) if !address.is_unspecified() => place.host.parse().ok(),
+            asked => asked,
+        };
         let server = Server::start(options).await?;
         if held.server.is_none() {
             if let Err(error) = config::write(&held.file, &place.to_string()) {
@@ -176,7 +188,7 @@ impl NameServerAccess {
         }
         Ok(Self {
             // The configuration that every other program will use.
-            network: Network::from_process()?,
+            network: bind.apply(Network::from_process()?),
             server: Some(server),
         })
     }
@@ -186,6 +198,12 @@ impl NameServerAccess {
             server.close().await;
         }
     }
+}
+
+/// Returns the address of a new name server: the one that ports are to listen at, else the best of this machine.
+fn host_for(bind: BindArgs) -> String {
+    let one = bind.address().filter(|address| !address.is_unspecified());
+    one.map_or_else(addresses::best, |address| address.to_string())
 }
 
 fn is_here(host: &str) -> bool {

@@ -9,6 +9,7 @@ use yarp_devices::embedded::{LinkMode, NodeOptions, WamNode};
 use crate::arm_selection::{Arm, LinkModeArgs};
 use crate::error::{Failure, Result};
 use crate::signals::Interrupt;
+use crate::systemd_notify;
 
 /// Interval between two checks of the connection to the driver.
 const STATUS_POLL_INTERVAL: Duration = Duration::from_millis(100);
@@ -56,6 +57,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         args.arm, places.arm, places.packets
     )?;
     out.flush()?;
+    systemd_notify::notify_ready();
     let told = print_events(&node, &mut interrupt, out).await;
     drop(node);
     told.map(|()| ExitCode::SUCCESS)

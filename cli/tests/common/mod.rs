@@ -97,15 +97,8 @@ impl Home {
 
     /// Starts a command that executes `yarp` with this configuration.
     pub(crate) fn spawn(&self, mut command: Command, line: &str) -> Running {
-        let mut child = command
-            .env("YARP_CONFIG_HOME", self.path())
-            // Files of the user must not be read.
-            .env("YARP_DATA_HOME", self.path().join("data"))
-            .env("YARP_PORT_RANGE", self.range.to_string())
-            .env_remove("YARP_NAMESPACE")
-            .env_remove("YARP_PORT_PREFIX")
-            .env_remove("YARP_IP")
-            .env_remove("YARP_QUIET")
+        let mut child = self
+            .prepare(&mut command)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
@@ -119,6 +112,19 @@ impl Home {
             out,
             err,
         }
+    }
+
+    /// Gives a command the environment of this home.
+    pub(crate) fn prepare<'a>(&self, command: &'a mut Command) -> &'a mut Command {
+        command
+            .env("YARP_CONFIG_HOME", self.path())
+            // Files of the user must not be read.
+            .env("YARP_DATA_HOME", self.path().join("data"))
+            .env("YARP_PORT_RANGE", self.range.to_string())
+            .env_remove("YARP_NAMESPACE")
+            .env_remove("YARP_PORT_PREFIX")
+            .env_remove("YARP_IP")
+            .env_remove("YARP_QUIET")
     }
 
     /// Runs `yarp` with these arguments and `input` on standard input.

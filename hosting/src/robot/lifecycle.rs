@@ -107,6 +107,13 @@ impl RunningRobot {
         self.ready
     }
 
+    /// Returns whether one of the devices is a machine that moves.
+    pub fn has_machine(&self) -> bool {
+        self.devices
+            .iter()
+            .any(|(_, device)| device.machine().is_some())
+    }
+
     /// Runs `interrupt1` and `shutdown`, parks local devices that no action parked, and closes the
     /// devices in reverse order. Returns true if everything succeeded.
     ///

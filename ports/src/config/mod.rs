@@ -7,6 +7,7 @@
 //! | `yarp.conf` | where the name server is: `HOST PORT [MODE]` |
 //! | `yarp_namespace.conf` | the names of the name servers to use, `/root` unless told otherwise |
 //! | `_NAME.conf` | where the name server called `/NAME` is |
+//! | `tls.conf` | certificates for encrypted connections; looked for where `auth.conf` is |
 //! | `auth.conf` | the key that all programs of the network share; also looked for elsewhere, see [`Directories::resources`] |
 //! | `roles.conf` | who may do what with which ports, see [`crate::roles`]; looked for like `auth.conf` |
 //!
@@ -55,6 +56,7 @@ use yarp_wire::http::Gate;
 
 use crate::own_names;
 use crate::roles::{self, Roles};
+use crate::tls::{self, Tls};
 
 /// Default TCP port of the name server, and UDP port of multicast detection.
 pub const DEFAULT_PORT: u16 = 10000;
@@ -68,6 +70,7 @@ pub struct Configuration {
     default_port: u16,
     bind: Option<Ipv4Addr>,
     key: Option<Key>,
+    tls: Option<Tls>,
     roles: Roles,
     gate: Gate,
 }
@@ -218,6 +221,13 @@ impl Configuration {
                 break;
             }
         }
+        let mut tls = None;
+        for file in directories.resources(&environment, tls::FILE) {
+            if let Some(text) = find(&file)? {
+                tls = Some(tls::load(&file, &text, find)?);
+                break;
+            }
+        }
         let roles = Roles::load(directories.resources(&environment, roles::FILE), find)?;
         Ok(Self {
             environment,
@@ -226,6 +236,7 @@ impl Configuration {
             default_port: default_port.unwrap_or(DEFAULT_PORT),
             bind,
             key,
+            tls,
             roles,
             gate,
         })
@@ -267,6 +278,11 @@ impl Configuration {
     /// Returns the key of `auth.conf`, if there is such a file.
     pub fn key(&self) -> Option<&Key> {
         self.key.as_ref()
+    }
+
+    /// Returns what encrypted connections need, if there is a `tls.conf`.
+    pub fn tls(&self) -> Option<&Tls> {
+        self.tls.as_ref()
     }
 
     /// Returns the roles of `roles.conf`.

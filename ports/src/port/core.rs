@@ -275,6 +275,8 @@ impl Core {
         let address = (found.host.as_str(), found.port);
         let wire_version = match self.options.peer_version {
             Some(wire_version) => Some(wire_version),
+            // Only ports of ours have the carrier, and they read both.
+            None if carrier.transport == Transport::Encrypted => None,
             None if carrier.protocol.payload_kind().are_binary() => {
                 version_probe::peer_version(&found.name, address, &self.network).await
             }

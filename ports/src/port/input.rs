@@ -69,6 +69,25 @@ pub(super) async fn serve(core: Arc<Core>, stream: TcpStream, guest: Guest) -> W
             return WasValid(false);
         }
     }
+    let mut ending = control_receiver.clone();
+    let secured = tokio::select! {
+        biased;
+        secured = accept_handshake::secure(stream, &core.network) => secured,
+        () = closing.cancelled() => return WasValid(true),
+        // The slot is given to another connection.
+        () = ending.ended() => return WasValid(true),
+    };
+    let stream = match secured {
+        Ok(Some(stream)) => stream,
+        Ok(None) => return WasValid(begun.elapsed() >= MIN_CONNECTION_LIFETIME),
+        Err(error) => {
+            if let Some(more) = core.bad_connections.pass(Instant::now()) {
+                let text = error_chain(&error);
+                tracing::warn!(port = %core.name, %address, "a connection of {address} is refused: {text}{more}");
+            }
+            return WasValid(false);
+        }
+    };
     let mut connection = Connection {
         acceptor: Acceptor::new(core.number, core.options.wire_version, core.options.limits)
             .with_gate(core.network.gate().clone()),
@@ -155,6 +174,10 @@ pub(super) enum End {
     Failed(io::Error),
     /// Its modifiers cannot be applied.
     Refused(MonitorError),
+    /// It came over HTTP, which the port does not take.
+    NoBrowsers,
+    /// It is not encrypted, and has to be; or what it asks for cannot be.
+    NotEncrypted,
     /// It continues in the other direction.
     Reversed,
     /// The peer lacks a right.
@@ -288,6 +311,16 @@ impl Connection {
             End::Failed(error) => {
                 tracing::debug!(%port, %from, "a connection failed: {error}");
                 return;
+            }
+            End::NoBrowsers => {
+                let address = self.address;
+                format!("refusing a connection of {address} over HTTP: this port takes none")
+            }
+            End::NotEncrypted => {
+                let address = self.address;
+                format!(
+                    "refusing a connection of {address}: it is not encrypted from end to end; see tls.conf"
+                )
             }
             End::Reversed => return self.into_output(),
             End::Gone(reason) => {

@@ -30,7 +30,7 @@ use crate::error::PortError;
 use crate::log_text::printable;
 use crate::network::{Endpoint, Network};
 use crate::remote_admin;
-use crate::socket::{ReadBuffer, Socket, connect, within, write_all};
+use crate::socket::{ReadBuffer, Socket, connect_over, within, write_all};
 use crate::transport_switch::{next_port, refusal, refuses, switch_transport};
 use crate::udp_socket;
 
@@ -372,7 +372,15 @@ async fn open(target: &Target<'_>) -> Result<(Socket, Initiator, ReadBuffer), Po
     let Endpoint {
         name, host, port, ..
     } = target.to;
-    let stream = connect(name, host, *port, target.network).await?;
+    let transport = target.carrier.transport;
+    let stream = connect_over(name, host, *port, target.network, transport).await?;
+    if stream.is_encrypted() && !transport.is_encryptable() {
+        let text = format!(
+            "{} is not encrypted, and tls.conf requires encryption between hosts; use tls or tcp",
+            target.carrier
+        );
+        return Err(target.lost(io::Error::new(io::ErrorKind::Unsupported, text)));
+    }
     let mut output = BytesMut::new();
     let sender = Sender {
         name: target.from.to_owned(),

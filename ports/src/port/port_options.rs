@@ -75,6 +75,7 @@ pub struct PortOptions {
     pub(crate) type_name: Option<String>,
     pub(crate) allows_any_writer: bool,
     pub(crate) modifiable: bool,
+    pub(crate) browsers: bool,
     pub(super) connection_limits: Option<ConnectionLimits>,
     pub(super) monitors: Vec<OwnMonitor>,
     pub(super) datagram_timeout: Duration,
@@ -111,6 +112,7 @@ impl Default for PortOptions {
             type_name: None,
             allows_any_writer: false,
             modifiable: true,
+            browsers: true,
             connection_limits: None,
             monitors: Vec::new(),
             datagram_timeout: DEFAULT_DATAGRAM_TIMEOUT,
@@ -222,6 +224,14 @@ impl PortOptions {
     /// the port, and pages never.
     pub fn deny_modification(mut self) -> Self {
         self.modifiable = false;
+        self
+    }
+
+    /// Refuses every connection that begins with an HTTP request, as those of browsers do: pages, frames, and images.
+    ///
+    /// For ports where a web page that a user happens to visit must not have a say, whatever it sends.
+    pub fn no_browsers(mut self) -> Self {
+        self.browsers = false;
         self
     }
 

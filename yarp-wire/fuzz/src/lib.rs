@@ -55,7 +55,7 @@ const DIALECTS: [WireVersion; 2] = [WireVersion::V3, WireVersion::V4];
 /// The carriers that transport bytes; in corpora the index here stands for a carrier.
 ///
 /// New ones are appended and none is ever removed, so that corpora keep their meaning.
-pub const CARRIERS: [&str; 13] = [
+pub const CARRIERS: [&str; 14] = [
     "name_ser",
     "tcp",
     "fast_tcp",
@@ -69,6 +69,7 @@ pub const CARRIERS: [&str; 13] = [
     "http",
     "mjpeg",
     "websocket",
+    "tls",
 ];
 
 /// Small bounds, so that they are reached.

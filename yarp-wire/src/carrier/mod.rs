@@ -14,6 +14,7 @@ mod specifier;
 mod tcp;
 mod text;
 mod text_ack;
+mod tls;
 mod udp;
 mod unix_stream;
 mod websocket;
@@ -34,6 +35,8 @@ pub const MAGIC: usize = 8;
 pub enum Transport {
     /// The connection of the header itself.
     Stream,
+    /// The connection of the header itself, which is encrypted from its first byte on; the driver does that.
+    Encrypted,
     /// Datagrams, to the port that the header reply names; the connection of the header ends.
     Datagrams,
     /// A socket of the file system, named after the TCP ports of the two ends of the header's
@@ -47,6 +50,13 @@ pub enum Transport {
     Local,
     /// Datagrams to a multicast group that the initiator names behind its header.
     Group,
+}
+
+impl Transport {
+    /// Returns whether messages stay inside a connection that is encrypted.
+    pub fn is_encryptable(self) -> bool {
+        matches!(self, Self::Stream | Self::Encrypted)
+    }
 }
 
 /// The description of a carrier.
@@ -75,7 +85,7 @@ pub struct Carrier {
 }
 
 /// Every carrier, in the order in which an acceptor tries them.
-pub static ALL: [&Carrier; 14] = [
+pub static ALL: [&Carrier; 15] = [
     &http::HTTP,
     &name_ser::NAME_SER,
     &local::LOCAL,
@@ -90,12 +100,18 @@ pub static ALL: [&Carrier; 14] = [
     &shmem::SHMEM,
     &mjpeg::MJPEG,
     &websocket::WEBSOCKET,
+    &tls::TLS,
 ];
 
 impl Carrier {
     /// Returns the carrier that these first bytes of a connection select.
     pub fn detect(magic: &[u8; MAGIC]) -> Option<&'static Self> {
         ALL.into_iter().find(|carrier| (carrier.recognises)(magic))
+    }
+
+    /// Returns whether connections begin with an HTTP request, as those of browsers do.
+    pub fn begins_with_http(&self) -> bool {
+        self.magic.starts_with(b"GET ")
     }
 
     /// Returns the carrier of this name, without modifiers.
@@ -165,11 +181,15 @@ mod tests {
         check(b"GET /?ws", Some("websocket"));
         check(b"GET /?wt", Some("http"));
         check(b"LOCALITY", Some("local"));
+        check(b"YARP_TLS", Some("tls"));
         check(b"GARBAGE!", None);
         check(b"YA\0\0\0\x80RP", None);
         for carrier in ALL {
             check(&carrier.magic, Some(carrier.name));
         }
+        let http = ALL.into_iter().filter(|carrier| carrier.begins_with_http());
+        let http: Vec<_> = http.map(|carrier| carrier.name).collect();
+        assert_eq!(http, ["http", "mjpeg", "websocket"]);
         let of = |spec: &str| Carrier::of(&spec.parse().unwrap()).unwrap().acknowledges;
         assert!(!of("unix_stream") && of("unix_stream+ack") && of("tcp") && !of("fast_tcp+ack"));
     }

@@ -35,7 +35,7 @@ impl Protocol for Indexed {
         input: &mut BytesMut,
     ) -> Box<dyn HandshakeDecoder> {
         let answer = match carrier.transport {
-            Transport::Stream => header_reply,
+            Transport::Stream | Transport::Encrypted => header_reply,
             // The driver knows the next transport.
             _ => |_, _: &mut BytesMut| (),
         };

@@ -39,7 +39,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let time = take_flag(&mut words, "--time") || args.time;
     let rate = take_flag(&mut words, "--rate") || args.rate;
     if words.iter().any(|word| word.starts_with('-')) {
-        eprintln!("[ERROR] Unrecognized option");
+        crate::output::error_line("[ERROR] Unrecognized option");
         words.clear();
     }
     let [port] = &words[..] else {

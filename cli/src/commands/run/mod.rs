@@ -1,7 +1,7 @@
 //! `yarp run`: commands on other machines, as stock's `yarprun` has them. Linux only.
 //!
-//! A server (`server`) accepts requests on a port to start, query and end commands (`client`).
-//! Requests and replies are stock's, recorded between peers of 3.5.0:
+//! A server (`server`) waits on a port for whoever wants a command started, asked about or ended (`client`); what is
+//! said there is stock's, seen between peers of 3.5.0:
 //!
 //! | request | reply |
 //! | --- | --- |
@@ -13,14 +13,14 @@
 //! | `(which ls)` | `/usr/bin/ls` |
 //! | `(exit)` | `"exit OK"`, and the server ends |
 //!
-//! **Whoever may send to that port may run anything as the user of the server**, in stock and here.
-//! Therefore every request needs the right to administer the port if a role of `roles.conf`
-//! concerns it, and the server logs that it is open if there is neither such a role nor a key.
+//! **Whoever may send to that port may run anything as the user of the server**, in stock and here. Therefore all of
+//! it needs the right to administer the port, if a role of `roles.conf` is about it; without such a role and without a key
+//! the server starts only with `--insecure`, or under the name of stock's program, `yarprun`. Browsers are never served.
 //!
-//! Each command is a process group (`process_table`), and signals go to the whole group. When the
-//! server ends, a small process beside it, the guard (`orphan_guard`), ends all remaining groups:
-//! it notices the end of its standard input, so even a killed server leaves nothing behind.
-//! Processes that leave their group (`setsid`) are not ended.
+//! Each command is a process group of its own (`processes`), signals go to all of it, and whatever is left when the
+//! server ends is ended by a small process beside it, the guard (`guard`): it notices the end of its standard input,
+//! so also a server that was killed leaves nothing behind. What a command makes independent of its group
+//! (`setsid`) is on its own.
 
 mod client;
 mod launch;
@@ -29,17 +29,18 @@ mod process_table;
 mod server;
 
 use std::fmt::Display;
-use std::io::{self, Write};
+use std::io::Write;
 use std::process::ExitCode;
 
 use super::argument_words::Options;
 use crate::error::Result;
+use crate::output::error_line;
 
 const USAGE: &str = "
 USAGE:
 
-yarp run --server SERVERPORT
-run a server on the local machine
+yarp run --server SERVERPORT [--bind ADDRESS] [--insecure]
+run a server on the local machine; without a key (auth.conf) or roles (roles.conf) only with --insecure
 
 yarp run --on SERVERPORT --as TAG --cmd COMMAND [ARGLIST] [--workdir WORKDIR] [--env ENVIRONMENT]
 run a command on SERVERPORT server
@@ -88,6 +89,13 @@ pub(crate) struct Args {
     words: Vec<String>,
 }
 
+impl Args {
+    /// Returns whether a server is to run.
+    pub(super) fn serves(&self) -> bool {
+        Options::parse(&self.words).text("server").is_some()
+    }
+}
+
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let options = Options::parse(&args.words);
     if options.has(GUARD_ARGUMENT) {
@@ -95,7 +103,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
     if let Some(name) = options.text("server") {
-        return server::serve(&name, out).await;
+        return server::serve(&name, &options, out).await;
     }
     match client::RunRequest::of(&options) {
         Ok(Some(wish)) => client::ask(&wish, &options, out).await,
@@ -110,7 +118,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     }
 }
 
-/// Prints a line on standard error, like stock. A server continues if standard error is closed.
+/// Prints a line on standard error, where stock has such lines. A server goes on when nobody is there to read it.
 fn note(line: impl Display) {
-    let _ = writeln!(io::stderr(), "{line}");
+    error_line(line);
 }

@@ -4,6 +4,7 @@ use std::env;
 use std::fs::File;
 use std::io::Write;
 use std::net::{IpAddr, Ipv4Addr};
+use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
 
@@ -17,9 +18,10 @@ use super::launch::Launch;
 use super::orphan_guard::OrphanGuard;
 use super::process_table::Processes;
 use super::{EXIT_FAILED, REPLY_ERROR, note};
+use crate::commands::argument_words::Options;
 use crate::error::Result;
-use crate::network_access;
 use crate::signals::Interrupt;
+use crate::{RUN_PROGRAM, network_access, systemd_notify};
 
 /// A peer with an address that is in no network, reserved for documentation (RFC 5737).
 const STRANGER: Peer<'static> = Peer {
@@ -28,8 +30,30 @@ const STRANGER: Peer<'static> = Peer {
 };
 
 /// Runs a server until a request or a signal ends it.
-pub(super) async fn serve(name: &str, out: &mut dyn Write) -> Result<ExitCode> {
-    let network = network_access::network()?;
+pub(super) async fn serve(name: &str, options: &Options, out: &mut dyn Write) -> Result<ExitCode> {
+    let bind = match options.bind() {
+        Ok(bind) => bind,
+        Err(problem) => {
+            note(format_args!("[ERROR] {problem}"));
+            return Ok(ExitCode::from(EXIT_FAILED));
+        }
+    };
+    let network = bind.apply(network_access::network()?);
+    if network.key().is_none() && may_administer(&network, name, STRANGER) {
+        let why = format!(
+            "there is no key (auth.conf), and no role (roles.conf) that is about {name}: whoever reaches it can run \
+             anything as the user of this server"
+        );
+        if !options.has("insecure") && !is_stock_program() {
+            note(format_args!(
+                "[ERROR] Not started: {why}. Add a key or roles, or give --insecure if that is what you want"
+            ));
+            return Ok(ExitCode::from(EXIT_FAILED));
+        }
+        tracing::warn!(target: "yarp.run", "********** INSECURE **********");
+        tracing::warn!(target: "yarp.run", "{why}");
+        tracing::warn!(target: "yarp.run", "******************************");
+    }
     let mut interrupt = Interrupt::listen();
     let processes = Arc::new(Processes::new(OrphanGuard::start()?));
     let ending = Arc::new(Notify::new());
@@ -43,18 +67,13 @@ pub(super) async fn serve(name: &str, out: &mut dyn Write) -> Result<ExitCode> {
     let options = PortOptions::new()
         .handler(move |received| handler.answer(received))
         .allow_any_writer()
+        .no_browsers()
         .input_only();
     let Some(port) = network_access::open(&network, name, options).await? else {
         note(format_args!("[ERROR] Yarprun failed to open port:  {name}"));
         processes.end().await;
         return Ok(ExitCode::from(EXIT_FAILED));
     };
-    if network.key().is_none() && may_administer(&network, name, STRANGER) {
-        tracing::warn!(
-            target: "yarp.run",
-            "There is no auth.conf, and no roles.conf that mentions {name}: every client that reaches it can run anything as the user of this server"
-        );
-    }
     // Tools find servers by this property.
     if let Err(error) = network.ask(&format!("set {name} yarprun true")).await {
         tracing::warn!(target: "yarp.run", "cannot mark {name} as a server of commands: {}", error.error_chain());
@@ -62,6 +81,7 @@ pub(super) async fn serve(name: &str, out: &mut dyn Write) -> Result<ExitCode> {
     // The two blanks are stock's.
     writeln!(out, "[INFO] Yarprun successfully started on port:  {name}")?;
     out.flush()?;
+    systemd_notify::notify_ready();
     tokio::select! {
         () = interrupt.interrupted_times(1) => {}
         () = ending.notified() => {}
@@ -69,6 +89,13 @@ pub(super) async fn serve(name: &str, out: &mut dyn Write) -> Result<ExitCode> {
     port.close().await;
     processes.end().await;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Returns whether this program was started under the name of stock's: then a server starts as stock's does, so that launch
+/// scripts keep working.
+fn is_stock_program() -> bool {
+    let path = env::args_os().next().unwrap_or_default();
+    Path::new(&path).file_name() == Some(RUN_PROGRAM.as_ref())
 }
 
 fn may_administer(network: &Network, name: &str, peer: Peer<'_>) -> bool {

@@ -1,20 +1,20 @@
-//! Benchmarks ours against stock in one run: round trips, one-way messages, datagrams, ports as
-//! used by browsers.
+//! Ours beside stock in one run: round trips, one-way messages, datagrams, ports as browsers meet them.
 //!
 //! ```text
 //! bench                 runs everything, prints tables with ratios
-//! bench only PART       one of round-trips, one-way, datagrams, pages, zenoh (`run.sh` builds its peer), or one carrier
+//! bench only PART       one of round-trips, encrypted, one-way, datagrams, pages, zenoh (`run.sh` builds its peer), or one carrier
 //! bench serve|count|call|send|look|show|publish|local ...   one peer of ours, as `bench/stock_peer.cpp` is one of stock's
 //! bench ping|pong|pour|sink ...                one end of a bare TCP connection
 //! bench question|listen|frames|frame-call ...  what a browser does at a port
 //! ```
 //!
 //! Every peer is a process of its own, of ours or of stock's, so that both do the same work. The
-//! stock side needs stock YARP: `STOCK` is its folder (see `conformance/README.md`).
+//! stock side needs stock YARP: `STOCK` names its folder (see `conformance/README.md`).
 
 mod browser_bench;
 mod browser_client;
 mod datagram_bench;
+mod encrypted;
 mod one_way;
 mod peer_processes;
 mod peer_programs;
@@ -41,6 +41,7 @@ fn main() -> ExitCode {
         ["only", part] => compare(part),
         _ => peer_programs::work(&words)
             .or_else(|| browser_client::work(&words))
+            .or_else(|| encrypted::work(&words))
             .unwrap_or_else(|| {
                 Err(
                     "usage: bench [only PART | serve NAME | count NAME | call NAME N | \
@@ -78,6 +79,13 @@ fn compare(part: &str) -> Result<(), Failure> {
     if part == "zenoh" {
         println!();
         return bench.beside_zenoh();
+    }
+    if all || part == "encrypted" {
+        println!();
+        bench.encrypted()?;
+    }
+    if part == "encrypted" {
+        return Ok(());
     }
     let of_pages = matches!(part, "pages" | "http" | "websocket");
     if !of_pages && !matches!(part, "round-trips" | "datagrams") {

@@ -53,9 +53,20 @@ impl Bench {
     }
 
     pub(crate) fn start(&self, side: Side, arguments: &[&str]) -> Result<Running, Failure> {
+        self.start_with(side, arguments, &[])
+    }
+
+    /// Starts a peer with these variables in its environment.
+    pub(crate) fn start_with(
+        &self,
+        side: Side,
+        arguments: &[&str],
+        variables: &[(&str, &str)],
+    ) -> Result<Running, Failure> {
         let program = self.program(side)?;
         let mut child = Command::new(&program)
             .args(arguments)
+            .envs(variables.iter().copied())
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())

@@ -41,7 +41,7 @@ pub(crate) fn work(words: &[&str]) -> Option<Result<(), Failure>> {
     })
 }
 
-fn peer(work: impl Future<Output = Result<(), Failure>>) -> Result<(), Failure> {
+pub(crate) fn peer(work: impl Future<Output = Result<(), Failure>>) -> Result<(), Failure> {
     tokio::runtime::Builder::new_multi_thread()
         .worker_threads(2)
         .enable_all()

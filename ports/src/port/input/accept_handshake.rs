@@ -9,13 +9,44 @@ use yarp_wire::connection::{ProtocolError, REFUSAL};
 use yarp_wire::protocol::{PayloadKind, header_reply};
 
 use super::{Connection, End, Next};
+use crate::network::Network;
 use crate::port::core::{Entry, InputEntry, is_port};
 use crate::port::monitor::{MonitorError, MonitorSide};
 use crate::port::port_options::{Input, Serving};
 use crate::port::socket_qos::SocketHandle;
 use crate::roles::Right;
 use crate::socket::{self, ReadBuffer, Socket};
+use crate::tls::{self, TlsError};
 use crate::{shmem, unix_socket, version_probe};
+
+/// The answer of a port that refuses browsers.
+const NO_BROWSERS: &str = "HTTP/1.1 403 Forbidden\r\nContent-Type: text/plain\r\nX-Content-Type-Options: nosniff\r\n\
+    Connection: close\r\n\r\nThis port takes no requests over HTTP.\r\n";
+
+/// Goes on encrypted if the peer begins so; refuses a plain connection where encryption is required. `None` if the peer has
+/// gone. Cancelling ends the connection.
+pub(super) async fn secure(stream: Socket, network: &Network) -> Result<Option<Socket>, TlsError> {
+    let (Some(tls), Some(tcp)) = (network.tls(), stream.tcp()) else {
+        return Ok(Some(stream));
+    };
+    let mut first = [0];
+    if tcp.peek(&mut first).await? == 0 {
+        return Ok(None);
+    }
+    if !tls::is_hello(first[0]) {
+        return match socket::concerns(tls, tcp) {
+            true => Err(TlsError::Plain),
+            false => Ok(Some(stream)),
+        };
+    }
+    match stream {
+        Socket::Tcp(tcp) => {
+            let encrypted = tls::accept(tcp, tls).await?;
+            Ok(Some(Socket::Tls(Box::new(encrypted))))
+        }
+        stream => Ok(Some(stream)),
+    }
+}
 
 impl Connection {
     /// Continues after the header: checks the rights of the peer and its modifiers.
@@ -26,6 +57,18 @@ impl Connection {
         group: Option<SocketAddrV4>,
     ) -> Next {
         self.sender = sender;
+        if carrier.begins_with_http() && !self.core.options.browsers {
+            self.output.clear();
+            self.output.extend_from_slice(NO_BROWSERS.as_bytes());
+            return Next::Stop(End::NoBrowsers);
+        }
+        let encrypted = self.stream.is_encrypted();
+        if carrier.transport == Transport::Encrypted && !encrypted
+            || encrypted && !carrier.transport.is_encryptable()
+        {
+            self.output.clear();
+            return Next::Stop(End::NotEncrypted);
+        }
         // A peer over a pushing carrier connects to write.
         let wants = match carrier.push {
             true => is_port(&self.sender.name).then_some(Right::Write),
@@ -53,7 +96,7 @@ impl Connection {
                     .put_refusal(carrier, &error, &mut self.output);
                 Next::Stop(End::Refused(error))
             }
-            (Ok(true), Transport::Stream) => Next::Go,
+            (Ok(true), Transport::Stream | Transport::Encrypted) => Next::Go,
             (Ok(true), Transport::UnixSocket) => Next::UnixSocket,
             (Ok(true), Transport::SharedMemory) => Next::SharedMemory,
             (Ok(true), _) => Next::Datagrams(group),
@@ -74,6 +117,8 @@ impl Connection {
             && goes_on
             && waits
             && carrier.protocol.payload_kind().are_binary()
+            // Stock has no such carrier.
+            && carrier.transport != Transport::Encrypted
             && is_port(&self.sender.name)
     }
 

@@ -50,7 +50,7 @@ pub(super) async fn run(
         }
         let written = match **stream {
             Socket::Unix(_) => write_polling(stream, send_queue, batch).await,
-            Socket::Tcp(_) | Socket::Shmem(_) | Socket::Datagrams(_) => {
+            Socket::Tcp(_) | Socket::Shmem(_) | Socket::Datagrams(_) | Socket::Tls(_) => {
                 write_batch(stream, send_queue, batch)
             }
         };
