@@ -34,22 +34,19 @@
 //! Tables 1, 2, 12, 13 and annex B.1 give the headers, the arrays, the acknowledgements `d` and `q` and the fields of
 //! the asynchronous packet. They do not specify the bytes. Version 1, as spoken here:
 //!
-//! 1. Doubles are IEEE-754 with 64 bits, ints signed with 32, both little-endian, without padding. `TCP_NODELAY` is
-//! on. 2. There are two connections: commands on 4321, asynchronous packets on 4323. Both are opened by the end that
-//! does not listen,
-//!    the one for commands first. One peer at a time: a further connection is closed.
-//! 3. The header determines the length of the body. `moc` and `gcp` carry x, y, z in **metres** (as the ancestor did;
-//! the thesis
-//!    computes in mm), then roll, pitch, yaw in rad ([`EulerXyz`](crate::kinematics::EulerXyz)). `moj` and `gja`
+//! 1. Doubles are IEEE-754 with 64 bits, ints signed with 32, both little-endian, without padding. `TCP_NODELAY` is on.
+//! 2. There are two connections: commands on 4321, asynchronous packets on 4323. Both are opened by the end that does not
+//!    listen, the one for commands first. One peer at a time: a further connection is closed.
+//! 3. The header determines the length of the body. `moc` and `gcp` carry x, y, z in **metres** (as the ancestor did; the
+//!    thesis computes in mm), then roll, pitch, yaw in rad ([`EulerXyz`](crate::kinematics::EulerXyz)). `moj` and `gja`
 //!    carry one angle in rad **for each joint of the arm**, 7 or 4: the tables have six, which no WAM has.
-//! 4. A query is answered `d` and its values. `q` has no reason beside it: the server's log has. An acknowledgement
+//! 4. A query is answered `d` and its values. `q` carries no reason: the log of the server has it. An acknowledgement
 //!    means that the arm took the command, not that it has finished.
-//! 5. An unknown header cannot be skipped: `q`, and the server closes. So it does with half a request after a second.
-//!    A number that is not finite, or a place outside limits: `q`, and the arm continues as before.
-//! 6. `gra` switches gravity compensation on, and the arm holds its position; until then it is idle and moves are
-//! refused.
-//!    The protocol has no word to switch it off: that is how a server starts.
-//! 7. `shu` is answered `d`, then the server closes. The arm holds, compensated: letting go of it is for the pendant.
+//! 5. An unknown header cannot be skipped: the server replies `q` and closes. It does the same with an incomplete request
+//!    after a second. A number that is not finite, or a position outside the limits: `q`, and the arm continues as before.
+//! 6. `gra` switches gravity compensation on, and the arm holds its position; until then it is idle and moves are refused.
+//!    The protocol has no request to switch it off: a server starts in that state.
+//! 7. `shu` is answered `d`, then the server closes. The arm holds, compensated; only the pendant releases it.
 //! 8. `trf` is about the newest move that was accepted when it comes. Its packet (sender 1, type 1) comes when that move ends,
 //!    at once if no move is in progress: done 1 when the arm has come to rest, 0 with the reason as text when a newer
 //!    move or a fault ended it. `queryid` counts the `trf` since the connection was opened, from 1; `replyid` the
@@ -59,8 +56,7 @@
 //!    connection, and compares `queryid`. Nothing is held back.
 //! 10. Commands are never queued (thesis, 5.4.1): while one move is being transmitted only the newest waits, an older
 //!     one that waits is refused. Questions, `gra` and `trf` go before a waiting move.
-//! 11. When the connection breaks, or is idle for long, the server stops the move and holds. No reconnection resumes
-//! it.
+//! 11. When the connection breaks, or is idle for long, the server stops the move and holds. No reconnection resumes it.
 
 mod backoff;
 mod cycle_timer;

@@ -8,8 +8,7 @@
 //! 2. `control_cycle.rs`: every period queries the positions of all pucks at once and sends packed torques, which
 //!    [`ArmControl`](super::ArmControl) computes; queries the safety module every few periods;
 //! 3. `can_wam.rs`: when the bus or a puck fails, commands the safety module to brake the arm, names the failed step
-//! and
-//!    the node, and reconnects.
+//!    and the node, and reconnects.
 //!
 //! No lock is held while waiting for the bus: calls of the device wait for the computation of a period at most.
 
