@@ -11,7 +11,7 @@ use crate::scene::{Scene, Table};
 /// Samples of each lamp's disc, and of the sky, for shadows on the table; at most 16.
 const SAMPLES: usize = 8;
 /// Samples of each lamp's disc for shadows on things.
-const FEW: usize = 4;
+const MIN_SAMPLES: usize = 4;
 /// Distance of the places at which light on the table is computed, m.
 const CELL: f32 = 0.002;
 /// Part of the ambient light that reaches a place that sees nothing of the sky.
@@ -256,9 +256,9 @@ impl Source {
         [pixel, alone]: [u64; 2],
     ) -> f32 {
         let from = place + normal * 2e-4;
-        let first = hash(pixel) as usize % (SAMPLES / FEW);
+        let first = hash(pixel) as usize % (SAMPLES / MIN_SAMPLES);
         let is_free = |step: usize| {
-            let sample = first + step * SAMPLES / FEW;
+            let sample = first + step * SAMPLES / MIN_SAMPLES;
             let towards = self.samples[sample] - from;
             !blockers.iter().any(|&index| {
                 let solid = &all[index];
@@ -271,14 +271,14 @@ impl Source {
         };
         // Mostly all samples agree: two that do are enough, and one where a pixel has several rays.
         let one = is_free(0);
-        if alone == 0 || one == is_free(FEW / 2) {
+        if alone == 0 || one == is_free(MIN_SAMPLES / 2) {
             return if one { 1.0 } else { 0.0 };
         }
         let free = 1
-            + (0..FEW)
-                .filter(|step| step % (FEW / 2) != 0 && is_free(*step))
+            + (0..MIN_SAMPLES)
+                .filter(|step| step % (MIN_SAMPLES / 2) != 0 && is_free(*step))
                 .count();
-        free as f32 / FEW as f32
+        free as f32 / MIN_SAMPLES as f32
     }
 }
 
@@ -432,4 +432,4 @@ impl Primitive {
     }
 }
 
-const _: () = assert!(SAMPLES <= 16 && SAMPLES % FEW == 0);
+const _: () = assert!(SAMPLES <= 16 && SAMPLES % MIN_SAMPLES == 0);
