@@ -38,6 +38,10 @@ pub(crate) enum Failure {
     /// A device could not be hosted.
     #[error(transparent)]
     Host(#[from] HostError),
+    /// A table was not made, or its images were not written.
+    #[cfg(all(unix, feature = "table"))]
+    #[error(transparent)]
+    Table(Box<dyn std::error::Error + Send + Sync>),
     /// The description of a robot is invalid.
     #[error(transparent)]
     Robot(#[from] RobotError),

@@ -92,6 +92,8 @@ suite "the page of the name server in a browser" "$python" conformance/web/name_
     --yarp "$ours" --with-stock "$with_stock" --out target/web
 suite "ports of ours in a browser" "$python" conformance/web/ports.py \
     --yarp "$ours" --pictures target/debug/examples/mjpeg_images --out target/web
+suite "pages of other origins in a browser" "$python" conformance/web/origins.py \
+    --yarp "$ours" --pictures target/debug/examples/mjpeg_images
 for server in ours stock; do
     suite "keys of auth.conf, server: $server" "$python" conformance/live/auth.py \
         --stock-yarp "$STOCK/bin/yarp" --our-yarp "$ours" --server "$server"

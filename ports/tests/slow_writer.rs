@@ -16,7 +16,7 @@ use yarp_wire::{Bottle, WireVersion, framed_number};
 /// Writers of each kind.
 const EACH: usize = 20;
 /// Instead of a second between two bytes of a writer: nothing in a port depends on it.
-const PAUSE: Duration = Duration::from_millis(5);
+const WRITE_INTERVAL: Duration = Duration::from_millis(5);
 
 /// Returns the bytes of each kind of writer, and the complete answers.
 fn kinds(port: u16) -> Vec<(Vec<u8>, Vec<u8>)> {
@@ -73,7 +73,7 @@ async fn a_byte_at_a_time_from_many() {
         let request = Bottle::of(at as i32);
         let reply: Bottle = within(caller.call(&request)).await.unwrap();
         assert_eq!(reply, request);
-        tokio::time::sleep(PAUSE).await;
+        tokio::time::sleep(WRITE_INTERVAL).await;
     }
     for (mut raw, _, answers) in slow {
         raw.expect(answers).await;
@@ -117,7 +117,7 @@ async fn a_byte_at_a_time_over_every_carrier() {
             true => payload[0],
             false => conversation.cuts("rest")[0],
         };
-        let conversation = conversation.slowly(PAUSE);
+        let conversation = conversation.slowly(WRITE_INTERVAL);
         slow.spawn(async move { conversation.hold(stream, cut).await });
         let caller = open("/caller", PortOptions::new().rpc_client()).await;
         connect(&caller, &port, "tcp").await;
@@ -133,7 +133,7 @@ async fn a_byte_at_a_time_over_every_carrier() {
         while let Some(done) = slow.try_join_next() {
             held.push(done.unwrap());
         }
-        tokio::time::sleep(PAUSE).await;
+        tokio::time::sleep(WRITE_INTERVAL).await;
     }
     assert!(questions > 0);
     assert_eq!(asked.load(Ordering::Relaxed), questions);

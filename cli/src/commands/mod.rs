@@ -42,6 +42,8 @@ mod sample;
 mod server;
 mod split;
 mod stats;
+#[cfg(all(unix, feature = "table"))]
+mod table;
 mod terminate;
 mod time;
 mod topic;
@@ -109,6 +111,8 @@ pub(crate) enum Command {
     Server(Box<server::Args>),
     Split(split::Args),
     Stats(stats::Args),
+    #[cfg(all(unix, feature = "table"))]
+    Table(table::Args),
     Terminate(terminate::Args),
     Time(time::Args),
     Topic(topic::Args),
@@ -186,6 +190,8 @@ impl Command {
             Self::Server(args) => server::run(*args, out).await,
             Self::Split(args) => split::run(args, out).await,
             Self::Stats(args) => stats::run(args, out).await,
+            #[cfg(all(unix, feature = "table"))]
+            Self::Table(args) => table::run(args, out).await,
             Self::Terminate(args) => terminate::run(args, out).await,
             Self::Time(args) => time::run(args, out).await,
             Self::Topic(args) => topic::run(args, out).await,

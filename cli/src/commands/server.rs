@@ -215,6 +215,42 @@ impl Args {
         let memory = number("--max-memory", &self.max_memory, 1 << 20)?;
         Ok((connections, Capacity::of(names, memory)))
     }
+
+    /// Sets the timeouts, intervals and limits of the options.
+    fn apply_limits(&self, options: &mut ServerOptions) -> std::result::Result<(), String> {
+        let limits = &mut options.connection_limits;
+        let times = [
+            (
+                "--probe-interval",
+                &self.probe_interval,
+                &mut options.probe_interval,
+            ),
+            (
+                "--expire-after",
+                &self.expire_after,
+                &mut options.expire_after,
+            ),
+            (
+                "--handshake-timeout",
+                &self.handshake_timeout,
+                &mut limits.handshake_timeout,
+            ),
+            (
+                "--idle-timeout",
+                &self.idle_timeout,
+                &mut limits.idle_timeout,
+            ),
+        ];
+        for (option, text, time) in times {
+            if let Some(text) = text {
+                *time = seconds(option, text)?;
+            }
+        }
+        let (connections, capacity) = self.limits()?;
+        limits.max_connections = Some(connections);
+        options.capacity = capacity;
+        Ok(())
+    }
 }
 
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
@@ -263,47 +299,10 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     options.port_range = numbers;
     options.bind = bind;
     options.replace = args.replace;
-    let times = [
-        (
-            "--probe-interval",
-            &args.probe_interval,
-            &mut options.probe_interval,
-        ),
-        (
-            "--expire-after",
-            &args.expire_after,
-            &mut options.expire_after,
-        ),
-        (
-            "--handshake-timeout",
-            &args.handshake_timeout,
-            &mut options.connection_limits.handshake_timeout,
-        ),
-        (
-            "--idle-timeout",
-            &args.idle_timeout,
-            &mut options.connection_limits.idle_timeout,
-        ),
-    ];
-    for (option, text, time) in times {
-        if let Some(text) = text
-            && let Err(problem) = seconds(option, text).map(|seconds| *time = seconds)
-        {
-            error_line(problem);
-            complain(out, "Aborting.")?;
-            return Ok(ExitCode::FAILURE);
-        }
-    }
-    match args.limits() {
-        Ok((connections, capacity)) => {
-            options.connection_limits.max_connections = Some(connections);
-            options.capacity = capacity;
-        }
-        Err(problem) => {
-            error_line(problem);
-            complain(out, "Aborting.")?;
-            return Ok(ExitCode::FAILURE);
-        }
+    if let Err(problem) = args.apply_limits(&mut options) {
+        error_line(problem);
+        complain(out, "Aborting.")?;
+        return Ok(ExitCode::FAILURE);
     }
     let most = options.connection_limits.max_connections.as_mut();
     if let (Some(most), Some(allowed)) = (most, allow_many_connections()) {

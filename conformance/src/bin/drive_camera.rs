@@ -121,6 +121,11 @@ fn drive(checks: &mut Checks, camera: &RemoteFrameGrabber, generation: &str, str
         camera.set_feature(Feature::Gain, 0.5),
         |()| true,
     );
+    drive_features(checks, camera, generation);
+}
+
+/// Checks features and their modes, which servers of 3.x do not report.
+fn drive_features(checks: &mut Checks, camera: &RemoteFrameGrabber, generation: &str) {
     if generation == "4.0" {
         checks.check("a knob", camera.feature(Feature::Gain), |value| {
             *value == 0.5

@@ -1,4 +1,4 @@
-//! Longer and longer pauses between attempts.
+//! Increasing delays between attempts.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -51,6 +51,8 @@ pub(super) fn sleep_until(deadline: Instant, ending: &AtomicBool) {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::{Arc, mpsc};
+
     use super::*;
 
     #[test]
@@ -64,8 +66,25 @@ mod tests {
     }
 
     #[test]
-    fn an_end_is_noticed_at_once() {
-        let ending = AtomicBool::new(true);
-        Backoff::new(Duration::from_secs(600), Duration::from_secs(600)).wait(&ending);
+    fn an_end_interrupts_a_wait_that_would_last_minutes() {
+        let ending = Arc::new(AtomicBool::new(false));
+        let (sender, returned) = mpsc::channel();
+        let waiter = thread::spawn({
+            let ending = ending.clone();
+            move || {
+                Backoff::new(Duration::from_secs(600), Duration::from_secs(600)).wait(&ending);
+                sender.send(()).ok();
+            }
+        });
+        let early = returned.recv_timeout(Duration::from_millis(20));
+        assert!(early.is_err(), "the wait ended by itself");
+        // An unpark alone, as other code may cause one, does not end it.
+        waiter.thread().unpark();
+        let early = returned.recv_timeout(Duration::from_millis(20));
+        assert!(early.is_err(), "the wait ended without being told");
+        ending.store(true, Ordering::Release);
+        waiter.thread().unpark();
+        let ended = returned.recv_timeout(Duration::from_secs(60));
+        assert!(ended.is_ok(), "the wait was not interrupted");
     }
 }

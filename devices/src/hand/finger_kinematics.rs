@@ -78,6 +78,14 @@ pub fn tip(finger: Finger, joints: &FingerJoints) -> TipPose {
     outer * row(A3, -FRAC_PI_2, D3, 0.0)
 }
 
+/// Returns the frames of the finger's three links in the palm's frame: the one that spreads, the inner and the outer one.
+///
+/// The x axis of the inner and of the outer frame is along the link, away from its joint, which is the origin.
+pub fn link_frames(finger: Finger, joints: &FingerJoints) -> [TipPose; 3] {
+    let (spread, inner, outer) = frames(finger, joints);
+    [spread, inner, outer]
+}
+
 /// The place of the outer joint in the palm's frame, m.
 pub fn outer_joint(finger: Finger, joints: &FingerJoints) -> Vector3<f64> {
     frames(finger, joints).2.translation.vector

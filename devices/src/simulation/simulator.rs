@@ -96,6 +96,7 @@ pub struct Simulator<const N: usize> {
     commands: [f64; N],
     push: Vector3<f64>,
     twist: Joints<N>,
+    contact: Joints<N>,
     load: Body,
     random: Random,
     thermal: ThermalModel<N>,
@@ -127,6 +128,7 @@ impl<const N: usize> Simulator<N> {
             commands: [0.0; N],
             push: Vector3::zeros(),
             twist: Joints::zeros(),
+            contact: Joints::zeros(),
             load: Body::default(),
             random: Random::new(options.seed),
             thermal: ThermalModel::at_rest(),
@@ -273,6 +275,17 @@ impl<const N: usize> Simulator<N> {
         self.twist = torques.map(|value| within(value, MAX_PUSH));
     }
 
+    /// Sets the torques that contact with other bodies puts on the joints, Nm, until told otherwise; they add to those of
+    /// [`push`](Self::push) and [`twist`](Self::twist). Not a number counts as 0.
+    pub fn set_contact_torques(&mut self, torques: Joints<N>) {
+        self.contact = torques.map(|value| within(value, MAX_PUSH));
+    }
+
+    /// Returns the torques that contact with other bodies puts on the joints, Nm.
+    pub fn contact_torques(&self) -> Joints<N> {
+        self.contact
+    }
+
     /// The speed the safety module judges: of the elbow or of the end of the forearm, m/s.
     pub fn speed(&self) -> f64 {
         if N <= ELBOW {
@@ -345,11 +358,12 @@ impl<const N: usize> Simulator<N> {
 
     /// Returns the joint torques of the external forces.
     fn pushed(&self) -> Joints<N> {
+        let twist = self.twist + self.contact;
         if self.push == Vector3::zeros() {
-            return self.twist;
+            return twist;
         }
         let (_, jacobian) = self.model.chain.forward_and_jacobian(&self.plant.angles);
-        self.twist + jacobian.fixed_rows::<3>(0).transpose() * self.push
+        twist + jacobian.fixed_rows::<3>(0).transpose() * self.push
     }
 
     /// The energy of the whole arm, J: of motion and of height.

@@ -7,6 +7,7 @@ use nalgebra::Vector3;
 use super::arm_device::{ArmDevice, ControlledArm};
 use super::{AXES, ArmControl, WamModel, dynamic_variables};
 use crate::can::puck::PuckProperty;
+use crate::kinematics::Joints;
 use crate::simulation::{
     MAX_TEMPERATURE, SUPPLY_VOLTAGE, SafetyMode, SafetyModule, Simulator, SimulatorOptions,
 };
@@ -81,6 +82,13 @@ impl DynamicArm {
     /// The safety module, to press its buttons: the next period sees it.
     pub fn safety_mut(&mut self) -> &mut SafetyModule {
         self.simulator.safety_mut()
+    }
+
+    /// Puts the arm into another pose, at rest, as by hand; it holds there.
+    pub fn place(&mut self, joints: &Joints<AXES>) {
+        self.simulator.place(joints);
+        self.control.forget_motion(self.simulator.counts());
+        self.control.hold();
     }
 
     /// Pushes the tool with a force in the base frame, N, until the next call.

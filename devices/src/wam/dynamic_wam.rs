@@ -8,6 +8,7 @@ use super::arm_device::{ArmDevice, Shared};
 use super::periodic_timer::PeriodicTimer;
 use super::{AXES, DynamicArm, WamModel};
 use crate::DeviceError;
+use crate::kinematics::Joints;
 use crate::simulation::SimulatorOptions;
 
 /// A simulated seven-joint WAM arm that behaves like the machine: see [`DynamicArm`].
@@ -47,14 +48,35 @@ impl ArmDevice<DynamicArm> {
         model: WamModel<AXES>,
         options: SimulatorOptions,
     ) -> Result<Self, DeviceError> {
+        Self::start_among(model, options, options.period, |_| None)
+    }
+
+    /// Starts an arm among other bodies.
+    ///
+    /// * `period`: real time between two control periods; another one than that of `options` makes time pass faster or
+    ///   slower.
+    /// * `surroundings`: called after each control period with the true joint angles, rad, while nobody is kept from the
+    ///   arm; returns the torques that contact puts on the joints during the next, Nm, or `None` to leave them.
+    ///
+    /// Errors: [`DeviceError::Start`] when the machine has no thread left.
+    pub fn start_among(
+        model: WamModel<AXES>,
+        options: SimulatorOptions,
+        period: Duration,
+        surroundings: impl FnMut(&Joints<AXES>) -> Option<Joints<AXES>> + Send + 'static,
+    ) -> Result<Self, DeviceError> {
         let arm = DynamicArm::new(model, options);
         Self::spawn(arm, "dynamic-wam", move |shared| {
-            run(shared, options.period);
+            run(shared, period, surroundings);
         })
     }
 }
 
-fn run(shared: &Shared<DynamicArm>, period: Duration) {
+fn run(
+    shared: &Shared<DynamicArm>,
+    period: Duration,
+    mut surroundings: impl FnMut(&Joints<AXES>) -> Option<Joints<AXES>>,
+) {
     let mut pace = PeriodicTimer::new(period);
     let mut fault = None;
     while pace.wait(|| shared.is_ending()) {
@@ -62,7 +84,12 @@ fn run(shared: &Shared<DynamicArm>, period: Duration) {
         timed.arm.tick();
         timed.stamp();
         let found = timed.arm.simulator().safety().fault();
+        let angles = timed.arm.simulator().angles();
         drop(timed);
+        if let Some(torques) = surroundings(&angles) {
+            let mut timed = shared.lock();
+            timed.arm.simulator_mut().set_contact_torques(torques);
+        }
         if found != fault {
             if let Some(why) = found {
                 warn!(%why, "the safety module stopped the simulated arm");

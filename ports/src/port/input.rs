@@ -370,24 +370,12 @@ impl Connection {
                     }
                 };
                 match next {
-                    // Who asks much at once and does not read is answered no further.
-                    Next::Go if self.output.len() > UNSENT => {
-                        if let Err(error) = socket::write_all(&self.stream, &mut self.output).await
-                        {
+                    Next::Go if self.is_turn_over(&mut work) => {
+                        if let Err(error) = self.end_turn().await {
                             return error.into();
                         }
                     }
-                    // Others have their turn, too, however much has come at once.
-                    Next::Go => {
-                        work += match self.output.is_empty() {
-                            true => 1,
-                            false => ANSWERED,
-                        };
-                        if work >= TURN {
-                            work = 0;
-                            tokio::task::yield_now().await;
-                        }
-                    }
+                    Next::Go => {}
                     Next::UnixSocket => match Box::pin(self.switch_to_unix_socket()).await {
                         Ok(()) => {}
                         Err(error) => return error.into(),
@@ -442,6 +430,32 @@ impl Connection {
                 Err(error) => return error.into(),
             }
         }
+    }
+
+    /// Counts a handled message; returns whether its answers must be sent, or other tasks must run, before the next one.
+    fn is_turn_over(&mut self, work: &mut usize) -> bool {
+        // A peer that requests much and reads nothing gets no further answers.
+        if self.output.len() > UNSENT {
+            return true;
+        }
+        *work += match self.output.is_empty() {
+            true => 1,
+            false => ANSWERED,
+        };
+        let over = *work >= TURN;
+        if over {
+            *work = 0;
+        }
+        over
+    }
+
+    /// Sends the answers if there are many, otherwise lets other tasks run.
+    async fn end_turn(&mut self) -> std::io::Result<()> {
+        if self.output.len() > UNSENT {
+            return socket::write_all(&self.stream, &mut self.output).await;
+        }
+        tokio::task::yield_now().await;
+        Ok(())
     }
 
     /// Takes note of how much of a message has arrived; tells whether the process has room for it.

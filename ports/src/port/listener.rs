@@ -1,7 +1,7 @@
 //! Listening and accepting.
 
 use std::io;
-use std::net::Ipv4Addr;
+use std::net::{IpAddr, Ipv4Addr};
 use std::sync::{Arc, Once};
 use std::time::{Duration, Instant};
 
@@ -113,6 +113,9 @@ pub(super) fn log_missing_key() {
     });
 }
 
+/// Wait after a failed accept.
+const ACCEPT_RETRY_INTERVAL: Duration = Duration::from_millis(50);
+
 /// Accepts connections until the port closes, then waits for them to end.
 pub(super) async fn listen(core: Arc<Core>, listener: TcpListener) {
     let mut connections = JoinSet::new();
@@ -157,14 +160,7 @@ pub(super) async fn listen(core: Arc<Core>, listener: TcpListener) {
                         tokio::spawn(connection_slots::ask_about_peers(core.network.clone()));
                     }
                     let Some(slot) = slot else {
-                        if let Some(more) = refusals.pass(now) {
-                            tracing::warn!(
-                                port = %core.name, address = %peer.ip(),
-                                "turning away a connection from {}: all {} places of this process are taken by \
-                                 ports; raise `ulimit -n`{more}",
-                                peer.ip(), limits::connections(),
-                            );
-                        }
+                        log_no_slot(&core, &refusals, peer.ip());
                         continue;
                     };
                     if let Some(due) = due && (!awaits_headers || header_due.deadline() > due.into()) {
@@ -194,15 +190,8 @@ pub(super) async fn listen(core: Arc<Core>, listener: TcpListener) {
                     }
                 }
                 Err(error) => {
-                    if let Some(more) = failures.pass(Instant::now()) {
-                        tracing::warn!(port = %core.name, "cannot accept: {error}{more}");
-                    }
-                    if is_out_of_descriptors(&error) {
-                        let made = table.as_ref().is_some_and(|table| table.evict_one());
-                        let _ = made || connection_slots::process().make_room();
-                    }
-                    // Most likely out of descriptors: give others time to free some.
-                    tokio::time::sleep(Duration::from_millis(50)).await;
+                    log_failure(&core, &failures, &error);
+                    recover(&error, table.as_ref()).await;
                 }
             },
             () = &mut silence, if table.is_some() => {
@@ -227,4 +216,32 @@ pub(super) async fn listen(core: Arc<Core>, listener: TcpListener) {
     }
     drop(listener);
     join(connections).await;
+}
+
+/// Logs a connection that is refused because no slot of the process is free.
+fn log_no_slot(core: &Core, refusals: &LogLimit, address: IpAddr) {
+    if let Some(more) = refusals.pass(Instant::now()) {
+        tracing::warn!(
+            port = %core.name, %address,
+            "refusing a connection from {address}: all {} connections of this process are in use by ports; \
+             raise `ulimit -n`{more}",
+            limits::connections(),
+        );
+    }
+}
+
+/// Logs a failed accept.
+fn log_failure(core: &Core, failures: &LogLimit, error: &io::Error) {
+    if let Some(more) = failures.pass(Instant::now()) {
+        tracing::warn!(port = %core.name, "cannot accept: {error}{more}");
+    }
+}
+
+/// Frees a descriptor after a failed accept, and waits until others may have freed some.
+async fn recover(error: &io::Error, table: Option<&Arc<ConnectionTable>>) {
+    if is_out_of_descriptors(error) {
+        let freed = table.is_some_and(|table| table.evict_one());
+        let _ = freed || connection_slots::process().make_room();
+    }
+    tokio::time::sleep(ACCEPT_RETRY_INTERVAL).await;
 }

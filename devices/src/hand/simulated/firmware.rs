@@ -6,7 +6,7 @@ use super::super::gcl::{
 };
 use super::hand_motion::{Motion, Purpose, strain};
 use super::parameter_values::Settings;
-use super::simulated_motor::{Drive, Object, SimulatedMotor};
+use super::simulated_motor::{Drive, Load, Object, SimulatedMotor};
 
 /// Start-up time of the hand after power-up, s.
 const BOOT_TIME: f64 = 0.5;
@@ -172,6 +172,16 @@ impl Firmware {
     /// Puts something in the way of a motor, or takes it away.
     pub fn set_object(&mut self, motor: Motor, object: Option<Object>) {
         self.motors[motor.index()].object = object;
+    }
+
+    /// Sets what contact does to the finger of a motor, until told otherwise; the spread feels nothing.
+    pub fn set_load(&mut self, motor: Motor, load: Load) {
+        self.motors[motor.index()].load = load;
+    }
+
+    /// Returns where the clutch of each finger is disengaged, counts; `None` while it is engaged.
+    pub fn clutches(&self) -> [Option<f64>; 3] {
+        [Motor::F1, Motor::F2, Motor::F3].map(|motor| self.motors[motor.index()].clutch())
     }
 
     /// Makes it this hot, °C.

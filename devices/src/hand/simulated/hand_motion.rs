@@ -2,7 +2,7 @@
 
 use super::super::gcl::{Motor, MotorSet, Status, Verb};
 use super::parameter_values::Settings;
-use super::simulated_motor::{Drive, SimulatedMotor};
+use super::simulated_motor::{Drive, Load, SimulatedMotor};
 
 /// Counts/s per unit of `MCV` and `MOV`: makes the data sheet's 1.0 s and 0.5 s of the defaults.
 const FINGER_UNIT: f64 = 175.0;
@@ -171,7 +171,11 @@ impl Motion {
 pub(super) fn strain(motor: Motor, moved: &SimulatedMotor) -> i32 {
     match motor {
         Motor::Spread => 255,
-        // About a hundred per Nm; a stall presses with as much as the object bears.
+        // About a hundred per Nm about the outer joint.
+        _ if moved.load != Load::default() => {
+            128 + (moved.load.outer * 100.0).clamp(-127.0, 126.0) as i32
+        }
+        // A stall presses with as much as the object bears.
         _ if moved.pushing() > 0.0 => {
             let torque = moved.object.map_or(1.0, |object| object.torque.min(1.0));
             128 + (torque * 100.0) as i32

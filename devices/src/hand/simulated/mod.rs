@@ -24,4 +24,4 @@ mod simulated_motor;
 pub use firmware::Firmware;
 pub use line_noise::Noise;
 pub use simulated_hand::{SimulatedHand, SimulatedHandOptions};
-pub use simulated_motor::{BREAKAWAY_TORQUE, Object};
+pub use simulated_motor::{BREAKAWAY_TORQUE, Load, Object, STALL_TORQUE};

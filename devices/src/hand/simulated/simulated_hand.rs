@@ -12,7 +12,7 @@ use super::super::gcl::Motor;
 use super::firmware::Firmware;
 use super::line_noise::{Noise, NoisyLine};
 use super::pseudo_terminal::Terminal;
-use super::simulated_motor::Object;
+use super::simulated_motor::{Load, Object};
 use crate::DeviceError;
 
 /// Bits on the line per byte: start, eight, stop.
@@ -203,6 +203,16 @@ impl SimulatedHand {
     /// Puts something in the way of a motor, or takes it away.
     pub fn set_object(&self, motor: Motor, object: Option<Object>) {
         self.world().firmware.set_object(motor, object);
+    }
+
+    /// Sets what contact does to each finger, and returns the positions of all motors and where the clutches of the fingers
+    /// are disengaged, counts: as [`Firmware::set_load`], [`Firmware::positions`] and [`Firmware::clutches`].
+    pub fn exchange(&self, loads: &[Load; 3]) -> ([f64; 4], [Option<f64>; 3]) {
+        let mut world = self.world();
+        for (motor, load) in [Motor::F1, Motor::F2, Motor::F3].into_iter().zip(loads) {
+            world.firmware.set_load(motor, *load);
+        }
+        (world.firmware.positions(), world.firmware.clutches())
     }
 
     /// Makes the hand this hot, °C.

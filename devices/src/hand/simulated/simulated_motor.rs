@@ -27,6 +27,19 @@ pub struct Object {
     pub torque: f64,
 }
 
+/// Torque at the outer joint at which the motor stalls once the clutch has let go, Nm: 20 N at the fingertip, 55 mm from
+/// that joint. The manual's figure 25 has up to 25 N.
+pub const STALL_TORQUE: f64 = 1.1;
+
+/// Torques that contact puts on a finger, against closing, Nm.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Load {
+    /// About the inner joint, of all forces on both links.
+    pub inner: f64,
+    /// About the outer joint, of the forces on the outer link.
+    pub outer: f64,
+}
+
 /// Command of a motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Drive {
@@ -47,6 +60,10 @@ pub(super) struct SimulatedMotor {
     speed: f64,
     pub(super) drive: Drive,
     pub(super) object: Option<Object>,
+    /// What contact does to the finger; an alternative to an object in the way.
+    pub(super) load: Load,
+    /// Where the clutch is disengaged, counts.
+    clutch: Option<f64>,
     /// Something else holds it, such as closed fingers the spread.
     pub(super) blocked: bool,
     breakaway: Option<f64>,
@@ -66,6 +83,8 @@ impl SimulatedMotor {
             speed: 0.0,
             drive: Drive::Off,
             object: None,
+            load: Load::default(),
+            clutch: None,
             blocked: false,
             breakaway: None,
             pushing: 0.0,
@@ -83,6 +102,11 @@ impl SimulatedMotor {
 
     pub(super) fn travelled(&self) -> f64 {
         self.travelled
+    }
+
+    /// Returns where the clutch is disengaged, counts; `None` while it is engaged.
+    pub(super) fn clutch(&self) -> Option<f64> {
+        self.clutch
     }
 
     /// Returns the position at which the clutch released, counts.
@@ -137,22 +161,39 @@ impl SimulatedMotor {
         self.speed += (wanted - self.speed).clamp(-change, change);
         let free = self.position + self.speed * seconds;
         let (open, closed) = self.stops();
-        let reached = match self.blocked {
+        let reached = match self.blocked || self.is_stalled() {
             true => self.position,
             false => free.clamp(open, closed.max(self.position)),
         };
         let held = (reached - free).abs() > 1e-9;
+        self.disengage();
         if self.position < self.letting_go() && reached >= self.letting_go() {
             self.breakaway = Some(self.letting_go());
+            self.clutch = self.breakaway;
         }
         self.travelled += (reached - self.position).abs();
         self.position = reached;
+        self.clutch = self.clutch.filter(|place| *place <= reached);
         if held {
             self.speed = 0.0;
             self.pushing += seconds;
         } else {
             self.pushing = 0.0;
         }
+    }
+
+    /// Lets the clutch go when a closing finger meets more torque at its inner joint than the clutch bears.
+    fn disengage(&mut self) {
+        let overloaded = self.load.inner > BREAKAWAY_TORQUE && self.speed > 0.0;
+        if overloaded && self.clutch.is_none() && self.motor != Motor::Spread {
+            self.clutch = Some(self.position);
+            self.breakaway = Some(self.position);
+        }
+    }
+
+    /// Whether contact is stronger than the motor: with the clutch engaged it lets go before.
+    fn is_stalled(&self) -> bool {
+        self.speed > 0.0 && self.clutch.is_some() && self.load.outer > STALL_TORQUE
     }
 
     /// Returns the stops in opening and closing direction, counts.
@@ -226,6 +267,31 @@ mod tests {
             super::super::super::finger_coupling::links(motor.position(), motor.breakaway());
         assert!((links.outer.to_degrees() - 40.0).abs() < 1e-6);
         assert!(motor.pushing() > 0.5);
+    }
+
+    #[test]
+    fn contact_disengages_the_clutch_and_then_stalls_the_motor() {
+        let mut motor = SimulatedMotor::new(Motor::F1);
+        motor.drive(Drive::At(17500.0));
+        run(&mut motor, 0.2);
+        assert_eq!(motor.clutch(), None);
+        motor.load = Load {
+            inner: BREAKAWAY_TORQUE + 0.1,
+            outer: STALL_TORQUE - 0.1,
+        };
+        run(&mut motor, 0.1);
+        let place = motor.clutch().expect("the clutch let go");
+        assert!(motor.position() > place + 1000.0, "the outer link goes on");
+        motor.load.outer = STALL_TORQUE + 0.1;
+        let stalled = motor.position();
+        run(&mut motor, 0.3);
+        assert_eq!(motor.position(), stalled);
+        assert!(motor.pushing() > 0.2);
+        // Opening engages the clutch again; what was seen stays known.
+        motor.load = Load::default();
+        motor.drive(Drive::At(-17500.0));
+        run(&mut motor, 1.0);
+        assert_eq!((motor.clutch(), motor.breakaway()), (None, Some(place)));
     }
 
     #[test]

@@ -1,0 +1,434 @@
+//! The table in real time: arm, hand and cameras as devices that any wrapper serves.
+
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use yarp_devices::camera::LatestValue;
+use yarp_devices::clock::wall_clock;
+use yarp_devices::hand::simulated::{Load, SimulatedHand, SimulatedHandOptions};
+use yarp_devices::hand::{BarrettHand, HandBoard, HandOptions};
+use yarp_devices::image::{Frame, Image, PixelFormat};
+use yarp_devices::simulation::SimulatorOptions;
+use yarp_devices::wam::{DynamicArm, DynamicWam};
+use yarp_devices::{
+    CameraConfiguration, Device, DeviceError, FrameGrabberImage, FrameGrabberImageRaw, Hand,
+    Intrinsics, RgbVisualParams, offers,
+};
+
+use crate::physics::{Physics, RobotState, STEP};
+use crate::robot::{HandPosture, RobotPosture};
+use crate::simulation::arm_model;
+use crate::{Camera, DepthNoise, Effects, Lens, Renderer, Scene};
+
+/// A camera that nobody has asked for this long renders nothing.
+const UNWATCHED: Duration = Duration::from_secs(2);
+/// Depth that value 0 of a depth image stands for, and the step from value to value, m.
+pub const DEPTH_FROM: f32 = 0.25;
+/// See [`DEPTH_FROM`].
+pub const DEPTH_STEP: f32 = 0.003;
+
+/// How a table runs in real time.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct LiveOptions {
+    /// How much faster than a real robot everything goes, 0.1 to 20; images keep their rate.
+    pub speed: f64,
+    /// Images per second of each camera while somebody watches, 0.1 to 30.
+    pub rate: f64,
+    /// What lens and sensor add.
+    pub effects: Effects,
+    /// Seed of friction and noise.
+    pub seed: u64,
+}
+
+impl Default for LiveOptions {
+    fn default() -> Self {
+        Self {
+            speed: 1.0,
+            rate: 5.0,
+            effects: Effects::default(),
+            seed: 0,
+        }
+    }
+}
+
+/// A table whose arm, hand and cameras are devices; dropping it ends their threads.
+#[derive(Debug)]
+pub struct LiveTable {
+    arm: Arc<DynamicWam>,
+    hand: Arc<HandBoard>,
+    camera: Arc<TableCamera>,
+    depth: Arc<TableCamera>,
+    scene: Arc<Mutex<Scene>>,
+    // Last, so that the hand at this end of the line is gone before.
+    _line: Arc<SimulatedHand>,
+}
+
+impl LiveTable {
+    /// Starts the devices and initialises the hand, which takes some seconds.
+    ///
+    /// Errors: [`DeviceError::Unsuitable`] for options out of range, [`DeviceError::Start`] without threads or a
+    /// pseudo-terminal, and those of the hand.
+    pub fn start(mut scene: Scene, options: LiveOptions) -> Result<Self, DeviceError> {
+        check("the speed of a table,", options.speed, [0.1, 20.0])?;
+        check("the rate of a camera,", options.rate, [0.1, 30.0])?;
+        let simulator = SimulatorOptions {
+            period: STEP,
+            seed: options.seed,
+            ..SimulatorOptions::default()
+        };
+        scene.robot = Some(RobotPosture {
+            joints: DynamicArm::new(arm_model(), simulator).simulator().angles(),
+            hand: Some(HandPosture::default()),
+        });
+        let line = SimulatedHand::start(SimulatedHandOptions::new().speed(options.speed))?;
+        let line = Arc::new(line);
+        let path = line.path();
+        let hand = BarrettHand::open(HandOptions::new(&path)).map_err(|error| error.at(&path))?;
+        let hand = Arc::new(HandBoard::start(hand)?);
+        hand.initialise()?;
+        let physics = Physics::new(&scene);
+        let scene = Arc::new(Mutex::new(scene));
+        let world = World {
+            physics,
+            scene: Arc::clone(&scene),
+            hand: Arc::clone(&line),
+            loads: [Load::default(); 3],
+        };
+        let arm = start_arm(world, simulator, options.speed)?;
+        let camera = TableCamera::start(&scene, Kind::Colour(options.effects), options.rate)?;
+        let noise = DepthNoise {
+            seed: options.seed,
+            ..DepthNoise::default()
+        };
+        let depth = TableCamera::start(&scene, Kind::Depth(noise), options.rate)?;
+        Ok(Self {
+            arm: Arc::new(arm),
+            hand,
+            camera: Arc::new(camera),
+            depth: Arc::new(depth),
+            scene,
+            _line: line,
+        })
+    }
+
+    /// Returns the arm.
+    pub fn arm(&self) -> Arc<DynamicWam> {
+        Arc::clone(&self.arm)
+    }
+
+    /// Returns the hand.
+    pub fn hand(&self) -> Arc<HandBoard> {
+        Arc::clone(&self.hand)
+    }
+
+    /// Returns the camera.
+    pub fn camera(&self) -> Arc<TableCamera> {
+        Arc::clone(&self.camera)
+    }
+
+    /// Returns the depth sensor: grey images, whose value 1 to 255 stands for [`DEPTH_FROM`] + value [`DEPTH_STEP`] m and 0
+    /// for no measurement.
+    pub fn depth(&self) -> Arc<TableCamera> {
+        Arc::clone(&self.depth)
+    }
+
+    /// Returns the scene as it is now: the truth, for judging what a client did.
+    pub fn scene(&self) -> Scene {
+        lock(&self.scene).clone()
+    }
+}
+
+fn check(what: &'static str, value: f64, [min, max]: [f64; 2]) -> Result<(), DeviceError> {
+    if (min..=max).contains(&value) {
+        return Ok(());
+    }
+    Err(DeviceError::Unsuitable {
+        what,
+        asked: value.to_string(),
+        expected: format!("{min} to {max}"),
+    })
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    // What is locked is whole between any two calls.
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// What moves with the arm's control periods.
+struct World {
+    physics: Physics,
+    scene: Arc<Mutex<Scene>>,
+    hand: Arc<SimulatedHand>,
+    loads: [Load; 3],
+}
+
+fn start_arm(
+    mut world: World,
+    simulator: SimulatorOptions,
+    speed: f64,
+) -> Result<DynamicWam, DeviceError> {
+    let period = STEP.div_f64(speed);
+    DynamicWam::start_among(arm_model(), simulator, period, move |joints| {
+        let state = RobotState {
+            joints: *joints,
+            hand: Some(world.hand.exchange(&world.loads)),
+        };
+        let reaction = world.physics.step(&mut lock(&world.scene), &state);
+        world.loads = reaction.loads;
+        Some(reaction.torques)
+    })
+}
+
+/// What a camera takes.
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    Colour(Effects),
+    Depth(DepthNoise),
+}
+
+/// A camera above the table as a device.
+///
+/// It renders only while somebody asks for images: the first one asked for comes a moment later.
+#[derive(Debug)]
+pub struct TableCamera {
+    shared: Arc<Shared>,
+    thread: Option<JoinHandle<()>>,
+    lens: Lens,
+    rate: f64,
+}
+
+#[derive(Debug)]
+struct Shared {
+    frames: LatestValue<Frame>,
+    ending: AtomicBool,
+    /// When it was asked last, ms since it started; 0 is never.
+    asked: AtomicU64,
+    started: Instant,
+}
+
+impl Shared {
+    fn is_watched(&self) -> bool {
+        let asked = self.asked.load(Ordering::Acquire);
+        let now = self.started.elapsed().as_millis() as u64;
+        asked > 0 && now < asked + UNWATCHED.as_millis() as u64
+    }
+}
+
+impl TableCamera {
+    fn start(scene: &Arc<Mutex<Scene>>, kind: Kind, rate: f64) -> Result<Self, DeviceError> {
+        let camera = match kind {
+            Kind::Colour(_) => lock(scene).camera(),
+            Kind::Depth(_) => lock(scene).depth_camera(),
+        };
+        let shared = Arc::new(Shared {
+            frames: LatestValue::new(),
+            ending: AtomicBool::new(false),
+            asked: AtomicU64::new(0),
+            started: Instant::now(),
+        });
+        let (theirs, scene) = (Arc::clone(&shared), Arc::clone(scene));
+        let thread = thread::Builder::new()
+            .name("table-camera".into())
+            .spawn(move || {
+                run(
+                    &theirs,
+                    &scene,
+                    &camera,
+                    kind,
+                    Duration::from_secs_f64(1.0 / rate),
+                )
+            })
+            .map_err(|source| DeviceError::Start {
+                what: "the thread of the table's camera",
+                source,
+            })?;
+        Ok(Self {
+            shared,
+            thread: Some(thread),
+            lens: camera.lens,
+            rate,
+        })
+    }
+
+    fn newest(&self) -> Result<Frame, DeviceError> {
+        let now = self.shared.started.elapsed().as_millis() as u64;
+        self.shared.asked.store(now.max(1), Ordering::Release);
+        if let Some(thread) = &self.thread {
+            thread.thread().unpark();
+        }
+        let what = "image";
+        self.shared
+            .frames
+            .get()
+            .ok_or(DeviceError::NoDataYet { what })
+    }
+}
+
+impl Drop for TableCamera {
+    fn drop(&mut self) {
+        self.shared.ending.store(true, Ordering::Release);
+        if let Some(thread) = self.thread.take() {
+            thread.thread().unpark();
+            if thread.join().is_err() {
+                tracing::error!("the thread of the table's camera had panicked");
+            }
+        }
+    }
+}
+
+fn run(shared: &Shared, scene: &Mutex<Scene>, camera: &Camera, kind: Kind, period: Duration) {
+    let renderer = Renderer::new();
+    let mut taken = 0;
+    let mut due = Instant::now();
+    while !shared.ending.load(Ordering::Acquire) {
+        let now = Instant::now();
+        if !shared.is_watched() {
+            // Woken by whoever asks first.
+            thread::park_timeout(UNWATCHED);
+            continue;
+        }
+        if now < due {
+            thread::park_timeout(due - now);
+            continue;
+        }
+        due = (due + period).max(now);
+        let time = wall_clock();
+        let scene = lock(scene).clone();
+        let image = match kind {
+            Kind::Colour(effects) => {
+                let seed = effects.seed.wrapping_add(taken);
+                renderer
+                    .render(&scene, camera, &Effects { seed, ..effects })
+                    .image
+            }
+            Kind::Depth(noise) => {
+                let seed = noise.seed.wrapping_add(taken);
+                grey(&renderer.depth(&scene, camera, &DepthNoise { seed, ..noise }))
+            }
+        };
+        let frame = Frame {
+            image,
+            number: taken,
+            time,
+        };
+        if shared.frames.put(frame) {
+            taken += 1;
+        }
+    }
+}
+
+/// Depth as grey values.
+fn grey(depth: &crate::Depth) -> Image {
+    let value = |metres: &f32| {
+        let steps = ((metres - DEPTH_FROM) / DEPTH_STEP).round();
+        if (1.0..=255.0).contains(&steps) {
+            steps as u8
+        } else {
+            0
+        }
+    };
+    let values: Vec<u8> = depth.metres.iter().map(value).collect();
+    Image::new(PixelFormat::Mono, depth.width, depth.height, values)
+        .expect("a depth image has as many values as pixels")
+}
+
+impl Device for TableCamera {
+    offers! {
+        frame_grabber_image: FrameGrabberImage,
+        frame_grabber_image_raw: FrameGrabberImageRaw,
+        rgb_visual_params: RgbVisualParams,
+    }
+}
+
+fn fixed<T>(what: &str) -> Result<T, DeviceError> {
+    Err(DeviceError::NotSupported {
+        what: format!("{what} of the table's camera than its own"),
+    })
+}
+
+impl RgbVisualParams for TableCamera {
+    fn supported_configurations(&self) -> Result<Vec<CameraConfiguration>, DeviceError> {
+        Ok(vec![CameraConfiguration {
+            width: self.lens.width,
+            height: self.lens.height,
+            rate: self.rate,
+            format: PixelFormat::Rgb,
+        }])
+    }
+
+    fn resolution(&self) -> Result<(usize, usize), DeviceError> {
+        Ok((self.lens.width, self.lens.height))
+    }
+
+    fn set_resolution(&self, width: usize, height: usize) -> Result<(), DeviceError> {
+        if (width, height) == (self.lens.width, self.lens.height) {
+            return Ok(());
+        }
+        fixed("another resolution")
+    }
+
+    fn field_of_view(&self) -> Result<(f64, f64), DeviceError> {
+        let angle =
+            |pixels: usize, focal: f64| 2.0 * (pixels as f64 / (2.0 * focal)).atan().to_degrees();
+        let [across, down] = self.lens.focal;
+        Ok((
+            angle(self.lens.width, across),
+            angle(self.lens.height, down),
+        ))
+    }
+
+    fn set_field_of_view(&self, _: f64, _: f64) -> Result<(), DeviceError> {
+        fixed("another field of view")
+    }
+
+    fn intrinsics(&self) -> Result<Intrinsics, DeviceError> {
+        let [k1, k2, t1, t2, k3] = self.lens.distortion;
+        Ok(Intrinsics {
+            focal_length: (self.lens.focal[0], self.lens.focal[1]),
+            principal_point: (self.lens.centre[0], self.lens.centre[1]),
+            distortion_model: "plumb_bob".to_owned(),
+            radial: [k1, k2, k3],
+            tangential: [t1, t2],
+            ..Intrinsics::default()
+        })
+    }
+
+    fn mirroring(&self) -> Result<bool, DeviceError> {
+        Ok(false)
+    }
+
+    fn set_mirroring(&self, mirrored: bool) -> Result<(), DeviceError> {
+        if mirrored {
+            fixed("another orientation")
+        } else {
+            Ok(())
+        }
+    }
+}
+
+impl FrameGrabberImage for TableCamera {
+    fn image_size(&self) -> Result<(usize, usize), DeviceError> {
+        Ok((self.lens.width, self.lens.height))
+    }
+
+    fn image(&self) -> Result<Frame, DeviceError> {
+        let frame = self.newest()?;
+        Ok(Frame {
+            image: frame.image.to_rgb()?,
+            ..frame
+        })
+    }
+}
+
+impl FrameGrabberImageRaw for TableCamera {
+    fn raw_image_size(&self) -> Result<(usize, usize), DeviceError> {
+        Ok((self.lens.width, self.lens.height))
+    }
+
+    fn raw_image(&self) -> Result<Frame, DeviceError> {
+        self.newest()?.to_mono()
+    }
+}

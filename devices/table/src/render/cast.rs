@@ -1,0 +1,453 @@
+//! From pixels to light: rays, edges, transparency.
+
+use std::sync::Mutex;
+
+use nalgebra::Matrix3;
+
+use super::light::Light;
+use super::primitive::{Hit, Primitive, Vector};
+use super::{THREADS, next, work};
+use crate::scene::{Scene, Table};
+use crate::texture::Wood;
+use crate::{Camera, Lens};
+
+/// Side of the squares for which the solids in sight are listed, pixels.
+const TILE: usize = 16;
+/// Depth of the room's floor below the table, m, and its linear reflectance.
+const FLOOR: f32 = 0.75;
+const FLOOR_COLOUR: [f32; 3] = [0.18, 0.18, 0.19];
+/// What the truth numbers pixels with: no solid, or its number in the upper bits and its face in the lowest three.
+const NOTHING: u32 = 0;
+/// How many surfaces that let light through are seen one behind the other.
+const DEEPEST: usize = 3;
+
+/// Directions of all pixels of a lens, as multiples of its focal length.
+pub(super) struct Rays {
+    pub(super) lens: Lens,
+    places: Vec<[f32; 2]>,
+}
+
+impl Rays {
+    pub(super) fn new(lens: Lens) -> Self {
+        let mut places = vec![[0.0; 2]; lens.width * lens.height];
+        let rows = Mutex::new(places.chunks_mut(lens.width).enumerate());
+        work(THREADS, || {
+            while let Some((row, places)) = next(&rows) {
+                for (column, place) in places.iter_mut().enumerate() {
+                    let ray = lens.direction([column as f64, row as f64]);
+                    *place = [ray.x as f32, ray.y as f32];
+                }
+            }
+        });
+        Self { lens, places }
+    }
+
+    /// Direction of a place beside a pixel, in pixels: from the pixel and its neighbours.
+    fn at(&self, column: usize, row: usize, right: f32, down: f32) -> [f32; 2] {
+        let here = row * self.lens.width + column;
+        let place = self.places[here];
+        if right == 0.0 && down == 0.0 {
+            return place;
+        }
+        let step = |can: bool, forward: usize, back: usize, axis: usize| {
+            if can {
+                self.places[forward][axis] - place[axis]
+            } else {
+                place[axis] - self.places[back][axis]
+            }
+        };
+        let width = self.lens.width;
+        let (has_right, has_below) = (column + 1 < width, row + 1 < self.lens.height);
+        std::array::from_fn(|axis| {
+            let across = step(has_right, here + 1, here.saturating_sub(1), axis);
+            let along = step(has_below, here + width, here.saturating_sub(width), axis);
+            // The image of one pixel has no neighbours.
+            let across = if width > 1 { across } else { 0.0 };
+            let along = if self.lens.height > 1 { along } else { 0.0 };
+            place[axis] + across * right + along * down
+        })
+    }
+}
+
+/// What each pixel's middle shows.
+pub(super) struct Picture {
+    /// Linear light in red, green and blue.
+    pub(super) light: Vec<[f32; 3]>,
+    /// What is seen.
+    pub(super) keys: Vec<u32>,
+    /// Depth along the optical axis, m.
+    pub(super) depth: Vec<f32>,
+    /// Pixels that each owner would have, were nothing in front of it.
+    pub(super) whole: Vec<usize>,
+}
+
+impl Picture {
+    /// Number of the solid that a pixel shows.
+    pub(super) fn solid(key: u32) -> Option<usize> {
+        (key != NOTHING).then(|| (key as usize >> 3) - 1)
+    }
+}
+
+fn key_of(index: usize, face: u8) -> u32 {
+    ((index + 1) << 3) as u32 | u32::from(face)
+}
+
+/// A scene as one camera sees it.
+pub(super) struct Caster<'a> {
+    pub(super) all: &'a [Primitive],
+    pub(super) rays: &'a Rays,
+    pub(super) light: Option<&'a Light>,
+    pub(super) owners: usize,
+    rotation: Matrix3<f32>,
+    eye: [f32; 2],
+    wood: Wood,
+    table: Table,
+    height: f32,
+    /// First and last column and row that show something of a solid.
+    boxes: Vec<[usize; 4]>,
+}
+
+struct Seen {
+    key: u32,
+    depth: f32,
+    light: [f32; 3],
+}
+
+impl<'a> Caster<'a> {
+    pub(super) fn new(
+        scene: &Scene,
+        camera: &Camera,
+        all: &'a [Primitive],
+        rays: &'a Rays,
+        light: Option<&'a Light>,
+        owners: usize,
+    ) -> Self {
+        let rotation: Matrix3<f32> = camera.pose.rotation.matrix().cast();
+        let eye = camera.pose.translation.vector;
+        Self {
+            boxes: all.iter().map(|solid| on_image(solid, camera)).collect(),
+            all,
+            rays,
+            light,
+            owners,
+            rotation,
+            eye: [eye.x as f32, eye.y as f32],
+            wood: Wood::new(scene.table.seed),
+            table: scene.table,
+            height: (scene.table.surface - eye.z) as f32,
+        }
+    }
+
+    /// Casts a ray through the middle of each pixel.
+    pub(super) fn cast(&self) -> Picture {
+        let (width, height) = (self.rays.lens.width, self.rays.lens.height);
+        let mut picture = Picture {
+            light: vec![[0.0; 3]; width * height],
+            keys: vec![NOTHING; width * height],
+            depth: vec![0.0; width * height],
+            whole: vec![0; self.owners],
+        };
+        let band = width * TILE;
+        let parts = picture.light.chunks_mut(band);
+        let parts = parts.zip(picture.keys.chunks_mut(band));
+        let parts = Mutex::new(parts.zip(picture.depth.chunks_mut(band)).enumerate());
+        let totals = Mutex::new(&mut picture.whole);
+        work(THREADS, || {
+            let mut whole = vec![0; self.owners];
+            while let Some((number, ((light, keys), depth))) = next(&parts) {
+                let top = number * TILE;
+                for left in (0..width).step_by(TILE) {
+                    let near = self.near(left, top);
+                    for row in top..(top + TILE).min(height) {
+                        for column in left..(left + TILE).min(width) {
+                            let place = (row - top) * width + column;
+                            let ray = self.rays.at(column, row, 0.0, 0.0);
+                            let pixel = (row * width + column) as u64;
+                            let seen = self.see(ray, &near, pixel, Some(&mut whole));
+                            light[place] = seen.light;
+                            keys[place] = seen.key;
+                            depth[place] = seen.depth;
+                        }
+                    }
+                }
+            }
+            let mut totals = super::lock(&totals);
+            for (total, here) in totals.iter_mut().zip(whole) {
+                *total += here;
+            }
+        });
+        picture
+    }
+
+    /// Casts more rays through the pixels where a face ends; `finer` along each side.
+    pub(super) fn smooth(&self, picture: &mut Picture, finer: usize) {
+        if finer < 2 {
+            return;
+        }
+        let (width, height) = (self.rays.lens.width, self.rays.lens.height);
+        let keys = &picture.keys;
+        let bands = Mutex::new(picture.light.chunks_mut(width * TILE).enumerate());
+        work(THREADS, || {
+            while let Some((number, light)) = next(&bands) {
+                let top = number * TILE;
+                for left in (0..width).step_by(TILE) {
+                    let near = self.near(left, top);
+                    if near.is_empty() {
+                        continue;
+                    }
+                    let clear = |index: &usize| self.all[*index].opacity < 1.0;
+                    let clear: Vec<usize> = near.iter().copied().filter(clear).collect();
+                    let mut few = Vec::new();
+                    for row in top..(top + TILE).min(height) {
+                        for column in left..(left + TILE).min(width) {
+                            if is_edge(keys, width, height, column, row) {
+                                let place = (row - top) * width + column;
+                                few.clone_from(&clear);
+                                add_around(&mut few, keys, [width, height], column, row);
+                                light[place] = self.mean(column, row, finer, &few);
+                            }
+                        }
+                    }
+                }
+            }
+        });
+    }
+
+    fn mean(&self, column: usize, row: usize, finer: usize, near: &[usize]) -> [f32; 3] {
+        let mut sum = [0.0; 3];
+        for part in 0..finer * finer {
+            let offset = |step: usize| (step as f32 + 0.5) / finer as f32 - 0.5;
+            let ray = self
+                .rays
+                .at(column, row, offset(part % finer), offset(part / finer));
+            let pixel = (row * self.rays.lens.width + column + part) as u64;
+            let seen = self.see(ray, near, pixel, None);
+            for (sum, light) in sum.iter_mut().zip(seen.light) {
+                *sum += light;
+            }
+        }
+        sum.map(|sum| sum / (finer * finer) as f32)
+    }
+
+    /// The solids that a tile may show.
+    fn near(&self, left: usize, top: usize) -> Vec<usize> {
+        let [right, bottom] = [left + TILE, top + TILE];
+        (0..self.all.len())
+            .filter(|&index| {
+                let [first, last, upper, lower] = self.boxes[index];
+                first < right && last >= left && upper < bottom && lower >= top
+            })
+            .collect()
+    }
+
+    fn see(
+        &self,
+        ray: [f32; 2],
+        near: &[usize],
+        pixel: u64,
+        mut whole: Option<&mut Vec<usize>>,
+    ) -> Seen {
+        let direction = self.rotation * Vector::new(ray[0], ray[1], 1.0);
+        let mut hits: [Option<(usize, Hit)>; DEEPEST] = [None; DEEPEST];
+        for &index in near {
+            let solid = &self.all[index];
+            let Some(hit) = solid.meet(&Vector::zeros(), &direction) else {
+                continue;
+            };
+            if let (Some(whole), Some(owner)) = (&mut whole, solid.owner) {
+                whole[owner] += 1;
+            }
+            insert(&mut hits, index, hit);
+        }
+        let mut seen = Seen {
+            key: NOTHING,
+            depth: 0.0,
+            light: [0.0; 3],
+        };
+        let mut left = 1.0;
+        for (index, hit) in hits.into_iter().flatten() {
+            if self.is_under_table(&direction, hit.distance) {
+                break;
+            }
+            if seen.depth == 0.0 {
+                seen.depth = hit.distance;
+                seen.key = key_of(index, hit.face);
+            }
+            let opacity = self.all[index].opacity;
+            let light = self.shade(index, &hit, &direction, pixel, whole.is_some());
+            for (sum, light) in seen.light.iter_mut().zip(light) {
+                *sum += left * opacity * light;
+            }
+            left *= 1.0 - opacity;
+            if left < 0.01 {
+                return seen;
+            }
+        }
+        let (distance, light) = self.ground(&direction);
+        if seen.depth == 0.0 {
+            seen.depth = distance;
+        }
+        for (sum, light) in seen.light.iter_mut().zip(light) {
+            *sum += left * light;
+        }
+        seen
+    }
+
+    fn is_under_table(&self, direction: &Vector, distance: f32) -> bool {
+        if direction.z >= 0.0 {
+            return false;
+        }
+        let table = self.height / direction.z;
+        table < distance - 1e-5 && self.is_table(direction * table)
+    }
+
+    fn is_table(&self, place: Vector) -> bool {
+        let inside = |value: f32, [from, to]: [f64; 2]| (from as f32..to as f32).contains(&value);
+        inside(place.x + self.eye[0], self.table.x) && inside(place.y + self.eye[1], self.table.y)
+    }
+
+    /// The table, or the floor beside it.
+    fn ground(&self, direction: &Vector) -> (f32, [f32; 3]) {
+        if direction.z >= -1e-6 {
+            return (0.0, [0.05; 3]);
+        }
+        let distance = self.height / direction.z;
+        let place = direction * distance;
+        let light = |colour: [f32; 3], irradiance: f32, tint: [f32; 3]| {
+            std::array::from_fn(|channel| colour[channel] * irradiance * tint[channel])
+        };
+        let Some(lamps) = self.light else {
+            let beside = (self.height - FLOOR) / direction.z;
+            let distance = if self.is_table(place) {
+                distance
+            } else {
+                beside
+            };
+            return (distance, [0.0; 3]);
+        };
+        if self.is_table(place) {
+            let colour = self
+                .wood
+                .colour(place.x + self.eye[0], place.y + self.eye[1]);
+            let irradiance = lamps.on_table(place.x, place.y);
+            return (distance, light(colour, irradiance, lamps.tint()));
+        }
+        let distance = (self.height - FLOOR) / direction.z;
+        let irradiance = lamps.unshadowed(&(direction * distance), &Vector::z());
+        (distance, light(FLOOR_COLOUR, irradiance, lamps.tint()))
+    }
+
+    /// `alone`: whether it is the only ray through its pixel.
+    fn shade(
+        &self,
+        index: usize,
+        hit: &Hit,
+        direction: &Vector,
+        pixel: u64,
+        alone: bool,
+    ) -> [f32; 3] {
+        let Some(lamps) = self.light else {
+            return [0.0; 3];
+        };
+        let solid = &self.all[index];
+        let wide = hit.distance / self.rays.lens.focal[0] as f32;
+        let surface = solid.material.at(hit, &solid.solid.half_extent(), wide);
+        let place = direction * hit.distance;
+        let normal = solid.rotation * surface.normal;
+        let (diffuse, highlight) =
+            lamps.on_solid(index, self.all, &place, &normal, [pixel, u64::from(alone)]);
+        let tint = lamps.tint();
+        std::array::from_fn(|channel| {
+            (surface.colour[channel] * diffuse + surface.gloss * highlight) * tint[channel]
+        })
+    }
+}
+
+fn insert(hits: &mut [Option<(usize, Hit)>; DEEPEST], index: usize, hit: Hit) {
+    let mut new = Some((index, hit));
+    for slot in hits {
+        let nearer = match (&new, &*slot) {
+            (Some((_, new)), Some((_, old))) => new.distance < old.distance,
+            (Some(_), None) => true,
+            (None, _) => return,
+        };
+        if nearer {
+            std::mem::swap(slot, &mut new);
+        }
+    }
+}
+
+/// Adds the solids that a pixel and those around it show.
+fn add_around(
+    solids: &mut Vec<usize>,
+    keys: &[u32],
+    [width, height]: [usize; 2],
+    column: usize,
+    row: usize,
+) {
+    for y in row.saturating_sub(1)..(row + 2).min(height) {
+        for x in column.saturating_sub(1)..(column + 2).min(width) {
+            if let Some(index) = Picture::solid(keys[y * width + x])
+                && !solids.contains(&index)
+            {
+                solids.push(index);
+            }
+        }
+    }
+}
+
+fn is_edge(keys: &[u32], width: usize, height: usize, column: usize, row: usize) -> bool {
+    let here = row * width + column;
+    let key = keys[here];
+    (column > 0 && keys[here - 1] != key)
+        || (column + 1 < width && keys[here + 1] != key)
+        || (row > 0 && keys[here - width] != key)
+        || (row + 1 < height && keys[here + width] != key)
+}
+
+/// First and last column, first and last row that may show a solid; none for one behind the camera.
+fn on_image(solid: &Primitive, camera: &Camera) -> [usize; 4] {
+    /// What lens distortion may add to the box of the corners, pixels.
+    const MARGIN: f64 = 4.0;
+    let lens = &camera.lens;
+    let all = [0, lens.width - 1, 0, lens.height - 1];
+    let mut low = [f64::INFINITY; 2];
+    let mut high = [f64::NEG_INFINITY; 2];
+    let mut behind = 0;
+    for corner in solid.corners() {
+        let local = camera.pose.rotation.inverse() * corner.cast::<f64>();
+        if local.z < 0.02 {
+            behind += 1;
+            continue;
+        }
+        let ideal = [local.x / local.z, local.y / local.z];
+        // Far outside, the polynomial of the distortion means nothing.
+        let limit = 1.5 * (lens.width as f64 / lens.focal[0]);
+        let place = lens.distort(ideal.map(|value| value.clamp(-limit, limit)));
+        for axis in 0..2 {
+            let pixel = place[axis] * lens.focal[axis] + lens.centre[axis];
+            low[axis] = low[axis].min(pixel);
+            high[axis] = high[axis].max(pixel);
+        }
+    }
+    match behind {
+        8 => [1, 0, 1, 0],
+        0 => {
+            let first = |value: f64| (value - MARGIN).max(0.0) as usize;
+            let last =
+                |value: f64, size: usize| ((value + MARGIN).max(-1.0) as i64).min(size as i64 - 1);
+            let right = last(high[0], lens.width);
+            let bottom = last(high[1], lens.height);
+            if high[0] + MARGIN < 0.0 || high[1] + MARGIN < 0.0 {
+                return [1, 0, 1, 0];
+            }
+            [
+                first(low[0]),
+                right.max(0) as usize,
+                first(low[1]),
+                bottom.max(0) as usize,
+            ]
+        }
+        _ => all,
+    }
+}

@@ -1,0 +1,343 @@
+//! Solids that rays meet.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::material::Material;
+
+/// A vector of single precision.
+pub(super) type Vector = Vector3<f32>;
+
+/// A solid in its own frame.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Solid {
+    /// Half edges.
+    Box(Vector),
+    /// Radius and half height, along z.
+    Cylinder(f32, f32),
+    /// Outer and inner radius, half height and thickness of the bottom, open at +z.
+    Cup(f32, f32, f32, f32),
+    /// Side of the triangle and half height, along z.
+    Prism(f32, f32),
+    /// Radius and half length between the middles of its round ends, along z.
+    Capsule(f32, f32),
+}
+
+/// A solid at its place, relative to the camera.
+#[derive(Clone, Debug)]
+pub(super) struct Primitive {
+    pub(super) solid: Solid,
+    /// From the frame of the solid to the axes of the world.
+    pub(super) rotation: Matrix3<f32>,
+    /// From the camera, in the axes of the world.
+    pub(super) centre: Vector,
+    /// Of a sphere about the centre that contains it.
+    pub(super) radius: f32,
+    /// Whose it is: an index into what the truth lists.
+    pub(super) owner: Option<usize>,
+    pub(super) material: Material,
+    /// Part of the light that does not pass.
+    pub(super) opacity: f32,
+}
+
+/// Where a ray meets a solid.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Hit {
+    /// In lengths of the ray's direction.
+    pub(super) distance: f32,
+    /// Outward, in the frame of the solid.
+    pub(super) normal: Vector,
+    /// In the frame of the solid.
+    pub(super) place: Vector,
+    /// Which of its faces.
+    pub(super) face: u8,
+}
+
+const NEAR: f32 = 1e-4;
+
+impl Primitive {
+    /// Meets a ray from `origin`, relative to the camera.
+    pub(super) fn meet(&self, origin: &Vector, direction: &Vector) -> Option<Hit> {
+        let from = self.rotation.tr_mul(&(origin - self.centre));
+        let along = self.rotation.tr_mul(direction);
+        self.solid.meet(&from, &along)
+    }
+
+    /// Whether something of the ray is in the sphere about it.
+    pub(super) fn is_near(&self, origin: &Vector, direction: &Vector) -> bool {
+        let to = self.centre - origin;
+        let along = to.dot(direction);
+        let square = to.norm_squared() - along * along / direction.norm_squared();
+        square <= self.radius * self.radius && (along > 0.0 || to.norm() < self.radius)
+    }
+
+    /// Corners of the cuboid that contains it, relative to the camera.
+    pub(super) fn corners(&self) -> [Vector; 8] {
+        let half = self.solid.half_extent();
+        std::array::from_fn(|index| {
+            let sign = |bit: usize| if index >> bit & 1 == 1 { 1.0 } else { -1.0 };
+            let corner = Vector::new(sign(0) * half.x, sign(1) * half.y, sign(2) * half.z);
+            self.centre + self.rotation * corner
+        })
+    }
+}
+
+impl Solid {
+    pub(super) fn half_extent(&self) -> Vector {
+        match *self {
+            Self::Box(half) => half,
+            Self::Cylinder(radius, half) | Self::Cup(radius, _, half, _) => {
+                Vector::new(radius, radius, half)
+            }
+            Self::Prism(side, half) => Vector::new(side / 3_f32.sqrt(), side / 2.0, half),
+            Self::Capsule(radius, half) => Vector::new(radius, radius, half + radius),
+        }
+    }
+
+    pub(super) fn meet(&self, from: &Vector, along: &Vector) -> Option<Hit> {
+        match *self {
+            Self::Box(half) => cuboid(&half, from, along),
+            Self::Cylinder(radius, half) => cylinder(radius, half, from, along),
+            Self::Cup(outer, inner, half, bottom) => cup(outer, inner, half, bottom, from, along),
+            Self::Prism(side, half) => prism(side, half, from, along),
+            Self::Capsule(radius, half) => capsule(radius, half, from, along),
+        }
+    }
+}
+
+fn cuboid(half: &Vector, from: &Vector, along: &Vector) -> Option<Hit> {
+    let mut enter = f32::NEG_INFINITY;
+    let mut leave = f32::INFINITY;
+    let mut axis = 0;
+    for index in 0..3 {
+        let inverse = 1.0 / along[index];
+        let one = (-half[index] - from[index]) * inverse;
+        let other = (half[index] - from[index]) * inverse;
+        let (first, last) = if one < other {
+            (one, other)
+        } else {
+            (other, one)
+        };
+        if first > enter {
+            enter = first;
+            axis = index;
+        }
+        leave = leave.min(last);
+    }
+    if enter > leave || enter < NEAR {
+        return None;
+    }
+    let place = from + along * enter;
+    let mut normal = Vector::zeros();
+    let positive = along[axis] < 0.0;
+    normal[axis] = if positive { 1.0 } else { -1.0 };
+    Some(Hit {
+        distance: enter,
+        normal,
+        place,
+        face: (axis * 2 + usize::from(!positive)) as u8,
+    })
+}
+
+/// Distances at which a ray meets an endless cylinder about z.
+fn roots(radius: f32, from: &Vector, along: &Vector) -> Option<(f32, f32)> {
+    let a = along.x * along.x + along.y * along.y;
+    if a < 1e-12 {
+        return None;
+    }
+    let b = from.x * along.x + from.y * along.y;
+    // The square of the distance of the ray from the axis, without the loss of digits of b² - ac.
+    let cross = from.x * along.y - from.y * along.x;
+    let inside = radius * radius * a - cross * cross;
+    if inside < 0.0 {
+        return None;
+    }
+    let root = inside.sqrt();
+    Some(((-b - root) / a, (-b + root) / a))
+}
+
+/// The disc or ring at height z, seen from either side.
+fn ring(z: f32, inner: f32, outer: f32, up: f32, from: &Vector, along: &Vector) -> Option<Hit> {
+    // Only from the side it faces.
+    if along.z * up >= 0.0 {
+        return None;
+    }
+    let distance = (z - from.z) / along.z;
+    let place = from + along * distance;
+    let square = place.x * place.x + place.y * place.y;
+    (distance > NEAR && square <= outer * outer && square >= inner * inner).then_some(Hit {
+        distance,
+        normal: Vector::new(0.0, 0.0, up),
+        place,
+        face: if up > 0.0 { 1 } else { 2 },
+    })
+}
+
+/// The side of a cylinder, from outside or from inside.
+fn wall(
+    radius: f32,
+    [low, high]: [f32; 2],
+    outside: bool,
+    from: &Vector,
+    along: &Vector,
+) -> Option<Hit> {
+    let (first, last) = roots(radius, from, along)?;
+    let distance = if outside { first } else { last };
+    let place = from + along * distance;
+    let normal = Vector::new(place.x / radius, place.y / radius, 0.0);
+    (distance > NEAR && place.z >= low && place.z <= high).then_some(Hit {
+        distance,
+        normal: if outside { normal } else { -normal },
+        place,
+        face: if outside { 0 } else { 3 },
+    })
+}
+
+fn nearest<const N: usize>(hits: [Option<Hit>; N]) -> Option<Hit> {
+    hits.into_iter()
+        .flatten()
+        .min_by(|one, other| one.distance.total_cmp(&other.distance))
+}
+
+fn cylinder(radius: f32, half: f32, from: &Vector, along: &Vector) -> Option<Hit> {
+    nearest([
+        wall(radius, [-half, half], true, from, along),
+        ring(half, 0.0, radius, 1.0, from, along),
+        ring(-half, 0.0, radius, -1.0, from, along),
+    ])
+}
+
+fn cup(
+    outer: f32,
+    inner: f32,
+    half: f32,
+    bottom: f32,
+    from: &Vector,
+    along: &Vector,
+) -> Option<Hit> {
+    // The floor inside is face 4.
+    let floor = ring(bottom - half, 0.0, inner, 1.0, from, along).map(|hit| Hit { face: 4, ..hit });
+    nearest([
+        wall(outer, [-half, half], true, from, along),
+        wall(inner, [bottom - half, half], false, from, along),
+        ring(half, inner, outer, 1.0, from, along),
+        floor,
+        ring(-half, 0.0, outer, -1.0, from, along),
+    ])
+}
+
+fn prism(side: f32, half: f32, from: &Vector, along: &Vector) -> Option<Hit> {
+    // Distance of each side from the axis.
+    let reach = side / (2.0 * 3_f32.sqrt());
+    let (sine, cosine) = (3_f32.sqrt() / 2.0, 0.5);
+    let planes = [
+        (Vector::new(0.0, 0.0, 1.0), half),
+        (Vector::new(0.0, 0.0, -1.0), half),
+        (Vector::new(-1.0, 0.0, 0.0), reach),
+        (Vector::new(cosine, sine, 0.0), reach),
+        (Vector::new(cosine, -sine, 0.0), reach),
+    ];
+    let mut enter = f32::NEG_INFINITY;
+    let mut leave = f32::INFINITY;
+    let mut face = 0;
+    for (index, (normal, offset)) in planes.iter().enumerate() {
+        let speed = normal.dot(along);
+        let gap = offset - normal.dot(from);
+        if speed.abs() < 1e-12 {
+            if gap < 0.0 {
+                return None;
+            }
+        } else if speed < 0.0 {
+            if gap / speed > enter {
+                enter = gap / speed;
+                face = index;
+            }
+        } else {
+            leave = leave.min(gap / speed);
+        }
+    }
+    (enter <= leave && enter > NEAR).then(|| Hit {
+        distance: enter,
+        normal: planes[face].0,
+        place: from + along * enter,
+        face: face as u8,
+    })
+}
+
+fn capsule(radius: f32, half: f32, from: &Vector, along: &Vector) -> Option<Hit> {
+    let side = wall(radius, [-half, half], true, from, along);
+    let ball = |z: f32| {
+        let to = from - Vector::new(0.0, 0.0, z);
+        let a = along.norm_squared();
+        let b = to.dot(along);
+        // From the nearest point of the ray, so that no digits are lost.
+        let beside = to - along * (b / a);
+        let root = a * (radius * radius - beside.norm_squared());
+        if root < 0.0 {
+            return None;
+        }
+        let distance = (-b - root.sqrt()) / a;
+        let place = from + along * distance;
+        (distance > NEAR).then(|| Hit {
+            distance,
+            normal: (place - Vector::new(0.0, 0.0, z)).normalize(),
+            place,
+            face: 0,
+        })
+    };
+    nearest([side, ball(half), ball(-half)])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn down(solid: Solid, x: f32, y: f32) -> Option<Hit> {
+        solid.meet(&Vector::new(x, y, 1.0), &Vector::new(0.0, 0.0, -1.0))
+    }
+
+    #[test]
+    fn a_cup_is_open_at_the_top() {
+        let cup = Solid::Cup(0.04, 0.037, 0.05, 0.004);
+        let rim = down(cup, 0.0385, 0.0).unwrap();
+        assert!((rim.place.z - 0.05).abs() < 1e-6 && rim.face == 1);
+        let floor = down(cup, 0.0, 0.0).unwrap();
+        assert!((floor.place.z + 0.046).abs() < 1e-6 && floor.face == 4);
+        assert!(down(cup, 0.041, 0.0).is_none());
+        // Slanting, through the opening onto the wall inside.
+        let slanting = Vector::new(0.03, 0.0, -0.02);
+        let wall = cup.meet(&Vector::new(-0.05, 0.0, 0.09), &slanting).unwrap();
+        assert_eq!(wall.face, 3);
+        assert!(wall.normal.x < -0.99);
+    }
+
+    #[test]
+    fn solids_are_as_high_as_they_say() {
+        let solids = [
+            (Solid::Box(Vector::new(0.1, 0.2, 0.05)), 0.05),
+            (Solid::Cylinder(0.1, 0.05), 0.05),
+            (Solid::Prism(0.1, 0.05), 0.05),
+            (Solid::Capsule(0.02, 0.03), 0.05),
+        ];
+        for (solid, height) in solids {
+            let hit = down(solid, 0.0, 0.0).unwrap();
+            assert!((hit.place.z - height).abs() < 1e-6, "{solid:?}");
+            assert!((hit.normal.z - 1.0).abs() < 1e-6, "{solid:?}");
+            assert!(down(solid, 0.3, 0.3).is_none(), "{solid:?}");
+        }
+    }
+
+    #[test]
+    fn a_prism_is_a_triangle() {
+        let prism = Solid::Prism(0.12, 0.05);
+        let [apex, left, _] = crate::Shape::triangle(0.12);
+        let at = |scale: f64, corner: [f64; 2]| {
+            down(
+                prism,
+                (corner[0] * scale) as f32,
+                (corner[1] * scale) as f32,
+            )
+        };
+        assert!(at(0.99, apex).is_some() && at(1.01, apex).is_none());
+        assert!(at(0.99, left).is_some() && at(1.01, left).is_none());
+    }
+}
