@@ -36,8 +36,7 @@ setup:
 	@conformance/setup.sh
 
 test: setup check
-	cargo test --workspace --all-targets $(WORKSPACE_FEATURES)
-	cargo test --workspace --doc $(WORKSPACE_FEATURES)
+	cargo test --workspace $(WORKSPACE_FEATURES)
 
 check:
 	cargo fmt --all --check
@@ -51,7 +50,7 @@ deny: setup
 # What is built here `make test FEATURES=etcd` has built by then.
 test-etcd: setup
 	conformance/etcd/setup.sh
-	cargo test --workspace --all-targets --features yarp-cli/etcd --no-run
+	cargo test --workspace --features yarp-cli/etcd --no-run
 	conformance/etcd/run.sh
 
 stock: setup

@@ -43,9 +43,16 @@ fn an_unreadable_key_stops_every_command_and_is_not_printed() {
     write(&home, "auth.conf", "[AUTH]\nkey (secret)\n");
     for line in ["name list", "read /r", "server --local"] {
         let ended = home.run(line).with(1);
-        assert_eq!(ended.err.len(), 1, "{ended:?}");
-        assert!(ended.err[0].contains("auth.conf:2"), "{ended:?}");
-        assert!(!ended.err[0].contains("secret"), "{ended:?}");
+        let errors: Vec<&String> = ended
+            .err
+            .iter()
+            .filter(|line| line.starts_with("[ERROR]"))
+            .collect();
+        assert_eq!(errors.len(), 1, "{ended:?}");
+        assert!(errors[0].contains("auth.conf:2"), "{ended:?}");
+        assert!(!ended.err.concat().contains("secret"), "{ended:?}");
+        // The file was written without care for its mode.
+        assert!(ended.err[0].contains("chmod 600"), "{ended:?}");
     }
 }
 

@@ -40,7 +40,7 @@ fn an_unusable_database_is_reported_and_unchanged() {
     for (file, reason) in [
         (text.as_path(), "is no SQLite file"),
         (home.path(), "cannot open the database"),
-        (&text.join("below"), "cannot make the directory"),
+        (&text.join("below"), "cannot create the directory"),
     ] {
         let line = format!("server --socket 1 --local --portdb {}", file.display());
         let ended = home.run(&line).with(1);

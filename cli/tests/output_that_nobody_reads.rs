@@ -58,6 +58,8 @@ fn up(home: &Home, out: impl Into<Stdio>, err: impl Into<Stdio>) -> Killed {
     let mut command = Command::new(env!("CARGO_BIN_EXE_yarp"));
     command
         .arg("up")
+        // Enough lines to fill the queue although each place in the code is limited to a rate.
+        .env("YARP_TRACE_ENABLE", "1")
         .stdin(Stdio::null())
         .stdout(out)
         .stderr(err);
@@ -87,6 +89,7 @@ fn flood(home: &Home, port: &str, count: usize) {
 /// The arm answers, streams its state and moves.
 #[track_caller]
 fn is_alive(home: &Home) {
+    home.run_until("name query /wam/state:o", "registration name");
     home.run_until("name query /wam/rpc:i", "registration name");
     let asked = home
         .run_with("rpc /wam/rpc:i", "[get] [axes]\n[set] [pos] 0 5.0\n")

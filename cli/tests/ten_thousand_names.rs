@@ -75,7 +75,7 @@ fn get(port: u16, target: &str) -> String {
         .set_read_timeout(Some(Duration::from_secs(60)))
         .unwrap();
     stream
-        .write_all(format!("GET {target} HTTP/1.1\r\nHost: h\r\n\r\n").as_bytes())
+        .write_all(format!("GET {target} HTTP/1.1\r\nHost: localhost\r\n\r\n").as_bytes())
         .unwrap();
     stream.shutdown(Shutdown::Write).unwrap();
     let mut answer = String::new();
