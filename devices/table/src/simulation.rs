@@ -32,22 +32,13 @@ pub fn arm_model() -> WamModel<7> {
 }
 
 /// How a table is simulated.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 #[non_exhaustive]
 pub struct SimulationOptions {
     /// Joint angles at the start, rad; `None` folds the arm at home.
     pub joints: Option<[f64; 7]>,
     /// Seed of the friction in the arm's joints.
     pub seed: u64,
-}
-
-impl Default for SimulationOptions {
-    fn default() -> Self {
-        Self {
-            joints: None,
-            seed: 0,
-        }
-    }
 }
 
 /// A table with arm and hand that nobody but its owner steps: as fast as the machine allows, and the same every time.

@@ -89,8 +89,10 @@ impl std::fmt::Debug for Physics {
 impl Physics {
     /// Creates the bodies of a scene: its objects, and the robot if there is one, in its posture.
     pub fn new(scene: &Scene) -> Self {
-        let mut world = PhysicsWorld::default();
-        world.gravity = rapier3d::math::Vector::new(0.0, 0.0, -GRAVITY);
+        let mut world = PhysicsWorld {
+            gravity: rapier3d::math::Vector::new(0.0, 0.0, -GRAVITY),
+            ..PhysicsWorld::default()
+        };
         let parameters = &mut world.integration_parameters;
         parameters.dt = STEP.as_secs_f32();
         parameters.num_solver_iterations = SUBSTEPS;

@@ -432,4 +432,4 @@ impl Primitive {
     }
 }
 
-const _: () = assert!(SAMPLES <= 16 && SAMPLES % MIN_SAMPLES == 0);
+const _: () = assert!(SAMPLES <= 16 && SAMPLES.is_multiple_of(MIN_SAMPLES));
