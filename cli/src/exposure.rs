@@ -1,4 +1,4 @@
-//! Where the ports of a command listen, and who can reach them there.
+//! Addresses at which the ports of a command listen, and the hosts that can reach them.
 
 use std::net::Ipv4Addr;
 

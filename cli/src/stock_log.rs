@@ -1,4 +1,4 @@
-//! What the libraries report, in the form of stock's log lines.
+//! Reports of the libraries, in the form of stock's log lines.
 //!
 //! `[INFO] |yarp.os.Port| Port /read active at tcp://127.0.0.1:10002/`: information and below on
 //! standard output, warnings and errors on standard error. Checked against stock 3.5.0.

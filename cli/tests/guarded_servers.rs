@@ -1,4 +1,4 @@
-//! What serves others starts safely: where it listens, whom it warns, and whom it refuses.
+//! Serving commands start safely: their addresses, warnings and refusals.
 
 #![cfg(target_os = "linux")]
 

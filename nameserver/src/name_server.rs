@@ -63,16 +63,16 @@ pub struct ServerOptions {
     /// Timeouts and maximum number of client connections. Default: 30 s for the handshake; one day
     /// between messages, because stock clients may keep a connection open; 8192 connections.
     pub connection_limits: ConnectionLimits,
-    /// How much it holds for others. Unless told otherwise: 50 000 names in 64 MiB, half of either
+    /// Capacity for the data of clients. Default: 50 000 names in 64 MiB, half of either
     /// from one address.
     pub capacity: Capacity,
     /// Key that clients must hold, if any.
     pub key: Option<Key>,
-    /// What encrypted connections need; with a [`Tls`] that requires encryption the server refuses plain connections.
+    /// Certificates for encrypted connections; with a [`Tls`] that requires encryption the server refuses plain connections.
     pub tls: Option<Tls>,
     /// Roles that say which peers may look up, register and connect; see [`yarp_ports::roles`].
     pub roles: Roles,
-    /// What browsers may do; see [`yarp_wire::http::gate`].
+    /// Permissions of browsers; see [`yarp_wire::http::gate`].
     pub gate: Option<Gate>,
     /// Maximum age of the data from which queries are answered when names are shared with other
     /// servers and the store does not respond.

@@ -157,7 +157,7 @@ impl Probes {
         }
     }
 
-    /// What is known of a holder; begins to probe it if that is nothing, unless `from` has to wait.
+    /// Returns what is known of a holder; begins to probe it if that is nothing, unless `from` has to wait.
     fn begin(&self, from: IpAddr, holder: &Registration) -> (Duration, Option<Known>) {
         let now = Instant::now();
         let mut known = lock(&self.known);
@@ -208,7 +208,7 @@ impl Probes {
         tasks.spawn(probing);
     }
 
-    /// How long `from` has to wait before it may cause another probe; if not at all, it has done so.
+    /// Returns how long `from` has to wait before it may cause another probe; if not at all, it has done so.
     fn delay(&self, now: Instant, from: IpAddr) -> Duration {
         let mut rates = lock(&self.rates);
         if rates.len() >= MAX_RESULTS {
@@ -244,7 +244,7 @@ impl Drop for Endpoint {
     }
 }
 
-/// How long the result of a probe counts; none for what makes a name free, which is never taken from an
+/// Returns how long the result of a probe counts; none for what makes a name free, which is never taken from an
 /// older probe.
 fn validity(outcome: ProbeResult) -> Option<Duration> {
     match outcome {

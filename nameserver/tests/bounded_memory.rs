@@ -1,4 +1,4 @@
-//! What others can make the name server hold, also after a restart.
+//! Bounds on the data that clients store at the name server, also after a restart.
 
 use std::path::Path;
 use std::time::Duration;

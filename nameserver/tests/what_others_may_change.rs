@@ -1,4 +1,4 @@
-//! What a port is found by is changed by its owner alone.
+//! Only the owner of a port changes the properties by which it is found.
 
 use std::net::IpAddr;
 use std::time::Instant;

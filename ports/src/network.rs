@@ -103,7 +103,7 @@ impl Server {
     }
 }
 
-/// Whether a host is a loopback address, or the name of one.
+/// Returns whether a host is a loopback address, or the name of one.
 fn is_loopback(host: &str) -> bool {
     match host.parse::<IpAddr>() {
         Ok(address) => address.to_canonical().is_loopback(),
@@ -250,7 +250,7 @@ impl Network {
         &self.0.roles
     }
 
-    /// What browsers may do with the ports that are opened on it; `browsers.conf` says. Without a configuration: what
+    /// Returns what browsers may do with the ports that are opened on it; `browsers.conf` says. Without a configuration: what
     /// they may with this machine by its own names, and from no other origin.
     pub fn gate(&self) -> &Arc<Gate> {
         &self.0.gate
@@ -666,7 +666,7 @@ mod tests {
     use super::*;
     use crate::config::Environment;
 
-    /// Where ports listen with these variables and this `yarp.conf`.
+    /// Returns where ports listen with these variables and this `yarp.conf`.
     fn listens(variables: &[(&str, &str)], file: &str) -> Ipv4Addr {
         let variables = variables.iter().copied();
         let environment: Environment = variables.chain([("YARP_CONFIG_HOME", "/c")]).collect();

@@ -24,7 +24,7 @@ pub(crate) static GATE: LazyLock<Gate> = LazyLock::new(|| {
     names.iter().fold(Gate::new(), |gate, name| gate.host(name))
 });
 
-/// As the system calls itself; empty where it does not say so in a file.
+/// Returns the host name of the system; empty if no file states it.
 fn host_name() -> String {
     let files = ["/proc/sys/kernel/hostname", "/etc/hostname"];
     let mut texts = files

@@ -1,4 +1,4 @@
-//! What stands for encrypted connections where the feature `tls` is missing: there are none.
+//! Stand-in for encrypted connections in a build without the feature `tls`: there are none.
 
 use std::convert::Infallible;
 use std::io::{self, IoSlice};

@@ -272,7 +272,7 @@ fn prepare(folder: &Path) -> io::Result<()> {
     }
 }
 
-/// Whether the program at the other end is one that may be there: of the same user, or of root.
+/// Returns whether the program at the other end is one that may be there: of the same user, or of root.
 fn check_peer(stream: &UnixStream) -> io::Result<()> {
     let user = stream.peer_cred()?.uid();
     let own = rustix::process::geteuid().as_raw();

@@ -1,4 +1,4 @@
-//! What peers say stays on its line of the log, and bad connections do not fill it.
+//! Text of peers stays on its line of the log, and invalid connections do not fill it.
 
 mod common;
 

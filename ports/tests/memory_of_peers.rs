@@ -1,4 +1,4 @@
-//! What peers can make a process hold is bounded: properties, incomplete messages, and what is expanded.
+//! Memory that peers can make a process hold is bounded: properties, incomplete and expanded messages.
 
 mod common;
 

@@ -201,7 +201,7 @@ impl Args {
         self
     }
 
-    /// How many connections the server takes and how much it holds for others, or what is wrong with
+    /// Returns how many connections the server takes and how much it holds for others, or what is wrong with
     /// that.
     fn limits(&self) -> std::result::Result<(usize, Capacity), String> {
         let number = |option: &str, text: &Option<String>, unit: usize| {

@@ -20,7 +20,7 @@ pub use context::Context;
 pub use run::{run, run_with};
 pub use stop::StopHandle;
 
-/// Whether a module continues.
+/// True if a module continues.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum Flow {
     /// The module is updated again after its period.

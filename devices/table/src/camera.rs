@@ -1,4 +1,4 @@
-//! Where a point of the scene is in the image: pinhole, lens distortion, and the way back.
+//! Projection of a point of the scene into the image: pinhole, lens distortion, and the inverse.
 
 use nalgebra::{Matrix3, Point3, Rotation3, Translation3, Vector3};
 

@@ -18,7 +18,7 @@ const TRIES: usize = 50;
 /// Height of the tool plate above the table in images with the arm, m: the hand does not touch anything.
 const PLATE_HEIGHT: f64 = 0.32;
 
-/// What images of a [`Dataset`] show.
+/// Content of the images of a [`Dataset`].
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct DatasetOptions {

@@ -22,7 +22,7 @@ pub struct Lighting {
     pub ambient: f32,
     /// Colour of all light.
     pub tint: [f32; 3],
-    /// Whether things cast shadows.
+    /// True if things cast shadows.
     pub shadows: bool,
 }
 
@@ -78,7 +78,7 @@ impl Lighting {
     }
 }
 
-/// What lens and sensor add to the light: each can be switched off by its own number.
+/// Effects of lens and sensor; each is switched off by its own number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Effects {
     /// Rays per pixel at edges, along each side: 1 is no supersampling.

@@ -29,15 +29,15 @@ pub const DEPTH_FROM: f32 = 0.25;
 /// See [`DEPTH_FROM`].
 pub const DEPTH_STEP: f32 = 0.003;
 
-/// How a table runs in real time.
+/// Options of a table that runs in real time.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct LiveOptions {
-    /// How much faster than a real robot everything goes, 0.1 to 20; images keep their rate.
+    /// Speed relative to a real robot, 0.1 to 20; images keep their rate.
     pub speed: f64,
     /// Images per second of each camera while somebody watches, 0.1 to 30.
     pub rate: f64,
-    /// What lens and sensor add.
+    /// Effects of lens and sensor.
     pub effects: Effects,
     /// Seed of friction and noise.
     pub seed: u64,

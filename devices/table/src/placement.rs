@@ -15,7 +15,7 @@ const RESTARTS: usize = 20;
 /// Sides of the polygon that stands for a round footprint.
 const ROUND: usize = 16;
 
-/// How objects are placed.
+/// Rules for the placement of objects.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Placement {
@@ -25,7 +25,7 @@ pub struct Placement {
     pub classes: Vec<Class>,
     /// Smallest distance between two objects, m.
     pub gap: f64,
-    /// Where the middle of an object may be along x, m.
+    /// Range of the middle of an object along x, m.
     pub x: [f64; 2],
     /// Along y.
     pub y: [f64; 2],
@@ -33,7 +33,7 @@ pub struct Placement {
     pub reach: [f64; 2],
     /// Number of things that nobody looks for; they may touch nothing either.
     pub clutter: usize,
-    /// Whether table and light are random too.
+    /// True if table and light are random too.
     pub surroundings: bool,
 }
 
@@ -89,7 +89,7 @@ impl Placement {
     "no room for {asked} objects on the table, {placed} fitted; ask for fewer or for a smaller gap"
 )]
 pub struct NoRoom {
-    /// How many were wanted.
+    /// Number of objects that were requested.
     pub asked: usize,
     /// The most that fitted.
     pub placed: usize,

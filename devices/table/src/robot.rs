@@ -1,4 +1,4 @@
-//! Where the arm and the hand are: solids for rendering and contact, and a frame for each moving part.
+//! Posture of arm and hand: solids for rendering and contact, and a frame for each moving part.
 //!
 //! Parts are counted: 0 is the base, 1 to 7 the links of the arm, then three per finger (the one that spreads, inner, outer).
 //! The hand's frame is the tool plate, frame 7: owd has the inner joints 0.135 m beyond the wrist, which is the

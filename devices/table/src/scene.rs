@@ -103,7 +103,7 @@ pub struct Scene {
     pub table: Table,
     /// Polygons, glasses and plates belong into the first, second and third.
     pub baskets: Vec<Basket>,
-    /// What lies on the table.
+    /// Objects on the table.
     pub objects: Vec<Object>,
     /// Arm and hand, if they are there.
     pub robot: Option<RobotPosture>,

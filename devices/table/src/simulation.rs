@@ -31,7 +31,7 @@ pub fn arm_model() -> WamModel<7> {
     })
 }
 
-/// How a table is simulated.
+/// Options of a simulation.
 #[derive(Clone, Debug, Default)]
 #[non_exhaustive]
 pub struct SimulationOptions {

@@ -177,7 +177,7 @@ impl LivenessRecord {
 }
 
 impl Registry {
-    /// Whether `asked` may have its name.
+    /// Returns whether `asked` may have its name.
     ///
     /// A group and a topic have no owner that could be asked: they are given away as in stock. The
     /// owner, who asks at `from`, gets the place that it has, unless it asks to be a group or topic.

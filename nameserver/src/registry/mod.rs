@@ -83,7 +83,7 @@ pub struct Settings {
     pub lease: Duration,
     /// Host and TCP port of each other server of the same names, sent to ports that hold a lease.
     pub others: Vec<(String, u16)>,
-    /// How much is held for others.
+    /// Capacity for the data of clients.
     pub capacity: Capacity,
 }
 

@@ -1,4 +1,4 @@
-//! Who owns a name, as far as addresses tell.
+//! Ownership of names, as far as addresses show it.
 //!
 //! A name belongs to the program that registered it. Requests carry no proof of that but the address
 //! that they come from, so a request counts as the owner's if it comes from the address that
@@ -98,7 +98,7 @@ impl Registry {
         entry.is_some_and(|entry| self.is_owner(entry, Some(from)))
     }
 
-    /// Whether an address is one of this machine.
+    /// Returns whether an address is one of this machine.
     fn is_here(&self, address: IpAddr) -> bool {
         let mut subnets = self.settings.subnets.iter();
         address.is_loopback() || subnets.any(|subnet| subnet.own == address)

@@ -17,7 +17,7 @@ pub(super) const MAX_DEFINITION_BYTES: usize = 16 << 10;
 /// Maximum number of connections that one request starts or ends; a later `announce` does the rest.
 pub(super) const MAX_LINKS_PER_REQUEST: usize = 4096;
 
-/// How much a name server holds for others. Each limit is a field of
+/// Capacity of a name server for the data of clients. Each limit is a field of
 /// [`ServerOptions::capacity`](crate::ServerOptions::capacity).
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub struct Capacity {

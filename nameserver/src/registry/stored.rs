@@ -1,4 +1,4 @@
-//! What is kept beyond the life of a registry, kind by kind.
+//! State that outlives a registry, kind by kind.
 //!
 //! A [`Change`] is what a request leaves to be kept. Whatever it touches belongs to one [`Item`], which
 //! several servers share as a whole; what a registry holds of an item is its [`ItemValue`]. A registry that

@@ -74,7 +74,7 @@ impl Files {
         }))
     }
 
-    /// Whether those that were there still are.
+    /// Returns whether those that were there still are.
     fn are_at(&self, path: &Path) -> bool {
         let now = Self::at(path);
         let mut files = self.0.iter().zip(&now.0);

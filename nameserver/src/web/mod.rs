@@ -1,4 +1,4 @@
-//! What the name server shows to browsers, and to programs that read JSON.
+//! Pages of the name server for browsers, and JSON for programs.
 //!
 //! | address | what is there |
 //! | --- | --- |

@@ -1,4 +1,4 @@
-//! Where the configuration of a YARP network lives, and what it says.
+//! Configuration of a YARP network: its files and their content.
 //!
 //! The files and variables are those of stock YARP, so that both use one configuration:
 //!
@@ -290,7 +290,7 @@ impl Configuration {
         &self.roles
     }
 
-    /// What browsers may do, with `browsers.conf`.
+    /// Returns what browsers may do, with `browsers.conf`.
     pub fn gate(&self) -> &Gate {
         &self.gate
     }

@@ -309,7 +309,7 @@ impl Core {
         }
     }
 
-    /// Whether a peer may have the port make another connection, by what kind of connection it is and how many there are.
+    /// Returns whether a peer may have the port make another connection, by what kind of connection it is and how many there are.
     ///
     /// Copies of what arrives come from this port, with its name and address: whoever may send to it would have the
     /// rights of this port at the reader. So where there are roles, one must say who may connect this port.

@@ -514,7 +514,7 @@ impl Connection {
         asking.why_not(&core.name, core.options.modifiable)
     }
 
-    /// Whether it speaks as browsers do.
+    /// Returns whether it speaks as browsers do.
     fn comes_from_page(&self) -> bool {
         let carrier = self.acceptor.carrier();
         carrier.is_some_and(|carrier| carrier.protocol.service().is_some())

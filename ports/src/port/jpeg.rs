@@ -30,7 +30,7 @@ pub(crate) enum JpegError {
         width: usize,
         height: usize,
     },
-    /// As much is not left of the process's budget.
+    /// The budget of the process has fewer bytes left than this.
     #[error("the process has no room for an image of {0} bytes now")]
     NoRoom(usize),
     #[error("not a JPEG image: {0:?}")]

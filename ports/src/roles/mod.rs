@@ -1,4 +1,4 @@
-//! Who may do what with which ports: `roles.conf`.
+//! Permissions of peers on ports: `roles.conf`.
 //!
 //! ```text
 //! [operators]                        # any word; it shows up in nothing but this file

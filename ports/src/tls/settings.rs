@@ -46,7 +46,7 @@ pub enum Required {
     All,
 }
 
-/// What a program needs for encrypted connections: the lab's authority, and the certificate and key of this host.
+/// Settings of encrypted connections: the lab's authority, and the certificate and key of this host.
 #[derive(Clone)]
 pub struct Tls(Arc<Inner>);
 

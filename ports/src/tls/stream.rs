@@ -179,7 +179,7 @@ impl TlsStream {
 }
 
 impl State {
-    /// Whether nothing is left that TLS could take.
+    /// Returns whether nothing is left that TLS could take.
     fn is_fed(&self) -> bool {
         self.taken == self.received.len()
     }
@@ -188,7 +188,7 @@ impl State {
         self.has_more || !self.is_fed()
     }
 
-    /// Whether the peer has said goodbye.
+    /// Returns whether the peer has said goodbye.
     fn is_closed(&mut self) -> bool {
         matches!(self.connection.reader().fill_buf(), Ok(chunk) if chunk.is_empty())
     }

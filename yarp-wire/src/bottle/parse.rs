@@ -232,7 +232,7 @@ mod tests {
     use super::super::BracketBalance;
     use super::*;
 
-    /// As it was read before: each list anew, by the definition at the head of this file.
+    /// Parses each list separately, by the definition at the head of this file.
     fn by_definition(text: &[u8], depth: usize) -> Result<Bottle, TextError> {
         if depth == 0 {
             return Err(TextError::TooDeep { limit: 5 });

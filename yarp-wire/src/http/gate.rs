@@ -35,7 +35,7 @@ use std::net::{Ipv4Addr, Ipv6Addr};
 
 use super::Head;
 
-/// What a request is for.
+/// Purpose of a request.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum Service {
     /// Pages, and what is sent with forms.
@@ -53,7 +53,7 @@ pub struct Gate {
     origins: Vec<String>,
 }
 
-/// What a request that was let through may do. The default is that of a program: everything.
+/// Permissions of an admitted request. The default is that of a program: everything.
 #[derive(Clone, Debug, Default, Eq, PartialEq)]
 pub struct Admission {
     views_only: bool,
@@ -204,7 +204,7 @@ impl Gate {
         }
     }
 
-    /// How a page or an origin is related to the host of a request; none if it is not.
+    /// Returns how a page or an origin is related to the host of a request; none if it is not.
     fn known(&self, address: &str, head: &Head) -> Option<Relation> {
         let (scheme, authority) = split(address)?;
         let host = head.host.as_deref().unwrap_or_default();
@@ -216,7 +216,7 @@ impl Gate {
         allowed.then_some(Relation::Allowed(origin))
     }
 
-    /// Whether a `Host` names this machine; its port may be another than ours, behind a tunnel.
+    /// Returns whether a `Host` names this machine; its port may be another than ours, behind a tunnel.
     fn is_own_host(&self, host: &str) -> bool {
         let Some(name) = name_of(host) else {
             return false;
@@ -232,7 +232,7 @@ impl Gate {
     }
 }
 
-/// As much of what a client says as is said again.
+/// Returns the part of a client's text that is repeated in an answer.
 fn short(text: &str) -> String {
     const SHOWN: usize = 200;
     text.chars().take(SHOWN).collect()
@@ -275,7 +275,7 @@ mod tests {
         gate().admit(service, &Head::parse(head.as_bytes()))
     }
 
-    /// What a request comes to, in short.
+    /// Returns what a request comes to, in short.
     fn short(result: &Result<Admission, Refusal>) -> &'static str {
         match result {
             Ok(Admission {

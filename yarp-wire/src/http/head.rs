@@ -37,12 +37,12 @@ impl HeadSearch {
     }
 }
 
-/// What a head says, as far as anybody here wants to know.
+/// The parts of a request head that are used.
 #[derive(Clone, Debug, Default, Eq, PartialEq)]
 pub struct Head {
-    /// Whether something is sent (`POST`); else it is asked for (`GET`).
+    /// True if something is sent (`POST`); else it is asked for (`GET`).
     pub posts: bool,
-    /// What is asked for, without the leading `/`, as it came.
+    /// Target of the request as received, without the leading `/`.
     pub target: String,
     /// The host that the client thinks it talks to, with its port.
     pub host: Option<String>,
@@ -52,15 +52,15 @@ pub struct Head {
     pub referer: Option<String>,
     /// `Sec-Fetch-Site`: how the page and this server are related.
     pub site: Option<String>,
-    /// Whether the browser says that a person goes to this address, in a window and not in a frame.
+    /// True if the browser says that a person goes to this address, in a window and not in a frame.
     pub navigates: bool,
-    /// Whether a page is expected: what browsers say when a person goes to an address.
+    /// True if a page is expected: what browsers say when a person goes to an address.
     pub accepts_html: bool,
-    /// Whether the user agent is one of those that call themselves `Mozilla/`: all browsers do.
+    /// True if the user agent is one of those that call themselves `Mozilla/`: all browsers do.
     pub mozilla: bool,
-    /// Whether a language is asked for.
+    /// True if a language is asked for.
     pub language: bool,
-    /// Whether there is any `Sec-Fetch-` or `Sec-CH-`, which only browsers may send.
+    /// True if there is any `Sec-Fetch-` or `Sec-CH-`, which only browsers may send.
     pub fetch_metadata: bool,
     pub(crate) upgrade: bool,
     pub(crate) key: Option<String>,
@@ -115,7 +115,7 @@ impl Head {
         self.fetch_metadata |= key.starts_with("sec-fetch-") || key.starts_with("sec-ch-");
     }
 
-    /// Whether anything says that a browser asks: no script of a page can leave out all of this.
+    /// Returns whether anything says that a browser asks: no script of a page can leave out all of this.
     pub fn is_of_browser(&self) -> bool {
         self.mozilla
             || self.language

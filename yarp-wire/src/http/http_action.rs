@@ -270,7 +270,7 @@ mod tests {
         );
     }
 
-    /// What commas and one letter make of an address delivered messages and made connections.
+    /// Returns what commas and one letter make of an address delivered messages and made connections.
     #[test]
     fn what_only_shows_is_told_from_what_sends() {
         for target in [

@@ -17,7 +17,7 @@ pub struct Request {
     pub web_socket_key: Option<String>,
     /// The fields of query or form, decoded, in order of arrival.
     pub fields: Vec<(String, String)>,
-    /// What the [gate](super::Gate) lets it do.
+    /// Permissions that the [gate](super::Gate) granted.
     pub admission: Admission,
 }
 

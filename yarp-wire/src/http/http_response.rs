@@ -1,4 +1,4 @@
-//! What the owner of a port answers browsers with, if it has pages of its own; and the head of every answer.
+//! Responses of the owner of a port to browsers, and the head of every response.
 
 use std::borrow::Cow;
 use std::fmt;

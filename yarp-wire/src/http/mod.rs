@@ -1,4 +1,4 @@
-//! What browsers ask of ports, and what they are told.
+//! Requests of browsers to ports, and the responses.
 //!
 //! [`gate`] decides which requests are answered. [`RequestReader`] collects a request, [`Action`] says what it asks of the port, [`page`] and
 //! [`json`] are the answers, [`Response`] that of an owner with pages of its own. Source: recorded traffic of 3.12.3 and 4.0.0.

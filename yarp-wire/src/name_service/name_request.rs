@@ -86,7 +86,7 @@ fn skip<'a>(items: &'a [Value], word: &str) -> Option<&'a [Value]> {
     (first.as_str() == Some(word)).then_some(after)
 }
 
-/// How many of the words at the end are the fields of an http request, which a port appends as
+/// Returns how many of the words at the end are the fields of an http request, which a port appends as
 /// `(key value)`, sorted by key, `REQUEST_URI` among them. Stock takes them for arguments.
 fn fields(words: &[&Value]) -> usize {
     let key = |word: &Value| {

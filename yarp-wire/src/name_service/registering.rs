@@ -15,7 +15,7 @@ pub struct LeaseHolder {
     pub number: u16,
 }
 
-/// What a port asks for when it registers. `None` leaves the choice to the server.
+/// Registration request of a port. `None` leaves the choice to the server.
 #[derive(Clone, Debug, Default, Eq, PartialEq)]
 pub struct RegisterRequest {
     /// The port's name; `...` lets the server invent one.
@@ -26,7 +26,7 @@ pub struct RegisterRequest {
     pub host: Option<String>,
     /// The TCP port; may be out of range, as it came.
     pub number: Option<i64>,
-    /// What the port carries, for example `yarp/image`.
+    /// Type of the port's messages, for example `yarp/image`.
     pub type_name: Option<String>,
 }
 

@@ -1,4 +1,4 @@
-//! What a name server decides by the command alone.
+//! Rules that depend on the command alone.
 //!
 //! [`Command::rules`](super::Command::rules) is the one table of these decisions. Access checks, the
 //! store that several servers share, the probe of the holder of a name, the choice between a reply
@@ -6,18 +6,18 @@
 
 use super::registering::{LeaseHolder, RegisterRequest};
 
-/// What a name server decides by the command alone.
+/// Rules that depend on the command alone.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rules<'a> {
-    /// What the command does to the server.
+    /// Effect of the command on the server.
     pub kind: Kind<'a>,
-    /// What the roles in force must allow.
+    /// Right that the roles in force must grant.
     pub needs: Needs<'a>,
-    /// Whether stock replies with a bottle although not asked for one.
+    /// True if stock replies with a bottle although not asked for one.
     pub structured: bool,
 }
 
-/// What a command does to the server.
+/// Effect of a command on the server.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kind<'a> {
     /// It changes nothing.
@@ -42,7 +42,7 @@ pub enum Kind<'a> {
     },
 }
 
-/// What the roles in force must allow. "The server" is the name server's own port.
+/// Right that the roles in force must grant. "The server" is the name server's own port.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Needs<'a> {
     /// To read from the server.
@@ -64,7 +64,7 @@ pub enum Needs<'a> {
 }
 
 impl Rules<'_> {
-    /// Whether the command may change what is stored, and what several servers share.
+    /// Returns whether the command may change what is stored, and what several servers share.
     pub fn changes(&self) -> bool {
         match self.kind {
             Kind::Change { .. } | Kind::Claim(_) => true,

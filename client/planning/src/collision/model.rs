@@ -22,7 +22,7 @@ fn part(link: usize) -> usize {
     }
 }
 
-/// What the arm is closest to.
+/// The closest pair of a posture.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Contact {
     /// An obstacle, by its name.

@@ -191,7 +191,7 @@ impl SimulatedMotor {
         }
     }
 
-    /// Whether contact is stronger than the motor: with the clutch engaged it lets go before.
+    /// Returns whether contact is stronger than the motor: with the clutch engaged it lets go before.
     fn is_stalled(&self) -> bool {
         self.speed > 0.0 && self.clutch.is_some() && self.load.outer > STALL_TORQUE
     }

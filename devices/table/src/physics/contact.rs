@@ -19,7 +19,7 @@ const DAMPING: f64 = 60.0;
 const FRICTION: f64 = 0.5;
 const SLIDING: f64 = 0.02;
 
-/// What the robot touches.
+/// The counterpart of a contact of the robot.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum Other {
     /// The table, or the floor of the room.
@@ -35,9 +35,9 @@ pub enum Other {
 pub struct Contact {
     /// Part of the robot: see [`robot`](crate::robot).
     pub part: usize,
-    /// What it touches.
+    /// The counterpart.
     pub other: Other,
-    /// Where, m.
+    /// Position, m.
     pub point: Point3<f64>,
     /// Force on the robot, N.
     pub force: Vector3<f64>,

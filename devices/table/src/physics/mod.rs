@@ -47,7 +47,7 @@ const MOST_GIVEN: f64 = 400.0;
 /// Bound of the torques on joints, Nm: above what the mechanics of the arm allow (110 Nm).
 const MOST: f64 = 120.0;
 
-/// What the devices tell about the robot.
+/// State of the robot, as its devices report it.
 #[derive(Clone, Copy, Debug)]
 pub struct RobotState {
     /// Joint angles, rad.
@@ -56,7 +56,7 @@ pub struct RobotState {
     pub hand: Option<([f64; 4], [Option<f64>; 3])>,
 }
 
-/// What the world does to the robot.
+/// Effect of the world on the robot.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Reaction {
     /// Torques on the joints, Nm.

@@ -200,7 +200,7 @@ fn share(mask: u16) -> f32 {
     1.0 - (mask.count_ones() as f32 / SAMPLES as f32).min(1.0)
 }
 
-/// Whether this sample passes a solid that lets some light through.
+/// Returns whether this sample passes a solid that lets some light through.
 fn passes(solid: &Primitive, sample: usize, index: usize) -> bool {
     solid.opacity < 1.0
         && (hash((sample * 1000 + index) as u64) % 1000) as f32 > solid.opacity * 1000.0
@@ -213,7 +213,7 @@ fn disc(index: usize) -> [f32; 2] {
     [radius * angle.cos(), radius * angle.sin()]
 }
 
-/// Who can cast a shadow of this lamp on a solid: whose sphere comes near the cone between both.
+/// Returns who can cast a shadow of this lamp on a solid: whose sphere comes near the cone between both.
 fn blockers(lamp: &Source, one: &Primitive, all: &[Primitive]) -> Vec<usize> {
     let to = lamp.centre - one.centre;
     let length = to.norm();
@@ -416,7 +416,7 @@ impl Plane {
 }
 
 impl Primitive {
-    /// Whether it stands on this place: a ray from inside of it meets nothing.
+    /// Returns whether it stands on this place: a ray from inside of it meets nothing.
     fn is_over(&self, place: &Vector) -> bool {
         let local = self.rotation.tr_mul(&(place - self.centre));
         let half = self.solid.half_extent() + Vector::repeat(1e-4);

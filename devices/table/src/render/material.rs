@@ -1,4 +1,4 @@
-//! What a surface looks like where a ray meets it.
+//! Appearance of a surface at the point where a ray meets it.
 
 use super::primitive::{Hit, Vector};
 use crate::bricks::{BrickKind, Face};

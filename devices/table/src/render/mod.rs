@@ -36,7 +36,7 @@ const KEPT: usize = 4;
 pub struct Shot {
     /// In red, green and blue.
     pub image: Image,
-    /// What it shows, as a camera without blur and noise would see it.
+    /// Ground truth, as a camera without blur and noise would see it.
     pub truth: GroundTruth,
 }
 
@@ -163,7 +163,7 @@ impl Renderer {
     }
 }
 
-/// How many things the truth lists: the objects, and a board on the tool plate of a robot that is there.
+/// Returns how many things the truth lists: the objects, and a board on the tool plate of a robot that is there.
 fn owners(scene: &Scene) -> usize {
     scene.objects.len() + usize::from(scene.board.is_some() && scene.robot.is_some())
 }

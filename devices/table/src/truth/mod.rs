@@ -1,4 +1,4 @@
-//! What an image shows: camera, objects, poses, masks; and its XML.
+//! Ground truth of an image: camera, objects, poses, masks; and its XML.
 
 mod mask;
 mod read;
@@ -46,7 +46,7 @@ pub struct ObjectTruth {
     pub top: Option<[f64; 2]>,
     /// Part of the pixels that it would have in the image alone, that show it: 0 to 1, and 0 outside the image.
     pub visible: f64,
-    /// Whether it reaches beyond the image.
+    /// True if it reaches beyond the image.
     pub truncated: bool,
     /// The pixels that show it.
     pub mask: Mask,
