@@ -149,7 +149,7 @@ async fn a_peer_without_the_carrier_is_a_clear_error() {
     for (carrier, answer, word) in [
         ("shmem", refusing, "it has no carrier shmem"),
         ("unix_stream", refusing, "it has no carrier unix_stream"),
-        ("shmem", "", "it may not take shmem"),
+        ("shmem", "", "it may not support shmem"),
     ] {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let number = listener.local_addr().unwrap().port();

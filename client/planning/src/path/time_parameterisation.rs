@@ -15,6 +15,8 @@ use super::Path;
 const MAX_DEVIATION: f64 = 0.002;
 /// Largest distance of two grid points, in rad of the path.
 const GRID_STEP: f64 = 0.01;
+/// Smallest number of grid intervals of a rounded corner, within which the direction changes.
+const MIN_CORNER_STEPS: f64 = 16.0;
 /// Largest number of grid points.
 const MAX_GRID: usize = 20_000;
 
@@ -182,7 +184,12 @@ impl Grid {
             second: Vec::new(),
         };
         for piece in rounded(path) {
-            let count = (piece.length / GRID_STEP).ceil().max(1.0);
+            let least = if piece.second.amax() > 0.0 {
+                MIN_CORNER_STEPS
+            } else {
+                1.0
+            };
+            let count = (piece.length / GRID_STEP).ceil().max(least);
             let step = piece.length / count;
             for index in 0..count as usize {
                 // Derivatives in the middle of the interval.
