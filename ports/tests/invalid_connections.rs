@@ -176,7 +176,7 @@ impl Write for Log {
 /// Has connections to `reader` begin and end, with these bytes, until it takes them for a flood.
 async fn flood(reader: &Port, bytes: &[u8], log: &Log) {
     let flooding = async {
-        while !log.has("newcomers are let in one by one") {
+        while !log.has("throttling accepts") {
             Raw::to(reader).await.send(bytes).await;
         }
     };
