@@ -13,8 +13,11 @@ use crate::wam::{AXES, WamModel};
 
 /// Between messages that configure the safety module (libbarrett).
 const CONFIGURATION_INTERVAL: Duration = Duration::from_millis(10);
-/// Maximum number of attempts to find a puck awake: it takes up to a second (libbarrett), three queries each.
-const MAX_WAKE_ATTEMPTS: usize = 10;
+/// Time without frames after the commands to wake: pucks start their firmware, and frames meanwhile can drive the bus
+/// into bus-off (libbarrett).
+const WAKE_SILENCE: Duration = Duration::from_secs(1);
+/// Minimum time between queries to a puck that is not awake.
+const MIN_WAKE_POLL_INTERVAL: Duration = Duration::from_millis(1);
 /// The firmware from which on properties have the numbers of [`PuckProperty`].
 const MIN_FIRMWARE_VERSION: i32 = 65;
 /// Velocities of the safety module are in m/s / 4096.
@@ -63,7 +66,7 @@ pub(super) fn connect(
     if !first && let Some(&node) = asleep.iter().find(|&&node| node != Node::SAFETY) {
         return Err(CanErrorKind::PositionLost { node }).at_step(CanStep::Wake);
     }
-    wake(&mut bus, &asleep).at_step(CanStep::Wake)?;
+    wake(&mut bus, &asleep, options).at_step(CanStep::Wake)?;
     identify(&mut bus).at_step(CanStep::Identify)?;
     let units = read_units(&mut bus, model).at_step(CanStep::Units)?;
     set_limits(&mut bus, options).at_step(CanStep::Limits)?;
@@ -108,22 +111,37 @@ fn find(bus: &mut PuckBus, time: Duration) -> Result<Vec<Node>, CanError> {
     Ok(asleep)
 }
 
-fn wake(bus: &mut PuckBus, asleep: &[Node]) -> Result<(), CanErrorKind> {
+/// Wakes pucks, waits a second, and asks each until it is awake, all of them within the timeout for waking.
+///
+/// Time is counted in queries, so that it is the time of the bus.
+fn wake(bus: &mut PuckBus, asleep: &[Node], options: &CanOptions) -> Result<(), CanErrorKind> {
+    if asleep.is_empty() {
+        return Ok(());
+    }
     for &node in asleep {
         bus.set_property(node, PuckProperty::STAT, status::READY)?;
         bus.discard_for(CONFIGURATION_INTERVAL)?;
     }
+    bus.discard_for(WAKE_SILENCE)?;
+    let interval = options.property_timeout.max(MIN_WAKE_POLL_INTERVAL);
+    let mut left = options.wake_timeout;
     for &node in asleep {
-        let mut state = bus.get_property(node, PuckProperty::STAT)?;
-        for _ in 0..MAX_WAKE_ATTEMPTS {
-            if state == status::READY {
-                break;
+        loop {
+            let state = bus.try_get_property(node, PuckProperty::STAT, interval)?;
+            match state {
+                Some(status::READY) => break,
+                Some(state) if left.is_zero() => {
+                    return Err(unexpected(node, PuckProperty::STAT, "2, awake", state));
+                }
+                None if left.is_zero() => return Err(CanErrorKind::Silent { node }),
+                Some(_) => {
+                    // The command may have been lost.
+                    bus.set_property(node, PuckProperty::STAT, status::READY)?;
+                    bus.discard_for(interval)?;
+                }
+                None => {}
             }
-            bus.discard_for(CONFIGURATION_INTERVAL * 10)?;
-            state = bus.get_property(node, PuckProperty::STAT)?;
-        }
-        if state != status::READY {
-            return Err(unexpected(node, PuckProperty::STAT, "2, awake", state));
+            left = left.saturating_sub(interval);
         }
     }
     Ok(())

@@ -18,6 +18,8 @@ pub struct CanOptions {
     pub property_timeout: Duration,
     /// Time for which each of the 31 nodes is listened for when pucks are searched.
     pub scan_interval: Duration,
+    /// Maximum time that pucks take to wake, after a first second in which the driver sends nothing.
+    pub wake_timeout: Duration,
     /// Interval between attempts after a failure.
     pub retry_interval: Duration,
     /// Value of [`MECH`](crate::can::puck::PuckProperty::MECH) of each puck when the arm is exactly at home: then it
@@ -37,6 +39,7 @@ impl Default for CanOptions {
             max_missed_replies: 10,
             property_timeout: Duration::from_millis(50),
             scan_interval: Duration::from_millis(2),
+            wake_timeout: Duration::from_secs(2),
             retry_interval: Duration::from_millis(500),
             home_marks: None,
             limits: SafetyLimits::default(),
