@@ -54,6 +54,7 @@ pub struct SimulatedPucks {
     switched: SafetyMode,
     silent: [bool; 32],
     commanded: bool,
+    stop_cuts_power: bool,
     /// Number of frames of the host while a puck was waking, other than commands to wake.
     disturbances: u64,
     owed: Duration,
@@ -80,6 +81,7 @@ impl SimulatedPucks {
             switched: simulator.safety().mode(),
             silent: [false; 32],
             commanded: false,
+            stop_cuts_power: true,
             disturbances: 0,
             owed: Duration::ZERO,
             since_broadcast: Duration::ZERO,
@@ -213,7 +215,16 @@ impl SimulatedPucks {
         if now == self.switched {
             return;
         }
-        self.switched = now;
+        let before = std::mem::replace(&mut self.switched, now);
+        if self.stop_cuts_power && now == SafetyMode::EmergencyStop {
+            for puck in &mut self.motors {
+                puck.start_mut().switch_off();
+            }
+        } else if self.stop_cuts_power && before == SafetyMode::EmergencyStop {
+            for motor in 0..AXES {
+                self.restart_motor(motor);
+            }
+        }
         let value = match now {
             SafetyMode::Active => mode::TORQUE_OR_ACTIVE,
             _ => mode::IDLE_OR_STOPPED,
@@ -267,9 +278,16 @@ impl SimulatedPucks {
         self.simulator.safety_mut().press_idle();
     }
 
+    /// Sets whether the emergency stop cuts the power of the motors' pucks, as on the real arm, which is the default:
+    /// they are silent until idle is pressed, and have lost their positions then.
+    pub fn set_stop_cuts_power(&mut self, cuts: bool) {
+        self.stop_cuts_power = cuts;
+    }
+
     /// Shift and idle on the pendant.
     pub fn press_idle(&mut self) {
         self.simulator.safety_mut().press_idle();
+        self.switch(&mut Vec::new());
     }
 
     /// Shift and activate on the pendant.
@@ -280,6 +298,7 @@ impl SimulatedPucks {
     /// The red button.
     pub fn press_stop(&mut self) {
         self.simulator.safety_mut().press_stop();
+        self.switch(&mut Vec::new());
     }
 
     /// The machine.
