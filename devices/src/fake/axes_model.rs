@@ -65,6 +65,19 @@ impl AxesModel {
         Ok(())
     }
 
+    /// Puts an axis at rest at a measured position, which may be outside its limits. From there commands move it
+    /// back; it does not jump.
+    ///
+    /// Errors: [`DeviceError::NoSuchAxis`].
+    pub(crate) fn place_measured(
+        &mut self,
+        axis: AxisIndex,
+        position: f64,
+    ) -> Result<(), DeviceError> {
+        self.axis_mut(axis)?.set_encoder(position);
+        Ok(())
+    }
+
     /// Same as [`AxisInfo::axes`](crate::AxisInfo::axes).
     pub fn axes(&self) -> usize {
         self.axes.len()

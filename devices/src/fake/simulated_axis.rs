@@ -256,7 +256,7 @@ impl Axis {
             target,
             self.reference_speed,
             self.reference_acceleration,
-            self.limits,
+            self.limits_from_here(),
         );
     }
 
@@ -292,7 +292,7 @@ impl Axis {
             position,
             self.max_speed,
             self.built.max_acceleration,
-            self.limits,
+            self.limits_from_here(),
         );
     }
 
@@ -323,7 +323,7 @@ impl Axis {
             ahead,
             velocity.abs(),
             acceleration,
-            self.limits,
+            self.limits_from_here(),
         );
     }
 
@@ -386,7 +386,8 @@ impl Axis {
     }
 
     fn come_to_rest(&mut self, acceleration: f64) {
-        self.path = VelocityProfile::stopping(self.state(), acceleration, self.limits);
+        let limits = self.limits_from_here();
+        self.path = VelocityProfile::stopping(self.state(), acceleration, limits);
         self.target = self.path.target();
         self.drive = None;
     }
@@ -433,6 +434,13 @@ impl Axis {
             self.effort = 0.0;
             self.drive = Some(Drive::new(self.path.state(), self.friction, self.limits));
         }
+    }
+
+    /// Returns the limits in force, widened so that they hold the present position: an axis outside its limits is
+    /// moved back by commands alone.
+    fn limits_from_here(&self) -> Limits {
+        let here = self.state().position;
+        Limits::new(self.limits.min.min(here), self.limits.max.max(here))
     }
 
     /// Puts the axis at rest at a position inside its limits, in any state: as by hand.

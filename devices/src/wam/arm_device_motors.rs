@@ -1,7 +1,7 @@
 //! The interfaces of an arm under control that concern its motors.
 
+use super::AXES;
 use super::arm_device::{ArmDevice, ControlledArm};
-use super::{AXES, ArmControl};
 use crate::simulation::Gains;
 use crate::{
     Axes, AxisIndex, DeviceError, EncoderReading, Encoders, Fault, JointFault, Limits, Mode,
@@ -110,7 +110,7 @@ impl<A: ControlledArm> PidControl for ArmDevice<A> {
         let gains = |pid: &Pid| Gains::new(pid.kp, pid.ki, pid.kd, pid.max_output);
         self.control(|arm| {
             for (axis, pid) in axes.iter(AXES).zip(pids) {
-                ArmControl::check_gains(axis, gains(pid))?;
+                arm.check_gains(axis, gains(pid))?;
             }
             for (axis, pid) in axes.iter(AXES).zip(pids) {
                 arm.set_gains(axis, gains(pid))?;

@@ -309,6 +309,22 @@ impl<const N: usize> WamModel<N> {
         self
     }
 
+    /// Returns the largest torque of a joint, Nm: what its motors have at their limits, or the limit of its position
+    /// loop if that is more. 0 for a joint that does not exist.
+    pub fn largest_torque(&self, joint: usize) -> f64 {
+        let of_motors: f64 = self
+            .motors
+            .iter()
+            .enumerate()
+            .map(|(index, motor)| {
+                let torque = motor.limit / motor.units_per_newton_metre;
+                self.transmission.ratio(index, joint).abs() * torque
+            })
+            .sum();
+        let of_loop = self.gains.get(joint).map_or(0.0, |gains| gains.limit);
+        of_motors.max(of_loop)
+    }
+
     /// The equations of motion.
     pub fn dynamics(&self) -> Dynamics<N> {
         Dynamics::new(self.chain.clone(), self.bodies, self.rotors, self.gravity)

@@ -6,7 +6,7 @@
 //! ```
 //!
 //! Fields in brackets are present if the parameter enables them: `LCV`, `LCPG`; `LFV`, `LFS`, `LFAP`, `LFDP`; `LFT`.
-//! `LCT`, `LFBP` and `LFAIN` of firmware 4.4 have no published layout and are left off.
+//! `LCT`, `LFBP` and `LFAIN` of firmware 4.4 are not supported.
 //!
 //! Source: the manual of firmware 4.3x, pages 37 to 43, that of 4.4.x, pages 43 to 45.
 

@@ -2,12 +2,15 @@
 
 mod motor_puck;
 mod puck_bus_server;
+mod puck_start;
 mod safety_puck;
 
 use std::time::Duration;
 
 use motor_puck::MotorPuck;
 pub use puck_bus_server::serve_pucks;
+use puck_start::PuckStart;
+pub use puck_start::WakeUp;
 use safety_puck::SafetyPuck;
 
 use super::{SafetyMode, Simulator, SimulatorOptions};
@@ -22,7 +25,8 @@ const BROADCAST_ID: u16 = 0x540;
 
 /// The other end of an arm's CAN bus: frames in, frames out, stepped by its owner.
 ///
-/// Pucks behave like their firmware, as far as it is published: switched on they only monitor; awake they answer
+/// Pucks behave like their firmware, as far as it is published: switched on they only monitor, and they take their
+/// time to wake ([`WakeUp`]); awake they answer
 /// queries for properties, follow packed torques when the safety module has set their mode, and count their rotors'
 /// positions from the position that was written. A query for a property that they do not have is not answered. The
 /// safety module lets software only lower its mode, monitors speeds, torques and missing frames, and switches the
@@ -50,6 +54,9 @@ pub struct SimulatedPucks {
     switched: SafetyMode,
     silent: [bool; 32],
     commanded: bool,
+    stop_cuts_power: bool,
+    /// Number of frames of the host while a puck was waking, other than commands to wake.
+    disturbances: u64,
     owed: Duration,
     since_broadcast: Duration,
 }
@@ -62,12 +69,20 @@ impl SimulatedPucks {
         let turn = simulator.model().transmission.counts_per_turn() as i32;
         Self {
             motors: std::array::from_fn(|motor| {
-                MotorPuck::switched_on(motor, &simulator.model().motors[motor], turn, counts[motor])
+                MotorPuck::switched_on(
+                    motor,
+                    &simulator.model().motors[motor],
+                    turn,
+                    counts[motor],
+                    WakeUp::default(),
+                )
             }),
-            safety: SafetyPuck::switched_on(),
+            safety: SafetyPuck::switched_on(WakeUp::default()),
             switched: simulator.safety().mode(),
             silent: [false; 32],
             commanded: false,
+            stop_cuts_power: true,
+            disturbances: 0,
             owed: Duration::ZERO,
             since_broadcast: Duration::ZERO,
             simulator,
@@ -81,6 +96,16 @@ impl SimulatedPucks {
         };
         if address.from != Node::HOST {
             return;
+        }
+        let wakes = matches!(
+            message,
+            PuckMessage::Value {
+                property: PuckProperty::STAT,
+                ..
+            }
+        );
+        if !wakes && self.starts().any(PuckStart::is_waking) {
+            self.disturbances += 1;
         }
         let counts = self.simulator.counts();
         for (motor, puck) in self.motors.iter_mut().enumerate() {
@@ -123,6 +148,7 @@ impl SimulatedPucks {
 
     /// Lets time pass, in whole control periods; the rest is kept. Frames that come of it are added to `frames`.
     pub fn advance(&mut self, time: Duration, frames: &mut Vec<CanFrame>) {
+        self.advance_start(time);
         let period = self.simulator.options().period;
         self.owed += time;
         while !period.is_zero() && self.owed >= period {
@@ -135,6 +161,35 @@ impl SimulatedPucks {
             self.since_broadcast = Duration::ZERO;
             frames.extend(CanFrame::new(BROADCAST_ID, &[0x2B, 0, 0]));
         }
+    }
+
+    /// Lets time pass for pucks between power-up and firmware, and for nothing else: [`advance`](Self::advance)
+    /// does both.
+    pub fn advance_start(&mut self, time: Duration) {
+        for puck in &mut self.motors {
+            puck.start_mut().advance(time);
+        }
+        self.safety.start_mut().advance(time);
+    }
+
+    fn starts(&self) -> impl Iterator<Item = &PuckStart> {
+        let motors = self.motors.iter().map(MotorPuck::start);
+        motors.chain([self.safety.start()])
+    }
+
+    /// Changes how a puck of a motor, or the safety module, starts: now and after later power-ups. Ignores other nodes.
+    pub fn set_wake_up(&mut self, node: Node, wake_up: WakeUp) {
+        if node == Node::SAFETY {
+            self.safety.start_mut().set_wake_up(wake_up);
+        } else if let Some(motor) = node.motor(AXES) {
+            self.motors[motor].start_mut().set_wake_up(wake_up);
+        }
+    }
+
+    /// Returns the number of frames that the host sent while a puck was waking, commands to wake excepted: real pucks
+    /// may drive the bus into bus-off then (libbarrett).
+    pub fn disturbances(&self) -> u64 {
+        self.disturbances
     }
 
     fn step(&mut self) {
@@ -160,7 +215,16 @@ impl SimulatedPucks {
         if now == self.switched {
             return;
         }
-        self.switched = now;
+        let before = std::mem::replace(&mut self.switched, now);
+        if self.stop_cuts_power && now == SafetyMode::EmergencyStop {
+            for puck in &mut self.motors {
+                puck.start_mut().switch_off();
+            }
+        } else if self.stop_cuts_power && before == SafetyMode::EmergencyStop {
+            for motor in 0..AXES {
+                self.restart_motor(motor);
+            }
+        }
         let value = match now {
             SafetyMode::Active => mode::TORQUE_OR_ACTIVE,
             _ => mode::IDLE_OR_STOPPED,
@@ -202,19 +266,28 @@ impl SimulatedPucks {
         let model = self.simulator.model();
         let turn = model.transmission.counts_per_turn() as i32;
         if let Some(puck) = self.motors.get_mut(motor) {
-            *puck = MotorPuck::switched_on(motor, &model.motors[motor], turn, counts[motor]);
+            let wake_up = puck.start().wake_up();
+            *puck =
+                MotorPuck::switched_on(motor, &model.motors[motor], turn, counts[motor], wake_up);
         }
     }
 
     /// Switches the safety module off and on again: it monitors, idle, and takes no position for true.
     pub fn restart_safety(&mut self) {
-        self.safety = SafetyPuck::switched_on();
+        self.safety = SafetyPuck::switched_on(self.safety.start().wake_up());
         self.simulator.safety_mut().press_idle();
+    }
+
+    /// Sets whether the emergency stop cuts the power of the motors' pucks, as on the real arm, which is the default:
+    /// they are silent until idle is pressed, and have lost their positions then.
+    pub fn set_stop_cuts_power(&mut self, cuts: bool) {
+        self.stop_cuts_power = cuts;
     }
 
     /// Shift and idle on the pendant.
     pub fn press_idle(&mut self) {
         self.simulator.safety_mut().press_idle();
+        self.switch(&mut Vec::new());
     }
 
     /// Shift and activate on the pendant.
@@ -225,6 +298,7 @@ impl SimulatedPucks {
     /// The red button.
     pub fn press_stop(&mut self) {
         self.simulator.safety_mut().press_stop();
+        self.switch(&mut Vec::new());
     }
 
     /// The machine.

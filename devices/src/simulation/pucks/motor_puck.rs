@@ -1,6 +1,7 @@
 //! The puck of one motor.
 
-use crate::can::puck::{Group, Node, PuckMessage, PuckProperty, Target, mode, role, status};
+use super::puck_start::{PuckStart, WakeUp};
+use crate::can::puck::{Group, Node, PuckMessage, PuckProperty, Target, mode, role};
 use crate::simulation::{MAX_TEMPERATURE, REST_TEMPERATURE, SUPPLY_VOLTAGE};
 use crate::wam::Motor;
 
@@ -11,7 +12,7 @@ const SLOTS: usize = 4;
 
 #[derive(Clone, Debug)]
 pub(super) struct MotorPuck {
-    status: i32,
+    start: PuckStart,
     mode: i32,
     /// Offset of the count from the rotor's position.
     offset: i32,
@@ -28,7 +29,13 @@ pub(super) struct MotorPuck {
 
 impl MotorPuck {
     /// A puck after power-up: its rotor's angle is known inside one turn.
-    pub(super) fn switched_on(motor: usize, of: &Motor, turn: i32, counts: i32) -> Self {
+    pub(super) fn switched_on(
+        motor: usize,
+        of: &Motor,
+        turn: i32,
+        counts: i32,
+        wake_up: WakeUp,
+    ) -> Self {
         let upper = motor >= SLOTS;
         let torque_group = if upper {
             Group::UPPER_TORQUES
@@ -51,7 +58,7 @@ impl MotorPuck {
             values[usize::from(property.number())] = Some(value);
         }
         Self {
-            status: status::MONITOR,
+            start: PuckStart::switched_on(wake_up),
             mode: mode::IDLE_OR_STOPPED,
             offset: counts.rem_euclid(turn.max(1)) - counts,
             turn: turn.max(1),
@@ -109,8 +116,8 @@ impl MotorPuck {
 
     fn value(&self, property: PuckProperty) -> Option<i32> {
         match property {
-            PuckProperty::STAT => Some(self.status),
-            PuckProperty::VERS => self.stored(property),
+            PuckProperty::STAT => self.start.status(),
+            PuckProperty::VERS => self.start.status().and(self.stored(property)),
             _ if !self.is_awake() => None,
             PuckProperty::MODE => Some(self.mode),
             PuckProperty::TEMP => Some(self.temperature),
@@ -125,7 +132,7 @@ impl MotorPuck {
 
     fn set(&mut self, property: PuckProperty, value: i32, counts: i32) {
         match property {
-            PuckProperty::STAT => self.status = value,
+            PuckProperty::STAT => self.start.set_status(value),
             _ if !self.is_awake() => {}
             PuckProperty::MODE => self.switch(value),
             PuckProperty::P => self.offset = value.wrapping_sub(counts),
@@ -150,7 +157,16 @@ impl MotorPuck {
     }
 
     fn is_awake(&self) -> bool {
-        self.status == status::READY
+        self.start.is_awake()
+    }
+
+    /// The way from power-up to the firmware.
+    pub(super) fn start(&self) -> &PuckStart {
+        &self.start
+    }
+
+    pub(super) fn start_mut(&mut self) -> &mut PuckStart {
+        &mut self.start
     }
 
     /// Returns whether it follows torques.

@@ -1,6 +1,7 @@
 //! The safety module as a participant of the bus.
 
-use crate::can::puck::{Lamp, Pendant, PuckMessage, PuckProperty, mode, role, status};
+use super::puck_start::{PuckStart, WakeUp};
+use crate::can::puck::{Lamp, Pendant, PuckMessage, PuckProperty, mode, role};
 use crate::simulation::{Fault, SafetyLimits, SafetyMode, SafetyModule};
 
 /// Version of its firmware: any above 61 has today's property list.
@@ -12,18 +13,27 @@ const REWRITE_SPEED: f64 = 1e3;
 
 #[derive(Clone, Debug)]
 pub(super) struct SafetyPuck {
-    status: i32,
+    start: PuckStart,
     zeroed: i32,
     faults_to_ignore: i32,
 }
 
 impl SafetyPuck {
-    pub(super) fn switched_on() -> Self {
+    pub(super) fn switched_on(wake_up: WakeUp) -> Self {
         Self {
-            status: status::MONITOR,
+            start: PuckStart::switched_on(wake_up),
             zeroed: 0,
             faults_to_ignore: 0,
         }
+    }
+
+    /// The way from power-up to the firmware.
+    pub(super) fn start(&self) -> &PuckStart {
+        &self.start
+    }
+
+    pub(super) fn start_mut(&mut self) -> &mut PuckStart {
+        &mut self.start
     }
 
     /// Handles a message for it, and answers queries.
@@ -57,9 +67,9 @@ impl SafetyPuck {
     fn value(&self, property: PuckProperty, module: &SafetyModule) -> Option<i32> {
         let limits = module.limits();
         Some(match property {
-            PuckProperty::STAT => self.status,
-            PuckProperty::VERS => VERSION,
-            _ if self.status != status::READY => return None,
+            PuckProperty::STAT => self.start.status()?,
+            PuckProperty::VERS => self.start.status().map(|_| VERSION)?,
+            _ if !self.start.is_awake() => return None,
             PuckProperty::ROLE => role::SAFETY,
             PuckProperty::MODE => match module.mode() {
                 SafetyMode::EmergencyStop => mode::IDLE_OR_STOPPED,
@@ -82,8 +92,8 @@ impl SafetyPuck {
         let speed = f64::from(value) / VELOCITY_UNITS;
         let units = f64::from(value);
         match property {
-            PuckProperty::STAT => self.status = value,
-            _ if self.status != status::READY => {}
+            PuckProperty::STAT => self.start.set_status(value),
+            _ if !self.start.is_awake() => {}
             PuckProperty::MODE => match value {
                 mode::IDLE_OR_STOPPED => module.request(SafetyMode::EmergencyStop),
                 mode::SAFETY_IDLE => module.request(SafetyMode::Idle),

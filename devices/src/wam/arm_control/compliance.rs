@@ -101,11 +101,7 @@ impl ArmControl {
     /// Holds a joint that has a set point at its position.
     fn hold_here(&mut self, axis: AxisIndex) {
         match (self.mode(axis), &mut self.streams[axis.index()]) {
-            (_, Stream::Position(place)) => {
-                let limits = self.set_points.position_limits(axis);
-                let here = self.measured[axis.index()].position;
-                *place = limits.map_or(here, |limits| limits.clamp(here));
-            }
+            (_, Stream::Position(place)) => *place = self.measured[axis.index()].position,
             (mode @ (Mode::Position | Mode::Velocity), Stream::None) => {
                 self.rest(axis);
                 self.set_mode_of_set_point(axis, mode);

@@ -400,23 +400,25 @@ impl ArmControl {
 
     /// Sets the gains of a joint's position loop, in Nm per degree.
     ///
-    /// Errors: [`DeviceError::NoSuchAxis`], [`DeviceError::NotFinite`], [`DeviceError::OutOfRange`] for a negative one.
+    /// Errors: [`DeviceError::NoSuchAxis`], [`DeviceError::NotFinite`], [`DeviceError::OutOfRange`] for a negative one,
+    /// or for a torque limit above the torque of the joint's motors.
     pub fn set_gains(&mut self, axis: AxisIndex, gains: Gains) -> Result<(), DeviceError> {
-        Self::check_gains(axis, gains)?;
+        self.check_gains(axis, gains)?;
         self.controller
             .set_gains(axis.index(), gains_per_radian(gains));
         Ok(())
     }
 
     /// Checks gains before they are set, with the errors of [`set_gains`](Self::set_gains).
-    pub(super) fn check_gains(axis: AxisIndex, gains: Gains) -> Result<(), DeviceError> {
+    pub(super) fn check_gains(&self, axis: AxisIndex, gains: Gains) -> Result<(), DeviceError> {
         Axes::One(axis).check(AXES)?;
+        let possible = Limits::new(0.0, self.model.largest_torque(axis.index()));
+        possible.check(axis, "torque limit", gains.limit, "Nm")?;
         let positive = Limits::new(0.0, f64::MAX);
         for (quantity, asked) in [
             ("proportional gain", gains.proportional),
             ("integral gain", gains.integral),
             ("derivative gain", gains.derivative),
-            ("torque limit", gains.limit),
         ] {
             positive.check(axis, quantity, asked, "Nm/deg")?;
         }
@@ -593,7 +595,7 @@ impl ArmControl {
     }
 
     fn put_set_point(&mut self, axis: AxisIndex, position: f64) {
-        let placed = self.set_points.place(axis, position);
+        let placed = self.set_points.place_measured(axis, position);
         debug_assert!(placed.is_ok(), "the axis was checked");
     }
 

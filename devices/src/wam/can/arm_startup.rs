@@ -13,8 +13,11 @@ use crate::wam::{AXES, WamModel};
 
 /// Between messages that configure the safety module (libbarrett).
 const CONFIGURATION_INTERVAL: Duration = Duration::from_millis(10);
-/// Maximum number of attempts to find a puck awake: it takes up to a second (libbarrett), three queries each.
-const MAX_WAKE_ATTEMPTS: usize = 10;
+/// Time without frames after the commands to wake: pucks start their firmware, and frames meanwhile can drive the bus
+/// into bus-off (libbarrett).
+const WAKE_SILENCE: Duration = Duration::from_secs(1);
+/// Minimum time between queries to a puck that is not awake.
+const MIN_WAKE_POLL_INTERVAL: Duration = Duration::from_millis(1);
 /// The firmware from which on properties have the numbers of [`PuckProperty`].
 const MIN_FIRMWARE_VERSION: i32 = 65;
 /// Velocities of the safety module are in m/s / 4096.
@@ -23,6 +26,9 @@ const VELOCITY_UNITS: f64 = 4096.0;
 const MAX_PROPERTY_VALUE: f64 = i16::MAX as f64;
 /// Distance by which a joint may seem to be outside its limits, rad: stops are outside too, and cables stretch.
 const LIMIT_MARGIN: f64 = 0.2;
+/// Maximum motion of a joint that is believed after the driver did not see it, rad: motors follow the last torque until
+/// the safety module misses its heartbeat, and may reach its velocity limit until then.
+const MAX_UNSEEN_MOTION: f64 = 1.0;
 /// Tolerance of a written position when it is read back: a turn divided by this.
 const POSITION_TOLERANCE_DIVISOR: i32 = 4;
 
@@ -41,36 +47,56 @@ pub(super) struct PuckUnits {
     pub(super) group: Group,
 }
 
+/// The source of the arm's position.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Attempt {
+    /// The driver starts: the position is that of marks or of a confirmed home pose, or of pucks that were told before.
+    First,
+    /// The pucks have kept the position, which is compared with the last known counts.
+    Reconnect {
+        /// Counts when the arm was lost.
+        known: [i32; AXES],
+    },
+    /// A person says that the arm is folded at home now.
+    HomeConfirmed,
+}
+
 /// Prepares an arm for control; returns its position.
 ///
-/// `first`: the arm may be declared to be folded at home. Later it must know its position by itself, and the safety
-/// module is commanded to brake, so that nothing moves until the pendant is pressed.
+/// At the first attempt and after a confirmation the pucks are told where they are. After a loss they must know, and the
+/// driver never tells the safety module that they do. The safety module is commanded to brake, except at the first
+/// attempt, so that nothing moves until the pendant is pressed.
 pub(super) fn connect(
     open: &mut OpenBus,
     model: &WamModel<AXES>,
     options: &CanOptions,
-    first: bool,
+    attempt: Attempt,
 ) -> Result<(ControlCycle, [i32; AXES]), CanError> {
     let bus = open().at_step(CanStep::Open)?;
     let mut bus = PuckBus::new(bus, options.property_timeout);
-    if !first {
+    if attempt != Attempt::First {
         // When the arm was lost the command to brake may have been lost as well, and the bus may be back before the
         // safety module misses a heartbeat.
         bus.set_property(Node::SAFETY, PuckProperty::MODE, mode::SAFETY_IDLE)
             .at_step(CanStep::Find)?;
     }
     let asleep = find(&mut bus, options.scan_interval)?;
-    if !first && let Some(&node) = asleep.iter().find(|&&node| node != Node::SAFETY) {
+    if matches!(attempt, Attempt::Reconnect { .. })
+        && let Some(&node) = asleep.iter().find(|&&node| node != Node::SAFETY)
+    {
         return Err(CanErrorKind::PositionLost { node }).at_step(CanStep::Wake);
     }
-    wake(&mut bus, &asleep).at_step(CanStep::Wake)?;
+    wake(&mut bus, &asleep, options).at_step(CanStep::Wake)?;
     identify(&mut bus).at_step(CanStep::Identify)?;
     let units = read_units(&mut bus, model).at_step(CanStep::Units)?;
     set_limits(&mut bus, options).at_step(CanStep::Limits)?;
-    zero(&mut bus, model, options, first, !asleep.is_empty()).at_step(CanStep::Zero)?;
+    zero(&mut bus, model, options, attempt, !asleep.is_empty()).at_step(CanStep::Zero)?;
     let counts = locate(&mut bus, model).at_step(CanStep::Locate)?;
     info!(?counts, "the arm on the CAN bus is there");
-    Ok((ControlCycle::new(bus, units, options, counts), counts))
+    Ok((
+        ControlCycle::new(bus, units, model, options, counts),
+        counts,
+    ))
 }
 
 /// All nodes that the arm needs.
@@ -97,9 +123,12 @@ fn find(bus: &mut PuckBus, time: Duration) -> Result<Vec<Node>, CanError> {
     for node in arm() {
         let state = match states[usize::from(node.number())] {
             Some(state) => state,
-            None => bus
-                .get_property(node, PuckProperty::STAT)
-                .at_step(CanStep::Find)?,
+            None => match bus.get_property(node, PuckProperty::STAT) {
+                Err(CanErrorKind::Silent { .. }) if bus.is_stopped().at_step(CanStep::Find)? => {
+                    return Err(CanErrorKind::EmergencyStop).at_step(CanStep::Find);
+                }
+                state => state.at_step(CanStep::Find)?,
+            },
         };
         if state != status::READY {
             asleep.push(node);
@@ -108,22 +137,37 @@ fn find(bus: &mut PuckBus, time: Duration) -> Result<Vec<Node>, CanError> {
     Ok(asleep)
 }
 
-fn wake(bus: &mut PuckBus, asleep: &[Node]) -> Result<(), CanErrorKind> {
+/// Wakes pucks, waits a second, and asks each until it is awake, all of them within the timeout for waking.
+///
+/// Time is counted in queries, so that it is the time of the bus.
+fn wake(bus: &mut PuckBus, asleep: &[Node], options: &CanOptions) -> Result<(), CanErrorKind> {
+    if asleep.is_empty() {
+        return Ok(());
+    }
     for &node in asleep {
         bus.set_property(node, PuckProperty::STAT, status::READY)?;
         bus.discard_for(CONFIGURATION_INTERVAL)?;
     }
+    bus.discard_for(WAKE_SILENCE)?;
+    let interval = options.property_timeout.max(MIN_WAKE_POLL_INTERVAL);
+    let mut left = options.wake_timeout;
     for &node in asleep {
-        let mut state = bus.get_property(node, PuckProperty::STAT)?;
-        for _ in 0..MAX_WAKE_ATTEMPTS {
-            if state == status::READY {
-                break;
+        loop {
+            let state = bus.try_get_property(node, PuckProperty::STAT, interval)?;
+            match state {
+                Some(status::READY) => break,
+                Some(state) if left.is_zero() => {
+                    return Err(unexpected(node, PuckProperty::STAT, "2, awake", state));
+                }
+                None if left.is_zero() => return Err(CanErrorKind::Silent { node }),
+                Some(_) => {
+                    // The command may have been lost.
+                    bus.set_property(node, PuckProperty::STAT, status::READY)?;
+                    bus.discard_for(interval)?;
+                }
+                None => {}
             }
-            bus.discard_for(CONFIGURATION_INTERVAL * 10)?;
-            state = bus.get_property(node, PuckProperty::STAT)?;
-        }
-        if state != status::READY {
-            return Err(unexpected(node, PuckProperty::STAT, "2, awake", state));
+            left = left.saturating_sub(interval);
         }
     }
     Ok(())
@@ -230,21 +274,23 @@ fn set_limits(bus: &mut PuckBus, options: &CanOptions) -> Result<(), CanErrorKin
     Ok(())
 }
 
-/// Tells the pucks where they are, unless they know.
+/// Tells the pucks where they are, unless they know, and only when somebody has confirmed where that is.
 fn zero(
     bus: &mut PuckBus,
     model: &WamModel<AXES>,
     options: &CanOptions,
-    first: bool,
+    attempt: Attempt,
     restarted: bool,
 ) -> Result<(), CanErrorKind> {
     let zeroed = bus.get_property(Node::SAFETY, PuckProperty::ZERO)? != 0;
-    if zeroed && !restarted {
-        return Ok(());
-    }
-    if !first {
-        // The safety module has restarted; the pucks have not, so that they are right.
-        return declare_zeroed(bus);
+    match attempt {
+        Attempt::Reconnect { .. } if !zeroed => return Err(CanErrorKind::SafetyRestarted),
+        Attempt::Reconnect { known } => return compare(bus, model, &known),
+        Attempt::First if !options.home_confirmed && options.home_marks.is_none() => {
+            return Err(CanErrorKind::HomeUnconfirmed);
+        }
+        Attempt::First if zeroed && !restarted && !look_restarted(bus, model)? => return Ok(()),
+        Attempt::First | Attempt::HomeConfirmed => {}
     }
     if bus.get_property(Node::SAFETY, PuckProperty::MODE)? == mode::TORQUE_OR_ACTIVE {
         return Err(CanErrorKind::Active);
@@ -272,6 +318,48 @@ fn zero(
         }
     }
     declare_zeroed(bus)
+}
+
+/// Returns whether all rotors are within their first turn, as after a power-up from which pucks woke by themselves.
+fn look_restarted(bus: &mut PuckBus, model: &WamModel<AXES>) -> Result<bool, CanErrorKind> {
+    let turn = model.transmission.counts_per_turn() as i32;
+    for motor in 0..AXES {
+        if !(0..turn).contains(&bus.get_position(Node::of_motor(motor))?) {
+            return Ok(false);
+        }
+    }
+    Ok(true)
+}
+
+/// Compares positions with those before the connection was lost.
+///
+/// A puck that restarted is within its first turn, wherever it was before. The arm may have sunk or have been led
+/// meanwhile; more than [`MAX_UNSEEN_MOTION`] is not believed.
+fn compare(
+    bus: &mut PuckBus,
+    model: &WamModel<AXES>,
+    known: &[i32; AXES],
+) -> Result<(), CanErrorKind> {
+    let turn = model.transmission.counts_per_turn() as i32;
+    let mut now = [0; AXES];
+    for (motor, slot) in now.iter_mut().enumerate() {
+        *slot = bus.get_position(Node::of_motor(motor))?;
+    }
+    let moved = model.transmission.joints(&now) - model.transmission.joints(known);
+    for motor in 0..AXES {
+        let far = now[motor].abs_diff(known[motor]) >= turn.unsigned_abs() / 2;
+        let restarted = far && (0..turn).contains(&now[motor]);
+        let turns = |joint: usize| model.transmission.turns(motor, joint);
+        let mut joints = (0..AXES).filter(|&joint| turns(joint));
+        if restarted || joints.any(|joint| moved[joint].abs() > MAX_UNSEEN_MOTION) {
+            return Err(CanErrorKind::CountsChanged {
+                node: Node::of_motor(motor),
+                before: known[motor],
+                now: now[motor],
+            });
+        }
+    }
+    Ok(())
 }
 
 /// Returns the distance of a rotor from its position at home, by its mark, within half a turn (libbarrett,

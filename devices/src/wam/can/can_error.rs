@@ -85,6 +85,26 @@ pub enum CanErrorKind {
         /// The node.
         node: Node,
     },
+    /// A puck counts from elsewhere since the connection was lost: it was switched off meanwhile, or was moved too far
+    /// to tell.
+    #[error("{node} was at {before} counts before the connection was lost and is at {now}")]
+    CountsChanged {
+        /// The node.
+        node: Node,
+        /// The last known position, counts.
+        before: i32,
+        /// The position now, counts.
+        now: i32,
+    },
+    /// The safety module was switched off meanwhile, and possibly the pucks.
+    #[error("the safety module has restarted, and pucks may have lost their positions")]
+    SafetyRestarted,
+    /// The emergency stop has switched off the pucks, which forget their positions.
+    #[error("the emergency stop has switched off the pucks, which lost their positions")]
+    EmergencyStop,
+    /// The driver was started without marks and without a confirmed home pose.
+    #[error("nobody has confirmed that the arm is folded in its home pose")]
+    HomeUnconfirmed,
     /// Positions can only be written while nothing moves.
     #[error("the safety module is active while positions are to be written")]
     Active,
@@ -99,6 +119,18 @@ pub enum CanErrorKind {
 }
 
 impl CanErrorKind {
+    /// Returns whether the position of the arm is unknown until a person confirms its home pose.
+    pub fn loses_position(&self) -> bool {
+        matches!(
+            self,
+            Self::PositionLost { .. }
+                | Self::CountsChanged { .. }
+                | Self::SafetyRestarted
+                | Self::EmergencyStop
+                | Self::HomeUnconfirmed
+        )
+    }
+
     /// Returns advice on what to try next.
     pub fn advice(&self) -> String {
         match self {
@@ -112,8 +144,18 @@ impl CanErrorKind {
             Self::Unexpected { node, .. } => {
                 format!("the firmware and configuration of {node}, and the model of the arm")
             }
-            Self::PositionLost { .. } | Self::Implausible { .. } => {
+            Self::Implausible { .. } => {
                 "to fold the arm into its home pose by hand and to start the driver again"
+                    .to_owned()
+            }
+            Self::EmergencyStop => "to release the red button, to press Shift and Idle, to fold \
+                 the arm into its home pose by hand and to confirm that (`confirm_home`)"
+                .to_owned(),
+            Self::PositionLost { .. }
+            | Self::CountsChanged { .. }
+            | Self::SafetyRestarted
+            | Self::HomeUnconfirmed => {
+                "to fold the arm into its home pose by hand and to confirm that (`confirm_home`)"
                     .to_owned()
             }
             Self::Active => "to press Shift and Idle on the pendant".to_owned(),

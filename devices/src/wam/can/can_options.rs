@@ -18,12 +18,21 @@ pub struct CanOptions {
     pub property_timeout: Duration,
     /// Time for which each of the 31 nodes is listened for when pucks are searched.
     pub scan_interval: Duration,
+    /// Maximum time that pucks take to wake, after a first second in which the driver sends nothing.
+    pub wake_timeout: Duration,
     /// Interval between attempts after a failure.
     pub retry_interval: Duration,
     /// Value of [`MECH`](crate::can::puck::PuckProperty::MECH) of each puck when the arm is exactly at home: then it
-    /// may be folded by hand to within half a turn of its rotors, as with libbarrett's `zerocal.conf`. Without it,
-    /// the folded pose is assumed to be exact.
+    /// may be folded by hand to within half a turn of its rotors. Without it, the folded pose is assumed to be exact.
+    ///
+    /// These are not the numbers of libbarrett's `zerocal.conf`: its `zeroangle` is the angle of the rotor with the
+    /// joint at zero, not at home.
     pub home_marks: Option<[i32; AXES]>,
+    /// Confirms that the arm is folded in its home pose at the start of the driver, as
+    /// [`CanWam::confirm_home`](super::CanWam::confirm_home) does later. Without it and without
+    /// [`home_marks`](Self::home_marks) the driver starts, but the arm stays unreachable until somebody confirms. Not
+    /// for a program that is restarted automatically: nobody looks at the arm then.
+    pub home_confirmed: bool,
     /// Limits of the safety module; its heartbeat cannot be set.
     pub limits: SafetyLimits,
 }
@@ -37,8 +46,10 @@ impl Default for CanOptions {
             max_missed_replies: 10,
             property_timeout: Duration::from_millis(50),
             scan_interval: Duration::from_millis(2),
+            wake_timeout: Duration::from_secs(2),
             retry_interval: Duration::from_millis(500),
             home_marks: None,
+            home_confirmed: false,
             limits: SafetyLimits::default(),
         }
     }

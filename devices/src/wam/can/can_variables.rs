@@ -13,6 +13,8 @@ use crate::wam::can::arm_startup::limits_in_units;
 use crate::{DeviceError, VariableValue};
 
 const STATUS: &str = "status";
+/// 1 if the position is known. Setting it to 1 confirms that the arm is folded at home.
+const CONFIRM_HOME: &str = "confirm_home";
 /// Of the pucks of motors.
 const MOTOR: [(&str, PuckProperty); 12] = [
     ("puck.VERS", PuckProperty::VERS),
@@ -42,7 +44,10 @@ const SAFETY: [(&str, PuckProperty); 8] = [
 
 pub(super) fn names() -> impl Iterator<Item = String> {
     let properties = MOTOR.iter().chain(&SAFETY).map(|(name, _)| *name);
-    std::iter::once(STATUS).chain(properties).map(str::to_owned)
+    [STATUS, CONFIRM_HOME]
+        .into_iter()
+        .chain(properties)
+        .map(str::to_owned)
 }
 
 fn named(
@@ -57,6 +62,10 @@ pub(super) fn variable(device: &CanWam, name: &str) -> Result<Vec<VariableValue>
         return Ok(vec![VariableValue::Text(device.status().to_string())]);
     }
     let whole = |value: i32| VariableValue::Integer(value.into());
+    if name == CONFIRM_HOME {
+        let known = device.status().position_lost.is_none();
+        return Ok(vec![whole(known.into())]);
+    }
     if let Some((_, property)) = named(&MOTOR, name) {
         let one = |motor| run(device, Node::of_motor(motor), property, None).map(whole);
         return (0..AXES).map(one).collect();
@@ -73,6 +82,10 @@ pub(super) fn set_variable(
     name: &str,
     value: &[VariableValue],
 ) -> Result<(), DeviceError> {
+    if name == CONFIRM_HOME {
+        let [_] = numbers(CONFIRM_HOME, value, [(1.0, 1.0)])?;
+        return device.confirm_home();
+    }
     let Some((name, property)) = named(&SAFETY, name) else {
         return no_variable(name);
     };

@@ -2,15 +2,16 @@
 
 use std::collections::VecDeque;
 use std::fmt;
+use std::sync::mpsc::{SyncSender, sync_channel};
 use std::thread;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use tracing::{info, warn};
 
-use super::arm_startup::connect;
+use super::arm_startup::{Attempt, connect};
 use super::control_cycle::ControlCycle;
 use super::property_request::PropertyRequest;
-use super::{CanError, CanOptions, can_variables, property_request};
+use super::{CanError, CanErrorKind, CanOptions, can_variables, property_request};
 use crate::can::puck::{Node, Pendant, PuckProperty};
 use crate::can::{BusError, CanBus};
 use crate::simulation::SafetyMode;
@@ -18,6 +19,11 @@ use crate::wam::arm_device::{ArmDevice, ControlledArm, Shared};
 use crate::wam::periodic_timer::PeriodicTimer;
 use crate::wam::{AXES, ArmControl, WamModel};
 use crate::{AxisIndex, DeviceError, VariableValue};
+
+/// Longer than a start takes with pucks that wake late.
+const CONFIRMATION_TIMEOUT: Duration = Duration::from_secs(30);
+/// Interval at which a thread without an arm looks for a confirmation.
+const CONFIRMATION_POLL_INTERVAL: Duration = Duration::from_millis(20);
 
 /// Name of the peer, for errors and the log.
 pub(super) const PEER: &str = "the arm on the CAN bus";
@@ -27,8 +33,12 @@ pub type OpenBus = Box<dyn FnMut() -> Result<Box<dyn CanBus>, BusError> + Send>;
 
 /// A seven-joint WAM arm on its CAN bus.
 ///
-/// * It must be folded in its home pose when the pucks have been switched on and the driver starts; pucks whose
-///   positions have been set keep them as long as they have power.
+/// * It must be folded in its home pose when the pucks have been switched on and the driver starts, and somebody must
+///   say so: [`CanOptions::home_confirmed`], marks, or [`confirm_home`](Self::confirm_home). Pucks whose positions have
+///   been set keep them as long as they have power.
+/// * Once the position is lost - pucks or safety module restarted, the emergency stop cut their power, or counts changed
+///   while the bus was away - commands and readings are refused until [`confirm_home`](Self::confirm_home), also when
+///   the pucks are back by themselves.
 /// * The safety module decides: the arm is driven as soon as Shift and Activate are pressed on the pendant, and holds
 ///   its position then. Until then, and after a fault, all joints are in `Mode::HardwareFault`.
 /// * When the bus fails or a puck stops answering, the driver commands the safety module to brake, refuses commands
@@ -59,6 +69,8 @@ pub struct CanArm {
     options: CanOptions,
     /// Pending queries of callers to pucks.
     property_requests: VecDeque<PropertyRequest>,
+    /// The pending confirmation of a person, and where its result goes.
+    confirmation: Option<SyncSender<Result<(), CanError>>>,
 }
 
 /// State of the connection between driver and arm.
@@ -74,6 +86,9 @@ pub struct CanStatus {
     pub last_error: Option<CanError>,
     /// The error with which the arm was lost; kept too.
     pub loss: Option<CanError>,
+    /// The reason why the position is unknown, until somebody confirms the home pose; the driver does not reconnect
+    /// by itself meanwhile.
+    pub position_lost: Option<CanError>,
     /// Number of successful connections.
     pub connections: u64,
     /// Control periods since then.
@@ -90,7 +105,13 @@ pub struct CanStatus {
 impl fmt::Display for CanStatus {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match (&self.last_error, self.safety) {
-            (Some(error), _) if !self.connected => write!(f, "{error}"),
+            (Some(error), _) if !self.connected => {
+                write!(f, "{error}")?;
+                match &self.position_lost {
+                    Some(lost) if lost != error => write!(f, "; before that, {lost}"),
+                    _ => Ok(()),
+                }
+            }
             (_, Some(SafetyMode::Active)) => write!(f, "active"),
             (_, mode) => {
                 let mode = match mode {
@@ -189,9 +210,24 @@ impl CanArm {
         } else if self.status.last_error.as_ref() != Some(error) {
             warn!(peer = PEER, %error, "the arm is still not reachable");
         }
+        if error.kind.loses_position() {
+            self.status.position_lost = Some(error.clone());
+        }
         self.status.safety = None;
         self.status.last_error = Some(error.clone());
         self.property_requests.clear();
+    }
+
+    /// Returns the next attempt to connect, and where its result goes; `None` while the arm waits for a person.
+    fn next_attempt(&mut self) -> Option<(Attempt, Option<SyncSender<Result<(), CanError>>>)> {
+        if let Some(answer) = self.confirmation.take() {
+            return Some((Attempt::HomeConfirmed, Some(answer)));
+        }
+        let known = self.control.motor_counts();
+        match self.status.position_lost {
+            Some(_) => None,
+            None => Some((Attempt::Reconnect { known }, None)),
+        }
     }
 
     /// Queues a query for the thread of the bus, if the arm is connected.
@@ -253,18 +289,68 @@ impl ArmDevice<CanArm> {
         options: CanOptions,
         mut open: OpenBus,
     ) -> Result<Self, DeviceError> {
-        let (link, counts) = connect(&mut open, &model, &options, true)
-            .map_err(|error| DeviceError::from(&error.to_arm_error(PEER)))?;
+        let found = connect(&mut open, &model, &options, Attempt::First);
+        let counts = match &found {
+            Ok((_, counts)) => *counts,
+            // The arm is there, and waits for a person.
+            Err(error) if error.kind == CanErrorKind::HomeUnconfirmed => {
+                model.transmission.counts(&model.home)
+            }
+            Err(error) => return Err(DeviceError::from(&error.to_arm_error(PEER))),
+        };
         let mut arm = CanArm {
             control: ArmControl::new(model, options.period, counts),
             status: CanStatus::default(),
             options,
             property_requests: VecDeque::new(),
+            confirmation: None,
         };
-        arm.connected(&link, counts);
+        let link = match found {
+            Ok((link, counts)) => {
+                arm.connected(&link, counts);
+                Some(link)
+            }
+            Err(error) => {
+                arm.failed(&error);
+                None
+            }
+        };
         Self::spawn(arm, "can-wam", move |shared| {
             run(shared, link, open, &options);
         })
+    }
+
+    /// Confirms that the arm is folded in its home pose now, after its position was lost or when it was never known.
+    ///
+    /// The driver connects and tells the pucks where they are. Whoever calls this looks at the arm: a wrong confirmation
+    /// makes it swing. Blocks until the arm is connected, seconds when pucks have to wake. A confirmation is for one
+    /// attempt.
+    ///
+    /// Errors: [`DeviceError::NotSupported`] while the position is known; [`DeviceError::Remote`] with the step that
+    /// failed, then the position stays lost.
+    pub fn confirm_home(&self) -> Result<(), DeviceError> {
+        let (answer, result) = sync_channel(1);
+        self.with(|arm| {
+            if arm.status.position_lost.is_none() {
+                return Err(DeviceError::NotSupported {
+                    what: "confirming the home pose of an arm that knows its position".to_owned(),
+                });
+            }
+            arm.confirmation = Some(answer);
+            Ok(())
+        })?;
+        match result.recv_timeout(CONFIRMATION_TIMEOUT) {
+            Ok(result) => result.map_err(|error| DeviceError::from(&error.to_arm_error(PEER))),
+            Err(_) => {
+                self.with(|arm| arm.confirmation = None);
+                Err(DeviceError::Remote {
+                    peer: PEER.to_owned(),
+                    step: "confirming the home pose (no attempt ended in time)".to_owned(),
+                    advice: "again, and the state of the bus".to_owned(),
+                    source: None,
+                })
+            }
+        }
     }
 
     /// Returns the state of the connection.
@@ -273,33 +359,65 @@ impl ArmDevice<CanArm> {
     }
 }
 
-/// Drives the arm, and reconnects after a loss, until stopped.
-fn run(shared: &Shared<CanArm>, link: ControlCycle, mut open: OpenBus, options: &CanOptions) {
+/// Drives the arm, and reconnects after a loss, until stopped. Once the position is lost, a person has to confirm it.
+fn run(
+    shared: &Shared<CanArm>,
+    mut link: Option<ControlCycle>,
+    mut open: OpenBus,
+    options: &CanOptions,
+) {
     let model = shared.lock().arm.control.model().clone();
-    let mut link = Some(link);
     while !shared.is_ending() {
         let error = match link.take() {
             Some(mut link) => match drive(shared, &mut link, &model, options) {
                 Ok(()) => return link.brake(),
                 Err(error) => {
                     link.brake();
-                    error
+                    link.explain(error)
                 }
             },
-            None => match connect(&mut open, &model, options, false) {
-                Ok((found, counts)) => {
-                    shared.lock().arm.connected(&found, counts);
-                    link = Some(found);
+            None => {
+                let next = shared.lock().arm.next_attempt();
+                let Some((attempt, answer)) = next else {
+                    wait(shared, options.retry_interval);
                     continue;
+                };
+                let found = connect(&mut open, &model, options, attempt);
+                let result = match found {
+                    Ok((found, counts)) => {
+                        shared.lock().arm.connected(&found, counts);
+                        link = Some(found);
+                        Ok(())
+                    }
+                    Err(error) => Err(error),
+                };
+                if let Err(error) = &result {
+                    shared.lock().arm.failed(error);
                 }
-                Err(error) => error,
-            },
+                if let Some(answer) = answer {
+                    // The caller may have stopped waiting.
+                    let _ = answer.try_send(result.clone());
+                }
+                if result.is_err() {
+                    wait(shared, options.retry_interval);
+                }
+                continue;
+            }
         };
         shared.lock().arm.failed(&error);
-        let again = Instant::now() + options.retry_interval;
-        while !shared.is_ending() && Instant::now() < again {
-            thread::park_timeout(again.saturating_duration_since(Instant::now()));
+        wait(shared, options.retry_interval);
+    }
+}
+
+/// Waits for the next attempt: until stopped, until somebody confirms the home pose, or for this long.
+fn wait(shared: &Shared<CanArm>, time: Duration) {
+    let again = Instant::now() + time;
+    while !shared.is_ending() && shared.lock().arm.confirmation.is_none() {
+        let left = again.saturating_duration_since(Instant::now());
+        if left.is_zero() {
+            return;
         }
+        thread::park_timeout(left.min(CONFIRMATION_POLL_INTERVAL));
     }
 }
 

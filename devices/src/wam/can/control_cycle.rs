@@ -18,8 +18,8 @@ const SAFETY_POLL_PERIODS: u64 = 10;
 const MAX_UNANSWERED_POLLS: u32 = 10;
 /// Number of periods between queries for the temperature of one of the pucks.
 const TEMPERATURE_POLL_PERIODS: u64 = 50;
-/// Maximum plausible change of a rotor's position in a period: a quarter of a turn (btclient), counts.
-const MAX_COUNTS_PER_PERIOD: u32 = 1024;
+/// Maximum plausible change of a rotor's position in a period: a turn divided by this (btclient).
+const MAX_TURN_DIVISOR: f64 = 4.0;
 /// The largest torque there is room for: 13 bits and a sign.
 const MAX_TORQUE_UNITS: f64 = 8191.0;
 
@@ -32,6 +32,7 @@ pub(super) struct ControlCycle {
     /// Groups of torque frames, each once.
     torque_groups: Vec<Group>,
     options: CanOptions,
+    counts_per_turn: f64,
     counts: [i32; AXES],
     missed: [u32; AXES],
     /// Time of each accepted position.
@@ -50,6 +51,7 @@ impl ControlCycle {
     pub(super) fn new(
         bus: PuckBus,
         units: Vec<PuckUnits>,
+        model: &WamModel<AXES>,
         options: &CanOptions,
         counts: [i32; AXES],
     ) -> Self {
@@ -59,6 +61,7 @@ impl ControlCycle {
             torque_groups: distinct(units.iter().map(|unit| unit.torque_group)),
             units,
             options: *options,
+            counts_per_turn: f64::from(model.transmission.counts_per_turn()),
             counts,
             missed: [0; AXES],
             seen: [Instant::now(); AXES],
@@ -181,7 +184,7 @@ impl ControlCycle {
     fn is_believable(&self, motor: usize, counts: i32, now: Instant) -> bool {
         let time = now.saturating_duration_since(self.seen[motor]);
         let periods = time.as_secs_f64() / self.options.period.as_secs_f64();
-        let most = f64::from(MAX_COUNTS_PER_PERIOD) * periods.max(1.0);
+        let most = self.counts_per_turn / MAX_TURN_DIVISOR * periods.max(1.0);
         f64::from(counts.abs_diff(self.counts[motor])) <= most
     }
 
@@ -267,6 +270,21 @@ impl ControlCycle {
             self.bus.send(group, message).at_step(CanStep::Torques)?;
         }
         Ok(())
+    }
+
+    /// Returns the error with its cause: a puck that the emergency stop has switched off is silent.
+    pub(super) fn explain(&mut self, error: CanError) -> CanError {
+        match error.kind {
+            CanErrorKind::Silent { node }
+                if node != Node::SAFETY && self.bus.is_stopped() == Ok(true) =>
+            {
+                CanError {
+                    kind: CanErrorKind::EmergencyStop,
+                    ..error
+                }
+            }
+            _ => error,
+        }
     }
 
     /// Commands the safety module to brake the arm, if it is still reachable.

@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use super::CanErrorKind;
-use crate::can::puck::{Address, Group, Node, PuckMessage, PuckProperty, Target};
+use crate::can::puck::{Address, Group, Node, PuckMessage, PuckProperty, Target, mode};
 use crate::can::{BusError, CanBus};
 
 /// Maximum number of attempts of a query.
@@ -103,6 +103,12 @@ impl PuckBus {
             } if from == node && of == property => Some(value),
             _ => None,
         })
+    }
+
+    /// Returns whether the safety module says that the emergency stop is pressed; false if it does not answer.
+    pub(super) fn is_stopped(&mut self) -> Result<bool, BusError> {
+        let mode = self.try_get_property(Node::SAFETY, PuckProperty::MODE, self.timeout)?;
+        Ok(mode == Some(mode::IDLE_OR_STOPPED))
     }
 
     /// Reads the position of a motor; tries a few times.

@@ -1,5 +1,6 @@
 //! A bus in memory. Time at its other end advances with the traffic: a control period for each query of all
-//! positions, so that nothing depends on how busy the machine is.
+//! positions, so that nothing depends on how busy the machine is. For pucks that are waking, the time for which the
+//! driver would wait passes at once.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -72,12 +73,17 @@ impl CanBus for End {
         Ok(())
     }
 
-    fn receive(&mut self, _: Instant) -> Result<Option<CanFrame>, BusError> {
+    fn receive(&mut self, deadline: Instant) -> Result<Option<CanFrame>, BusError> {
         let mut wire = self.wire.lock();
-        match &wire.failure {
-            Some(failure) => Err(failure.clone()),
-            None => Ok(wire.to_host.pop_front()),
+        if let Some(failure) = &wire.failure {
+            return Err(failure.clone());
         }
+        let frame = wire.to_host.pop_front();
+        if frame.is_none() {
+            let wait = deadline.saturating_duration_since(Instant::now());
+            self.pucks.lock().advance_start(wait);
+        }
+        Ok(frame)
     }
 }
 

@@ -307,6 +307,12 @@ pub fn a_puck_that_restarts_has_lost_its_position(rig: &dyn Rig) {
     rig.pucks().lock().press_activate();
     let refused = arm.position_move(ELBOW, &[90.0]).unwrap_err().to_string();
     assert!(refused.contains("home pose"), "{refused}");
+    // Awake again, the puck still does not know where it is.
+    rig.pucks().lock().advance_start(Duration::from_secs(3));
+    std::thread::sleep(options().retry_interval * 4);
+    assert!(!arm.status().connected);
+    arm.confirm_home().expect("the arm is found");
+    assert!(arm.status().connected && arm.status().position_lost.is_none());
 }
 
 pub fn the_safety_module_stops_a_push_and_says_why(rig: &dyn Rig) {
@@ -332,7 +338,12 @@ pub fn the_safety_module_stops_a_push_and_says_why(rig: &dyn Rig) {
             .message
             .contains("emergency stop")
     });
-    assert!(arm.status().connected);
+    until("the pucks without power", || {
+        arm.status().position_lost.is_some()
+    });
+    rig.pucks().lock().press_idle();
+    let refused = arm.position_move(ELBOW, &[90.0]).unwrap_err().to_string();
+    assert!(refused.contains("confirm_home"), "{refused}");
 }
 
 pub fn limits_reach_the_safety_module(rig: &dyn Rig) {

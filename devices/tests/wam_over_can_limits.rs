@@ -1,0 +1,177 @@
+//! The last lines of the driver on its bus: torques within those of a puck, positions that cannot be, and no position
+//! written without the precautions of libbarrett.
+
+use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use yarp_devices::can::CanFrame;
+use yarp_devices::can::puck::{Address, Group, Node, PuckMessage, PuckProperty, Target};
+use yarp_devices::simulation::{SimulatedPucks, SimulatorOptions};
+use yarp_devices::wam::WamModel;
+use yarp_devices::wam::can::CanWam;
+use yarp_devices::{Axes, AxisIndex, Encoders, PositionControl};
+
+#[path = "support/can/mod.rs"]
+mod can;
+
+use can::memory::Memory;
+use can::scenarios::{active, options, start};
+use can::{Rig, until};
+
+const ELBOW: Axes<'static> = Axes::One(AxisIndex::new(3));
+
+/// `MT` of joint 4 is 4320 units (btclient); more is asked for, and never sent.
+#[test]
+fn torques_on_the_bus_are_within_those_of_the_puck() {
+    let rig = Memory::new();
+    let arm = active(&rig);
+    let largest = Arc::new(AtomicI32::new(0));
+    let seen = Arc::clone(&largest);
+    *rig.hook().lock() = Some(Box::new(move |frame| {
+        if let Ok((address, PuckMessage::Torques(slots))) = PuckMessage::read(frame)
+            && address.to == Target::Group(Group::LOWER_TORQUES)
+        {
+            seen.fetch_max(i32::from(slots[3]).abs(), Ordering::Relaxed);
+        }
+        false
+    }));
+    let mut gains = arm.control(|arm| arm.gains(3.into())).unwrap();
+    gains.proportional *= 1000.0;
+    gains.limit = 28.8;
+    arm.control(|arm| arm.set_gains(3.into(), gains)).unwrap();
+    arm.position_move(ELBOW, &[120.0]).unwrap();
+    until("the largest torque", || {
+        largest.load(Ordering::Relaxed) >= 4320
+    });
+    assert_eq!(largest.load(Ordering::Relaxed), 4320);
+}
+
+/// A position reply of the elbow's puck, moved by these counts.
+fn shifted(frame: &CanFrame, by: i32) -> Option<CanFrame> {
+    let (address, message) = PuckMessage::read(frame).ok()?;
+    match message {
+        PuckMessage::Position { motor, joint } if address.from == Node::of_motor(3) => Some(
+            PuckMessage::Position {
+                motor: motor + by,
+                joint,
+            }
+            .frame(address),
+        ),
+        _ => None,
+    }
+}
+
+/// No rotor turns by hundreds of turns in a period.
+#[test]
+fn a_position_that_jumps_is_missed_and_not_believed() {
+    let rig = Memory::new();
+    let arm = active(&rig);
+    let before = arm.encoder_readings(ELBOW).unwrap()[0].position;
+    let missed = arm.status().missed_replies;
+    let spoilt = Arc::new(AtomicBool::new(false));
+    let done = Arc::clone(&spoilt);
+    rig.wire().lock().noise = Some(Box::new(move |answers| {
+        let spoil = |frame: CanFrame| match shifted(&frame, 1_900_000) {
+            Some(other) if !done.swap(true, Ordering::Relaxed) => other,
+            _ => frame,
+        };
+        answers.into_iter().map(spoil).collect()
+    }));
+    until("a spoilt reply", || spoilt.load(Ordering::Relaxed));
+    until("a missed reply", || arm.status().missed_replies > missed);
+    let after = arm.encoder_readings(ELBOW).unwrap()[0].position;
+    assert!((after - before).abs() < 1.0, "from {before} to {after}");
+}
+
+/// libbarrett: the safety module ignores velocity faults while positions are written, each of which looks like a jump.
+#[test]
+fn faults_are_ignored_before_positions_are_written() {
+    let rig = Memory::new();
+    let written = Arc::new(Mutex::new(Vec::new()));
+    let seen = Arc::clone(&written);
+    *rig.hook().lock() = Some(Box::new(move |frame| {
+        if let Ok((address, PuckMessage::Value { property, value })) = PuckMessage::read(frame)
+            && match address.to == Target::Node(Node::SAFETY) {
+                // Numbers have other meanings there.
+                true => property == PuckProperty::IFAULT,
+                false => property == PuckProperty::P,
+            }
+        {
+            seen.lock().unwrap().push((address.to, property, value));
+        }
+        false
+    }));
+    let _arm = start(&rig);
+    let written = written.lock().unwrap();
+    let (to, property, faults) = written[0];
+    assert_eq!(
+        (to, property),
+        (Target::Node(Node::SAFETY), PuckProperty::IFAULT)
+    );
+    assert!(faults >= 7, "{faults} of seven");
+    assert_eq!(written.len(), 8);
+}
+
+#[test]
+fn positions_are_not_written_while_the_safety_module_is_active() {
+    let rig = Memory::new();
+    rig.pucks().lock().press_activate();
+    let written = Arc::new(AtomicBool::new(false));
+    let seen = Arc::clone(&written);
+    *rig.hook().lock() = Some(Box::new(move |frame| {
+        if let Ok((address, PuckMessage::Value { property, .. })) = PuckMessage::read(frame)
+            && (property == PuckProperty::P && address.to != Target::Node(Node::SAFETY))
+        {
+            seen.store(true, Ordering::Relaxed);
+        }
+        false
+    }));
+    let refused = CanWam::start(WamModel::<7>::new(), options(), rig.open());
+    let refused = refused.map(|_| ()).expect_err("it is active").to_string();
+    assert!(refused.contains("Shift and Idle"), "{refused}");
+    assert!(!written.load(Ordering::Relaxed));
+}
+
+/// Pucks that were told a position which no arm can have.
+#[test]
+fn an_implausible_position_is_refused() {
+    let rig = Memory::new();
+    drop(start(&rig));
+    let elbow = Node::of_motor(3);
+    let message = PuckMessage::Value {
+        property: PuckProperty::P,
+        value: 100_000,
+    };
+    let frame = message.frame(Address::from_host(elbow));
+    rig.pucks().lock().receive(&frame, &mut Vec::new());
+    let refused = CanWam::start(WamModel::<7>::new(), options(), rig.open());
+    let refused = refused.map(|_| ()).expect_err("nowhere").to_string();
+    assert!(refused.contains("outside its limits"), "{refused}");
+}
+
+/// `MT` of a puck may be below that of the model; the simulated puck follows its own.
+#[test]
+fn a_simulated_puck_follows_its_own_largest_torque() {
+    let speed = |units: i16| {
+        let mut pucks = SimulatedPucks::new(WamModel::<7>::new(), SimulatorOptions::default());
+        pucks.advance_start(Duration::from_secs(3));
+        pucks.press_activate();
+        let mut frames = Vec::new();
+        let limit = PuckMessage::Value {
+            property: PuckProperty::MT,
+            value: 1000,
+        };
+        let limit = limit.frame(Address::from_host(Node::of_motor(3)));
+        pucks.receive(&limit, &mut frames);
+        let torques = PuckMessage::Torques([0, 0, 0, units]);
+        let torques = torques.frame(Address::from_host(Group::LOWER_TORQUES));
+        for _ in 0..10 {
+            pucks.receive(&torques, &mut frames);
+            pucks.advance(Duration::from_millis(2), &mut frames);
+        }
+        pucks.simulator().velocities()[3]
+    };
+    assert_eq!(speed(5000), speed(1000));
+    assert_ne!(speed(1000), speed(900));
+}

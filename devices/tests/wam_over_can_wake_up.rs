@@ -1,0 +1,84 @@
+//! Pucks that wake late, one after the other, by themselves, or never: the first start of the driver waits for them in
+//! silence, and names the one that is missing.
+
+use std::time::Duration;
+
+use yarp_devices::can::puck::Node;
+use yarp_devices::simulation::WakeUp;
+use yarp_devices::wam::WamModel;
+use yarp_devices::wam::can::CanWam;
+
+#[path = "support/can/mod.rs"]
+mod can;
+
+use can::Rig;
+use can::memory::Memory;
+use can::scenarios::{activate, options, start};
+
+fn nodes() -> impl Iterator<Item = Node> {
+    (0..7).map(Node::of_motor).chain([Node::SAFETY])
+}
+
+fn waking_after(time: Option<Duration>) -> WakeUp {
+    WakeUp {
+        wake_time: time,
+        self_start: None,
+    }
+}
+
+/// Errors of the start, and how often it talked while pucks were waking.
+fn start_with(wake_up: impl Fn(usize) -> WakeUp) -> (Option<String>, u64) {
+    let rig = Memory::new();
+    for (index, node) in nodes().enumerate() {
+        rig.pucks().lock().set_wake_up(node, wake_up(index));
+    }
+    let started = CanWam::start(WamModel::<7>::new(), options(), rig.open());
+    let disturbances = rig.pucks().lock().disturbances();
+    (started.err().map(|error| error.to_string()), disturbances)
+}
+
+#[test]
+fn late_pucks_start_at_the_first_attempt_and_are_not_disturbed() {
+    for milliseconds in [0, 200, 500, 1000] {
+        let time = Some(Duration::from_millis(milliseconds));
+        let (error, disturbances) = start_with(|_| waking_after(time));
+        assert_eq!(error, None, "{milliseconds} ms");
+        assert_eq!(disturbances, 0, "{milliseconds} ms");
+    }
+}
+
+#[test]
+fn pucks_may_wake_one_after_the_other() {
+    let time = |index: usize| Some(Duration::from_millis(300 * index as u64 + 300));
+    let (error, _) = start_with(|index| waking_after(time(index)));
+    assert_eq!(error, None);
+}
+
+#[test]
+fn a_puck_that_never_wakes_is_named() {
+    for index in [0, 6] {
+        let late = |other| match other == index {
+            true => waking_after(None),
+            false => waking_after(Some(Duration::from_millis(100))),
+        };
+        let error = start_with(late).0.expect("a puck is missing");
+        let named = format!("puck {} does not answer", index + 1);
+        assert!(error.contains("waking pucks"), "{error}");
+        assert!(error.contains(&named), "{error}");
+    }
+}
+
+/// Later than the documented limit, 1 s of silence and [`wake_timeout`](yarp_devices::wam::can::CanOptions).
+#[test]
+fn pucks_later_than_the_limit_are_an_error() {
+    let (error, _) = start_with(|_| waking_after(Some(Duration::from_millis(3500))));
+    assert!(error.expect("too late").contains("waking pucks"));
+}
+
+#[test]
+fn pucks_that_started_by_themselves_are_told_where_they_are() {
+    let rig = Memory::new();
+    rig.pucks().lock().advance_start(Duration::from_secs(2));
+    let arm = start(&rig);
+    activate(&rig, &arm);
+}
