@@ -62,11 +62,14 @@ impl Lines {
     }
 }
 
-/// Returns a line without its line end. Text after the last line end is no line, as in stock.
+/// Returns a line without its line end. Text after the last line end is a line too, which stock drops.
 fn next_line(input: &mut dyn BufRead) -> Option<String> {
     let mut bytes = Vec::new();
     input.read_until(b'\n', &mut bytes).ok()?;
-    let line = bytes.strip_suffix(b"\n")?;
+    if bytes.is_empty() {
+        return None;
+    }
+    let line = bytes.strip_suffix(b"\n").unwrap_or(&bytes);
     let line = line.strip_suffix(b"\r").unwrap_or(line);
     Some(String::from_utf8_lossy(line).into_owned())
 }
@@ -76,12 +79,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_end_as_in_stock() {
+    fn the_last_line_may_have_no_end() {
         let mut input = &b"one\r\n\ntwo\nrest"[..];
         let mut lines = std::iter::from_fn(|| next_line(&mut input));
         assert_eq!(lines.next().as_deref(), Some("one"));
         assert_eq!(lines.next().as_deref(), Some(""));
         assert_eq!(lines.next().as_deref(), Some("two"));
+        assert_eq!(lines.next().as_deref(), Some("rest"));
         assert_eq!(lines.next(), None);
     }
 }

@@ -15,6 +15,7 @@ const TOML: &str = r#"include = [{ file = "self.toml", enabled_by = ["t"] }]
 [robot]
 name = "r"
 build = 1
+portprefix = "/r"
 [params]
 v = 0
 [[device]]

@@ -53,6 +53,26 @@ async fn messages_are_compressed_and_decompressed() {
     }
 }
 
+/// One `type` for both ends, as in 3.12, though each end has a `file` of its own.
+#[tokio::test]
+async fn both_ends_share_one_type() {
+    let file = "portmonitor+file.bottle_compression_zlib";
+    for zlib in [
+        format!("+send.{file}+recv.{file}+type.dll"),
+        format!("+send.{file}+type.dll+recv.{file}"),
+        format!("+type.dll+recv.{file}+send.{file}"),
+    ] {
+        let (writer, reader) = (writer().await, reader().await);
+        connect(&writer, &reader, &format!("fast_tcp{zlib}")).await;
+        let large = Bottle::of("x".repeat(300_000));
+        assert_eq!(within(writer.write(&large)).await, 1, "{zlib}");
+        let read = within(reader.read()).await.unwrap();
+        assert_eq!(read.bottle().unwrap(), large, "{zlib}");
+        let counted = reader.counters().connections[0].traffic.bytes;
+        assert!(counted < 20_000, "{zlib}: {counted}");
+    }
+}
+
 /// The form of 4.0's plugin: the size before, and a blob in zlib's form.
 #[tokio::test]
 async fn a_reader_without_the_monitor_gets_the_compressed_form() {

@@ -90,7 +90,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let mut interrupt = Interrupt::listen_with(MAX_SIGNALS, Duration::ZERO);
     let (sender, told) = watch::channel(false);
     let progress = Progress::default();
-    let name = format!("/{}/yarprobotinterface", robot.port_prefix);
+    let name = format!("{}/yarprobotinterface", robot.port_root());
     let Some(port) = rpc(&network, &name, &robot.name, progress.clone(), sender).await? else {
         return Ok(ExitCode::FAILURE);
     };
@@ -99,11 +99,20 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     Ok(super::code(well))
 }
 
-/// Prints the devices that would be hosted.
+/// Prints the devices that would be hosted with their parameters and actions, and logs what would fail.
 fn describe(robot: &Robot, out: &mut dyn Write) -> Result<()> {
-    writeln!(out, "robot {}, ports /{}", robot.name, robot.port_prefix)?;
+    for problem in robot.problems() {
+        tracing::warn!(target: COMPONENT, "{problem}");
+    }
+    writeln!(out, "robot {}, ports {}", robot.name, robot.port_root())?;
     for device in &robot.devices {
         writeln!(out, "device {} of type {}", device.name, device.kind)?;
+        if let Ok(parameters) = robot.parameters(device) {
+            for entry in &parameters.settings().to_bottle() {
+                let entry = entry.as_list().map(ToString::to_string);
+                writeln!(out, "  param {}", entry.unwrap_or_default())?;
+            }
+        }
         for action in &device.actions {
             writeln!(out, "  {} {}: {}", action.phase, action.level, action.kind)?;
         }

@@ -97,6 +97,14 @@ impl DeviceType {
     }
 }
 
+/// Returns true if a device of type `name` can be opened, as [`open`](crate::open) does.
+pub fn is_known(name: &str) -> bool {
+    name == BUNDLER
+        || DEVICE_TYPES
+            .iter()
+            .any(|kind| kind.names().any(|known| known == name))
+}
+
 /// Returns the type named `name`, the value of the parameter `asked`.
 pub fn find<'a>(
     name: &str,

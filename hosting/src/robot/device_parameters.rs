@@ -10,7 +10,7 @@ impl Robot {
     /// `robotName`.
     ///
     /// Groups of the same name are merged. Errors: [`RobotError::Repeated`].
-    pub(super) fn parameters(&self, device: &DeviceEntry) -> Result<Parameters, RobotError> {
+    pub fn parameters(&self, device: &DeviceEntry) -> Result<Parameters, RobotError> {
         let mut settings = Settings::new();
         let given = [
             ("robotName", &self.port_prefix),
@@ -57,8 +57,11 @@ impl Robot {
     /// Replaces `${portprefix}`, `${portprefixnoslash}` and `${robotname}`.
     pub(super) fn replace_variables(&mut self) {
         let values = [
-            ("${portprefixnoslash}", self.port_prefix.clone()),
-            ("${portprefix}", format!("/{}", self.port_prefix)),
+            (
+                "${portprefixnoslash}",
+                self.port_prefix.trim_start_matches('/').to_owned(),
+            ),
+            ("${portprefix}", self.port_prefix.clone()),
             ("${robotname}", self.name.clone()),
         ];
         replace(&mut self.params, &values);

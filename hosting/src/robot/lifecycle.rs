@@ -7,8 +7,8 @@ use tokio::task::JoinSet;
 use yarp_devices::{Device, DeviceError};
 use yarp_ports::{Network, error_chain};
 
-use super::device_parameters::find;
-use super::{Action, ActionKind, DeviceEntry, Param, ParamValue, Phase, Robot};
+use super::targets::{AttachTargets, need};
+use super::{Action, ActionKind, DeviceEntry, Param, Phase, Robot};
 use crate::{Attached, Hosted, open, park};
 
 /// Progress of a robot, shared with other tasks.
@@ -261,46 +261,20 @@ impl RunningRobot {
                 parts,
             })
         };
-        let choices = ["network", "networks", "all"];
-        if choices
-            .iter()
-            .filter(|name| find(params, name).is_some())
-            .count()
-            > 1
-        {
-            return Err("expected one of network, networks and all, got several".to_owned());
+        match AttachTargets::of(params)? {
+            AttachTargets::Named(named) => named
+                .into_iter()
+                .map(|(device, network)| one(device, network))
+                .collect(),
+            AttachTargets::All => {
+                let all = self.devices.iter().map(|(entry, device)| Attached {
+                    device: entry.name.clone(),
+                    network: "all".to_owned(),
+                    parts: device.parts(),
+                });
+                Ok(all.collect())
+            }
         }
-        if let Some(device) = find(params, "device").and_then(Param::word) {
-            let network = find(params, "network").and_then(Param::word);
-            return Ok(vec![one(
-                device,
-                network.unwrap_or_else(|| "...".to_owned()),
-            )?]);
-        }
-        if find(params, "all").is_some() {
-            let all = self.devices.iter().map(|(entry, device)| Attached {
-                device: entry.name.clone(),
-                network: "all".to_owned(),
-                parts: device.parts(),
-            });
-            return Ok(all.collect());
-        }
-        let Some(networks) = find(params, "networks") else {
-            return Err("expected parameter device, networks or all, got none".to_owned());
-        };
-        let names = match &networks.value {
-            ParamValue::Values(values) => match &values[..] {
-                [one] => one
-                    .as_list()
-                    .map_or(values.clone(), |list| list.as_slice().to_vec()),
-                several => several.to_vec(),
-            },
-            ParamValue::Group(_) => Vec::new(),
-        };
-        let names = names.iter().map(|name| name.to_plain_string());
-        names
-            .map(|network| one(need(params, &network)?, network))
-            .collect()
     }
 
     fn device(&self, name: &str) -> Result<&dyn Hosted, String> {
@@ -357,11 +331,6 @@ impl RunningRobot {
         }
         well
     }
-}
-
-fn need(params: &[Param], name: &str) -> Result<String, String> {
-    let word = find(params, name).and_then(Param::word);
-    word.ok_or_else(|| format!("parameter {name} is missing, expected the name of a device"))
 }
 
 async fn calibrate(board: Arc<dyn Device>) -> Result<(), DeviceError> {

@@ -2,28 +2,37 @@
 //!
 //! | file | content |
 //! | --- | --- |
+//! | `tolerant_xml` | the syntax of XML as TinyXML reads it |
 //! | `xml_description` | descriptions in XML, as stock's `yarprobotinterface` reads them |
 //! | `toml_description` | descriptions in TOML |
 //! | `device_parameters` | parameters of devices as settings |
+//! | `checks` | what would fail later, for dry runs |
+//! | `targets` | the devices that an action names |
 //! | `lifecycle` | the phases of a robot's life |
 //!
 //! Source: `XMLReaderFileV3.cpp`, `XMLReaderFileV1.cpp`, `Robot.cpp`, `Device.cpp` of YARP 3.5, tags, `${portprefix}`
 //! and the order of actions as in 4.0.
 
+mod checks;
 mod description_files;
 mod device_parameters;
 mod error;
 mod include_tags;
 mod lifecycle;
+mod targets;
+mod tolerant_xml;
 mod toml_description;
 mod xml_description;
 
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::fmt;
 use std::path::Path;
 
 use yarp_wire::Value;
 use yarp_wire::settings::{Origin, Settings};
 
+pub use checks::Problem;
 pub use error::RobotError;
 pub use lifecycle::{Progress, RunningRobot};
 
@@ -34,7 +43,7 @@ pub struct Robot {
     pub name: String,
     /// Build number.
     pub build: u32,
-    /// Prefix of its port names, without the first `/`.
+    /// Prefix of its port names, as the description gives it, usually with a `/` in front.
     pub port_prefix: String,
     /// True if interrupts and shutdown run the levels in descending order.
     pub reversed: bool,
@@ -178,27 +187,31 @@ impl Robot {
         if let Some(prefix) = options.given.get("portprefix") {
             robot.port_prefix = prefix.to_plain_string();
         }
-        robot.port_prefix = robot.port_prefix.trim_matches('/').to_owned();
         robot.replace_variables();
-        robot.check()?;
+        robot.warn_of_repeated_names();
         Ok(robot)
     }
 
-    /// Checks that the names of devices are unique.
-    fn check(&self) -> Result<(), RobotError> {
-        for (at, device) in self.devices.iter().enumerate() {
-            if let Some(first) = self.devices[..at]
-                .iter()
-                .find(|other| other.name == device.name)
-            {
-                return Err(RobotError::Repeated {
-                    origin: device.origin.clone(),
-                    what: "device",
-                    name: device.name.clone(),
-                    first: first.origin.clone(),
-                });
+    /// Returns the first part of the names of the robot's own ports, such as `/icub`.
+    pub fn port_root(&self) -> String {
+        format!("/{}", self.port_prefix.trim_matches('/'))
+    }
+
+    /// Warns of devices with the same name. All are opened; actions find the first.
+    fn warn_of_repeated_names(&self) {
+        let mut seen: HashMap<&str, &Origin> = HashMap::new();
+        for device in &self.devices {
+            match seen.entry(&device.name) {
+                Entry::Vacant(free) => {
+                    free.insert(&device.origin);
+                }
+                Entry::Occupied(first) => {
+                    let (origin, name, first) = (&device.origin, &device.name, first.get());
+                    tracing::warn!(
+                        "{origin}: device {name} is defined already, at {first}: both are opened, actions find the first"
+                    );
+                }
             }
         }
-        Ok(())
     }
 }

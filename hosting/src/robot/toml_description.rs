@@ -3,7 +3,7 @@
 //! ```toml
 //! [robot]
 //! name = "wam"
-//! portprefix = "wam"
+//! portprefix = "/wam"
 //!
 //! [[device]]
 //! name = "arm"
@@ -389,7 +389,7 @@ fn read_robot(source: &SourceFile<'_>, value: &SpannedValue<'_>) -> Result<Robot
     });
     Ok(Robot {
         build: build.transpose()?.unwrap_or(0),
-        port_prefix: prefix.transpose()?.unwrap_or_else(|| name.clone()),
+        port_prefix: prefix.transpose()?.unwrap_or_else(|| format!("/{name}")),
         reversed: reversed.transpose()?.unwrap_or(false),
         name,
         params: Vec::new(),

@@ -15,12 +15,11 @@
 //! ```
 //!
 //! Format 3 includes files with `xi:include`, format 1 (only with `allow-deprecated-dtd`) with `file="more.xml"` in
-//! `devices`, `params` and `actions`.
+//! `devices`, `params` and `actions`. The syntax is what TinyXML accepts; see `tolerant_xml`.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use roxmltree::{Document, Node, ParsingOptions};
 use yarp_wire::Value;
 use yarp_wire::settings::{Origin, Settings};
 
@@ -28,18 +27,20 @@ use super::description_files::Files;
 use super::{
     Action, ActionKind, DeviceEntry, Param, ParamValue, Phase, ReadOptions, Robot, RobotError,
     include_tags,
+    tolerant_xml::{self, XmlDocument, XmlElement},
 };
 
-/// Maximum number of elements of a file.
-const MAX_ELEMENTS: u32 = 1_000_000;
-/// Maximum depth of nested elements.
-const MAX_ELEMENT_DEPTH: usize = 100;
+/// Maximum number of elements of all files of a robot.
+const MAX_ELEMENTS: usize = 1_000_000;
+/// Namespace of the document types that stock knows.
+const DOCUMENT_TYPE: &str = "http://www.yarp.it/DTD/yarprobotinterfaceV";
 
 pub(super) fn read(file: &Path, options: &ReadOptions) -> Result<Robot, RobotError> {
     let mut reader = Reader {
         given: &options.given,
         old: false,
         files: Files::default(),
+        budget: MAX_ELEMENTS,
     };
     let root = reader.load(file, None, 0)?;
     reader.robot(&root)
@@ -94,6 +95,8 @@ struct Reader<'a> {
     /// True for format 1.
     old: bool,
     files: Files,
+    /// Number of elements that may still be read.
+    budget: usize,
 }
 
 impl Reader<'_> {
@@ -105,45 +108,35 @@ impl Reader<'_> {
     ) -> Result<Element, RobotError> {
         let text = self.files.read(file, by, depth)?;
         let name: Arc<str> = file.display().to_string().into();
-        if by.is_none() {
-            self.old = self.is_old(&text, &name)?;
-        }
-        let options = ParsingOptions {
-            allow_dtd: true,
-            nodes_limit: MAX_ELEMENTS,
-            ..ParsingOptions::default()
-        };
-        let document = Document::parse_with_options(&text, options).map_err(|error| {
-            let what = error.to_string();
-            // The message ends with the position, which the error contains already.
-            let what = what
-                .rsplit_once(" at ")
-                .map_or(what.as_str(), |(what, _)| what);
+        let document = tolerant_xml::parse(&text, &mut self.budget);
+        let document = document.map_err(|error| {
+            let included = by.map_or(String::new(), |by| format!(" (included by {by})"));
             RobotError::Syntax {
-                origin: Origin::line(name.clone(), error.pos().row as usize),
-                what: what.to_owned(),
+                origin: Origin::line(name.clone(), error.line),
+                what: error.what + &included,
             }
         })?;
+        if by.is_none() {
+            self.old = self.is_old(&document, &name)?;
+        }
         let folder = file.parent().unwrap_or(Path::new(""));
-        self.element(document.root_element(), &name, folder, depth, 0)
+        self.element(document.root, &name, folder, depth)
     }
 
-    /// Returns true if the document type names format 1; without one the format is 3.
-    fn is_old(&self, text: &str, file: &Arc<str>) -> Result<bool, RobotError> {
-        const BEFORE: &str = "http://www.yarp.it/DTD/yarprobotinterfaceV";
-        let Some(at) = text.find(BEFORE) else {
-            return Ok(false);
-        };
-        let line = text[..at].matches('\n').count() + 1;
-        let version = text[at + BEFORE.len()..]
-            .split('.')
-            .next()
-            .unwrap_or_default();
+    /// Returns true if the document type names format 1. Without one the format is 1 too if that is
+    /// allowed, as in stock, else 3.
+    fn is_old(&self, document: &XmlDocument, file: &Arc<str>) -> Result<bool, RobotError> {
         let allowed = self.given.has("allow-deprecated-dtd");
-        match version {
-            "3" => Ok(false),
-            "1" if allowed => Ok(true),
-            other => Err(RobotError::expected(
+        let mut tags = document.unknown.iter();
+        let found = tags.find_map(|(line, tag)| {
+            let (_, version) = tag.split_once(DOCUMENT_TYPE)?;
+            Some((*line, version.split('.').next().unwrap_or_default()))
+        });
+        match found {
+            None => Ok(allowed),
+            Some((_, "3")) => Ok(false),
+            Some((_, "1")) if allowed => Ok(true),
+            Some((line, other)) => Err(RobotError::expected(
                 &Origin::line(file.clone(), line),
                 "format 3 (or 1, with --allow-deprecated-dtd)",
                 format!("format {other}"),
@@ -151,44 +144,30 @@ impl Reader<'_> {
         }
     }
 
+    /// Returns an element with everything it includes.
     fn element(
         &mut self,
-        node: Node<'_, '_>,
+        read: XmlElement,
         file: &Arc<str>,
         folder: &Path,
         depth: usize,
-        nested: usize,
     ) -> Result<Element, RobotError> {
-        let position = node.document().text_pos_at(node.range().start);
-        let origin = Origin::line(file.clone(), position.row as usize);
-        if nested > MAX_ELEMENT_DEPTH {
-            return Err(RobotError::TooDeep {
-                origin,
-                limit: MAX_ELEMENT_DEPTH,
-            });
-        }
-        let attributes = node.attributes();
-        let attributes = attributes.map(|held| (held.name().to_owned(), held.value().to_owned()));
         let mut element = Element {
-            name: node.tag_name().name().to_owned(),
-            attributes: attributes.collect(),
-            text: node
-                .text()
-                .map(str::trim)
-                .filter(|text| !text.is_empty())
-                .map(str::to_owned),
+            name: read.name,
+            attributes: read.attributes,
+            text: read.text.filter(|text| !text.trim().is_empty()),
             children: Vec::new(),
-            origin,
+            origin: Origin::line(file.clone(), read.line),
         };
-        for child in node.children().filter(Node::is_element) {
-            let child = self.element(child, file, folder, depth, nested + 1)?;
-            if child.name != "include" {
+        for child in read.children {
+            let child = self.element(child, file, folder, depth)?;
+            if child.name != "include" && !child.name.ends_with(":include") {
                 element.children.push(child);
                 continue;
             }
             let by = |name| include_tags::words(child.attribute(name).unwrap_or_default());
             if include_tags::enabled(&by("enabled_by"), &by("disabled_by"), self.given) {
-                let included = folder.join(child.need("href")?.replace('\\', "/"));
+                let included = included_file(folder, child.need("href")?);
                 let included = self.load(&included, Some(&child.origin), depth + 1)?;
                 element.children.push(included);
             }
@@ -214,10 +193,15 @@ impl Reader<'_> {
             return Err(element.unexpected("<robot>"));
         }
         let name = element.need("name")?.to_owned();
-        let build = match element.attribute("build") {
-            Some(_) => element.whole_number("build")?,
-            None => 0,
-        };
+        let build = element.attribute("build").map_or(0, |text| {
+            text.trim().parse().unwrap_or_else(|_| {
+                let at = &element.origin;
+                tracing::warn!(
+                    "{at}: expected a whole number from 0 as build, got {text}: 0 is used"
+                );
+                0
+            })
+        });
         let prefix = element.attribute("portprefix").unwrap_or_else(|| {
             let at = &element.origin;
             tracing::warn!("{at}: no attribute portprefix in <robot>, its name is used");
@@ -251,10 +235,7 @@ impl Reader<'_> {
 
     fn devices(&self, element: &Element, into: &mut Vec<DeviceEntry>) -> Result<(), RobotError> {
         match element.name.as_str() {
-            "devices" => element
-                .children
-                .iter()
-                .try_for_each(|child| self.devices(child, into)),
+            "devices" => self.device_list(element, into),
             "device" => {
                 let mut device = DeviceEntry {
                     name: element.need("name")?.to_owned(),
@@ -276,6 +257,33 @@ impl Reader<'_> {
         }
     }
 
+    /// Reads the devices of a list; parameters beside them are given to each, before its own.
+    fn device_list(
+        &self,
+        element: &Element,
+        into: &mut Vec<DeviceEntry>,
+    ) -> Result<(), RobotError> {
+        let mut devices = Vec::new();
+        let mut shared = Vec::new();
+        for child in &element.children {
+            match child.name.as_str() {
+                "param" | "group" | "paramlist" | "params" => self.params(child, &mut shared)?,
+                _ => self.devices(child, &mut devices)?,
+            }
+        }
+        for device in &mut devices {
+            let own = &device.params;
+            let missing = shared.iter().filter(|shared| {
+                let is_group = matches!(shared.value, ParamValue::Group(_));
+                is_group || !own.iter().any(|own| own.name == shared.name)
+            });
+            let missing: Vec<Param> = missing.cloned().collect();
+            device.params.splice(0..0, missing);
+        }
+        into.append(&mut devices);
+        Ok(())
+    }
+
     fn params(&self, element: &Element, into: &mut Vec<Param>) -> Result<(), RobotError> {
         let origin = element.origin.clone();
         match element.name.as_str() {
@@ -284,7 +292,7 @@ impl Reader<'_> {
                 .iter()
                 .try_for_each(|child| self.params(child, into))?,
             "param" => {
-                let name = element.need("name")?.to_owned();
+                let name = name_of(element)?;
                 let outside = element.attribute("extern-name").filter(|_| !self.old);
                 let given = outside.and_then(|name| self.given.get(name));
                 into.push(match given {
@@ -293,7 +301,7 @@ impl Reader<'_> {
                 });
             }
             "group" => {
-                let name = element.need("name")?.to_owned();
+                let name = name_of(element)?;
                 let mut inner = Vec::new();
                 element
                     .children
@@ -334,17 +342,17 @@ impl Reader<'_> {
 
     /// Reads a list of names, and an element for each name.
     fn paramlist(&self, element: &Element, into: &mut Vec<Param>) -> Result<(), RobotError> {
-        let name = element.need("name")?.to_owned();
+        let name = name_of(element)?;
         let mut names: Vec<Value> = Vec::new();
         let mut elements = Vec::new();
         for child in &element.children {
             if child.name != "elem" {
                 return Err(child.unexpected("<elem>"));
             }
-            let name = child.need("name")?;
-            names.push(name.into());
+            let name = name_of(child)?;
+            names.push(name.as_str().into());
             elements.push(Param::from_text(
-                name.to_owned(),
+                name,
                 child.value()?,
                 child.origin.clone(),
             )?);
@@ -381,6 +389,23 @@ impl Reader<'_> {
             }
             _ => Err(element.unexpected("<action> or <actions>")),
         }
+    }
+}
+
+/// Returns the name of a parameter or group, without white space around, and one blank for each run inside.
+fn name_of(element: &Element) -> Result<String, RobotError> {
+    let words: Vec<_> = element.need("name")?.split_whitespace().collect();
+    Ok(words.join(" "))
+}
+
+/// Returns the file of `href`, relative to the folder of the including file even with a `/` in front, as in stock;
+/// if that does not exist, an absolute `href` is an absolute path.
+fn included_file(folder: &Path, href: &str) -> PathBuf {
+    let href = href.replace('\\', "/");
+    let relative = folder.join(href.trim_start_matches('/'));
+    match relative.exists() {
+        true => relative,
+        false => folder.join(href),
     }
 }
 

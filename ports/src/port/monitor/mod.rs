@@ -23,7 +23,8 @@
 //! | `priority` | `recv` | which of several writers is heard ([`priority`]) | `tc`, `tr`, `st`, `bs`, `ex`, `virtual` |
 //!
 //! Options after `send.` are for the writer and those after `recv.` for the reader, as in 4.0; if
-//! they name no `file`, all options of the carrier string count, as in 3.x.
+//! they name no `file`, all options of the carrier string count, as in 3.x; so do `type` and `context` of an end
+//! that has none.
 //!
 //! A monitor runs on the task of its connection and holds no lock while it works; a message of
 //! more than a few kilobytes is worked on where tasks may block, and so is one that is expanded. What messages and pictures

@@ -289,7 +289,11 @@ impl Core {
     }
 }
 
-/// Returns the options of one end: those behind its key, and if they name no `file`, all others behind.
+/// Options that are read from the whole carrier string if one end has none of its own, as in 3.12.
+const SHARED_OPTIONS: [&str; 2] = ["type", "context"];
+
+/// Returns the options of one end: those behind its key, and if they name no `file`, all others behind. A `file` of its
+/// own without [`SHARED_OPTIONS`] gets the first of the whole string.
 fn section(all: &Bottle, side: MonitorSide) -> Bottle {
     let is = |item: &Value, key: &str| {
         let list = item.as_list();
@@ -305,6 +309,12 @@ fn section(all: &Bottle, side: MonitorSide) -> Bottle {
         .collect::<Bottle>();
     if own.find_group("file").is_none() {
         own.extend(all.iter().cloned());
+        return own;
+    }
+    for key in SHARED_OPTIONS {
+        if own.find_group(key).is_none() {
+            own.extend(all.iter().find(|item| is(item, key)).cloned());
+        }
     }
     own
 }
@@ -336,5 +346,26 @@ mod tests {
         check(shared, Send, "file c");
         check(shared, Receive, "file c");
         check("tcp+type.dll+file.d+recv.portmonitor", Receive, "file d");
+    }
+
+    #[test]
+    fn both_ends_share_a_type_and_a_context() {
+        let check = |text: &str, side, expected: [&str; 3]| {
+            let spec: yarp_wire::carrier::CarrierSpec = text.parse().unwrap();
+            let options = section(&spec.options(), side);
+            let word = |key: &str| options.find_group(key)?.get(1).map(Value::to_plain_string);
+            let found = ["file", "type", "context"].map(|key| word(key).unwrap_or_default());
+            assert_eq!(found, expected, "{text}");
+        };
+        use MonitorSide::{Receive, Send};
+        let last =
+            "fast_tcp+send.portmonitor+file.a+recv.portmonitor+file.b+type.dll+context.c+x.1";
+        check(last, Send, ["a", "dll", "c"]);
+        check(last, Receive, ["b", "dll", "c"]);
+        let first = "tcp+send.portmonitor+file.a+type.dll+recv.portmonitor+file.b";
+        check(first, Receive, ["b", "dll", ""]);
+        let each = "tcp+send.portmonitor+file.a+type.lua+recv.portmonitor+file.b+type.dll";
+        check(each, Send, ["a", "lua", ""]);
+        check(each, Receive, ["b", "dll", ""]);
     }
 }
