@@ -25,6 +25,9 @@ const CONFIRMATION_TIMEOUT: Duration = Duration::from_secs(30);
 /// Interval at which a thread without an arm looks for a confirmation.
 const CONFIRMATION_POLL_INTERVAL: Duration = Duration::from_millis(20);
 
+/// Receives the outcome of a start that a person confirmed.
+type StartOutcome = SyncSender<Result<(), CanError>>;
+
 /// Name of the peer, for errors and the log.
 pub(super) const PEER: &str = "the arm on the CAN bus";
 
@@ -70,7 +73,7 @@ pub struct CanArm {
     /// Pending queries of callers to pucks.
     property_requests: VecDeque<PropertyRequest>,
     /// The pending confirmation of a person, and where its result goes.
-    confirmation: Option<SyncSender<Result<(), CanError>>>,
+    confirmation: Option<StartOutcome>,
 }
 
 /// State of the connection between driver and arm.
@@ -219,7 +222,7 @@ impl CanArm {
     }
 
     /// Returns the next attempt to connect, and where its result goes; `None` while the arm waits for a person.
-    fn next_attempt(&mut self) -> Option<(Attempt, Option<SyncSender<Result<(), CanError>>>)> {
+    fn next_attempt(&mut self) -> Option<(Attempt, Option<StartOutcome>)> {
         if let Some(answer) = self.confirmation.take() {
             return Some((Attempt::HomeConfirmed, Some(answer)));
         }
