@@ -18,6 +18,8 @@ pub struct Parts {
     pub board: Option<Arc<dyn Device>>,
     /// Camera.
     pub camera: Option<Arc<dyn Device>>,
+    /// Controller of a tool.
+    pub tool: Option<Arc<dyn Device>>,
 }
 
 /// A device that another one attaches to.

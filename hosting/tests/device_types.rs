@@ -139,3 +139,42 @@ fn errors_name_the_line() {
         assert!(refused.starts_with(expected), "{kind}: {refused}");
     }
 }
+
+/// Checks the server of a tool, with the parameters of iCub's files, and its client.
+#[test]
+fn a_tool_is_served_to_a_client() {
+    let stage = Stage::new();
+    let text = "attached_device simulatedWam\nwrapper_device cartesiancontrollerserver\n[GENERAL]\nControllerName wam/tool\n\
+                ControllerPeriod 5\nKinematicPart custom\nSolverNameToConnect x\nNumberOfDrivers 1\n";
+    let served = stage.open("deviceBundler", text).expect("it opens");
+    let text = "remote /wam/tool\nlocal /me/tool\ncarrier tcp\ntimeout 5.0\n";
+    let seen = stage
+        .open("cartesiancontrollerclient", text)
+        .expect("it is there");
+    let tool = seen.parts().tool.expect("it controls a tool");
+    let control = tool.cartesian_control().expect("it controls a tool");
+    eventually("a pose", || control.pose().is_ok());
+    drop(tool);
+    stage.runtime.block_on(seen.close());
+    stage.runtime.block_on(served.close());
+    let text = "attached_device simulatedWam\nwrapper_device cartesiancontrollerserver\n[GENERAL]\nKinematicPart arm\n";
+    let error = stage.open("deviceBundler", text).err().expect("iCub's arm");
+    assert!(
+        error.contains("GENERAL::KinematicPart: expected custom or wam7"),
+        "{error}"
+    );
+}
+
+/// Checks the old names, whose period is in milliseconds.
+#[test]
+fn a_camera_is_served_under_old_names() {
+    let stage = Stage::new();
+    for name in ["grabber", "grabberDual"] {
+        let text = format!("subdevice fakeFrameGrabber\nfreq 30\nname /{name}\nperiod 40\n");
+        let served = stage.open(name, &text).expect("it opens");
+        assert!(served.parts().camera.is_some());
+        stage.runtime.block_on(served.close());
+        let text = "subdevice fakeFrameGrabber\nfreq 30\nperiod 0.04\n";
+        assert!(stage.open(name, text).is_err(), "{name}");
+    }
+}

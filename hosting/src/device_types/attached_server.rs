@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use yarp_wire::settings::{Origin, ParameterError, Parameters};
-use yarp_wrappers::{ControlBoardServer, FrameGrabberServer, OpenError};
+use yarp_wrappers::{CartesianServer, ControlBoardServer, FrameGrabberServer, OpenError};
 
 use crate::HostError;
 
@@ -14,6 +14,12 @@ pub(super) trait Server {
 }
 
 impl Server for ControlBoardServer {
+    fn close(self) -> impl Future<Output = ()> + Send {
+        Self::close(self)
+    }
+}
+
+impl Server for CartesianServer {
     fn close(self) -> impl Future<Output = ()> + Send {
         Self::close(self)
     }

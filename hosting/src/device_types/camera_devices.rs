@@ -122,12 +122,23 @@ pub(super) async fn remote(opening: Opening<'_>) -> OpenResult {
 }
 
 pub(super) async fn server(opening: Opening<'_>) -> OpenResult {
+    let period = opening.parameters.get::<Duration>("period")?;
+    with_period(opening, period, "0.001 to 60 seconds")
+}
+
+/// Opens a server under its names of YARP 2, `grabber` and `grabberDual`: the period is a whole number of milliseconds.
+pub(super) async fn old_server(opening: Opening<'_>) -> OpenResult {
+    let period = opening.parameters.get::<usize>("period")?;
+    let period = period.map(|period| Duration::from_millis(period as u64));
+    with_period(opening, period, "1 to 60000 milliseconds")
+}
+
+fn with_period(opening: Opening<'_>, period: Option<Duration>, expected: &str) -> OpenResult {
     let parameters = opening.parameters;
     let name: Option<PortName> = parameters.get("name")?;
     let mut options = FrameGrabberOptions::new();
-    if let Some(period) = parameters.get::<Duration>("period")? {
-        let period = check_period(parameters, period, "0.001 to 60 seconds")?;
-        options = options.period(period);
+    if let Some(period) = period {
+        options = options.period(check_period(parameters, period, expected)?);
     }
     options = match parameters.get::<String>("capabilities")?.as_deref() {
         None | Some("COLOR") => options.capability(Capability::Colour),

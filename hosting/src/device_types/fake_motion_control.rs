@@ -19,6 +19,9 @@ const MAX_JOINTS: usize = 1000;
 /// Maximum speed of stock's joints, deg/s.
 const MAX_SPEED: f64 = 50.0;
 const REFERENCE_SPEED: f64 = 10.0;
+/// Default limits, deg. Stock's are 0 and 100, which its joints ignore; these joints start at 0 and must be able to move
+/// both ways.
+const DEFAULT_LIMITS: (f64, f64) = (-180.0, 180.0);
 /// Maximum acceleration, deg/s²; stock has none.
 const MAX_ACCELERATION: f64 = 500.0;
 const REFERENCE_ACCELERATION: f64 = 100.0;
@@ -66,8 +69,18 @@ fn axes(parameters: &Parameters) -> Result<Vec<AxisParameters>, HostError> {
     let types = types.ok_or_else(|| {
         parameters.refuse("GENERAL::AxisType", "revolute or prismatic for each joint")
     })?;
-    let least = row(parameters, "LIMITS::Min", joints, vec![0.0; joints])?;
-    let most = row(parameters, "LIMITS::Max", joints, vec![100.0; joints])?;
+    let least = row(
+        parameters,
+        "LIMITS::Min",
+        joints,
+        vec![DEFAULT_LIMITS.0; joints],
+    )?;
+    let most = row(
+        parameters,
+        "LIMITS::Max",
+        joints,
+        vec![DEFAULT_LIMITS.1; joints],
+    )?;
     for name in IGNORED_PARAMETERS {
         parameters.has(name);
     }
@@ -147,6 +160,8 @@ mod tests {
         );
         let usual = of("").unwrap();
         assert_eq!((usual.len(), usual[0].name.as_str()), (1, "joint0"));
+        let (limits, home) = (usual[0].limits, usual[0].home);
+        assert!(limits.clamp(home - 90.0) < home && limits.clamp(home + 90.0) > home);
     }
 
     #[test]

@@ -57,6 +57,19 @@ impl LocalDevice {
             parks: false,
         }
     }
+
+    /// Creates a controller of a tool.
+    pub(super) fn tool(device: Arc<dyn Device>) -> Self {
+        let tool = Some(device.clone());
+        Self {
+            device,
+            parts: Parts {
+                tool,
+                ..Parts::default()
+            },
+            parks: false,
+        }
+    }
 }
 
 impl Hosted for LocalDevice {

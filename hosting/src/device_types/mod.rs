@@ -10,6 +10,7 @@ mod board_remapper;
 mod board_server;
 mod calibrator;
 mod camera_devices;
+mod cartesian_devices;
 mod fake_motion_control;
 mod local_device;
 mod remote_board;
@@ -58,6 +59,8 @@ pub const DEVICE_TYPES: &[DeviceType] = &[
     device_type("barrettHand", &[], "a BarrettHand on a serial port as axes: three fingers and the spread; serial, baud", Some(SERVER), |opening| Box::pin(barrett_hand::open(opening))),
     device_type("boardCalibrator", &[], "calibrates and parks boards, in actions of a robot", None, |opening| Box::pin(calibrator::open(opening))),
     device_type("canWam", &[], "a WAM arm on a CAN bus of this machine that is up; interface", Some(SERVER), |opening| Box::pin(arms::on_can_bus(opening))),
+    device_type("cartesiancontrollerclient", &[], "a tool controlled by another program; remote, local, carrier, timeout", None, |opening| Box::pin(cartesian_devices::remote(opening))),
+    device_type("cartesiancontrollerserver", &[], "serves the tool of a WAM on ports; GENERAL::ControllerName, GENERAL::ControllerPeriod in milliseconds", None, |opening| Box::pin(cartesian_devices::server(opening))),
     device_type("controlboardremapper", &["controlBoardRemapper"], "several devices as one board, or a part of one; axesNames, or joints, networks and a row of four numbers for each", Some(SERVER), |opening| Box::pin(board_remapper::open(opening))),
     device_type("dynamicWam", &[], "a simulated WAM arm with masses, friction and control", Some(SERVER), |opening| Box::pin(arms::dynamic(opening))),
     device_type("embeddedWam", &[], "a WAM arm behind its embedded PC, which runs yarp wam-node; listen or connect, ports", Some(SERVER), |opening| Box::pin(arms::embedded(opening))),
@@ -66,6 +69,7 @@ pub const DEVICE_TYPES: &[DeviceType] = &[
     device_type("remote_controlboard", &["controlBoard_nwc_yarp"], "joints served by another program; remote, local, carrier, timeout", None, |opening| Box::pin(remote_board::open(opening))),
     device_type("frameGrabber_nwc_yarp", &[], "a camera served by another program; remote, local, stream, no_stream", None, |opening| Box::pin(camera_devices::remote(opening))),
     device_type("frameGrabber_nws_yarp", &[], "serves a camera on ports; name, period in seconds, capabilities", None, |opening| Box::pin(camera_devices::server(opening))),
+    device_type("grabber", &["grabberDual"], "the same with the old names; name, period in milliseconds", None, |opening| Box::pin(camera_devices::old_server(opening))),
     device_type("remotecontrolboardremapper", &["remoteControlBoardRemapper"], "boards served by other programs as one; axesNames, remoteControlBoards, localPortPrefix, REMOTE_CONTROLBOARD_OPTIONS", Some(SERVER), |opening| Box::pin(board_remapper::open_remote(opening))),
     device_type("simulatedWam", &[], "a simulated WAM arm that moves exactly as commanded", Some(SERVER), |opening| Box::pin(arms::ideal(opening))),
 ];

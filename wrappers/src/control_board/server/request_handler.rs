@@ -37,6 +37,8 @@ pub(super) struct RequestHandler {
     stamp: Mutex<Stamp>,
     /// True if the last streamed command was refused: the first of a run is logged as a warning.
     pub(super) refusing: AtomicBool,
+    /// True once a command with a reply was refused.
+    pub(super) has_refused: AtomicBool,
     /// Number of motor torque parameters that 3.x clients use; see [`RequestHandler::answer`].
     motor_parameters: AtomicUsize,
 }
@@ -79,6 +81,7 @@ impl RequestHandler {
             // Answers are counted from 0.
             stamp: Mutex::new(Stamp::new(-1, 0.0)),
             refusing: AtomicBool::new(false),
+            has_refused: AtomicBool::new(false),
             motor_parameters: AtomicUsize::new(9),
         };
         Some((board, announced))
@@ -200,9 +203,18 @@ impl RequestHandler {
     fn report(&self, request: Option<&Request>, message: &Bottle, from: &str, error: &dyn Display) {
         // Refused commands of a person are logged; polling clients query unsupported values.
         if let Some(Request::Set(_)) = request {
-            tracing::info!("{}: {message} from {from} refused: {error}", self.name);
+            self.report_refusal(&format_args!("{message} from {from} refused: {error}"));
         } else {
             tracing::debug!("{}: {message} from {from} refused: {error}", self.name);
+        }
+    }
+
+    /// Logs a refused command: the first of this server at WARNING, later ones at INFO.
+    pub(super) fn report_refusal(&self, refusal: &dyn Display) {
+        if self.has_refused.swap(true, Ordering::Relaxed) {
+            tracing::info!("{}: {refusal}", self.name);
+        } else {
+            tracing::warn!("{}: {refusal}; later ones are logged at INFO", self.name);
         }
     }
 

@@ -202,7 +202,7 @@ impl RequestHandler {
         match reply_sender {
             Some(reply_sender) => {
                 if let Err(error) = &outcome {
-                    tracing::info!(board = %self.name(), from, ?set, "refused: {error}");
+                    self.report_refusal(&format_args!("{set:?} from {from} refused: {error}"));
                 }
                 // A caller that has stopped waiting needs no reply.
                 let _ = reply_sender.send(outcome);
@@ -315,7 +315,7 @@ impl RequestHandler {
                 return Answer::reply(Bottle::of(Vocab32::FAIL));
             }
             Err(error) => {
-                tracing::info!(board = %self.name(), from, "refused: {error}");
+                self.report_refusal(&format_args!("command from {from} refused: {error}"));
                 return Answer::reply(Bottle::of(Vocab32::FAIL));
             }
         };
