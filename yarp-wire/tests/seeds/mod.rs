@@ -73,7 +73,7 @@ const ADMIN: [&str; 6] = [
     "[atch] [in] x",
     "help",
 ];
-const REQUESTS: [&str; 7] = [
+const REQUESTS: [&str; 9] = [
     "NAME_SERVER register /x tcp 10.0.0.2 10002",
     "query /x",
     "bot list",
@@ -81,6 +81,8 @@ const REQUESTS: [&str; 7] = [
     "get /x ips (format json)",
     "unregister /x",
     "NAME_SERVER subscribe /a /b",
+    "type yarp X (REQUEST_URI \"?req=type+yarp+X\") (format html) (req \"type yarp X\")",
+    "NAME_SERVER passed /a 10.0.0.2 10002 /b robot -1",
 ];
 /// Requests of browsers; the byte in front is the step in which they are fed.
 const HTTP: [&str; 9] = [
