@@ -86,6 +86,13 @@ fn flood(home: &Home, port: &str, count: usize) {
     }
 }
 
+/// Sends commands that the arm refuses, each of which is reported.
+fn send_refused_commands(home: &Home, count: usize) {
+    let command = format!("[set] [poss] ({})\n", ["9999.0"; 7].join(" "));
+    home.run_with("rpc /wam/rpc:i", &command.repeat(count))
+        .with(0);
+}
+
 /// The arm answers, streams its state and moves.
 #[track_caller]
 fn is_alive(home: &Home) {
@@ -112,6 +119,7 @@ fn in_pipes_that_are_full() {
     let up = up(&home, out_writer, err_writer);
     is_alive(&home);
     flood(&home, "/wam/state:o", FLOOD);
+    send_refused_commands(&home, FLOOD);
     is_alive(&home);
     let drained = std::thread::spawn(move || {
         let told = |line: &String| line.ends_with("log lines dropped");

@@ -86,10 +86,9 @@ fn refused_commands_are_logged_with_their_reason() {
         .with(0);
     assert!(asked.says("[nack]"), "{asked:?}");
     let ended = up.signal("TERM").finish().with(0);
-    let line = ended
-        .out
-        .iter()
-        .find(|line| line.contains("[set] [pos] 0 10.0"));
+    // The first one is a warning.
+    let mut warnings = ended.err.iter();
+    let line = warnings.find(|line| line.contains("[set] [pos] 0 10.0"));
     let reason = "refused: joint 0 is in ";
     assert!(line.is_some_and(|line| line.contains(reason)), "{ended:?}");
     let line = ended.err.iter().find(|line| line.contains("[go] [xyz]"));

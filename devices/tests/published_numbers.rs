@@ -88,9 +88,9 @@ fn masses_centres_and_inertias_of_the_links() {
     for (number, (body, (mass, centre, inertia))) in bodies.iter().zip(links).enumerate() {
         let link = number + 1;
         close(&format!("mass of link {link}"), body.mass, mass);
-        for axis in 0..3 {
+        for (axis, millimetres) in centre.into_iter().enumerate() {
             let what = format!("centre of link {link}, {axis}");
-            close(&what, body.centre[axis], centre[axis] * 1e-3);
+            close(&what, body.centre[axis], millimetres * 1e-3);
         }
         for ((row, column), moment) in places.into_iter().zip(inertia) {
             let what = format!("inertia of link {link}, {row} {column}");
