@@ -68,6 +68,13 @@ impl Bench for OnBus {
     fn stop_and_go_on(&self) {
         self.rig.pucks().lock().press_stop();
         until("a stopped arm", || mode(self) == Mode::HardwareFault);
+        // The button cut the power of the pucks, so the position is lost until somebody confirms it.
+        {
+            let mut pucks = self.rig.pucks().lock();
+            pucks.press_idle();
+            pucks.advance_start(Duration::from_secs(3));
+        }
+        until("home is confirmed", || self.arm.confirm_home().is_ok());
         activate(&self.rig, &self.arm);
     }
 }
