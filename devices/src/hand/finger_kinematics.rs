@@ -66,11 +66,11 @@ pub type TipPose = IsometryMatrix3<f64>;
 /// Geometry of one finger.
 ///
 /// ```
-/// use yarp_devices::hand::{FingerJoints, Links, gcl::Finger, kinematics};
+/// use yarp_devices::hand::{FingerJoints, Links, gcl::Finger, finger_kinematics};
 ///
 /// // Closed until the tips of opposite fingers nearly meet.
 /// let links = Links { inner: 90f64.to_radians(), outer: 30f64.to_radians() };
-/// let tip = kinematics::tip(Finger::F3, &FingerJoints { spread: 0.0, links });
+/// let tip = finger_kinematics::tip(Finger::F3, &FingerJoints { spread: 0.0, links });
 /// assert!((tip.translation.vector.z - 0.1502).abs() < 1e-4);
 /// ```
 pub fn tip(finger: Finger, joints: &FingerJoints) -> TipPose {
