@@ -106,12 +106,6 @@ impl Deref for Robot {
     }
 }
 
-impl From<Robot> for Arc<dyn Device> {
-    fn from(robot: Robot) -> Self {
-        robot.board
-    }
-}
-
 /// Converts a timeout of a first value into an error of its own.
 pub(crate) fn wait_until<T>(
     timeout: Duration,

@@ -1,6 +1,6 @@
 //! The obstacles around an arm.
 
-use nalgebra::{Isometry3, Point3};
+use nalgebra::Point3;
 use yarp_devices::kinematics::Pose;
 
 use crate::shape::Shape;
@@ -55,13 +55,5 @@ impl Scene {
     /// Returns all obstacles.
     pub fn obstacles(&self) -> &[Obstacle] {
         &self.obstacles
-    }
-}
-
-impl From<Isometry3<f64>> for Obstacle {
-    /// Returns a half-space whose surface is the plane z = 0 of the frame.
-    fn from(frame: Isometry3<f64>) -> Self {
-        let pose = Pose::from_parts(frame.translation, frame.rotation.to_rotation_matrix());
-        Self::new("half-space", Shape::HalfSpace, pose)
     }
 }
