@@ -37,7 +37,7 @@ fn read_prints_every_kind_of_message() {
     let reader = home.start("read /r").see("active at");
     home.run_with(
         "write /w text://r",
-        "hello 5\n\n0 \"a b\"\n[ok] (1 2.5)\nlost",
+        "hello 5\n\n0 \"a b\"\n[ok] (1 2.5)\nunterminated",
     )
     .with(0);
     home.run_with("write /w /r verbatim", "as (typed\n").with(0);
@@ -47,7 +47,17 @@ fn read_prints_every_kind_of_message() {
         .iter()
         .filter(|line| !line.starts_with("[INFO]"))
         .collect();
-    assert_eq!(printed, ["hello 5", "", "a b", "[ok] (1 2.5)", "as (typed"]);
+    assert_eq!(
+        printed,
+        [
+            "hello 5",
+            "",
+            "a b",
+            "[ok] (1 2.5)",
+            "unterminated",
+            "as (typed"
+        ]
+    );
 }
 
 /// Log lines without a reader, as with `| head`, once caused an error message each.
