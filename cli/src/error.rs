@@ -8,6 +8,7 @@ use yarp_hosting::HostError;
 use yarp_hosting::robot::RobotError;
 use yarp_ports::PortError;
 use yarp_ports::config::ConfigError;
+use yarp_view::{RecordError, ReplayError};
 use yarp_wrappers::OpenError;
 
 /// Error of a command. Errors that stock has a text for are printed by the command itself.
@@ -32,6 +33,12 @@ pub(crate) enum Failure {
     /// A demo failed.
     #[error(transparent)]
     Demo(DemoError),
+    /// A recording failed.
+    #[error(transparent)]
+    Record(#[from] RecordError),
+    /// A recording cannot be played.
+    #[error(transparent)]
+    Replay(#[from] ReplayError),
     /// The ports of the arm or camera could not be opened.
     #[error(transparent)]
     Open(OpenError),

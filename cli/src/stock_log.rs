@@ -9,9 +9,11 @@
 
 mod foreign_text;
 mod rate_limit;
+mod shown_log;
 
 use std::fmt;
 use std::io;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use tracing::callsite::Identifier;
@@ -20,10 +22,12 @@ use tracing::{Event, Level, Metadata, Subscriber};
 use tracing_subscriber::filter::LevelFilter;
 use tracing_subscriber::fmt::format::Writer;
 use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields, MakeWriter};
+use tracing_subscriber::layer::SubscriberExt as _;
 use tracing_subscriber::registry::LookupSpan;
 
 use crate::output::{self, Stream, WhenFull};
 use rate_limit::Repeats;
+pub(crate) use shown_log::show_in;
 
 /// Where the modules of this program begin, as opposed to those of the libraries.
 const OWN_MODULES: &str = concat!(env!("CARGO_BIN_NAME"), "::");
@@ -38,9 +42,50 @@ pub(crate) fn start() {
         }))
         .event_format(StockFormat)
         .with_writer(Streams)
-        .finish();
+        .finish()
+        .with(shown_log::ShownLog);
     // This fails only if a logger is installed already, which then prints.
     let _ = tracing::subscriber::set_global_default(subscriber);
+}
+
+/// Lines that wait for the guard of [`hold_back`].
+static HELD: Mutex<Option<Vec<HeldLine>>> = Mutex::new(None);
+/// Maximum number of lines that are held back.
+const MAX_HELD: usize = 1000;
+
+type HeldLine = (Stream, Vec<u8>, WhenFull);
+
+/// Holds the log back until the guard is dropped, so that a command can print its first line before it.
+pub(crate) fn hold_back() -> HeldBack {
+    *held() = Some(Vec::new());
+    HeldBack
+}
+
+/// Guard of [`hold_back`].
+#[must_use]
+pub(crate) struct HeldBack;
+
+impl Drop for HeldBack {
+    fn drop(&mut self) {
+        let mut lines = held();
+        for (stream, text, when_full) in lines.take().into_iter().flatten() {
+            // As for a line of the log that its reader does not take.
+            let _ = output::push(stream, &text, when_full);
+        }
+    }
+}
+
+fn held() -> MutexGuard<'static, Option<Vec<HeldLine>>> {
+    HELD.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Prints a line, or holds it back.
+fn push(stream: Stream, text: &[u8], when_full: WhenFull) -> io::Result<()> {
+    if let Some(lines) = held().as_mut().filter(|lines| lines.len() < MAX_HELD) {
+        lines.push((stream, text.to_vec(), when_full));
+        return Ok(());
+    }
+    output::push(stream, text, when_full)
 }
 
 /// Returns the level that stock's environment variables select.
@@ -112,10 +157,10 @@ impl io::Write for Line {
                 let told = format!(
                     "[{level}] |yarp.os.Log| {left_out} lines like the next one left out\n"
                 );
-                output::push(stream, told.as_bytes(), self.when_full)?;
+                push(stream, told.as_bytes(), self.when_full)?;
             }
         }
-        output::push(stream, text, self.when_full)?;
+        push(stream, text, self.when_full)?;
         Ok(text.len())
     }
 

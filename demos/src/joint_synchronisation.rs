@@ -29,6 +29,22 @@ const SAMPLE_STEP: usize = 10;
 ///
 /// Errors: those of `out`, or a pose that the arm refuses.
 pub fn run(out: &mut dyn Write) -> Result<(), DemoError> {
+    run_with_paths(out).map(drop)
+}
+
+/// A path of the tool.
+#[derive(Clone, Debug)]
+pub(crate) struct ToolPath {
+    /// Inverse kinematics that led the tool.
+    pub(crate) name: &'static str,
+    /// Positions from the encoders, mm.
+    pub(crate) places: Vec<[f64; 3]>,
+    /// Ends of the regression line, mm.
+    pub(crate) regression: [[f64; 3]; 2],
+}
+
+/// Does the same as [`run`] and returns the paths of the tool.
+pub(crate) fn run_with_paths(out: &mut dyn Write) -> Result<Vec<ToolPath>, DemoError> {
     report_joint_delays(out)?;
     let model = WamModel::<7>::new();
     let start = start_joints(&model)?;
@@ -47,18 +63,42 @@ pub fn run(out: &mut dyn Write) -> Result<(), DemoError> {
         "{:<34} {:>7} {:>22} {:>22} {:>12}",
         "", "", "mean / most [mm]", "mean / most [mm]", "it [deg]"
     )?;
+    let mut paths = Vec::new();
     for (name, way) in [
         ("damped least squares", Inverse::Solver),
         ("transposed Jacobian (the thesis's)", Inverse::Transposed),
     ] {
         let places = line(&model, &start, way)?;
         row(name, &Straightness::of(&places), places.len(), out)?;
+        paths.push(ToolPath {
+            name,
+            regression: regression(&places),
+            places: places.into_iter().map(Into::into).collect(),
+        });
     }
     writeln!(
         out,
         "\nThe thesis gives a figure and no numbers: straight, but bent at the outer end by a joint's limit."
     )?;
-    Ok(())
+    Ok(paths)
+}
+
+/// Returns the ends of the regression line of positions: the first and the last position, put on it.
+fn regression(places: &[Vector3<f64>]) -> [[f64; 3]; 2] {
+    let (centre, along) = fitted_line(places);
+    let ends = [places.first(), places.last()].map(|end| end.copied().unwrap_or(centre));
+    ends.map(|end| (centre + along * (end - centre).dot(&along)).into())
+}
+
+/// Returns a point and the direction of the regression line of positions.
+fn fitted_line(places: &[Vector3<f64>]) -> (Vector3<f64>, Vector3<f64>) {
+    let count = places.len().max(1) as f64;
+    let centre = places.iter().sum::<Vector3<f64>>() / count;
+    let scatter: Matrix3<f64> = places
+        .iter()
+        .map(|place| (place - centre) * (place - centre).transpose())
+        .sum();
+    (centre, principal(&scatter))
 }
 
 /// Reports a joint move: the share of its path that each joint has completed, at tenths of the
@@ -203,12 +243,7 @@ struct Straightness {
 impl Straightness {
     fn of(places: &[Vector3<f64>]) -> Self {
         let count = places.len().max(1) as f64;
-        let centre = places.iter().sum::<Vector3<f64>>() / count;
-        let scatter: Matrix3<f64> = places
-            .iter()
-            .map(|place| (place - centre) * (place - centre).transpose())
-            .sum();
-        let along = principal(&scatter);
+        let (centre, along) = fitted_line(places);
         let from = Vector3::from(START);
         let asked = (Vector3::from(TARGET) - from).normalize();
         let off = |point: &Vector3<f64>, direction: &Vector3<f64>| {

@@ -71,6 +71,14 @@ type Positions = Vec<Vector3<f64>>;
 ///
 /// Errors: those of `out`, or a pose that the arm refuses.
 pub fn run(repeat: usize, out: &mut dyn Write) -> Result<(), DemoError> {
+    run_with_offsets(repeat, out).map(drop)
+}
+
+/// Does the same as [`run`] and returns, for each pose, the number of each visit and its distance from the target in mm.
+pub(crate) fn run_with_offsets(
+    repeat: usize,
+    out: &mut dyn Write,
+) -> Result<Vec<Vec<[f64; 2]>>, DemoError> {
     let began = Instant::now();
     let (ends, simulated) = measure(repeat)?;
     let took = began.elapsed();
@@ -90,7 +98,13 @@ pub fn run(repeat: usize, out: &mut dyn Write) -> Result<(), DemoError> {
         out,
         "\nThe error is the mean of the distances to the target, the spread their standard deviation."
     )?;
-    Ok(())
+    let offsets = THESIS.iter().zip(&ends).map(|(row, ends)| {
+        let off = |(visit, end): (usize, &Vector3<f64>)| {
+            [(visit + 1) as f64, (end - Vector3::from(row.place)).norm()]
+        };
+        ends.iter().enumerate().map(off).collect()
+    });
+    Ok(offsets.collect())
 }
 
 /// Returns the final positions of the tool, pose by pose, in millimetres, and the duration of the

@@ -1,11 +1,15 @@
 //! `yarp demo`: the experiments of the thesis, on the simulated arm.
 
 use std::io::Write;
+use std::path::PathBuf;
 use std::process::ExitCode;
+use std::time::Duration;
 
+use yarp_demos::state_feed::{self, StateFeedOptions};
 use yarp_demos::{joint_synchronisation, repeatability};
 
 use crate::error::Result;
+use crate::network_access;
 
 /// repeat the thesis's experiments on the simulated arm
 ///
@@ -27,12 +31,42 @@ enum Demo {
     },
     /// moves all joints together and the tool along a line: figure 13 of the thesis
     Sync,
+    /// measures repeatability, straightness and the state feed, with plots: tables 5 and 6 and figure 13 of the thesis
+    Statefeed {
+        /// Number of visits to each pose
+        #[arg(long, value_name = "N", default_value_t = 500, value_parser = clap::value_parser!(u32).range(1..))]
+        repeat: u32,
+        /// Seconds of each of the two measurements of the state feed
+        #[arg(long, value_name = "SECONDS", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=3600))]
+        seconds: u32,
+        /// Prefix of an arm on the network to measure, as in /wam; without it a simulated one
+        #[arg(long, value_name = "PREFIX")]
+        arm: Option<String>,
+        /// Folder that the plots are written to
+        #[arg(long, value_name = "DIR", default_value = "statefeed")]
+        out: PathBuf,
+    },
 }
 
-pub(super) fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
+pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let told = match args.demo {
         Demo::Repeatability { repeat } => repeatability::run(repeat as usize, out),
         Demo::Sync => joint_synchronisation::run(out),
+        Demo::Statefeed {
+            repeat,
+            seconds,
+            arm,
+            out: folder,
+        } => {
+            let network = arm.is_some().then(network_access::network).transpose()?;
+            let options = StateFeedOptions {
+                repeat: repeat as usize,
+                duration: Duration::from_secs(seconds.into()),
+                arm,
+                folder,
+            };
+            state_feed::run(&options, network, out).await
+        }
     };
     told.map(|()| ExitCode::SUCCESS).map_err(Into::into)
 }

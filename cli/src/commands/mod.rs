@@ -31,6 +31,7 @@ mod priority_sched;
 mod priority_tables;
 mod read;
 mod readwrite;
+mod record;
 mod repeat;
 mod resource;
 mod robotinterface;
@@ -50,6 +51,7 @@ mod topic;
 mod trafficgen;
 mod up;
 mod version;
+mod view;
 mod wait;
 mod wam_node;
 mod where_;
@@ -100,7 +102,9 @@ pub(crate) enum Command {
     PrioritySched(priority_sched::Args),
     Read(read::Args),
     Readwrite(readwrite::Args),
+    Record(record::Args),
     Repeat(repeat::Args),
+    Replay(record::ReplayArgs),
     Resource(resource::Args),
     Robotinterface(robotinterface::Args),
     Rpc(rpc::Args),
@@ -119,6 +123,7 @@ pub(crate) enum Command {
     Trafficgen(trafficgen::Args),
     Up(up::Args),
     Version(version::Args),
+    View(view::Args),
     Wait(wait::Args),
     #[command(name = "wam-node")]
     WamNode(wam_node::Args),
@@ -138,6 +143,7 @@ impl Command {
             | Self::Robotinterface(_)
             | Self::Server(_)
             | Self::Up(_)
+            | Self::View(_)
             | Self::WamNode(_) => true,
             #[cfg(unix)]
             Self::HandSim(_) => true,
@@ -156,7 +162,7 @@ impl Command {
             Self::Clock(args) => clock::run(args, out).await,
             Self::Conf(args) => conf::run(args, out),
             Self::Connect(args) => connect::run(args, out).await,
-            Self::Demo(args) => demo::run(args, out),
+            Self::Demo(args) => demo::run(args, out).await,
             Self::Detect(args) => detect::run(args, out).await,
             Self::Dev(args) => dev::run(args, out).await,
             Self::Disconnect(args) => disconnect::run(args, out).await,
@@ -179,7 +185,9 @@ impl Command {
             Self::PrioritySched(args) => priority_sched::run(args, out).await,
             Self::Read(args) => read::run(args, out).await,
             Self::Readwrite(args) => readwrite::run(args, out).await,
+            Self::Record(args) => record::run(args, out).await,
             Self::Repeat(args) => repeat::run(args, out).await,
+            Self::Replay(args) => record::replay(args, out).await,
             Self::Resource(args) => resource::run(args, out),
             Self::Robotinterface(args) => robotinterface::run(args, out).await,
             Self::Rpc(args) => rpc::run(args, prefixes, out).await,
@@ -198,6 +206,7 @@ impl Command {
             Self::Trafficgen(args) => trafficgen::run(args, out).await,
             Self::Up(args) => up::run(args, out).await,
             Self::Version(args) => version::run(args, out),
+            Self::View(args) => view::run(args, out).await,
             Self::Wait(args) => wait::run(args, out).await,
             Self::WamNode(args) => wam_node::run(args, out).await,
             Self::Where(args) => where_::run(args, out).await,

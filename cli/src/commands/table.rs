@@ -1,17 +1,21 @@
 //! `yarp table`: a simulated table with arm, hand and cameras.
 
+mod scene_message;
+
 use std::error::Error;
 use std::fs;
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
 use std::time::Duration;
 
-use yarp_ports::PortError;
+use yarp_ports::{Network, Port, PortError, PortOptions};
 use yarp_table::{
     Class, Dataset, DatasetOptions, LiveOptions, LiveTable, Placement, Scene, write_models,
     write_shot,
 };
+use yarp_view::{View, ViewOptions};
 use yarp_wire::PortName;
 use yarp_wrappers::frame_grabber::Capability;
 use yarp_wrappers::{
@@ -19,8 +23,10 @@ use yarp_wrappers::{
 };
 
 use crate::error::{Failure, Result};
-use crate::network_access;
 use crate::signals::Interrupt;
+use crate::{network_access, stock_log};
+
+use super::view::ViewArgs;
 
 /// simulate a table with objects, an arm, a hand and cameras
 ///
@@ -51,6 +57,8 @@ pub(crate) struct Args {
     /// What stands before /wam, /hand, /camera and /depth
     #[arg(long, value_name = "PREFIX", default_value = "")]
     prefix: String,
+    #[command(flatten)]
+    view: ViewArgs,
 }
 
 #[derive(Debug, clap::Subcommand)]
@@ -144,6 +152,7 @@ struct Served {
     grasps: HandServer,
     camera: FrameGrabberServer,
     depth: FrameGrabberServer,
+    scene: Arc<Port>,
 }
 
 async fn serve(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
@@ -159,33 +168,23 @@ async fn serve(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     options.speed = args.speed;
     options.rate = args.rate;
     options.seed = args.seed;
+    let view = open_view(&args, &network, out).await?;
     let starting = tokio::task::spawn_blocking(move || LiveTable::start(scene, options));
     let table = tokio::select! {
         biased;
         () = interrupt.interrupted() => return Ok(ExitCode::SUCCESS),
-        table = starting => table.expect("starting a table does not panic")?,
+        table = starting => Arc::new(table.expect("starting a table does not panic")?),
     };
-    let board = ControlBoardOptions::new;
-    // Looked for twice as often as images come, so that none is missed.
-    let period = Duration::from_secs_f64(0.5 / args.rate).min(Duration::from_millis(33));
-    let images = FrameGrabberOptions::new().period(period);
-    let served = Served {
-        arm: ControlBoardServer::open(&network, table.arm(), &name("wam"), board()).await?,
-        hand: ControlBoardServer::open(&network, table.hand(), &name("hand"), board()).await?,
-        grasps: HandServer::open(&network, table.hand(), &name("hand")).await?,
-        camera: FrameGrabberServer::open(&network, table.camera(), &name("camera"), images.clone())
-            .await?,
-        depth: FrameGrabberServer::open(
-            &network,
-            table.depth(),
-            &name("depth"),
-            images.capability(Capability::Raw),
-        )
-        .await?,
-    };
+    let served = Served::open(&network, &table, &name, args.rate).await?;
+    let publisher = tokio::spawn(scene_message::publish(table.clone(), served.scene.clone()));
     let told = tell(&args.prefix, count, out);
     if told.is_ok() {
         interrupt.interrupted().await;
+    }
+    publisher.abort();
+    let _ = publisher.await;
+    if let Some(view) = view {
+        view.close().await;
     }
     served.close().await;
     // Joins its threads, which is no work for the executor.
@@ -193,8 +192,51 @@ async fn serve(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     told.map(|()| ExitCode::SUCCESS)
 }
 
+/// Opens the view of the table and prints its address.
+async fn open_view(args: &Args, network: &Network, out: &mut dyn Write) -> Result<Option<View>> {
+    let name = |part: &str| format!("{}/{part}", args.prefix);
+    let options = ViewOptions::new(&name("wam"))
+        .hand(&name("hand"))
+        .camera(&name("camera"))
+        .source(&name("table/scene:o"));
+    let held = stock_log::hold_back();
+    let view = args.view.open(network, options).await;
+    if let Some(view) = &view {
+        writeln!(out, "Live view: {}", view.url())?;
+        out.flush()?;
+    }
+    drop(held);
+    Ok(view)
+}
+
 impl Served {
+    async fn open(
+        network: &Network,
+        table: &LiveTable,
+        name: &impl Fn(&str) -> String,
+        rate: f64,
+    ) -> Result<Self> {
+        let board = ControlBoardOptions::new;
+        // Looked for twice as often as images come, so that none is missed.
+        let period = Duration::from_secs_f64(0.5 / rate).min(Duration::from_millis(33));
+        let images = FrameGrabberOptions::new().period(period);
+        let depth = images.clone().capability(Capability::Raw);
+        Ok(Self {
+            arm: ControlBoardServer::open(network, table.arm(), &name("wam"), board()).await?,
+            hand: ControlBoardServer::open(network, table.hand(), &name("hand"), board()).await?,
+            grasps: HandServer::open(network, table.hand(), &name("hand")).await?,
+            camera: FrameGrabberServer::open(network, table.camera(), &name("camera"), images)
+                .await?,
+            depth: FrameGrabberServer::open(network, table.depth(), &name("depth"), depth).await?,
+            scene: Arc::new(Port::open(network, &name("table/scene:o"), PortOptions::new()).await?),
+        })
+    }
+
     async fn close(self) {
+        // The publisher has ended, so nobody else holds it.
+        if let Ok(scene) = Arc::try_unwrap(self.scene) {
+            scene.close().await;
+        }
         self.depth.close().await;
         self.camera.close().await;
         self.grasps.close().await;

@@ -1,6 +1,7 @@
 //! `yarp up`: a whole network with a simulated arm.
 
 use std::io::Write;
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 
@@ -11,6 +12,7 @@ use yarp_devices::wam::WamModel;
 use yarp_nameserver::{Server, ServerOptions};
 use yarp_ports::config::{self, Configuration, NameServer};
 use yarp_ports::{Network, PortError, addresses};
+use yarp_view::{View, ViewOptions};
 use yarp_wire::PortName;
 use yarp_wrappers::{
     CartesianServer, CartesianServerOptions, CartesianVersion, ControlBoardOptions,
@@ -21,7 +23,9 @@ use crate::arm_selection::{Arm, LinkModeArgs};
 use crate::error::{Failure, Result};
 use crate::exposure::{self, BindArgs};
 use crate::signals::Interrupt;
-use crate::{network_access, systemd_notify};
+use crate::{network_access, stock_log, systemd_notify};
+
+use super::view::ViewArgs;
 
 /// Ports of the arm, with their purposes.
 const PORTS: [(&str, &str); 6] = [
@@ -70,6 +74,8 @@ pub(crate) struct Args {
     bind: BindArgs,
     #[command(flatten)]
     link_mode: LinkModeArgs,
+    #[command(flatten)]
+    view: ViewArgs,
 }
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
@@ -99,12 +105,24 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let arm = args.arm();
     let link_mode = args.link_mode.link_mode(true).map_err(Failure::LinkMode)?;
     let mut interrupt = Interrupt::listen();
-    let base = NameServerAccess::find(args.bind, out).await?;
+    // The first line is the address of the view.
+    let held = stock_log::hold_back();
+    let base = NameServerAccess::find(args.bind).await?;
+    let view = args
+        .view
+        .open(&base.network, ViewOptions::new(&args.name))
+        .await;
+    if let Some(view) = &view {
+        writeln!(out, "Live view: {}", view.url())?;
+        out.flush()?;
+    }
+    drop(held);
     let opened = tokio::select! {
         biased;
         () = interrupt.interrupted() => None,
         opened = open(&base.network, &args.name, arm.clone(), link_mode, args.cartesian) => Some(opened),
     };
+    let base = Base { access: base, view };
     let served = match opened {
         Some(Ok(served)) => served,
         Some(Err(failure)) => {
@@ -117,7 +135,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         }
     };
     let told = print_summary(
-        &base,
+        &base.access,
         &args.name,
         arm,
         link_mode,
@@ -126,7 +144,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     )
     .await;
     if told.is_ok() {
-        exposure::warn_if_open(&base.network, &args.name);
+        exposure::warn_if_open(&base.access.network, &args.name);
         systemd_notify::notify_ready();
         interrupt.interrupted().await;
     }
@@ -135,17 +153,34 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     told.map(|()| ExitCode::SUCCESS)
 }
 
+/// Everything but the arm.
+struct Base {
+    access: NameServerAccess,
+    view: Option<View>,
+}
+
+impl Base {
+    async fn close(self) {
+        if let Some(view) = self.view {
+            view.close().await;
+        }
+        self.access.close().await;
+    }
+}
+
 /// The network, and its name server if this command started it.
 struct NameServerAccess {
     network: Network,
     server: Option<Server>,
+    /// The configuration file that was written for it.
+    written: Option<PathBuf>,
 }
 
 impl NameServerAccess {
     /// The configured name server if it answers, else one of our own where the configuration says.
     ///
     /// A server of our own listens where its place is, if `bind` names an address; its ports listen at that address.
-    async fn find(bind: BindArgs, out: &mut dyn Write) -> Result<Self> {
+    async fn find(bind: BindArgs) -> Result<Self> {
         let configuration = Configuration::from_process()?;
         let network = bind.apply(Network::from_process()?);
         if let Some((namespace, _)) = configuration.name_server()
@@ -154,6 +189,7 @@ impl NameServerAccess {
             return Ok(Self {
                 network,
                 server: None,
+                written: None,
             });
         }
         let held = &configuration.namespaces()[0];
@@ -179,17 +215,16 @@ impl NameServerAccess {
             asked => asked,
         };
         let server = Server::start(options).await?;
-        if held.server.is_none() {
-            if let Err(error) = config::write(&held.file, &place.to_string()) {
-                server.close().await;
-                return Err(error.into());
-            }
-            writeln!(out, "Wrote {}", held.file.display())?;
+        let is_new = held.server.is_none();
+        if is_new && let Err(error) = config::write(&held.file, &place.to_string()) {
+            server.close().await;
+            return Err(error.into());
         }
         Ok(Self {
             // The configuration that every other program will use.
             network: bind.apply(Network::from_process()?),
             server: Some(server),
+            written: is_new.then(|| held.file.clone()),
         })
     }
 
@@ -298,6 +333,9 @@ async fn print_summary(
         Some(_) => "started here",
         None => "was there",
     };
+    if let Some(file) = &base.written {
+        writeln!(out, "Wrote {}", file.display())?;
+    }
     writeln!(out, "\nName server {namespace} at {host}:{port} ({whose})")?;
     match arm {
         Arm::Embedded => writeln!(

@@ -1,0 +1,252 @@
+//! Commands of the page: moves, control modes, and the emergency stop.
+//!
+//! ```text
+//! move JOINT DEGREES     moves a joint of the arm, at its speed for moves
+//! hand AXIS DEGREES      moves an axis of the hand
+//! mode WORD              sets the control mode of all joints: pos, vel, torq, idl
+//! halt                   ends all moves; the robot stays where it is and can be moved again
+//! stop                   emergency stop
+//! release                ends the emergency stop
+//! ```
+//!
+//! The reply is `ok`, or `refused` with the reason. An emergency stop ends all moves of arm and hand, sets the joints of the arm idle, so
+//! that the board refuses the commands of every program, and refuses those of the page until it is released. The fingers stay where they
+//! are. It passes the commands before it on a connection of its own. It is software: it does not replace the switch on the robot.
+
+use std::sync::Arc;
+
+use yarp_ports::Network;
+use yarp_wire::{Bottle, Value, Vocab32};
+
+use crate::board_client::{BoardClient, BoardError};
+use crate::log_lines::LogLevel;
+use crate::model::Model;
+
+/// Joints of the arm.
+const JOINTS: usize = 7;
+/// Axes of the hand.
+const HAND_AXES: usize = 4;
+/// Modes that the page may set.
+const MODES: [&str; 4] = ["pos", "vel", "torq", "idl"];
+
+/// Clients of the boards.
+#[derive(Debug)]
+pub(crate) struct Control {
+    arm: BoardClient,
+    hand: Option<BoardClient>,
+    /// Connections for stops alone.
+    stop_arm: BoardClient,
+    stop_hand: Option<BoardClient>,
+    model: Arc<Model>,
+}
+
+/// A command of the page.
+#[derive(Clone, Debug, PartialEq)]
+enum Command {
+    Move { axis: usize, degrees: f64 },
+    Hand { axis: usize, degrees: f64 },
+    Mode(&'static str),
+    Halt,
+    Stop,
+    Release,
+}
+
+impl Command {
+    /// Reads a command; the error says what was expected.
+    fn read(bottle: &Bottle) -> Result<Self, String> {
+        let word = bottle.get(0).and_then(Value::as_str).unwrap_or_default();
+        let axis = |most: usize| {
+            let index = bottle.get(1).and_then(Value::as_i64);
+            let index = index.and_then(|index| usize::try_from(index).ok());
+            let degrees = bottle
+                .get(2)
+                .and_then(Value::as_f64)
+                .filter(|degrees| degrees.is_finite());
+            match (index.filter(|index| *index < most), degrees) {
+                (Some(index), Some(degrees)) => Ok((index, degrees)),
+                _ => Err(format!(
+                    "{word}: expected an axis from 0 to {} and degrees",
+                    most - 1
+                )),
+            }
+        };
+        match word {
+            "move" => axis(JOINTS).map(|(axis, degrees)| Self::Move { axis, degrees }),
+            "hand" => axis(HAND_AXES).map(|(axis, degrees)| Self::Hand { axis, degrees }),
+            "mode" => {
+                let asked = bottle.get(1).and_then(Value::as_str);
+                let known = MODES.into_iter().find(|mode| Some(*mode) == asked);
+                known
+                    .map(Self::Mode)
+                    .ok_or_else(|| format!("mode: expected one of {}", MODES.join(", ")))
+            }
+            "halt" => Ok(Self::Halt),
+            "stop" => Ok(Self::Stop),
+            "release" => Ok(Self::Release),
+            _ => Err("expected move, hand, mode, halt, stop or release".to_owned()),
+        }
+    }
+}
+
+impl Control {
+    pub(crate) fn new(network: &Network, arm: &str, hand: Option<&str>, model: Arc<Model>) -> Self {
+        let client = |prefix: &str| BoardClient::new(network, prefix);
+        Self {
+            arm: client(arm),
+            hand: hand.map(client),
+            stop_arm: client(arm),
+            stop_hand: hand.map(client),
+            model,
+        }
+    }
+
+    /// Executes a command of a page and returns the reply.
+    pub(crate) async fn execute(&self, command: &Bottle) -> Bottle {
+        let refused = |reason: String| {
+            self.model.log.add(LogLevel::Warning, "view", &reason);
+            Bottle::of("refused").with(reason)
+        };
+        let command = match Command::read(command) {
+            Ok(command) => command,
+            Err(reason) => return refused(reason),
+        };
+        let is_allowed = matches!(command, Command::Halt | Command::Stop | Command::Release);
+        if !is_allowed && self.model.latest().stopped {
+            return refused("the emergency stop is active; release it first".to_owned());
+        }
+        match self.perform(command).await {
+            Ok(()) => Bottle::of("ok"),
+            Err(error) => refused(error.to_string()),
+        }
+    }
+
+    async fn perform(&self, command: Command) -> Result<(), BoardError> {
+        match command {
+            Command::Move { axis, degrees } => self.arm.send(&[set_position(axis, degrees)]).await,
+            Command::Hand { axis, degrees } => match &self.hand {
+                Some(hand) => hand.send(&[set_position(axis, degrees)]).await,
+                None => Ok(()),
+            },
+            Command::Mode(mode) => {
+                self.model
+                    .log
+                    .add(LogLevel::Info, "view", &format!("control mode {mode}"));
+                self.arm.send(&[set_modes(mode)]).await
+            }
+            Command::Halt => {
+                let request = [stop()];
+                let (arm, hand) = tokio::join!(
+                    self.arm.send(&request),
+                    send_hand(self.hand.as_ref(), &request)
+                );
+                arm.and(hand)
+            }
+            Command::Stop => {
+                // Before anything else, so that no later command of a page passes it.
+                self.model.latest().stopped = true;
+                self.model
+                    .log
+                    .add(LogLevel::Error, "view", "emergency stop");
+                let (arm, hand) = ([stop(), set_modes("idl")], [stop()]);
+                let (arm, hand) = tokio::join!(
+                    self.stop_arm.send(&arm),
+                    send_hand(self.stop_hand.as_ref(), &hand)
+                );
+                arm.and(hand)
+            }
+            Command::Release => {
+                self.stop_arm.send(&[set_modes("pos")]).await?;
+                self.model.latest().stopped = false;
+                self.model
+                    .log
+                    .add(LogLevel::Info, "view", "emergency stop released");
+                Ok(())
+            }
+        }
+    }
+
+    pub(crate) async fn close(&self) {
+        self.arm.close().await;
+        self.stop_arm.close().await;
+        for hand in [&self.hand, &self.stop_hand].into_iter().flatten() {
+            hand.close().await;
+        }
+    }
+}
+
+async fn send_hand(hand: Option<&BoardClient>, requests: &[Bottle]) -> Result<(), BoardError> {
+    match hand {
+        Some(hand) => hand.send(requests).await,
+        None => Ok(()),
+    }
+}
+
+fn vocab(word: &str) -> Vocab32 {
+    Vocab32::new(word)
+}
+
+fn set_position(axis: usize, degrees: f64) -> Bottle {
+    Bottle::of(vocab("set"))
+        .with(vocab("pos"))
+        .with(axis as i32)
+        .with(degrees)
+}
+
+fn set_modes(mode: &str) -> Bottle {
+    let modes = (0..JOINTS).fold(Bottle::new(), |modes, _| modes.with(vocab(mode)));
+    Bottle::of(vocab("set"))
+        .with(vocab("icmd"))
+        .with(vocab("cmds"))
+        .with(modes)
+}
+
+fn stop() -> Bottle {
+    Bottle::of(vocab("set")).with(vocab("stos"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<Command, String> {
+        Command::read(&Bottle::parse(text).unwrap())
+    }
+
+    #[test]
+    fn commands_are_read_as_documented() {
+        let expected = Command::Move {
+            axis: 6,
+            degrees: -12.5,
+        };
+        assert_eq!(read("move 6 -12.5"), Ok(expected));
+        let expected = Command::Hand {
+            axis: 3,
+            degrees: 90.0,
+        };
+        assert_eq!(read("hand 3 90"), Ok(expected));
+        assert_eq!(read("mode torq"), Ok(Command::Mode("torq")));
+        for bad in [
+            "",
+            "move",
+            "move 7 1.0",
+            "move -1 1.0",
+            "move 0 up",
+            "hand 4 1.0",
+            "mode fly",
+            "fly",
+            "(stop)",
+        ] {
+            assert!(read(bad).is_err(), "{bad}");
+        }
+        let infinite = Bottle::of("move").with(0).with(f64::NAN);
+        assert!(Command::read(&infinite).is_err());
+    }
+
+    #[test]
+    fn requests_are_those_of_a_control_board() {
+        assert_eq!(set_position(3, 90.0).to_string(), "[set] [pos] 3 90.0");
+        assert_eq!(stop().to_string(), "[set] [stos]");
+        let modes = "[set] [icmd] [cmds] ([idl] [idl] [idl] [idl] [idl] [idl] [idl])";
+        assert_eq!(set_modes("idl").to_string(), modes);
+    }
+}

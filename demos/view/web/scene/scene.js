@@ -1,0 +1,310 @@
+// The robot, the table and the plan in 3D.
+
+import * as THREE from "three";
+import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
+import { RoomEnvironment } from "three/examples/jsm/environments/RoomEnvironment.js";
+import { Line2 } from "three/examples/jsm/lines/Line2.js";
+import { LineGeometry } from "three/examples/jsm/lines/LineGeometry.js";
+import { LineMaterial } from "three/examples/jsm/lines/LineMaterial.js";
+import { OBJLoader } from "three/examples/jsm/loaders/OBJLoader.js";
+import URDFLoader from "urdf-loader";
+import { Table } from "./table.js";
+
+const FLOOR = -0.8;
+const BASE = -0.346;
+// Distance of the tool plate from the last joint, and the ratio of outer to inner links of the fingers.
+const TOOL_PLATE = 0.0609;
+const COUPLING = 1 / 3;
+const TRAIL_SECONDS = 12;
+const TRAIL_STEP = 0.004;
+const MAX_TRAIL = 400;
+// Quality is lowered while frames take longer than this, and raised again while they take much less.
+const SLOW_FRAME_MS = 45;
+const FAST_FRAME_MS = 20;
+const RATIOS = [0.6, 0.8, 1, 1.5, 2];
+
+const SURFACES = {
+  shell: { roughness: 0.38, metalness: 0.1 },
+  graphite: { roughness: 0.5, metalness: 0.35 },
+  metal: { roughness: 0.28, metalness: 0.85 },
+  accent: { roughness: 0.4, metalness: 0.2 },
+  rubber: { roughness: 0.9, metalness: 0 },
+};
+
+const VIEWS = {
+  default: { eye: [1.75, -1.35, 0.85], target: [0.18, 0, 0.05] },
+  top: { eye: [0.35, -0.001, 2.4], target: [0.35, 0, -0.1] },
+  side: { eye: [0.25, -2.3, 0.25], target: [0.25, 0, 0.05] },
+};
+
+THREE.Object3D.DEFAULT_UP.set(0, 0, 1);
+
+export class Scene {
+  constructor(canvas, { urdf, readout, failed }) {
+    this.canvas = canvas;
+    this.readout = readout;
+    this.robot = null;
+    this.trail = [];
+    this.isDirty = true;
+    this.options = { trail: true, frames: false };
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true });
+    this.renderer.shadowMap.enabled = true;
+    this.renderer.shadowMap.type = THREE.PCFShadowMap;
+    this.renderer.toneMapping = THREE.ACESFilmicToneMapping;
+    this.scene = new THREE.Scene();
+    this.camera = new THREE.PerspectiveCamera(38, 1, 0.05, 30);
+    this.controls = new OrbitControls(this.camera, canvas);
+    this.controls.enableDamping = true;
+    this.controls.maxPolarAngle = 0.54 * Math.PI;
+    this.controls.minDistance = 0.4;
+    this.controls.maxDistance = 6;
+    this.controls.addEventListener("change", () => (this.isDirty = true));
+    this.look("default");
+    this.light();
+    this.ground();
+    this.lines();
+    this.table = new Table(this.scene);
+    this.markers = new THREE.Group();
+    this.scene.add(this.markers);
+    this.ratio = RATIOS.indexOf(1);
+    this.frameTimes = [];
+    this.theme = matchMedia("(prefers-color-scheme: dark)");
+    this.theme.addEventListener("change", () => this.paint());
+    this.paint();
+    new ResizeObserver(() => this.resize()).observe(canvas);
+    this.resize();
+    this.load(urdf, failed);
+  }
+
+  light() {
+    const maker = new THREE.PMREMGenerator(this.renderer);
+    this.scene.environment = maker.fromScene(new RoomEnvironment(), 0.04).texture;
+    maker.dispose();
+    this.sun = new THREE.DirectionalLight(0xffffff, 2.2);
+    this.sun.position.set(1.1, -1.5, 2.6);
+    this.sun.target.position.set(0.3, 0, -0.2);
+    this.sun.castShadow = true;
+    this.sun.shadow.mapSize.set(2048, 2048);
+    this.sun.shadow.radius = 4;
+    this.sun.shadow.bias = -0.0004;
+    this.sun.shadow.normalBias = 0.01;
+    Object.assign(this.sun.shadow.camera, { left: -1.5, right: 1.5, top: 1.5, bottom: -1.5, near: 0.5, far: 6 });
+    this.scene.add(this.sun, this.sun.target);
+  }
+
+  ground() {
+    this.floor = new THREE.Mesh(new THREE.CircleGeometry(9, 48), new THREE.MeshStandardMaterial({ roughness: 0.95 }));
+    this.floor.position.z = FLOOR;
+    this.floor.receiveShadow = true;
+    this.grid = new THREE.GridHelper(12, 48);
+    this.grid.rotation.x = Math.PI / 2;
+    this.grid.position.z = FLOOR + 0.001;
+    this.grid.material.transparent = true;
+    const pedestal = new THREE.Mesh(
+      new THREE.CylinderGeometry(0.125, 0.16, BASE - FLOOR - 0.02, 48),
+      new THREE.MeshStandardMaterial({ color: 0x2a2f36, roughness: 0.6, metalness: 0.3 }),
+    );
+    const foot = new THREE.Mesh(new THREE.CylinderGeometry(0.3, 0.3, 0.02, 64), pedestal.material);
+    for (const [mesh, z] of [[pedestal, (BASE + FLOOR + 0.02) / 2], [foot, FLOOR + 0.01]]) {
+      mesh.rotation.x = Math.PI / 2;
+      mesh.position.z = z;
+      mesh.castShadow = true;
+      mesh.receiveShadow = true;
+      this.scene.add(mesh);
+    }
+    this.scene.add(this.floor, this.grid);
+  }
+
+  lines() {
+    const line = (material) => {
+      const made = new Line2(new LineGeometry(), new LineMaterial({ worldUnits: false, transparent: true, ...material }));
+      made.visible = false;
+      made.frustumCulled = false;
+      this.scene.add(made);
+      return made;
+    };
+    this.trailLine = line({ linewidth: 2.5, vertexColors: true });
+    this.planLine = line({ linewidth: 3.5, color: 0x19a979, opacity: 0.9 });
+    this.axes = new THREE.AxesHelper(0.14);
+    this.axes.visible = false;
+  }
+
+  load(urdf, failed) {
+    const loader = new URDFLoader();
+    const objects = new OBJLoader();
+    const materials = {};
+    loader.loadMeshCb = (path, manager, material, done) => {
+      objects.load(path, (group) => {
+        const mesh = group.children[0];
+        const name = material?.name ?? "shell";
+        materials[name] ??= new THREE.MeshStandardMaterial({ color: material?.color ?? 0xcccccc, ...(SURFACES[name] ?? {}) });
+        mesh.material = materials[name];
+        mesh.castShadow = true;
+        mesh.receiveShadow = true;
+        done(mesh);
+        this.isDirty = true;
+      }, undefined, (error) => done(null, error));
+    };
+    loader.load(urdf, (robot) => {
+      this.robot = robot;
+      this.scene.add(robot);
+      this.tool = new THREE.Object3D();
+      this.tool.position.z = TOOL_PLATE;
+      robot.links.link7.add(this.tool);
+      this.tool.add(this.axes);
+      if (this.state) this.setState(this.state);
+      this.isDirty = true;
+    }, undefined, (error) => failed(`The description of the robot cannot be read: ${error.message ?? error}`));
+  }
+
+  // Colours of the page, light or dark.
+  paint() {
+    const dark = this.theme.matches;
+    const sky = new THREE.Color(dark ? 0x10171f : 0xdfe6ee);
+    this.scene.background = sky;
+    this.scene.fog = new THREE.Fog(sky, 3.2, 8.5);
+    this.floor.material.color.set(dark ? 0x1a242e : 0xc9d3dd);
+    this.grid.material.color.set(dark ? 0x3a4a5a : 0x8fa1b3);
+    this.grid.material.opacity = dark ? 0.35 : 0.35;
+    this.scene.environmentIntensity = dark ? 0.42 : 0.62;
+    this.renderer.toneMappingExposure = dark ? 0.95 : 1.05;
+    this.isDirty = true;
+  }
+
+  look(name) {
+    const { eye, target } = VIEWS[name] ?? VIEWS.default;
+    this.camera.position.set(...eye);
+    this.controls.target.set(...target);
+    this.controls.update();
+    this.isDirty = true;
+  }
+
+  setOption(name, value) {
+    this.options[name] = value;
+    this.axes.visible = this.options.frames;
+    this.trailLine.visible = this.options.trail && this.trail.length > 1;
+    this.isDirty = true;
+  }
+
+  setState(state) {
+    this.state = state;
+    if (!this.robot) return;
+    const radians = (degrees) => degrees * Math.PI / 180;
+    state.arm?.p.forEach((angle, index) => this.robot.setJointValue(`joint${index + 1}`, radians(angle)));
+    const hand = state.hand?.p;
+    if (hand) {
+      for (let finger = 1; finger <= 3; finger += 1) {
+        const inner = radians(hand[finger - 1]);
+        this.robot.setJointValue(`finger${finger}_inner`, inner);
+        this.robot.setJointValue(`finger${finger}_outer`, inner * COUPLING);
+        if (finger < 3) this.robot.setJointValue(`finger${finger}_spread`, radians(hand[3] ?? 0));
+      }
+    }
+    this.robot.updateMatrixWorld(true);
+    const place = new THREE.Vector3().setFromMatrixPosition(this.tool.matrixWorld);
+    this.readout(place.toArray());
+    this.follow(place, state.time);
+    this.isDirty = true;
+  }
+
+  follow(place, time) {
+    const last = this.trail.at(-1);
+    if (last && time < last.time) this.trail = [];
+    if (!last || last.place.distanceTo(place) > TRAIL_STEP) this.trail.push({ place, time });
+    while (this.trail.length > MAX_TRAIL || (this.trail.length && this.trail[0].time < time - TRAIL_SECONDS)) this.trail.shift();
+    this.trailLine.visible = this.options.trail && this.trail.length > 1;
+    if (!this.trailLine.visible) return;
+    const near = new THREE.Color(0x2f9bea);
+    const far = this.scene.background;
+    const colours = [];
+    for (const { time: at } of this.trail) {
+      const age = Math.min(1, (time - at) / TRAIL_SECONDS);
+      colours.push(...near.clone().lerp(far, age).toArray());
+    }
+    this.replace(this.trailLine, this.trail.flatMap(({ place }) => place.toArray()), colours);
+  }
+
+  replace(line, places, colours) {
+    line.geometry.dispose();
+    line.geometry = new LineGeometry().setPositions(places);
+    if (colours) line.geometry.setColors(colours);
+  }
+
+  setPlan(plan) {
+    const text = JSON.stringify(plan?.path ?? []);
+    if (text === this.planText) return;
+    this.planText = text;
+    const path = plan?.path ?? [];
+    this.planLine.visible = path.length > 1;
+    if (path.length > 1) this.replace(this.planLine, path.flat());
+    this.isDirty = true;
+  }
+
+  setTable(table) {
+    this.table.set(table);
+    this.isDirty = true;
+  }
+
+  // Rings where detected objects are said to be.
+  setDetections(detections) {
+    const text = JSON.stringify(detections?.objects ?? []);
+    if (text === this.detectionText) return;
+    this.detectionText = text;
+    this.markers.clear();
+    const ring = new THREE.TorusGeometry(0.045, 0.0025, 8, 40);
+    const material = new THREE.MeshBasicMaterial({ color: 0x35c3ff });
+    for (const { pose } of detections?.objects ?? []) {
+      if (!pose) continue;
+      const marker = new THREE.Mesh(ring, material);
+      marker.position.set(pose[0], pose[1], pose[2] + 0.004);
+      this.markers.add(marker);
+    }
+    this.isDirty = true;
+  }
+
+  resize() {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    if (!width || !height) return;
+    this.renderer.setPixelRatio(Math.min(RATIOS[this.ratio], devicePixelRatio * 1.0001));
+    this.renderer.setSize(width, height, false);
+    this.camera.aspect = width / height;
+    // A narrow window shows as much from side to side as a square one.
+    this.camera.fov = 2 * Math.atan(Math.tan(19 * Math.PI / 180) * Math.max(1, 1.1 / this.camera.aspect)) * 180 / Math.PI;
+    this.camera.updateProjectionMatrix();
+    this.isDirty = true;
+  }
+
+  // Draws a frame if anything has changed; returns true if it did.
+  draw() {
+    this.controls.update();
+    if (!this.isDirty) {
+      this.last = null;
+      return false;
+    }
+    this.isDirty = false;
+    this.renderer.render(this.scene, this.camera);
+    this.adapt();
+    return true;
+  }
+
+  // Adapts the resolution to the speed of this machine.
+  adapt() {
+    const now = performance.now();
+    if (this.last) this.frameTimes.push(now - this.last);
+    this.last = now;
+    if (this.frameTimes.length < 40) return;
+    const middle = this.frameTimes.sort((a, b) => a - b)[20];
+    this.frameTimes = [];
+    const most = RATIOS.findLastIndex((ratio) => ratio <= Math.max(1, devicePixelRatio));
+    const before = this.ratio;
+    if (middle > SLOW_FRAME_MS && this.ratio > 0) this.ratio -= 1;
+    if (middle < FAST_FRAME_MS && this.ratio < most) this.ratio += 1;
+    if (this.ratio === before) return;
+    if (this.ratio === 0) {
+      this.sun.shadow.mapSize.set(1024, 1024);
+      this.sun.shadow.map?.dispose();
+      this.sun.shadow.map = null;
+    }
+    this.resize();
+  }
+}
