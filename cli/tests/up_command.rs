@@ -6,7 +6,9 @@ mod common;
 
 use common::Home;
 
-const PORTS: [&str; 6] = [
+const PORTS: [&str; 8] = [
+    "view",
+    "view/in:i",
     "rpc:i",
     "nws/rpc:i",
     "command:i",
@@ -40,6 +42,30 @@ fn with_a_name_server_of_its_own() {
     let ended = up.signal("TERM").finish().with(0);
     assert!(ended.says("started here") && ended.says("/robot/left_arm/state:o"));
     home.run("where").with(1);
+}
+
+/// The address comes before everything else, also before the log; the page is served.
+#[test]
+fn the_first_line_is_the_address_of_the_live_view() {
+    let home = Home::new();
+    let up = home.start("up").see("Ctrl-C ends it.");
+    let ended = up.signal("TERM").finish().with(0);
+    let address = ended.out[0].strip_prefix("Live view: http://");
+    assert!(
+        address.is_some_and(|address| address.ends_with('/')),
+        "{ended:?}"
+    );
+    assert!(ended.says("Port /wam/view active at"), "{ended:?}");
+}
+
+#[test]
+fn without_a_live_view() {
+    let home = Home::new();
+    let up = home.start("up --no-view").see("Ctrl-C ends it.");
+    assert_eq!(home.names().len(), PORTS.len() - 2);
+    let ended = up.signal("TERM").finish().with(0);
+    assert!(!ended.says("Live view"), "{ended:?}");
+    home.run("up --no-view --control").with(1);
 }
 
 #[test]

@@ -11,7 +11,6 @@ use bytes::Bytes;
 const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
 const HEADER: u8 = 0x01;
 const FOOTER: u8 = 0x02;
-const SCHEMA: u8 = 0x03;
 const CHANNEL: u8 = 0x04;
 const MESSAGE: u8 = 0x05;
 const DATA_END: u8 = 0x0f;
@@ -54,28 +53,28 @@ pub enum McapError {
 
 /// A source of messages of a file.
 #[derive(Clone, Debug, Eq, PartialEq)]
-pub struct Channel {
+pub(crate) struct Channel {
     /// Name of the recorded port.
-    pub topic: String,
+    pub(crate) topic: String,
     /// Encoding of its messages.
-    pub encoding: String,
+    pub(crate) encoding: String,
     /// Further facts, such as the wire version.
-    pub metadata: HashMap<String, String>,
+    pub(crate) metadata: HashMap<String, String>,
 }
 
 /// A message of a file.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Recorded {
+pub(crate) struct Recorded {
     /// Its channel.
-    pub channel: u16,
+    pub(crate) channel: u16,
     /// Number in its channel.
-    pub sequence: u32,
+    pub(crate) sequence: u32,
     /// Nanoseconds since the start of 1970 when it was received.
-    pub log_time: u64,
+    pub(crate) log_time: u64,
     /// The same when it was sent, if its sender said so, else when it was received.
-    pub publish_time: u64,
+    pub(crate) publish_time: u64,
     /// Content.
-    pub data: Bytes,
+    pub(crate) data: Bytes,
 }
 
 /// Writes a recording.
