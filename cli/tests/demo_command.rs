@@ -46,7 +46,10 @@ fn statefeed_prints_the_tables_and_writes_the_plots() {
         "figure-19.svg",
     ] {
         let plot = std::fs::read_to_string(folder.join(name)).unwrap();
-        assert!(plot.contains("<circle") || plot.contains("<polyline"), "{name}");
+        assert!(
+            plot.contains("<circle") || plot.contains("<polyline"),
+            "{name}"
+        );
     }
     let missing = home.run("demo statefeed --repeat 1 --arm /nobody").with(1);
     assert_eq!(missing.err.len(), 1, "{missing:?}");

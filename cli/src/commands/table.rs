@@ -26,7 +26,7 @@ use crate::error::{Failure, Result};
 use crate::signals::Interrupt;
 use crate::{network_access, stock_log};
 
-use super::view::ViewArgs;
+use super::view::{ViewArgs, warn_missing};
 
 /// simulate a table with objects, an arm, a hand and cameras
 ///
@@ -201,6 +201,10 @@ async fn open_view(args: &Args, network: &Network, out: &mut dyn Write) -> Resul
         .source(&name("table/scene:o"));
     let held = stock_log::hold_back();
     let view = args.view.open(network, options).await;
+    let view = view.unwrap_or_else(|error| {
+        warn_missing(&error);
+        None
+    });
     if let Some(view) = &view {
         writeln!(out, "Live view: {}", view.url())?;
         out.flush()?;

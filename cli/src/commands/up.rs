@@ -25,7 +25,7 @@ use crate::exposure::{self, BindArgs};
 use crate::signals::Interrupt;
 use crate::{network_access, stock_log, systemd_notify};
 
-use super::view::ViewArgs;
+use super::view::{ViewArgs, warn_missing};
 
 /// Ports of the arm, with their purposes.
 const PORTS: [(&str, &str); 6] = [
@@ -108,10 +108,11 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     // The first line is the address of the view.
     let held = stock_log::hold_back();
     let base = NameServerAccess::find(args.bind).await?;
-    let view = args
-        .view
-        .open(&base.network, ViewOptions::new(&args.name))
-        .await;
+    let options = ViewOptions::new(&args.name);
+    let (view, missing) = match args.view.open(&base.network, options).await {
+        Ok(view) => (view, None),
+        Err(error) => (None, Some(error)),
+    };
     if let Some(view) = &view {
         writeln!(out, "Live view: {}", view.url())?;
         out.flush()?;
@@ -124,7 +125,10 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     };
     let base = Base { access: base, view };
     let served = match opened {
-        Some(Ok(served)) => served,
+        Some(Ok(served)) => {
+            missing.iter().for_each(warn_missing);
+            served
+        }
         Some(Err(failure)) => {
             base.close().await;
             return Err(failure);

@@ -54,20 +54,25 @@ pub(crate) struct ViewArgs {
 }
 
 impl ViewArgs {
-    /// Opens the view, if it is wanted; a view that cannot be opened is no reason to stop the robot.
-    pub(crate) async fn open(self, network: &Network, options: ViewOptions) -> Option<View> {
+    /// Opens the view, if it is wanted.
+    ///
+    /// Errors: those of [`View::open`]; a view that cannot be opened is no reason to stop the robot.
+    pub(crate) async fn open(
+        self,
+        network: &Network,
+        options: ViewOptions,
+    ) -> std::result::Result<Option<View>, PortError> {
         if self.no_view {
-            return None;
+            return Ok(None);
         }
         let options = options.control(self.control).log(stock_log::show_in());
-        match View::open(network, options).await {
-            Ok(view) => Some(view),
-            Err(error) => {
-                tracing::warn!("there is no live view: {}", error.error_chain());
-                None
-            }
-        }
+        View::open(network, options).await.map(Some)
     }
+}
+
+/// Warns that there is no view.
+pub(crate) fn warn_missing(error: &PortError) {
+    tracing::warn!("there is no live view: {}", error.error_chain());
 }
 
 pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {

@@ -86,7 +86,7 @@ mod tests {
     fn images_of_any_size_are_encoded() {
         for (width, height) in [(1, 1), (3, 2), (1288, 964), (2000, 1), (1, 2000), (721, 3)] {
             let pixels = vec![90_u8; width * height * 3];
-            let image = Image::from_packed(PixelCode::RGB, width, height, pixels.into()).unwrap();
+            let image = Image::from_packed(PixelCode::RGB, width, height, pixels).unwrap();
             let shown = encode(&image).unwrap();
             assert_eq!((shown.width, shown.height), (width, height));
             assert!(shown.jpeg.starts_with(&[0xff, 0xd8]));

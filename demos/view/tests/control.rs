@@ -32,14 +32,21 @@ async fn commands_move_the_arm_until_the_emergency_stop() {
     assert_eq!(verdict(&control.command("stop").await), "ok");
     let stopped = |message: &serde_json::Value| {
         let arm = &message["state"]["arm"];
-        let all = |key: &str, holds: &dyn Fn(&serde_json::Value) -> bool| arm[key].as_array().is_some_and(|values| values.iter().all(holds));
-        let at_rest = all("v", &|speed| speed.as_f64().is_some_and(|speed| speed.abs() < 0.01));
+        let all = |key: &str, holds: &dyn Fn(&serde_json::Value) -> bool| {
+            arm[key]
+                .as_array()
+                .is_some_and(|values| values.iter().all(holds))
+        };
+        let at_rest = all("v", &|speed| {
+            speed.as_f64().is_some_and(|speed| speed.abs() < 0.01)
+        });
         let idle = all("m", &|mode| mode == "idle");
         (at_rest && idle).then(|| arm["p"][0].as_f64().unwrap())
     };
     let position = page.until(stopped).await;
     assert!(position < 139.0, "{position}");
-    page.until(|message| (message["status"]["stopped"] == true).then_some(())).await;
+    page.until(|message| (message["status"]["stopped"] == true).then_some(()))
+        .await;
     for command in ["move 3 100.0", "mode pos"] {
         let refused = control.command(command).await;
         assert!(refused.to_string().contains("emergency stop"), "{refused}");

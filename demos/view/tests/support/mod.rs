@@ -19,7 +19,9 @@ use yarp_wrappers::{ControlBoardOptions, ControlBoardServer};
 pub(crate) const TIMEOUT: Duration = Duration::from_secs(60);
 
 pub(crate) async fn within<T>(future: impl Future<Output = T>) -> T {
-    tokio::time::timeout(TIMEOUT, future).await.expect("within the timeout")
+    tokio::time::timeout(TIMEOUT, future)
+        .await
+        .expect("within the timeout")
 }
 
 /// A name server, the arm /wam, and its view.
@@ -32,11 +34,17 @@ pub(crate) struct Lab {
 
 impl Lab {
     pub(crate) async fn open(control: bool) -> Self {
-        let server = Server::start(ServerOptions::default().at("127.0.0.1", 0)).await.unwrap();
+        let server = Server::start(ServerOptions::default().at("127.0.0.1", 0))
+            .await
+            .unwrap();
         let network = server.network();
         let arm = Arc::new(SimulatedWam::new());
-        let arm = ControlBoardServer::open(&network, arm, "/wam", ControlBoardOptions::new()).await.unwrap();
-        let view = View::open(&network, ViewOptions::new("/wam").control(control)).await.unwrap();
+        let arm = ControlBoardServer::open(&network, arm, "/wam", ControlBoardOptions::new())
+            .await
+            .unwrap();
+        let view = View::open(&network, ViewOptions::new("/wam").control(control))
+            .await
+            .unwrap();
         Self {
             server,
             network,
@@ -53,7 +61,11 @@ impl Lab {
 
     /// Returns host and port of the page.
     pub(crate) fn host(&self) -> String {
-        self.view.url().trim_start_matches("http://").trim_end_matches('/').to_owned()
+        self.view
+            .url()
+            .trim_start_matches("http://")
+            .trim_end_matches('/')
+            .to_owned()
     }
 
     /// Returns what a request is answered, with these headers.
@@ -90,7 +102,11 @@ impl Page {
         while !head.ends_with(b"\r\n\r\n") {
             head.push(within(stream.read_u8()).await.unwrap());
         }
-        assert!(head.starts_with(b"HTTP/1.1 101"), "{}", String::from_utf8_lossy(&head));
+        assert!(
+            head.starts_with(b"HTTP/1.1 101"),
+            "{}",
+            String::from_utf8_lossy(&head)
+        );
         Self { stream }
     }
 
@@ -105,7 +121,10 @@ impl Page {
         assert!(body.len() < 126);
         // A mask that changes nothing.
         let head = [0x82, 0x80 | body.len() as u8, 0, 0, 0, 0];
-        self.stream.write_all(&[&head[..], body].concat()).await.unwrap();
+        self.stream
+            .write_all(&[&head[..], body].concat())
+            .await
+            .unwrap();
     }
 
     async fn frame(&mut self) -> Vec<u8> {
@@ -133,7 +152,8 @@ impl Page {
     /// Returns the next message of the view.
     pub(crate) async fn next(&mut self) -> Json {
         assert_eq!(self.frame().await[4..6], *b"~D");
-        let bottle = Bottle::decode(&self.frame().await.into(), WireVersion::V3, Limits::DEFAULT).unwrap();
+        let bottle =
+            Bottle::decode(&self.frame().await.into(), WireVersion::V3, Limits::DEFAULT).unwrap();
         serde_json::from_str(bottle.get(0).and_then(Value::as_str).unwrap()).unwrap()
     }
 
@@ -153,6 +173,7 @@ impl Page {
     /// Waits until a joint is where it should be.
     pub(crate) async fn until_joint(&mut self, joint: usize, degrees: f64) {
         let at = |message: &Json| message["state"]["arm"]["p"][joint].as_f64();
-        self.until(|message| at(message).filter(|position| (position - degrees).abs() < 0.5)).await;
+        self.until(|message| at(message).filter(|position| (position - degrees).abs() < 0.5))
+            .await;
     }
 }
