@@ -153,7 +153,28 @@ fn arm() -> Vec<Link> {
 
 /// Returns the bodies of each link of the arm, in the frames of the model.
 fn arm_bodies() -> Vec<Vec<Part>> {
-    let here = Pose::identity;
+    let hub = Loft::capsule(0.066, 0.0, 0.062);
+    let roll = Loft::revolved(&[
+        (0.0, -0.034),
+        (0.034, -0.034),
+        (0.041, -0.028),
+        (0.041, 0.030),
+        (0.037, 0.044),
+        (0.0, 0.044),
+    ]);
+    vec![
+        shoulder_bodies(),
+        vec![part("shoulder_hub", "graphite", Pose::identity(), hub)],
+        upper_arm_bodies(),
+        forearm_bodies(),
+        wrist_bodies(),
+        vec![part("wrist_roll", "shell", Pose::identity(), roll)],
+        plate_bodies(),
+    ]
+}
+
+/// Returns the bodies that turn about the vertical axis.
+fn shoulder_bodies() -> Vec<Part> {
     // z of the shoulder's frame is the pitch axis, and -y is up.
     let up = along([0.0, 0.0, 0.0], [0.0, -1.0, 0.0]).0;
     let neck = Loft::revolved(&[
@@ -165,34 +186,37 @@ fn arm_bodies() -> Vec<Vec<Part>> {
         (0.070, -0.030),
         (0.0, -0.030),
     ]);
-    let shoulder = vec![
+    vec![
         part("shoulder_neck", "shell", up, neck),
         part(
             "shoulder_drum",
             "shell",
-            here(),
+            Pose::identity(),
             Loft::drum(0.098, -0.086, 0.086, 0.014),
         ),
         part(
             "shoulder_cap_left",
             "graphite",
-            here(),
+            Pose::identity(),
             Loft::drum(0.072, 0.080, 0.104, 0.006),
         ),
         part(
             "shoulder_cap_right",
             "graphite",
-            here(),
+            Pose::identity(),
             Loft::drum(0.072, -0.104, -0.080, 0.006),
         ),
         part(
             "shoulder_mark",
             "accent",
-            here(),
+            Pose::identity(),
             Loft::drum(0.030, 0.098, 0.1065, 0.002),
         ),
-    ];
-    let hub = Loft::capsule(0.066, 0.0, 0.062);
+    ]
+}
+
+/// Returns the bodies of the upper arm and of the elbow.
+fn upper_arm_bodies() -> Vec<Part> {
     // In the elbow's frame the upper arm points along -y at x = -0.045.
     let (axis, _) = along([-0.045, 0.55, 0.0], [-0.045, 0.0, 0.0]);
     let tube = Loft::revolved(&[
@@ -209,7 +233,7 @@ fn arm_bodies() -> Vec<Vec<Part>> {
         (0.0, 0.490),
     ]);
     let (bracket, length) = along([-0.045, 0.075, 0.0], [0.0, 0.0, 0.0]);
-    let upper = vec![
+    vec![
         part("upper_arm", "shell", axis, tube),
         part(
             "upper_ring",
@@ -232,16 +256,20 @@ fn arm_bodies() -> Vec<Vec<Part>> {
         part(
             "elbow",
             "graphite",
-            here(),
+            Pose::identity(),
             Loft::drum(0.056, -0.058, 0.058, 0.008),
         ),
         part(
             "elbow_mark",
             "accent",
-            here(),
+            Pose::identity(),
             Loft::drum(0.022, -0.0605, 0.0605, 0.002),
         ),
-    ];
+    ]
+}
+
+/// Returns the bodies of the forearm.
+fn forearm_bodies() -> Vec<Part> {
     // The elbow's axis is at x = 0.045 of the forearm's frame.
     let (bracket, length) = along([0.045, 0.0, 0.0], [0.0, 0.0, 0.060]);
     let tube = Loft::revolved(&[
@@ -255,30 +283,34 @@ fn arm_bodies() -> Vec<Vec<Part>> {
         (0.040, 0.254),
         (0.0, 0.254),
     ]);
-    let forearm = vec![
+    vec![
         part(
             "forearm_bracket",
             "metal",
             bracket,
             Loft::capsule(0.036, 0.0, length),
         ),
-        part("forearm", "shell", here(), tube),
+        part("forearm", "shell", Pose::identity(), tube),
         part(
             "forearm_ring",
             "graphite",
-            here(),
+            Pose::identity(),
             Loft::drum(0.0565, 0.064, 0.082, 0.003),
         ),
         part(
             "forearm_mark",
             "accent",
-            here(),
+            Pose::identity(),
             Loft::drum(0.0465, 0.226, 0.234, 0.002),
         ),
-    ];
+    ]
+}
+
+/// Returns the bodies of the wrist.
+fn wrist_bodies() -> Vec<Part> {
     // In the wrist's frame the forearm comes from +y.
     let (axis, _) = along([0.0, 0.050, 0.0], [0.0, 0.0, 0.0]);
-    let wrist = vec![
+    vec![
         part(
             "wrist_yaw",
             "metal",
@@ -288,46 +320,33 @@ fn arm_bodies() -> Vec<Vec<Part>> {
         part(
             "wrist",
             "graphite",
-            here(),
+            Pose::identity(),
             Loft::drum(0.043, -0.046, 0.046, 0.008),
         ),
         part(
             "wrist_mark",
             "accent",
-            here(),
+            Pose::identity(),
             Loft::drum(0.016, -0.048, 0.048, 0.002),
         ),
-    ];
-    let roll = Loft::revolved(&[
-        (0.0, -0.034),
-        (0.034, -0.034),
-        (0.041, -0.028),
-        (0.041, 0.030),
-        (0.037, 0.044),
-        (0.0, 0.044),
-    ]);
-    let plate = vec![
+    ]
+}
+
+/// Returns the tool plate.
+fn plate_bodies() -> Vec<Part> {
+    vec![
         part(
             "tool_plate",
             "metal",
-            here(),
+            Pose::identity(),
             Loft::drum(0.045, -0.014, 0.0, 0.002),
         ),
         part(
             "tool_ring",
             "accent",
-            here(),
+            Pose::identity(),
             Loft::drum(0.0365, -0.0175, -0.013, 0.001),
         ),
-    ];
-    vec![
-        shoulder,
-        vec![part("shoulder_hub", "graphite", here(), hub)],
-        upper,
-        forearm,
-        wrist,
-        vec![part("wrist_roll", "shell", here(), roll)],
-        plate,
     ]
 }
 
@@ -374,74 +393,81 @@ fn hand() -> Vec<Link> {
         links: Links::default(),
     };
     for (index, finger) in Finger::ALL.into_iter().enumerate() {
-        let frames = finger_kinematics::link_frames(finger, &open);
-        // F1 spreads against F2, and F3 does not.
-        let spread = [-1.0, 1.0, 0.0][index];
-        let number = index + 1;
-        let name = |part: &str| format!("finger{number}_{part}");
-        let range = |end: f64| Some([0.0, end.to_radians()]);
-        links.push(Link {
-            name: name("base"),
-            parent: "palm".to_owned(),
-            joint: name("spread"),
-            origin: frames[0],
-            axis: [0.0, 0.0, if spread == 0.0 { 1.0 } else { spread }],
-            range: if spread == 0.0 { None } else { range(180.0) },
-            parts: vec![finger_part(
-                &name("knuckle"),
-                "graphite",
-                [0.006, 0.0, -0.010],
-                [0.048, 0.0, 0.0],
-                0.0130,
-            )],
-        });
-        links.push(Link {
-            name: name("proximal"),
-            parent: name("base"),
-            joint: name("inner"),
-            origin: frames[0].inverse() * frames[1],
-            axis: [0.0, 0.0, 1.0],
-            range: range(140.0),
-            parts: vec![
-                finger_part(
-                    &name("link"),
-                    "metal",
-                    [0.0, 0.0, 0.0],
-                    [0.070, 0.0, 0.0],
-                    0.0108,
-                ),
-                part(
-                    &name("joint"),
-                    "graphite",
-                    Pose::identity(),
-                    Loft::drum(0.0125, -0.0125, 0.0125, 0.002),
-                ),
-            ],
-        });
-        links.push(Link {
-            name: name("distal"),
-            parent: name("proximal"),
-            joint: name("outer"),
-            origin: frames[1].inverse() * frames[2],
-            axis: [0.0, 0.0, 1.0],
-            range: range(48.0),
-            parts: vec![
-                finger_part(
-                    &name("tip"),
-                    "rubber",
-                    [0.0, 0.0, 0.0],
-                    [0.050, 0.0, 0.0],
-                    0.0095,
-                ),
-                part(
-                    &name("tip_joint"),
-                    "graphite",
-                    Pose::identity(),
-                    Loft::drum(0.0112, -0.0112, 0.0112, 0.002),
-                ),
-            ],
-        });
+        links.extend(finger_links(index, finger, &open));
     }
+    links
+}
+
+/// Returns the three links of a finger, whose joints are placed as in the hand that is `open`.
+fn finger_links(index: usize, finger: Finger, open: &FingerJoints) -> Vec<Link> {
+    let mut links = Vec::new();
+    let frames = finger_kinematics::link_frames(finger, open);
+    // F1 spreads against F2, and F3 does not.
+    let spread = [-1.0, 1.0, 0.0][index];
+    let number = index + 1;
+    let name = |part: &str| format!("finger{number}_{part}");
+    let range = |end: f64| Some([0.0, end.to_radians()]);
+    links.push(Link {
+        name: name("base"),
+        parent: "palm".to_owned(),
+        joint: name("spread"),
+        origin: frames[0],
+        axis: [0.0, 0.0, if spread == 0.0 { 1.0 } else { spread }],
+        range: if spread == 0.0 { None } else { range(180.0) },
+        parts: vec![finger_part(
+            &name("knuckle"),
+            "graphite",
+            [0.006, 0.0, -0.010],
+            [0.048, 0.0, 0.0],
+            0.0130,
+        )],
+    });
+    links.push(Link {
+        name: name("proximal"),
+        parent: name("base"),
+        joint: name("inner"),
+        origin: frames[0].inverse() * frames[1],
+        axis: [0.0, 0.0, 1.0],
+        range: range(140.0),
+        parts: vec![
+            finger_part(
+                &name("link"),
+                "metal",
+                [0.0, 0.0, 0.0],
+                [0.070, 0.0, 0.0],
+                0.0108,
+            ),
+            part(
+                &name("joint"),
+                "graphite",
+                Pose::identity(),
+                Loft::drum(0.0125, -0.0125, 0.0125, 0.002),
+            ),
+        ],
+    });
+    links.push(Link {
+        name: name("distal"),
+        parent: name("proximal"),
+        joint: name("outer"),
+        origin: frames[1].inverse() * frames[2],
+        axis: [0.0, 0.0, 1.0],
+        range: range(48.0),
+        parts: vec![
+            finger_part(
+                &name("tip"),
+                "rubber",
+                [0.0, 0.0, 0.0],
+                [0.050, 0.0, 0.0],
+                0.0095,
+            ),
+            part(
+                &name("tip_joint"),
+                "graphite",
+                Pose::identity(),
+                Loft::drum(0.0112, -0.0112, 0.0112, 0.002),
+            ),
+        ],
+    });
     links
 }
 
