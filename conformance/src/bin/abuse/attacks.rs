@@ -2,6 +2,7 @@
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpStream};
+use std::sync::LazyLock;
 use std::time::{Duration, Instant};
 
 use flate2::Compression;
@@ -44,8 +45,8 @@ pub(crate) enum Attack {
 pub(crate) struct Outcome {
     /// Bytes that the victim's side of the connection took.
     pub(crate) sent: usize,
-    /// The last connection, if it is still open: what it holds counts.
-    pub(crate) open: Option<TcpStream>,
+    /// The last connection, if it is still open: what the victim holds for it counts.
+    pub(crate) _open: Option<TcpStream>,
 }
 
 impl Attack {
@@ -93,14 +94,14 @@ impl Attack {
             }
             _ => targets.arm,
         };
-        let mut attacker = Attacker::new(target, bytes);
+        let mut attacker = Attacker::new(target, targets.names, bytes);
         while attacker.goes_on() {
             let round = attacker.reconnects;
             self.one_connection(&mut attacker, &format!("{number}_{round}"));
         }
         Outcome {
             sent: attacker.sent,
-            open: attacker.stream,
+            _open: attacker.stream,
         }
     }
 
@@ -161,8 +162,10 @@ impl Attack {
                 to.repeat(line.as_bytes())
             }
             Self::Zlib => {
-                let sending = to.expanding_messages(tag);
-                to.stuck |= sending.is_err();
+                if let Err(error) = to.expanding_messages(tag) {
+                    eprintln!("abuse: zlib: {error}");
+                    to.stuck = true;
+                }
                 None
             }
             Self::PortProperties => {
@@ -193,27 +196,40 @@ impl Attack {
     }
 }
 
+/// Returns a message that takes a thousandth of what it expands to.
+fn expanding_message() -> Bottle {
+    static MESSAGE: LazyLock<Bottle> = LazyLock::new(|| {
+        let text = Bottle::of("x".repeat(EXPANDED)).encode(WireVersion::V3);
+        let mut encoder = ZlibEncoder::new(Vec::new(), Compression::default());
+        encoder.write_all(&text).expect("memory takes it");
+        let compressed = encoder.finish().expect("memory takes it");
+        let size = i32::try_from(text.len()).expect("it is small");
+        Bottle::from_iter([Value::Int32(size), Value::Blob(compressed.into())])
+    });
+    MESSAGE.clone()
+}
+
 /// A connection, opened again as often as the victim ends it, and what is left to send.
 struct Attacker {
     target: SocketAddr,
+    names: SocketAddr,
     bytes: usize,
     sent: usize,
     reconnects: usize,
     stuck: bool,
     stream: Option<TcpStream>,
-    runtime: tokio::runtime::Handle,
 }
 
 impl Attacker {
-    fn new(target: SocketAddr, bytes: usize) -> Self {
+    fn new(target: SocketAddr, names: SocketAddr, bytes: usize) -> Self {
         Self {
             target,
+            names,
             bytes,
             sent: 0,
             reconnects: 0,
             stuck: false,
             stream: None,
-            runtime: tokio::runtime::Handle::current(),
         }
     }
 
@@ -305,21 +321,17 @@ impl Attacker {
 
     /// Writes messages that a monitor of the victim expands to about a thousand times their size.
     fn expanding_messages(&mut self, tag: &str) -> Result<(), Failure> {
-        let text = Bottle::of("x".repeat(EXPANDED)).encode(WireVersion::V3);
-        let mut encoder = ZlibEncoder::new(Vec::new(), Compression::default());
-        encoder.write_all(&text)?;
-        let compressed = encoder.finish()?;
-        let size = compressed.len();
-        let message = Bottle::from_iter([
-            Value::Int32(i32::try_from(text.len())?),
-            Value::Blob(compressed.into()),
-        ]);
+        let message = expanding_message();
+        let size = message.encode(WireVersion::V3).len();
         let carrier = "tcp+recv.portmonitor+type.dll+file.bottle_compression_zlib";
         let target = format!("{carrier}://{}/wam/rpc:i", self.target);
-        let runtime = self.runtime.clone();
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build()?;
         runtime.block_on(async {
             let name = format!("/abuse/{tag}");
-            let port = Port::open(&Network::none(), &name, PortOptions::new()).await?;
+            let network = Network::at(&self.names.ip().to_string(), self.names.port());
+            let port = Port::open(&network, &name, PortOptions::new()).await?;
             port.connect(&target).await?;
             while self.sent < self.bytes && port.write(&message).await == 1 {
                 self.sent += size;

@@ -12,6 +12,7 @@
 //!
 //! Prints one line per attack; exits with 1 if a bound of `docs/limits.md` does not hold.
 
+mod attackers;
 mod attacks;
 mod observer;
 mod silent;
@@ -20,6 +21,7 @@ mod victim;
 use std::process::ExitCode;
 use std::time::Duration;
 
+use attackers::Attackers;
 use attacks::Attack;
 use observer::Observer;
 use victim::Victim;
@@ -76,8 +78,17 @@ impl Options {
 }
 
 fn main() -> ExitCode {
-    let result = Options::parse(std::env::args().skip(1)).and_then(|options| {
-        // The attackers block threads of their own.
+    let mut words = std::env::args().skip(1).peekable();
+    if words.next_if_eq("attack").is_some() {
+        return match attackers::run(words) {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(error) => {
+                eprintln!("abuse attack: {error}");
+                ExitCode::FAILURE
+            }
+        };
+    }
+    let result = Options::parse(words).and_then(|options| {
         let runtime = tokio::runtime::Builder::new_multi_thread()
             .worker_threads(2)
             .enable_all()
@@ -120,22 +131,12 @@ async fn run_one(options: &Options, attack: Attack, connections: usize) -> Resul
     tokio::time::sleep(QUIET_TIME).await;
     let before = victim.reset_peak()?;
     observer.begin();
-    let share = options.bytes / connections;
-    let targets = victim.targets();
-    let attackers = (0..connections)
-        .map(|number| tokio::task::spawn_blocking(move || attack.run(&targets, number, share)));
-    let attackers: Vec<_> = attackers.collect();
-    let mut sent = 0;
-    let mut open = Vec::new();
-    for attacker in attackers {
-        let outcome = attacker.await?;
-        sent += outcome.sent;
-        open.extend(outcome.open);
-    }
+    let attackers = Attackers::start(attack, &victim.targets(), connections, options.bytes)?;
+    let (attackers, sent) = attackers.sent().await?;
     // What was sent last is still worked on, and every connection is still there.
     tokio::time::sleep(QUIET_TIME).await;
     let growth = victim.peak()?.saturating_sub(before);
-    drop(open);
+    drop(attackers);
     let seen = observer.finish().await;
     let holds = growth <= MAX_GROWTH && seen.p99 < MAX_P99 && seen.lost == 0 && seen.failed == 0;
     println!(

@@ -16,8 +16,9 @@ const CONNECTIONS: usize = 2_000;
 const DESCRIPTORS: u32 = 1_024;
 /// Time within which a new client is served meanwhile.
 const MAX_WAIT: Duration = Duration::from_secs(5);
-/// Time within which the descriptors are back after the attackers are gone.
-const RETURN_TIMEOUT: Duration = Duration::from_secs(60);
+/// Time within which the descriptors are back after the attackers are gone: a datagram input without a known writer ends
+/// after five minutes of silence.
+const RETURN_TIMEOUT: Duration = Duration::from_secs(420);
 /// Interval between two counts of descriptors.
 const COUNT_INTERVAL: Duration = Duration::from_millis(200);
 /// Timeout of one connection of an attacker.
