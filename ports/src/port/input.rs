@@ -160,7 +160,7 @@ const MIN_CONNECTION_LIFETIME: Duration = Duration::from_secs(1);
 const FIRST_REPLY_DELAY: Duration = Duration::from_millis(1);
 
 /// Bytes of answers above which they are sent before the next request is looked at.
-const UNSENT: usize = 256 * 1024;
+const UNSENT: usize = 128 * 1024;
 
 /// Messages after which other tasks have their turn, however many more have come.
 const TURN: usize = 256;
