@@ -14,6 +14,7 @@
 
 pub mod cartesian;
 pub mod control_board;
+mod device_ports;
 pub mod frame_grabber;
 pub mod hand;
 mod open_ports;
@@ -29,6 +30,7 @@ pub use control_board::{
     ControlBoardOptions, ControlBoardServer, OpenError, RemoteControlBoard,
     RemoteControlBoardOptions, RemoteMotion,
 };
+pub use device_ports::RemoteOptions;
 pub use frame_grabber::{
     FrameGrabberOptions, FrameGrabberServer, RemoteFrameGrabber, RemoteFrameGrabberOptions,
 };
