@@ -109,6 +109,8 @@ macro_rules! device_interfaces {
             audio_grabber: AudioGrabber;
             /// Sound to a loudspeaker (`IAudioRender`).
             audio_render: AudioRender;
+            /// Returns the battery of a robot (`IBattery`).
+            battery: Battery;
             /// Bytes over a line (`ISerialDevice`).
             serial_device: SerialDevice;
         }
@@ -160,6 +162,7 @@ mod audio;
 mod audio_grabber;
 mod audio_render;
 mod axis_info;
+mod battery;
 mod cartesian_control;
 mod control_calibration;
 mod control_limits;
@@ -195,6 +198,7 @@ pub use audio::{Audio, AudioBufferSize};
 pub use audio_grabber::AudioGrabber;
 pub use audio_render::AudioRender;
 pub use axis_info::{AxisInfo, JointType};
+pub use battery::{Battery, BatteryReading, BatteryStatus};
 pub(crate) use cartesian_control::EVENTS_KEPT;
 pub use cartesian_control::{
     CartesianControl, CartesianEvent, CartesianInfo, PoseSolution, Priority, StampedPose, Target,
