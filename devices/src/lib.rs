@@ -58,19 +58,7 @@ pub mod wam;
 pub use axes::{Axes, AxisIndex};
 pub use device::Device;
 pub use error::DeviceError;
-pub use iface::{
-    AmplifierControl, AmplifierLimit, Audio, AudioBufferSize, AudioGrabber, AudioRender, AxisInfo,
-    Bus, CalibrationParameters, CameraConfiguration, CameraDescription, CartesianControl,
-    CartesianEvent, CartesianInfo, ControlCalibration, ControlLimits, ControlMode, CurrentControl,
-    EncoderReading, Encoders, Fault, Feature, FeatureMode, FirewireControls, FrameGrabberControls,
-    FrameGrabberImage, FrameGrabberImageRaw, Grasp, GraspKind, Hand, Impedance, ImpedanceControl,
-    ImpedanceLimits, Interaction, InteractionMode, Intrinsics, JointBrake, JointFault, JointType,
-    Limits, Mode, MotionControl, Motor, MotorEncoders, MotorTorqueParameters, Pid, PidControl,
-    PidInfo, PidKind, PidUnits, PidValue, PoseSolution, PositionControl, PositionDirect, Priority,
-    PwmControl, RemoteCalibrator, RemoteVariables, RgbVisualParams, SerialDevice, StampedPose,
-    Target, TaskPose, TaskVelocity, TorqueControl, TweakChange, Tweaks, UnknownGrasp,
-    VariableValue, VelocityControl, VelocityDirect, Window, WindowLimits,
-};
+pub use iface::*;
 
 /// Compiles the example of the README.
 #[cfg(doctest)]

@@ -20,6 +20,8 @@ pub struct Parts {
     pub camera: Option<Arc<dyn Device>>,
     /// Controller of a tool.
     pub tool: Option<Arc<dyn Device>>,
+    /// Any other device; what attaches to it checks its interface.
+    pub other: Option<Arc<dyn Device>>,
 }
 
 /// A device that another one attaches to.

@@ -4,6 +4,7 @@
 //! expect, and a client, which is that device again in another program. Both support YARP 3.5 to 3.12 and 4.0: a
 //! server both at once, a client the wire version of the server.
 //!
+//! * [`battery`]: batteries. [`BatteryServer`], [`RemoteBattery`].
 //! * [`control_board`]: joints that move. [`ControlBoardServer`], [`RemoteControlBoard`].
 //! * [`cartesian`]: tools that move in space. [`CartesianServer`], [`RemoteCartesianControl`].
 //! * [`frame_grabber`]: cameras. [`FrameGrabberServer`], [`RemoteFrameGrabber`].
@@ -12,8 +13,10 @@
 //!
 //! Units are those of the interfaces: degrees and metres; radians for the orientation of a tool alone.
 
+pub mod battery;
 pub mod cartesian;
 pub mod control_board;
+mod device_ports;
 pub mod frame_grabber;
 pub mod hand;
 mod open_ports;
@@ -21,6 +24,7 @@ mod periodic_thread;
 mod reconnect;
 pub mod thrift;
 
+pub use battery::{BatteryLayout, BatteryServer, BatteryServerOptions, RemoteBattery};
 pub use cartesian::{
     CartesianServer, CartesianServerOptions, CartesianVersion, RemoteCartesianControl,
     RemoteCartesianOptions,
@@ -29,6 +33,7 @@ pub use control_board::{
     ControlBoardOptions, ControlBoardServer, OpenError, RemoteControlBoard,
     RemoteControlBoardOptions, RemoteMotion,
 };
+pub use device_ports::RemoteOptions;
 pub use frame_grabber::{
     FrameGrabberOptions, FrameGrabberServer, RemoteFrameGrabber, RemoteFrameGrabberOptions,
 };

@@ -58,6 +58,19 @@ impl LocalDevice {
         }
     }
 
+    /// Creates a device of any other kind.
+    pub(super) fn other(device: Arc<dyn Device>) -> Self {
+        let other = Some(device.clone());
+        Self {
+            device,
+            parts: Parts {
+                other,
+                ..Parts::default()
+            },
+            parks: false,
+        }
+    }
+
     /// Creates a controller of a tool.
     pub(super) fn tool(device: Arc<dyn Device>) -> Self {
         let tool = Some(device.clone());

@@ -6,7 +6,7 @@
 //! | `command_queue` | commands that wait while the device executes an earlier one |
 //! | `submit` | submits commands through the queue, and polls the motions that they start |
 //! | `motion_tracker` | numbered motions, and their ends |
-//! | `execute_get`, `execute_set` | execute queries and commands on the device |
+//! | `execute` | calls of the device, generated from the descriptions of the interfaces |
 //! | `supported_interfaces` | the interfaces of the device |
 //! | `publisher` | the state, every period |
 //! | `deadline_monitor` | missed publish deadlines |
@@ -14,8 +14,7 @@
 
 mod command_queue;
 mod deadline_monitor;
-mod execute_get;
-mod execute_set;
+mod execute;
 mod help_text;
 mod motion_tracker;
 mod publisher;
