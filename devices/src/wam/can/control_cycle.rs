@@ -60,7 +60,7 @@ impl ControlCycle {
             groups: distinct(units.iter().map(|unit| unit.group)),
             torque_groups: distinct(units.iter().map(|unit| unit.torque_group)),
             units,
-            options: *options,
+            options: options.clone(),
             counts_per_turn: f64::from(model.transmission.counts_per_turn()),
             counts,
             missed: [0; AXES],
