@@ -300,12 +300,22 @@ impl ArmDevice<CanArm> {
     /// Blocks until the arm is found, a second or so. Errors: as [`start`](Self::start).
     #[cfg(target_os = "linux")]
     pub fn on_interface(interface: &str, options: CanOptions) -> Result<Self, DeviceError> {
+        Self::on_interface_with(WamModel::<AXES>::new(), interface, options)
+    }
+
+    /// Connects an arm of this model on an interface of the kernel; as [`on_interface`](Self::on_interface).
+    #[cfg(target_os = "linux")]
+    pub fn on_interface_with(
+        model: WamModel<AXES>,
+        interface: &str,
+        options: CanOptions,
+    ) -> Result<Self, DeviceError> {
         let interface = interface.to_owned();
         let open = move || {
             let bus = crate::can::SocketCan::open(&interface)?;
             Ok(Box::new(bus) as Box<dyn CanBus>)
         };
-        Self::start(WamModel::<AXES>::new(), options, Box::new(open))
+        Self::start(model, options, Box::new(open))
     }
 
     /// Connects an arm on a bus.

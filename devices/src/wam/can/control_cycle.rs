@@ -183,8 +183,7 @@ impl ControlCycle {
     /// A rotor cannot have turned further than so; in a longer time it can go further.
     fn is_believable(&self, motor: usize, counts: i32, now: Instant) -> bool {
         let time = now.saturating_duration_since(self.seen[motor]);
-        let periods = time.as_secs_f64() / self.options.period.as_secs_f64();
-        let most = self.counts_per_turn / MAX_TURN_DIVISOR * periods.max(1.0);
+        let most = max_change(self.counts_per_turn, time, self.options.period);
         f64::from(counts.abs_diff(self.counts[motor])) <= most
     }
 
@@ -260,10 +259,7 @@ impl ControlCycle {
             let mut slots = [0; 4];
             for (motor, unit) in self.units.iter().enumerate() {
                 if unit.torque_group == group {
-                    let most = unit.largest.min(MAX_TORQUE_UNITS);
-                    let units = (unit.per_newton_metre * motors[motor]).floor();
-                    // What is no number becomes 0.
-                    slots[unit.slot] = units.clamp(-most, most) as i16;
+                    slots[unit.slot] = command(unit, motors[motor]);
                 }
             }
             let message = PuckMessage::Torques(slots);
@@ -297,6 +293,20 @@ impl ControlCycle {
     }
 }
 
+/// Returns the largest plausible change of a rotor's position in a time, counts.
+fn max_change(counts_per_turn: f64, time: Duration, period: Duration) -> f64 {
+    let periods = time.as_secs_f64() / period.as_secs_f64();
+    counts_per_turn / MAX_TURN_DIVISOR * periods.max(1.0)
+}
+
+/// Returns the command of a motor for a torque, Nm: rounded down, as libbarrett does, within what the puck follows.
+fn command(unit: &PuckUnits, torque: f64) -> i16 {
+    let most = unit.largest.min(MAX_TORQUE_UNITS);
+    let units = (unit.per_newton_metre * torque).floor();
+    // What is no number becomes 0.
+    units.clamp(-most, most) as i16
+}
+
 fn distinct(groups: impl Iterator<Item = Group>) -> Vec<Group> {
     let mut found = Vec::new();
     for group in groups {
@@ -305,4 +315,34 @@ fn distinct(groups: impl Iterator<Item = Group>) -> Vec<Group> {
         }
     }
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_rotor_turns_by_a_quarter_per_period_at_most() {
+        let period = Duration::from_millis(2);
+        let most = |counts: f64, millis| max_change(counts, Duration::from_millis(millis), period);
+        assert_eq!([most(4096.0, 2), most(4096.0, 1)], [1024.0, 1024.0]);
+        assert_eq!([most(4096.0, 6), most(40960.0, 2)], [3072.0, 10240.0]);
+    }
+
+    #[test]
+    fn commands_are_rounded_down_within_the_limit() {
+        let unit = |largest| PuckUnits {
+            per_newton_metre: 2700.0,
+            largest,
+            torque_group: Group::LOWER_TORQUES,
+            slot: 0,
+            group: Group::ARM,
+        };
+        let puck = unit(4320.0);
+        let commands = [0.001, -0.001, 0.0009].map(|torque| command(&puck, torque));
+        assert_eq!(commands, [2, -3, 2]);
+        let commands = [1.7, -1.7, f64::NAN].map(|torque| command(&puck, torque));
+        assert_eq!(commands, [4320, -4320, 0]);
+        assert_eq!(command(&unit(1e6), 100.0), 8191);
+    }
 }
