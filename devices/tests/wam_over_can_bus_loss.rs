@@ -1,10 +1,12 @@
 //! The bus goes down in the middle of each command and at each frame of a period: the step is named, the arm is
 //! braked, and nothing resumes by itself when the bus is back.
 
+use std::time::Duration;
+
 use yarp_devices::can::BusError;
 use yarp_devices::can::puck::{Address, Group, Node, PuckMessage, PuckProperty};
 use yarp_devices::simulation::{SafetyMode, SimulatedPucks};
-use yarp_devices::wam::can::{CanStep, CanWam};
+use yarp_devices::wam::can::{CanErrorKind, CanStep, CanWam};
 use yarp_devices::{
     Axes, AxisIndex, ControlMode, DeviceError, Encoders, Mode, MotionControl, PositionControl,
     PositionDirect, TorqueControl, VelocityControl,
@@ -130,4 +132,24 @@ fn at_each_frame_of_a_period() {
         };
         assert!(told.contains(expected), "{expected}: {told}");
     }
+}
+
+/// A paused process: longer than a puck takes to restart, shorter than the test waits.
+#[test]
+fn a_driver_that_was_interrupted_compares_positions_anew() {
+    let rig = Memory::new();
+    let arm = active(&rig);
+    assert_eq!(arm.status().connections, 1);
+    let mut paused = false;
+    *rig.hook().lock() = Some(Box::new(move |_| {
+        if !std::mem::replace(&mut paused, true) {
+            std::thread::sleep(Duration::from_millis(600));
+        }
+        false
+    }));
+    until("the interruption noticed", || {
+        let loss = arm.status().loss;
+        loss.is_some_and(|error| error.kind == CanErrorKind::Stalled)
+    });
+    until("the arm found again", || arm.status().connections == 2);
 }

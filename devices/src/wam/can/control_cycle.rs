@@ -20,6 +20,9 @@ const MAX_UNANSWERED_POLLS: u32 = 10;
 const TEMPERATURE_POLL_PERIODS: u64 = 50;
 /// Maximum plausible change of a rotor's position in a period: a turn divided by this (btclient).
 const MAX_TURN_DIVISOR: f64 = 4.0;
+/// Maximum time between two control periods, less than a puck takes to restart (0.5 s): after more, positions are compared
+/// as after a lost connection. The safety module misses the heartbeat soon after.
+const MAX_STALL: Duration = Duration::from_millis(400);
 /// The largest torque there is room for: 13 bits and a sign.
 const MAX_TORQUE_UNITS: f64 = 8191.0;
 
@@ -37,6 +40,8 @@ pub(super) struct ControlCycle {
     missed: [u32; AXES],
     /// Time of each accepted position.
     seen: [Instant; AXES],
+    /// Start of the last control period.
+    last_cycle: Option<Instant>,
     cycles: u64,
     unanswered: u32,
     safety: Option<SafetyMode>,
@@ -65,6 +70,7 @@ impl ControlCycle {
             counts,
             missed: [0; AXES],
             seen: [Instant::now(); AXES],
+            last_cycle: None,
             cycles: 0,
             unanswered: 0,
             safety: None,
@@ -130,6 +136,11 @@ impl ControlCycle {
 
     /// Queries the positions of all pucks and waits for them; a missing one counts as unchanged.
     pub(super) fn positions(&mut self) -> Result<[i32; AXES], CanError> {
+        let now = Instant::now();
+        let last = self.last_cycle.replace(now).unwrap_or(now);
+        if now.saturating_duration_since(last) > MAX_STALL {
+            return Err(CanErrorKind::Stalled).at_step(CanStep::Positions);
+        }
         self.forget_stale().at_step(CanStep::Positions)?;
         self.watch().at_step(CanStep::SafetyPoll)?;
         let start = Instant::now();

@@ -170,14 +170,16 @@ impl History<'_> {
     /// Lets the driver notice what happened: some periods, or some attempts to connect.
     fn settle(&mut self) {
         let Some(arm) = &self.arm else { return };
-        let (periods, start) = (arm.status().periods, std::time::Instant::now());
-        while start.elapsed() < Duration::from_millis(120) {
+        let (before, start) = (arm.status(), std::time::Instant::now());
+        until("thirty periods, or a loss", || {
             let status = arm.status();
-            if status.connected && status.periods > periods + 30 {
-                break;
+            match status.connected {
+                true => {
+                    status.connections != before.connections || status.periods > before.periods + 30
+                }
+                false => start.elapsed() > Duration::from_millis(120),
             }
-            std::thread::sleep(Duration::from_millis(2));
-        }
+        });
     }
 
     /// A person folds the arm and says so: only then.
@@ -217,11 +219,11 @@ impl History<'_> {
         let before = self.truth();
         self.pressed = true;
         self.rig.pucks().lock().press_activate();
-        let periods = self.periods();
+        let (periods, connections) = (self.periods(), self.connections());
         until("some periods", || {
-            !self.connected() || self.periods() > periods + 100
+            !self.connected() || self.connections() != connections || self.periods() > periods + 100
         });
-        if self.connected() {
+        if self.connected() && self.connections() == connections {
             let moved = (self.truth() - before).map(f64::to_degrees).abs().max();
             assert!(
                 moved < MAX_ACTIVATION_MOTION,
@@ -233,6 +235,10 @@ impl History<'_> {
 
     fn periods(&self) -> u64 {
         self.arm.as_ref().map_or(0, |arm| arm.status().periods)
+    }
+
+    fn connections(&self) -> u64 {
+        self.arm.as_ref().map_or(0, |arm| arm.status().connections)
     }
 
     fn truth(&self) -> Joints<7> {
