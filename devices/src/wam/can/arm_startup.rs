@@ -105,10 +105,9 @@ pub(super) fn connect(
     let counts = locate(&mut bus, model).at_step(CanStep::Locate)?;
     let origins = read_origins(&mut bus, model).at_step(CanStep::Locate)?;
     info!(?counts, "the arm on the CAN bus is there");
-    Ok((
-        ControlCycle::new(bus, units, model, options, counts),
-        PositionRecord { counts, origins },
-    ))
+    let position = PositionRecord { counts, origins };
+    let cycle = ControlCycle::new(bus, units, model, options, &position);
+    Ok((cycle, position))
 }
 
 /// All nodes that the arm needs.
@@ -352,7 +351,7 @@ fn look_restarted(bus: &mut PuckBus, model: &WamModel<AXES>) -> Result<bool, Can
 ///
 /// A puck that restarted is within its first turn, wherever it was before. The arm may have sunk or have been led
 /// meanwhile; more than [`MAX_UNSEEN_MOTION`] is not believed.
-fn compare(
+pub(super) fn compare(
     bus: &mut PuckBus,
     model: &WamModel<AXES>,
     record: &PositionRecord,
@@ -378,8 +377,8 @@ fn compare(
         }
     }
     let origins = read_origins(bus, model)?;
-    for motor in 0..AXES {
-        if let (Some(before), Some(now)) = (record.origins[motor], origins[motor])
+    for (motor, origins) in record.origins.into_iter().zip(origins).enumerate() {
+        if let (Some(before), Some(now)) = origins
             && within_turn(now - before, turn).abs() > turn / ORIGIN_TOLERANCE_DIVISOR
         {
             let node = Node::of_motor(motor);

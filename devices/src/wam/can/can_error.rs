@@ -123,9 +123,6 @@ pub enum CanErrorKind {
         /// Its distance from home.
         degrees: f64,
     },
-    /// The control was interrupted for so long that a puck could have restarted meanwhile.
-    #[error("the control was interrupted for more than 0.4 s: pucks may have restarted meanwhile")]
-    Stalled,
     /// Positions can only be written while nothing moves.
     #[error("the safety module is active while positions are to be written")]
     Active,
@@ -181,10 +178,6 @@ impl CanErrorKind {
             | Self::OriginChanged { .. }
             | Self::HomeContradicted { .. } => {
                 "to fold the arm into its home pose by hand and to confirm that (`confirm_home`)"
-                    .to_owned()
-            }
-            Self::Stalled => {
-                "the load of this machine, and to press Shift and Idle, then Shift and Activate"
                     .to_owned()
             }
             Self::Active => "to press Shift and Idle on the pendant".to_owned(),

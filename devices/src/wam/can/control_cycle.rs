@@ -2,11 +2,13 @@
 
 use std::time::{Duration, Instant};
 
-use super::arm_startup::PuckUnits;
+use tracing::warn;
+
+use super::arm_startup::{PuckUnits, compare};
 use super::can_error::AtStep;
 use super::property_request::PropertyRequest;
 use super::puck_bus::{MAX_FRAMES_PER_REPLY, PuckBus};
-use super::{CanError, CanErrorKind, CanOptions, CanStep};
+use super::{CanError, CanErrorKind, CanOptions, CanStep, PositionRecord};
 use crate::can::BusError;
 use crate::can::puck::{Group, Node, Pendant, PuckMessage, PuckProperty, mode};
 use crate::kinematics::Joints;
@@ -21,7 +23,7 @@ const TEMPERATURE_POLL_PERIODS: u64 = 50;
 /// Maximum plausible change of a rotor's position in a period: a turn divided by this (btclient).
 const MAX_TURN_DIVISOR: f64 = 4.0;
 /// Maximum time between two control periods, less than a puck takes to restart (0.5 s): after more, positions are compared
-/// as after a lost connection. The safety module misses the heartbeat soon after.
+/// as after a lost connection, for the plausible change of a count grows with the time.
 const MAX_STALL: Duration = Duration::from_millis(400);
 /// The largest torque there is room for: 13 bits and a sign.
 const MAX_TORQUE_UNITS: f64 = 8191.0;
@@ -40,6 +42,9 @@ pub(super) struct ControlCycle {
     missed: [u32; AXES],
     /// Time of each accepted position.
     seen: [Instant; AXES],
+    model: WamModel<AXES>,
+    /// Origins of the pucks' positions when the connection was made.
+    origins: [Option<i32>; AXES],
     /// Start of the last control period.
     last_cycle: Option<Instant>,
     cycles: u64,
@@ -58,10 +63,13 @@ impl ControlCycle {
         units: Vec<PuckUnits>,
         model: &WamModel<AXES>,
         options: &CanOptions,
-        counts: [i32; AXES],
+        position: &PositionRecord,
     ) -> Self {
+        let counts = position.counts;
         Self {
             bus,
+            model: model.clone(),
+            origins: position.origins,
             groups: distinct(units.iter().map(|unit| unit.group)),
             torque_groups: distinct(units.iter().map(|unit| unit.torque_group)),
             units,
@@ -139,7 +147,12 @@ impl ControlCycle {
         let now = Instant::now();
         let last = self.last_cycle.replace(now).unwrap_or(now);
         if now.saturating_duration_since(last) > MAX_STALL {
-            return Err(CanErrorKind::Stalled).at_step(CanStep::Positions);
+            warn!("the control was interrupted for {:?}", now - last);
+            let known = PositionRecord {
+                counts: self.counts,
+                origins: self.origins,
+            };
+            compare(&mut self.bus, &self.model, &known).at_step(CanStep::Positions)?;
         }
         self.forget_stale().at_step(CanStep::Positions)?;
         self.watch().at_step(CanStep::SafetyPoll)?;
