@@ -26,6 +26,9 @@ pub(crate) enum Failure {
     /// The address given by `--listen`, `--connect` or `--ports` cannot be used.
     #[error("cannot set up the connections to the arm's PC")]
     LinkMode(#[source] io::Error),
+    /// The file with the configuration of the arm cannot be used.
+    #[error("cannot read the configuration of the arm")]
+    ArmFile(#[source] io::Error),
     /// The arm or the camera did not start.
     #[error(transparent)]
     Device(#[from] DeviceError),

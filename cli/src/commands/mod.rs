@@ -51,6 +51,7 @@ mod trafficgen;
 mod up;
 mod version;
 mod wait;
+mod wam;
 mod wam_node;
 mod where_;
 mod write;
@@ -120,6 +121,7 @@ pub(crate) enum Command {
     Up(up::Args),
     Version(version::Args),
     Wait(wait::Args),
+    Wam(wam::Args),
     #[command(name = "wam-node")]
     WamNode(wam_node::Args),
     Where(where_::Args),
@@ -199,6 +201,7 @@ impl Command {
             Self::Up(args) => up::run(args, out).await,
             Self::Version(args) => version::run(args, out),
             Self::Wait(args) => wait::run(args, out).await,
+            Self::Wam(args) => wam::run(args, out).await,
             Self::WamNode(args) => wam_node::run(args, out).await,
             Self::Where(args) => where_::run(args, out).await,
             Self::Write(args) => write::run(args, prefixes, out).await,

@@ -64,7 +64,7 @@ pub const DEVICE_TYPES: &[DeviceType] = &[
     device_type("battery_nwc_yarp", &[], "a battery served by another program; remote, local, carrier", None, |opening| Box::pin(battery::remote(opening, BatteryLayout::Nws))),
     device_type("battery_nws_yarp", &[], "serves a battery on ports; name, period in seconds", None, |opening| Box::pin(battery::server(opening, BatteryLayout::Nws))),
     device_type("boardCalibrator", &[], "calibrates and parks boards, in actions of a robot", None, |opening| Box::pin(calibrator::open(opening))),
-    device_type("canWam", &[], "a WAM arm on a CAN bus of this machine that is up; interface", Some(SERVER), |opening| Box::pin(arms::on_can_bus(opening))),
+    device_type("canWam", &[], "a WAM arm on a CAN bus of this machine that is up; interface, homeConfirmed, zeroCalibration, payload, noGuard and others", Some(SERVER), |opening| Box::pin(arms::on_can_bus(opening))),
     device_type("cartesiancontrollerclient", &[], "a tool controlled by another program; remote, local, carrier, timeout", None, |opening| Box::pin(cartesian_devices::remote(opening))),
     device_type("cartesiancontrollerserver", &[], "serves the tool of a WAM on ports; GENERAL::ControllerName, GENERAL::ControllerPeriod in milliseconds", None, |opening| Box::pin(cartesian_devices::server(opening))),
     device_type("controlboardremapper", &["controlBoardRemapper"], "several devices as one board, or a part of one; axesNames, or joints, networks and a row of four numbers for each", Some(SERVER), |opening| Box::pin(board_remapper::open(opening))),
