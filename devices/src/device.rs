@@ -218,6 +218,16 @@ pub trait Device: Send + Sync {
         None
     }
 
+    /// Sensors of several kinds (stock: multiple analog sensors).
+    fn analog_sensors(&self) -> Option<&dyn crate::AnalogSensors> {
+        None
+    }
+
+    /// One sensor of several channels (`IAnalogSensor` of 3.x).
+    fn analog_sensor(&self) -> Option<&dyn crate::AnalogSensor> {
+        None
+    }
+
     /// Bytes over a line (`ISerialDevice`).
     fn serial_device(&self) -> Option<&dyn SerialDevice> {
         None

@@ -8,6 +8,8 @@
 //! anything moves: all of it happens, or none.
 
 mod amplifier_control;
+mod analog_sensor;
+mod analog_sensors;
 mod audio;
 mod audio_grabber;
 mod audio_render;
@@ -43,6 +45,8 @@ mod velocity_control;
 mod velocity_direct;
 
 pub use amplifier_control::{AmplifierControl, AmplifierLimit};
+pub use analog_sensor::AnalogSensor;
+pub use analog_sensors::{AnalogSensors, SensorInfo, SensorKind, SensorReading, SensorStatus};
 pub use audio::{Audio, AudioBufferSize};
 pub use audio_grabber::AudioGrabber;
 pub use audio_render::AudioRender;
