@@ -154,7 +154,7 @@ fn each_reader_gets_a_layout_that_it_reads() {
     let server = serve(&stage, &sensors, MeasuresLayout::Either);
     let client = reader(&stage, "/client/measures:i", WireVersion::V3);
     let lists = lists_of_messages(&stage, &client);
-    let alternate = |first| (0..8).map(|at| if (at + first) % 2 == 0 { 12 } else { 10 });
+    let alternate = |first| (0..8).map(move |at| if (at + first) % 2 == 0 { 12 } else { 10 });
     let first = usize::from(lists[0] == 10);
     assert!(lists.iter().copied().eq(alternate(first)), "{lists:?}");
     let other = reader(&stage, "/other", WireVersion::V3);
