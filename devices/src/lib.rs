@@ -11,6 +11,7 @@
 //! * [`image`], [`camera`]: images, and a camera that shows test patterns or files.
 //! * [`embedded`]: the arm behind its embedded PC, driver and server.
 //! * [`remapper`]: several devices seen as one control board, or a part of one.
+//! * [`sensors`]: simulated sensors of an arm, and sensors of several devices as one.
 //! * [`guard`]: limits and a watchdog around any device.
 //! * [`clock`]: the time of day.
 //! * [`checks`]: behaviours that every device with these interfaces must show.
@@ -51,6 +52,7 @@ pub mod image;
 pub mod kinematics;
 mod pseudo_random;
 pub mod remapper;
+pub mod sensors;
 pub mod simulation;
 pub mod trajectory;
 pub mod wam;

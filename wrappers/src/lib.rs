@@ -8,11 +8,15 @@
 //! * [`control_board`]: joints that move. [`ControlBoardServer`], [`RemoteControlBoard`].
 //! * [`cartesian`]: tools that move in space. [`CartesianServer`], [`RemoteCartesianControl`].
 //! * [`frame_grabber`]: cameras. [`FrameGrabberServer`], [`RemoteFrameGrabber`].
+//! * [`analog_sensors`]: sensors of several kinds. [`AnalogSensorsServer`], [`RemoteAnalogSensors`].
+//! * [`analog_sensor`]: one sensor of several channels, of YARP 3.x. [`AnalogSensorServer`], [`RemoteAnalogSensor`].
 //! * [`hand`]: a hand as a whole, with grasps. [`HandServer`], [`RemoteHand`].
 //! * [`thrift`]: calls of services as 4.0 puts them on the wire.
 //!
 //! Units are those of the interfaces: degrees and metres; radians for the orientation of a tool alone.
 
+pub mod analog_sensor;
+pub mod analog_sensors;
 pub mod battery;
 pub mod cartesian;
 pub mod control_board;
@@ -20,10 +24,17 @@ mod device_ports;
 pub mod frame_grabber;
 pub mod hand;
 mod open_ports;
+mod page_request;
 mod periodic_thread;
 mod reconnect;
 pub mod thrift;
 
+pub use analog_sensor::{
+    AnalogSensorOptions, AnalogSensorServer, RemoteAnalogSensor, RemoteAnalogSensorOptions,
+};
+pub use analog_sensors::{
+    AnalogSensorsOptions, AnalogSensorsServer, RemoteAnalogSensors, RemoteAnalogSensorsOptions,
+};
 pub use battery::{BatteryLayout, BatteryServer, BatteryServerOptions, RemoteBattery};
 pub use cartesian::{
     CartesianServer, CartesianServerOptions, CartesianVersion, RemoteCartesianControl,

@@ -111,6 +111,10 @@ macro_rules! device_interfaces {
             audio_render: AudioRender;
             /// Returns the battery of a robot (`IBattery`).
             battery: Battery;
+            /// Sensors of several kinds (stock: multiple analog sensors).
+            analog_sensors: AnalogSensors;
+            /// One sensor of several channels (`IAnalogSensor` of 3.x).
+            analog_sensor: AnalogSensor;
             /// Bytes over a line (`ISerialDevice`).
             serial_device: SerialDevice;
         }
@@ -158,6 +162,8 @@ macro_rules! describe_board {
 }
 
 mod amplifier_control;
+mod analog_sensor;
+mod analog_sensors;
 mod audio;
 mod audio_grabber;
 mod audio_render;
@@ -194,6 +200,8 @@ mod velocity_control;
 mod velocity_direct;
 
 pub use amplifier_control::{AmplifierControl, AmplifierLimit};
+pub use analog_sensor::AnalogSensor;
+pub use analog_sensors::{AnalogSensors, SensorInfo, SensorKind, SensorReading, SensorStatus};
 pub use audio::{Audio, AudioBufferSize};
 pub use audio_grabber::AudioGrabber;
 pub use audio_render::AudioRender;

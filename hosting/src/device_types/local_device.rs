@@ -85,6 +85,32 @@ impl LocalDevice {
         }
     }
 
+    /// Creates sensors of several kinds.
+    pub(super) fn sensors(device: Arc<dyn Device>) -> Self {
+        let sensors = Some(device.clone());
+        Self {
+            device,
+            parts: Parts {
+                sensors,
+                ..Parts::default()
+            },
+            parks: false,
+        }
+    }
+
+    /// Creates a sensor of several channels.
+    pub(super) fn channels(device: Arc<dyn Device>) -> Self {
+        let channels = Some(device.clone());
+        Self {
+            device,
+            parts: Parts {
+                channels,
+                ..Parts::default()
+            },
+            parks: false,
+        }
+    }
+
     /// Creates a controller of a tool.
     pub(super) fn tool(device: Arc<dyn Device>) -> Self {
         let tool = Some(device.clone());

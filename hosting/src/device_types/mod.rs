@@ -3,6 +3,8 @@
 //! A device type is one line in [`DEVICE_TYPES`]: its name, the names that stock has for it, a
 //! description, the wrapper with which `yarp dev` serves it, and the function that opens it.
 
+mod analog_sensor;
+mod analog_sensors;
 mod arms;
 mod attached_server;
 mod barrett_hand;
@@ -49,6 +51,7 @@ pub struct DeviceType {
 
 const SERVER: &str = "controlBoard_nws_yarp";
 const CAMERA_SERVER: &str = "frameGrabber_nws_yarp";
+const SENSOR_SERVER: &str = "multipleanalogsensorsserver";
 
 /// The device type that opens two devices; see [`open`](crate::open).
 pub const BUNDLER: &str = "deviceBundler";
@@ -58,6 +61,8 @@ pub const BUNDLER: &str = "deviceBundler";
 pub const DEVICE_TYPES: &[DeviceType] = &[
     device_type("controlBoard_nws_yarp", &[], "serves joints on ports; name, period in seconds", None, |opening| Box::pin(board_server::open(opening))),
     device_type("controlboardwrapper2", &[], "the same with stock's old parameters; name, period in milliseconds, networks and joints for several devices", None, |opening| Box::pin(board_server::open_old(opening))),
+    device_type("analogServer", &[], "serves a sensor of several channels as YARP 3.x; name, period in milliseconds, ports, sensor", None, |opening| Box::pin(analog_sensor::server(opening))),
+    device_type("analogsensorclient", &[], "a sensor of several channels served by another program, as YARP 3.x; remote, local, carrier", None, |opening| Box::pin(analog_sensor::remote(opening))),
     device_type("barrettHand", &[], "a BarrettHand on a serial port as axes: three fingers and the spread; serial, baud", Some(SERVER), |opening| Box::pin(barrett_hand::open(opening))),
     device_type("batteryClient", &[], "a battery served by another program as in YARP 3.5; remote, local", None, |opening| Box::pin(battery::remote(opening, BatteryLayout::Wrapper))),
     device_type("batteryWrapper", &[], "serves a battery on ports as in YARP 3.5; name, period in seconds", None, |opening| Box::pin(battery::server(opening, BatteryLayout::Wrapper))),
@@ -77,7 +82,11 @@ pub const DEVICE_TYPES: &[DeviceType] = &[
     device_type("frameGrabber_nwc_yarp", &[], "a camera served by another program; remote, local, stream, no_stream", None, |opening| Box::pin(camera_devices::remote(opening))),
     device_type("frameGrabber_nws_yarp", &[], "serves a camera on ports; name, period in seconds, capabilities", None, |opening| Box::pin(camera_devices::server(opening))),
     device_type("grabber", &["grabberDual"], "the same with the old names; name, period in milliseconds", None, |opening| Box::pin(camera_devices::old_server(opening))),
+    device_type("multipleanalogsensorsclient", &[], "sensors served by another program; remote, local, carrier, timeout", None, |opening| Box::pin(analog_sensors::remote(opening))),
+    device_type("multipleanalogsensorsremapper", &[], "sensors of several devices as one; ThreeAxisGyroscopesNames and so on, a list of names for each kind", None, |opening| Box::pin(analog_sensors::remapper(opening))),
+    device_type("multipleanalogsensorsserver", &[], "serves sensors on ports; name, period in milliseconds, measure_lists 10 or 12", None, |opening| Box::pin(analog_sensors::server(opening))),
     device_type("remotecontrolboardremapper", &["remoteControlBoardRemapper"], "boards served by other programs as one; axesNames, remoteControlBoards, localPortPrefix, REMOTE_CONTROLBOARD_OPTIONS", Some(SERVER), |opening| Box::pin(board_remapper::open_remote(opening))),
+    device_type("simulatedSensors", &[], "an IMU and a force/torque sensor on the arm it attaches to, or on one of its own; imu, ft, frame, mass, centre, copies", Some(SENSOR_SERVER), |opening| Box::pin(analog_sensors::simulated(opening))),
     device_type("simulatedWam", &[], "a simulated WAM arm that moves exactly as commanded", Some(SERVER), |opening| Box::pin(arms::ideal(opening))),
 ];
 
