@@ -27,7 +27,7 @@ fn photographs_give_intrinsics_below_a_quarter_of_a_pixel() {
     let corners: Vec<_> = photographs()
         .iter()
         .map(|path| {
-            let image = yarp_devices::image::read(path).unwrap();
+            let image = yarp_devices::image::image_file::read(path).unwrap();
             detect(&image, &pattern, &path.display().to_string())
                 .unwrap()
                 .corners
@@ -70,14 +70,12 @@ fn board(yaw: f64) -> (Scene, Camera) {
 #[test]
 fn corners_are_counted_from_the_same_end_in_every_orientation() {
     let pattern = Pattern::new(9, 6, 0.03).unwrap();
-    let mut turned = 0;
     for step in 0..8 {
         let (scene, camera) = board(f64::from(step) * std::f64::consts::FRAC_PI_4);
         let image = Renderer::new()
             .render(&scene, &camera, &Effects::default())
             .image;
         let found = detect(&image, &pattern, "a rendered board").unwrap();
-        turned += usize::from(found.turned);
         let object = &scene.objects[0];
         for (corner, seen) in object.shape.board_corners().iter().zip(&found.corners) {
             let expected = camera.project(&(object.pose * corner)).unwrap();
@@ -85,8 +83,6 @@ fn corners_are_counted_from_the_same_end_in_every_orientation() {
             assert!(error < 0.3, "step {step}: {expected:?} {seen:?}");
         }
     }
-    // OpenCV itself counts half of them from the other end.
-    assert!((1..8).contains(&turned), "{turned}");
 }
 
 #[test]

@@ -21,7 +21,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Result<ExitCode> {
     let mut size: Option<[usize; 2]> = None;
     for path in &args.images {
         let name = path.display().to_string();
-        let image = yarp_devices::image::read(path).map_err(failed)?;
+        let image = yarp_devices::image::image_file::read(path).map_err(failed)?;
         let found = match detect(&image, &pattern, &name) {
             Ok(found) => found.corners,
             Err(CalibrationError::NoPattern { .. } | CalibrationError::Covered { .. }) => {

@@ -16,6 +16,9 @@ use crate::commands::code;
 use crate::error::Result;
 use crate::network_access;
 
+/// Result of a step of a calibration.
+pub(super) type Calibrated<T> = std::result::Result<T, CalibrationError>;
+
 /// Height of the table of the thesis in the arm's base frame, m.
 const TABLE: f64 = -0.05;
 
@@ -42,7 +45,7 @@ pub(super) async fn run(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     Ok(code(passed))
 }
 
-fn calibrate_robot(network: &Network, args: &Args) -> Result<Calibration, CalibrationError> {
+fn calibrate_robot(network: &Network, args: &Args) -> Calibrated<Calibration> {
     let (arm, camera) = connect(network, &args.arm, &args.camera)?;
     let pattern = args.pattern.with_square(args.square * 1e-3)?;
     let guess = guess(args)?;
@@ -57,18 +60,14 @@ fn calibrate_robot(network: &Network, args: &Args) -> Result<Calibration, Calibr
 }
 
 /// Connects to arm and camera.
-pub(super) fn connect(
-    network: &Network,
-    arm: &str,
-    camera: &str,
-) -> Result<(Robot, Camera), CalibrationError> {
+pub(super) fn connect(network: &Network, arm: &str, camera: &str) -> Calibrated<(Robot, Camera)> {
     let client = |step| move |source| CalibrationError::Client { step, source };
     let arm = Robot::connect_on(network, arm).map_err(client("connecting to the arm"))?;
     let camera = Camera::connect_on(network, camera).map_err(client("connecting to the camera"))?;
     Ok((arm, camera))
 }
 
-fn guess(args: &Args) -> Result<HandEye, CalibrationError> {
+fn guess(args: &Args) -> Calibrated<HandEye> {
     let Some(path) = &args.guess else {
         return Ok(nominal(&args.pattern.with_square(args.square * 1e-3)?));
     };

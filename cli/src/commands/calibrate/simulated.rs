@@ -22,7 +22,7 @@ use yarp_wrappers::{
     ControlBoardOptions, ControlBoardServer, FrameGrabberOptions, FrameGrabberServer,
 };
 
-use super::robot::{connect, nominal};
+use super::robot::{Calibrated, connect, nominal};
 use super::{Args, failed, report};
 use crate::commands::code;
 use crate::error::Result;
@@ -123,7 +123,7 @@ fn evaluate(
     pattern: &Pattern,
     truth: &Truth,
     table: &LiveTable,
-) -> Result<(Calibration, Value, bool), CalibrationError> {
+) -> Calibrated<(Calibration, Value, bool)> {
     let (arm, camera) = connect(network, "/wam", "/camera")?;
     let guess = nominal(pattern);
     let mut options = SessionOptions::new(*pattern, guess);
@@ -183,13 +183,12 @@ fn evaluate(
     row["held_out_rms_mm"] = json!(held_out_error);
     row["truth_rms_mm"] = json!(truth_error);
     row["two_steps_rms_mm"] = json!(two_steps.errors.back_projection);
-    row["unsorted_rms_mm"] = json!(unsorted_error(pattern, hand_eye, &taken, &views)?);
+    row["unsorted_rms_mm"] = json!(unsorted_error(pattern, hand_eye, &views)?);
     row["camera_error"] = pose_error(&hand_eye.camera.pose, &truth.camera.pose);
     let grid = truth.board.pose * truth.grid_to_board;
     row["grid_error"] = pose_error(&hand_eye.grid_to_hand, &grid);
     row["focal_error_pixels"] =
         json!(hand_eye.camera.intrinsics.focal[0] - truth.camera.lens.focal[0]);
-    row["turned_by_opencv"] = json!(taken.turned.iter().filter(|turned| **turned).count());
     let worst = found
         .errors
         .back_projection
@@ -249,20 +248,17 @@ fn true_corners(
     points
 }
 
-/// Returns the back-projection error of Tsai's method with the corners in OpenCV's own order: the thesis's first attempt.
+/// Returns the back-projection error of Tsai's method if the corners are counted from the end that is higher in the image, as
+/// if the squares had no colours: the thesis's first attempt.
 fn unsorted_error(
     pattern: &Pattern,
     hand_eye: &HandEye,
-    taken: &Taken,
     views: &[View],
-) -> Result<Option<f64>, CalibrationError> {
-    let turned = |name: &str| {
-        let place = taken.views.iter().position(|(view, _)| view.name == name);
-        place.is_some_and(|place| taken.turned[place])
-    };
+) -> Calibrated<Option<f64>> {
     let mut views = views.to_vec();
     for view in &mut views {
-        if turned(&view.name) {
+        let height = |corner: Option<&[f64; 2]>| corner.map_or(0.0, |[_, v]| *v);
+        if height(view.corners.first()) > height(view.corners.last()) {
             view.corners.reverse();
         }
     }

@@ -1,12 +1,9 @@
 //! Detection of a camera that has moved since its calibration.
 
-use opencv::calib3d::{RANSAC, find_homography};
-use opencv::core::{
-    DMatch, KeyPoint, KeyPointTraitConst, Mat, MatTraitConst, NORM_HAMMING, Point2f, Vector,
-    no_array,
-};
-use opencv::features2d::{
-    BFMatcher, DescriptorMatcherTraitConst, Feature2DTrait, ORB, ORB_ScoreType,
+use opencv::calib3d::{RANSAC, estimate_affine_partial_2d};
+use opencv::core::{Mat, MatTraitConst, Point, Point2f, Rect, Size, Vector, min_max_loc, no_array};
+use opencv::imgproc::{
+    TM_CCOEFF_NORMED, gaussian_blur_def, good_features_to_track, match_template_def,
 };
 
 use super::chessboard::check_light;
@@ -14,20 +11,32 @@ use super::error::at;
 use super::{CalibrationError, Result};
 use crate::{Image, Intrinsics, mat};
 
-/// Number of points of the reference image that are looked for.
-const POINTS: i32 = 3000;
+/// Maximum number of points of the reference image that are looked for.
+const MAX_POINTS: i32 = 120;
+/// Distance between two of them as part of the width of the image.
+const SPACING: f64 = 0.03;
+/// Quality of the weakest point relative to the strongest.
+const MIN_QUALITY: f64 = 0.02;
+/// Half the side of what is compared around a point, in pixels.
+const PATCH: i32 = 20;
+/// Largest displacement that is measured, in pixels.
+const MAX_DISPLACEMENT: i32 = 40;
+/// Smallest correlation of a point that is found again.
+const MIN_CORRELATION: f32 = 0.6;
+/// Standard deviation of the blur against noise, in pixels.
+const BLUR: f64 = 1.5;
 /// Minimum number of points that must agree on one displacement.
-const MIN_MATCHES: usize = 25;
+const MIN_MATCHES: usize = 12;
 /// Largest distance of a point from the common displacement, in pixels.
-const AGREEMENT: f64 = 2.0;
+const AGREEMENT: f64 = 1.5;
 
 /// An image of the static scene, taken when the camera was calibrated.
 ///
 /// Objects on the table may come and go, and the arm may hide a part: only what agrees on one displacement counts.
 #[derive(Debug)]
 pub struct CameraReference {
-    points: Vector<KeyPoint>,
-    descriptors: Mat,
+    points: Vec<[i32; 2]>,
+    grey: Mat,
     size: [usize; 2],
 }
 
@@ -46,8 +55,8 @@ impl CameraReference {
     /// Errors: [`CalibrationError::Covered`], [`CalibrationError::SceneNotRecognised`] if the scene has too few distinct
     /// points.
     pub fn new(image: &Image) -> Result<Self> {
-        let (points, descriptors) = features(image, "the reference image")?;
-        let size = [image.width(), image.height()];
+        let grey = blurred(image, "the reference image")?;
+        let points = distinct_points(&grey)?;
         if points.len() < MIN_MATCHES {
             return Err(CalibrationError::SceneNotRecognised {
                 matches: points.len(),
@@ -56,8 +65,8 @@ impl CameraReference {
         }
         Ok(Self {
             points,
-            descriptors,
-            size,
+            grey,
+            size: [image.width(), image.height()],
         })
     }
 
@@ -76,8 +85,14 @@ impl CameraReference {
                 expected_height,
             });
         }
-        let (points, descriptors) = features(image, "the image")?;
-        let (from, to) = self.matches(&points, &descriptors)?;
+        let grey = blurred(image, "the image")?;
+        let (mut from, mut to) = (Vector::<Point2f>::new(), Vector::<Point2f>::new());
+        for point in &self.points {
+            if let Some(found) = self.find_again(&grey, *point)? {
+                from.push(Point2f::new(point[0] as f32, point[1] as f32));
+                to.push(found);
+            }
+        }
         let unrecognised = |matches| CalibrationError::SceneNotRecognised {
             matches,
             expected: MIN_MATCHES,
@@ -86,13 +101,14 @@ impl CameraReference {
             return Err(unrecognised(from.len()));
         }
         let mut mask = Vector::<u8>::new();
-        let homography = find_homography(&from, &to, &mut mask, RANSAC, AGREEMENT)
-            .map_err(at("comparing with the reference image"))?;
+        let motion =
+            estimate_affine_partial_2d(&from, &to, &mut mask, RANSAC, AGREEMENT, 2000, 0.999, 10);
+        let motion = motion.map_err(at("comparing with the reference image"))?;
         let matches = mask.iter().filter(|agrees| *agrees != 0).count();
-        if matches < MIN_MATCHES || homography.empty() {
+        if matches < MIN_MATCHES || motion.empty() {
             return Err(unrecognised(matches));
         }
-        let pixels = largest_displacement(&homography, self.size)?;
+        let pixels = largest_displacement(&motion, self.size)?;
         Ok(Displacement { pixels, matches })
     }
 
@@ -121,53 +137,90 @@ impl CameraReference {
         })
     }
 
-    fn matches(
-        &self,
-        points: &Vector<KeyPoint>,
-        descriptors: &Mat,
-    ) -> Result<(Vector<Point2f>, Vector<Point2f>)> {
+    /// Returns where the surroundings of a point of the reference are in another image.
+    fn find_again(&self, grey: &Mat, [x, y]: [i32; 2]) -> Result<Option<Point2f>> {
         let step = "comparing with the reference image";
-        let (mut from, mut to) = (Vector::new(), Vector::new());
-        if points.is_empty() {
-            return Ok((from, to));
-        }
-        let matcher = BFMatcher::new(NORM_HAMMING, true).map_err(at(step))?;
-        let mut pairs = Vector::<DMatch>::new();
-        matcher
-            .train_match(&self.descriptors, descriptors, &mut pairs, &no_array())
+        let around = |reach: i32| Rect::new(x - reach, y - reach, 2 * reach + 1, 2 * reach + 1);
+        let patch = self.grey.roi(around(PATCH)).map_err(at(step))?;
+        let window = grey
+            .roi(around(PATCH + MAX_DISPLACEMENT))
             .map_err(at(step))?;
-        for pair in pairs {
-            from.push(
-                self.points
-                    .get(pair.query_idx as usize)
-                    .map_err(at(step))?
-                    .pt(),
-            );
-            to.push(points.get(pair.train_idx as usize).map_err(at(step))?.pt());
+        let mut scores = Mat::default();
+        match_template_def(&window, &patch, &mut scores, TM_CCOEFF_NORMED).map_err(at(step))?;
+        let mut best = Point::default();
+        min_max_loc(&scores, None, None, None, Some(&mut best), &no_array()).map_err(at(step))?;
+        let score = |dx: i32, dy: i32| -> Result<f32> {
+            let place = scores.at_2d::<f32>(best.y + dy, best.x + dx);
+            place.copied().map_err(at(step))
+        };
+        let inside = |value: i32| (1..2 * MAX_DISPLACEMENT).contains(&value);
+        let top = score(0, 0)?;
+        // A maximum at the border is none; neither is one of a uniform patch.
+        if !(inside(best.x) && inside(best.y) && top >= MIN_CORRELATION) {
+            return Ok(None);
         }
-        Ok((from, to))
+        let peak = |before: f32, after: f32| {
+            let curve = before - 2.0 * top + after;
+            if curve < 0.0 {
+                0.5 * (before - after) / curve
+            } else {
+                0.0
+            }
+        };
+        let right = peak(score(-1, 0)?, score(1, 0)?);
+        let down = peak(score(0, -1)?, score(0, 1)?);
+        let place =
+            |start: i32, shift: i32, part: f32| (start + shift - MAX_DISPLACEMENT) as f32 + part;
+        Ok(Some(Point2f::new(
+            place(x, best.x, right),
+            place(y, best.y, down),
+        )))
     }
 }
 
-fn features(image: &Image, name: &str) -> Result<(Vector<KeyPoint>, Mat)> {
-    let step = "finding points of the scene";
+/// Returns an image in grey, without the finest noise.
+fn blurred(image: &Image, name: &str) -> Result<Mat> {
     let grey = mat::grey_of_image(image).map_err(|error| CalibrationError::Image {
         image: name.to_owned(),
         source: Box::new(error),
     })?;
     check_light(&grey, name)?;
-    let score = ORB_ScoreType::HARRIS_SCORE;
-    let mut detector = ORB::create(POINTS, 1.2, 4, 31, 0, 2, score, 31, 8).map_err(at(step))?;
-    let (mut points, mut descriptors) = (Vector::new(), Mat::default());
-    detector
-        .detect_and_compute(&grey, &no_array(), &mut points, &mut descriptors, false)
-        .map_err(at(step))?;
-    Ok((points, descriptors))
+    let mut smooth = Mat::default();
+    gaussian_blur_def(&grey, &mut smooth, Size::new(0, 0), BLUR)
+        .map_err(at("blurring an image"))?;
+    Ok(smooth)
 }
 
-fn largest_displacement(homography: &Mat, [width, height]: [usize; 2]) -> Result<f64> {
+/// Returns points whose surroundings are distinct in both directions, away from the border.
+fn distinct_points(grey: &Mat) -> Result<Vec<[i32; 2]>> {
+    let mut corners = Vector::<Point2f>::new();
+    let spacing = SPACING * f64::from(grey.cols());
+    good_features_to_track(
+        grey,
+        &mut corners,
+        MAX_POINTS,
+        MIN_QUALITY,
+        spacing,
+        &no_array(),
+        9,
+        false,
+        0.04,
+    )
+    .map_err(at("finding points of the scene"))?;
+    let reach = PATCH + MAX_DISPLACEMENT;
+    let points = corners
+        .iter()
+        .map(|corner| [corner.x.round() as i32, corner.y.round() as i32]);
+    Ok(points
+        .filter(|[x, y]| {
+            (reach..grey.cols() - reach).contains(x) && (reach..grey.rows() - reach).contains(y)
+        })
+        .collect())
+}
+
+fn largest_displacement(motion: &Mat, [width, height]: [usize; 2]) -> Result<f64> {
     let value = |row: i32, column: i32| -> Result<f64> {
-        let found = homography.at_2d::<f64>(row, column);
+        let found = motion.at_2d::<f64>(row, column);
         found.copied().map_err(at("reading a displacement"))
     };
     let mut largest = 0.0_f64;
@@ -182,8 +235,7 @@ fn largest_displacement(homography: &Mat, [width, height]: [usize; 2]) -> Result
         let row = |row: i32| -> Result<f64> {
             Ok(value(row, 0)? * x + value(row, 1)? * y + value(row, 2)?)
         };
-        let scale = row(2)?;
-        largest = largest.max((row(0)? / scale - x).hypot(row(1)? / scale - y));
+        largest = largest.max((row(0)? - x).hypot(row(1)? - y));
     }
     Ok(largest)
 }

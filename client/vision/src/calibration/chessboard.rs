@@ -1,7 +1,7 @@
 //! Detection of a chessboard, its corners in an order that does not depend on the image.
 //!
-//! OpenCV counts the corners from whichever side it met first: the wrong order turned the pattern by 180 degrees in the
-//! thesis and spoiled its hand-eye calibration. Here the colours of the squares decide.
+//! An order that depends on the image turned the pattern by 180 degrees in the thesis and spoiled its hand-eye calibration.
+//! Here the colours of the squares decide, whatever the detector says.
 
 use opencv::calib3d::{
     CALIB_CB_ACCURACY, CALIB_CB_ADAPTIVE_THRESH, CALIB_CB_EXHAUSTIVE, CALIB_CB_FAST_CHECK,
@@ -32,19 +32,6 @@ const MIN_CONTRAST: f64 = 4.0;
 pub struct Detection {
     /// Pixels of the corners in the order of [`Pattern::corners`].
     pub corners: Vec<[f64; 2]>,
-    /// True if OpenCV had counted the corners from the other end.
-    pub turned: bool,
-}
-
-impl Detection {
-    /// Returns the corners in the order in which OpenCV found them.
-    pub fn unsorted(&self) -> Vec<[f64; 2]> {
-        let mut corners = self.corners.clone();
-        if self.turned {
-            corners.reverse();
-        }
-        corners
-    }
 }
 
 /// Finds all inner corners of a pattern in an image.
@@ -140,11 +127,10 @@ fn sorted(grey: &Mat, pattern: &Pattern, mut corners: Vec<[f64; 2]>) -> Result<D
             row.reverse();
         }
     }
-    let turned = pattern.is_unambiguous() && !is_first_square_dark(grey, &corners, columns)?;
-    if turned {
+    if pattern.is_unambiguous() && !is_first_square_dark(grey, &corners, columns)? {
         corners.reverse();
     }
-    Ok(Detection { corners, turned })
+    Ok(Detection { corners })
 }
 
 /// Returns the signed area of the quadrilateral of the outer corners: positive for x to the right and y down.
@@ -178,4 +164,58 @@ fn is_first_square_dark(grey: &Mat, corners: &[[f64; 2]], columns: usize) -> Res
         }
     }
     Ok(sums[0] / f64::from(counts[0]) < sums[1] / f64::from(counts[1]))
+}
+
+#[cfg(test)]
+mod tests {
+    use opencv::core::{CV_8UC1, MatTrait, Scalar};
+
+    use super::*;
+
+    /// A board with squares of 20 pixels, the first inner one dark, and its corners.
+    fn board() -> (Mat, Vec<[f64; 2]>) {
+        let white = Scalar::all(220.0);
+        let mut grey = Mat::new_rows_cols_with_default(180, 240, CV_8UC1, white).unwrap();
+        for y in 20..160 {
+            for x in 20..220 {
+                if (x / 20 + y / 20) % 2 == 0 {
+                    *grey.at_2d_mut::<u8>(y, x).unwrap() = 30;
+                }
+            }
+        }
+        let place = |index: i32| f64::from(index) * 20.0 + 39.5;
+        let corners = (0..6).flat_map(|row| (0..9).map(move |column| [place(column), place(row)]));
+        (grey, corners.collect())
+    }
+
+    #[test]
+    fn every_order_becomes_the_one_of_the_pattern() {
+        let pattern: Pattern = "9x6".parse().unwrap();
+        let (grey, corners) = board();
+        let mut turned = corners.clone();
+        turned.reverse();
+        let mut mirrored = corners.clone();
+        mirrored.chunks_mut(9).for_each(<[[f64; 2]]>::reverse);
+        let mut both = mirrored.clone();
+        both.reverse();
+        for order in [corners.clone(), turned, mirrored, both] {
+            let found = sorted(&grey, &pattern, order).unwrap();
+            assert_eq!(found.corners, corners);
+        }
+    }
+
+    #[test]
+    fn the_window_of_a_refinement_sees_one_corner() {
+        let pattern: Pattern = "9x6".parse().unwrap();
+        let (_, corners) = board();
+        assert_eq!(window(&pattern, &corners), 7.0);
+        let scaled = |factor: f64| -> Vec<[f64; 2]> {
+            corners
+                .iter()
+                .map(|[x, y]| [x * factor, y * factor])
+                .collect()
+        };
+        assert_eq!(window(&pattern, &scaled(0.1)), MIN_WINDOW);
+        assert_eq!(window(&pattern, &scaled(10.0)), MAX_WINDOW);
+    }
 }

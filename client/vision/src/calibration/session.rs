@@ -7,7 +7,7 @@ use nalgebra::Point3;
 use yarp_client::{Camera, Robot};
 use yarp_devices::kinematics::Joints;
 use yarp_devices::wam::WamModel;
-use yarp_devices::{Axes, Encoders, FrameGrabberImage, MotionControl, PositionControl};
+use yarp_devices::{Axes, FrameGrabberImage, MotionControl, PositionControl};
 use yarp_planning::{ArmGeometry, CollisionModel, Obstacle, PlanError, Planner, Scene, Shape};
 
 use super::postures::PostureChoice;
@@ -87,8 +87,6 @@ impl SessionOptions {
 pub struct Taken {
     /// Views with a pattern, and the joint angles read with each, in rad.
     pub views: Vec<(View, Joints<7>)>,
-    /// Of each view, whether OpenCV had counted the corners from the other end.
-    pub turned: Vec<bool>,
     /// Names of the images in which the pattern was not found.
     pub without_pattern: Vec<String>,
 }
@@ -190,7 +188,6 @@ impl<'a> Session<'a> {
                     hand_to_world: self.chain.forward(&joints),
                 };
                 taken.views.push((view, joints));
-                taken.turned.push(found.turned);
                 Ok(())
             }
             Err(CalibrationError::NoPattern { image, .. }) => {
