@@ -2,6 +2,7 @@
 //!
 //! | module | content |
 //! | --- | --- |
+//! | [`calibration`] | intrinsic parameters, pose of a camera relative to an arm |
 //! | `intrinsics` | [`Intrinsics`]: focal length, principal point and lens distortion of a camera |
 //! | `mat` | conversion between our images and OpenCV's, used inside this crate only |
 //! | `error` | [`VisionError`] |
@@ -9,6 +10,7 @@
 //! The image type is [`Image`] of `yarp-devices`; OpenCV's types stay inside this crate. Units are m, **radians** and
 //! pixels; pixel centres have whole coordinates. Poses are in the base frame of the arm unless said otherwise.
 
+pub mod calibration;
 mod error;
 mod intrinsics;
 mod mat;

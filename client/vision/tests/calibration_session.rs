@@ -12,6 +12,7 @@ use yarp_client::wrappers::{
 use yarp_client::{Camera, Network, Robot};
 use yarp_devices::kinematics::Joints;
 use yarp_nameserver::{Server, ServerOptions};
+use yarp_planning::Obstacle;
 use yarp_table::{LiveOptions, LiveTable, MountedBoard, SURFACE, Scene, Shape};
 use yarp_vision::calibration::{
     CalibrationError, HandEye, Pattern, Session, SessionOptions, SolveOptions, View, calibrate,
@@ -74,7 +75,7 @@ impl Laboratory {
     fn start() -> Self {
         let mut scene = Scene::empty();
         let mut overhead = scene.camera();
-        // A third of the size: quick to render.
+        // Half the size: quick to render.
         overhead.lens = overhead.lens.scaled(0.5);
         let guess = guess(&overhead);
         scene.board = Some(board(&guess));
@@ -159,7 +160,7 @@ fn a_table_is_calibrated_and_each_failure_leaves_the_arm_at_rest() {
     else {
         panic!("{error}")
     };
-    assert!(unreachable > 100);
+    assert!(unreachable > 100, "{unreachable}");
     assert!((lab.table.scene().robot.unwrap().joints - before).amax() < 0.01);
 
     // The calibration itself; the name server disappears on the way, the connections stay.
@@ -193,9 +194,14 @@ fn a_table_is_calibrated_and_each_failure_leaves_the_arm_at_rest() {
     let apart = found.hand_eye.camera.pose.inverse() * lab.guess.camera.pose;
     assert!(apart.translation.vector.norm() < 0.004, "{apart}");
 
-    // A posture inside the table.
+    // A posture inside an obstacle.
     let mut below = lab.options(1);
-    below.scene = table_obstacle(1.5);
+    let floor = Pose::translation(0.0, 0.0, 1.5);
+    below.scene.add(Obstacle::new(
+        "floor",
+        yarp_planning::Shape::HalfSpace,
+        floor,
+    ));
     let goal = taken.views[0].1;
     let error = Session::new(&arm, &camera, below)
         .visit(&[goal], |_, _| true)

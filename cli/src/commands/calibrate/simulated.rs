@@ -4,7 +4,7 @@ use std::io::Write;
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use nalgebra::{Matrix3, Point3, Rotation3, Vector3};
+use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
 use serde_json::{Value, json};
 use yarp_devices::kinematics::Joints;
 use yarp_devices::wam::WamModel;
@@ -274,6 +274,6 @@ fn pose_error(found: &Pose, truth: &Pose) -> Value {
     let error = found.inverse() * truth;
     json!({
         "position_mm": error.translation.vector.norm() * 1e3,
-        "angle_degrees": error.rotation.angle().to_degrees(),
+        "angle_degrees": UnitQuaternion::from_rotation_matrix(&error.rotation).angle().to_degrees(),
     })
 }

@@ -8,7 +8,7 @@ use opencv::calib3d::{HandEyeCalibrationMethod, calibrate_hand_eye};
 use opencv::core::{Mat, MatTraitConst, Vector};
 
 use super::error::at;
-use super::transforms::nearest_rotation;
+use super::transforms::{nearest_rotation, rotation_vector};
 use super::{CalibrationError, HandEye, Result, View};
 use crate::{CameraModel, Intrinsics, Pose};
 
@@ -162,7 +162,7 @@ fn check_motions(views: &[View]) -> Result<()> {
     for (index, view) in views.iter().enumerate() {
         for other in &views[..index] {
             let turn = other.hand_to_world.rotation.inverse() * view.hand_to_world.rotation;
-            let turn = turn.scaled_axis();
+            let turn = rotation_vector(&turn);
             spread += turn * turn.transpose();
             count += 1.0;
         }

@@ -4,6 +4,7 @@ use nalgebra::{Point3, Rotation3, Unit, Vector3, Vector6};
 use yarp_devices::kinematics::{Chain, Joints, Redundancy, Solver, SolverOptions};
 use yarp_planning::CollisionModel;
 
+use super::transforms::rotation_vector;
 use super::{CalibrationError, HandEye, Pattern, Result};
 use crate::Pose;
 
@@ -12,7 +13,7 @@ pub const MIN_SINGULAR_VALUE: f64 = 0.02;
 /// Distance of a joint from its limits, rad.
 const LIMIT_MARGIN: f64 = 0.05;
 /// Number of poses tried per posture wanted.
-const TRIES: usize = 60;
+const TRIES: usize = 200;
 /// Multiple of the postures wanted after which no more are collected.
 const SURPLUS: usize = 4;
 /// Starts of the inverse kinematics for one pose.
@@ -245,7 +246,7 @@ fn feature(grid: &Pose, middle: Point3<f64>) -> Vector6<f64> {
     /// Weight of the orientation: a turn of 1 rad counts like half a metre.
     const METRES_PER_RADIAN: f64 = 0.5;
     let place = grid * middle;
-    let turn = grid.rotation.scaled_axis() * METRES_PER_RADIAN;
+    let turn = rotation_vector(&grid.rotation) * METRES_PER_RADIAN;
     Vector6::new(place.x, place.y, place.z, turn.x, turn.y, turn.z)
 }
 

@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, Vector2};
 
-use super::transforms::back_project;
+use super::transforms::{back_project, rotation_vector};
 use super::{HandEye, Pattern, View};
 use crate::Pose;
 
@@ -160,7 +160,7 @@ fn pose_errors(errors: impl Iterator<Item = Pose> + Clone) -> PoseErrors {
         .map(|error| error.translation.vector.norm() * 1e3);
     PoseErrors {
         position: Spread::of(lengths),
-        angle: Spread::of(errors.map(|error| error.rotation.angle().to_degrees())),
+        angle: Spread::of(errors.map(|error| rotation_vector(&error.rotation).norm().to_degrees())),
     }
 }
 

@@ -34,6 +34,8 @@ const OLD_IMAGES: u64 = 2;
 const MARGIN: f64 = 0.02;
 /// Longest straight motion out of a folded posture between two collision checks, in rad.
 const UNFOLD_STEP: f64 = 0.02;
+/// Edges of the table with the space below, where no arm belongs, in m.
+const TABLE_EDGES: [f64; 3] = [0.70, 0.80, 0.40];
 /// Posture that a folded arm goes to first, in rad: elbow up, hand above the front edge of the table.
 const UNFOLDED: [f64; 7] = [0.0, -0.6, 0.0, 2.2, 0.0, 0.0, 0.0];
 
@@ -369,10 +371,12 @@ fn device(step: &'static str) -> impl FnOnce(yarp_devices::DeviceError) -> Calib
 }
 
 /// Returns the table of the thesis as an obstacle, with its surface at this height of the world, in m.
+///
+/// It begins in front of the arm's base, which stands lower.
 pub fn table_obstacle(surface: f64) -> Scene {
     let mut scene = Scene::default();
-    let below = Pose::translation(0.0, 0.0, surface);
-    scene.add(Obstacle::new("table", Shape::HalfSpace, below));
+    let middle = Pose::translation(0.55, 0.0, surface - TABLE_EDGES[2] / 2.0);
+    scene.add(Obstacle::new("table", Shape::cuboid(TABLE_EDGES), middle));
     scene
 }
 

@@ -1,6 +1,6 @@
 //! The transforms of a calibrated robot: equations 5 to 12.
 
-use nalgebra::{Matrix3, Matrix4, Point3, Rotation3, RowVector4, Vector3, Vector6};
+use nalgebra::{Matrix3, Matrix4, Point3, Rotation3, RowVector4, UnitQuaternion, Vector3, Vector6};
 
 use super::Pattern;
 use crate::{CameraModel, Intrinsics, Pose};
@@ -78,6 +78,11 @@ pub(super) fn pose_of(matrix: &Matrix4<f64>) -> Option<Pose> {
         translation.into(),
         nearest_rotation(&block)?,
     ))
+}
+
+/// Returns the rotation vector of a rotation, in rad; also of one that rounding has made less than orthonormal.
+pub(super) fn rotation_vector(rotation: &Rotation3<f64>) -> Vector3<f64> {
+    UnitQuaternion::from_rotation_matrix(rotation).scaled_axis()
 }
 
 /// Returns the rotation nearest to a matrix.
