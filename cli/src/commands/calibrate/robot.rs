@@ -61,7 +61,12 @@ fn calibrate_robot(network: &Network, args: &Args) -> Calibrated<Calibration> {
 
 /// Connects to arm and camera.
 pub(super) fn connect(network: &Network, arm: &str, camera: &str) -> Calibrated<(Robot, Camera)> {
-    let client = |step| move |source| CalibrationError::Client { step, source };
+    let client = |step| {
+        move |source| CalibrationError::Client {
+            step,
+            source: Box::new(source),
+        }
+    };
     let arm = Robot::connect_on(network, arm).map_err(client("connecting to the arm"))?;
     let camera = Camera::connect_on(network, camera).map_err(client("connecting to the camera"))?;
     Ok((arm, camera))

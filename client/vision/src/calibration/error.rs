@@ -157,7 +157,7 @@ pub enum CalibrationError {
         posture: usize,
         /// Reason given by the planner.
         #[source]
-        source: yarp_planning::PlanError,
+        source: Box<yarp_planning::PlanError>,
     },
     /// The arm did not arrive.
     #[error(
@@ -190,7 +190,7 @@ pub enum CalibrationError {
         step: &'static str,
         /// Reason.
         #[source]
-        source: yarp_devices::DeviceError,
+        source: Box<yarp_devices::DeviceError>,
     },
     /// A device could not be reached.
     #[error("{step} failed")]
@@ -199,7 +199,7 @@ pub enum CalibrationError {
         step: &'static str,
         /// Reason.
         #[source]
-        source: yarp_client::Error,
+        source: Box<yarp_client::Error>,
     },
     /// A file could not be read or written.
     #[error("{}: {problem}", path.display())]

@@ -209,11 +209,11 @@ impl<'a> Session<'a> {
         if degrees.len() != 7 {
             return Err(CalibrationError::Device {
                 step: "reading the arm's positions",
-                source: yarp_devices::DeviceError::Unsuitable {
+                source: Box::new(yarp_devices::DeviceError::Unsuitable {
                     what: "the number of axes of the arm",
                     asked: degrees.len().to_string(),
                     expected: "7".to_owned(),
-                },
+                }),
             });
         }
         Ok(Joints::from_fn(|joint, _| degrees[joint].to_radians()))
@@ -224,7 +224,7 @@ impl<'a> Session<'a> {
         let here = self.chain.clamp(&self.joints()?);
         let unreachable = |source| CalibrationError::Unreachable {
             posture: index,
-            source,
+            source: Box::new(source),
         };
         let path = match self.planner.plan(&here, &[*goal]) {
             Ok(path) => path,
@@ -351,7 +351,7 @@ impl<'a> Session<'a> {
                 Err(source) => {
                     return Err(CalibrationError::Device {
                         step: "taking an image",
-                        source,
+                        source: Box::new(source),
                     });
                 }
             }
@@ -367,7 +367,10 @@ impl<'a> Session<'a> {
 }
 
 fn device(step: &'static str) -> impl FnOnce(yarp_devices::DeviceError) -> CalibrationError {
-    move |source| CalibrationError::Device { step, source }
+    move |source| CalibrationError::Device {
+        step,
+        source: Box::new(source),
+    }
 }
 
 /// Returns the table of the thesis as an obstacle, with its surface at this height of the world, in m.
