@@ -154,7 +154,7 @@ pub fn pattern_pose(
     let matrix = matrix.map_err(at(step))?;
     let distortion: Vector<f64> = intrinsics.distortion.into_iter().collect();
     let (mut turn, mut shift) = (Vector::<f64>::new(), Vector::<f64>::new());
-    let method = SOLVEPNP_ITERATIVE as i32;
+    let method = SOLVEPNP_ITERATIVE;
     solve_pnp(
         &points,
         &seen,
