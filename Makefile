@@ -25,7 +25,7 @@ WORKSPACE_FEATURES = $(if $(FEATURES),--features $(FEATURES:%=yarp-cli/%))
 # Where stock's graphical tools are kept.
 WINDOWS ?= $(HOME)/.cache/stock-yarp-windows
 
-.PHONY: run build test test-etcd test-live test-gui test-can soak idle hour bench check deny setup stock abuse
+.PHONY: run build test test-etcd test-live test-gui test-can soak idle hour bench check deny setup setup-vision stock abuse
 
 run: build
 	target/release/yarp up
@@ -36,10 +36,14 @@ build: setup
 setup:
 	@conformance/setup.sh
 
-test: setup check
+# OpenCV, which the workspace's tests need and `make run` does not.
+setup-vision:
+	@conformance/setup.sh vision
+
+test: setup-vision check
 	cargo test --workspace $(WORKSPACE_FEATURES)
 
-check:
+check: setup-vision
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets $(WORKSPACE_FEATURES) -- -D warnings
 	conformance/style.py check
@@ -49,7 +53,7 @@ deny: setup
 	cargo deny check bans licenses sources
 
 # What is built here `make test FEATURES=etcd` has built by then.
-test-etcd: setup
+test-etcd: setup-vision
 	conformance/etcd/setup.sh
 	cargo test --workspace --features yarp-cli/etcd --no-run
 	conformance/etcd/run.sh

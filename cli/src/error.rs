@@ -45,6 +45,10 @@ pub(crate) enum Failure {
     #[cfg(all(unix, feature = "table"))]
     #[error(transparent)]
     Table(Box<dyn std::error::Error + Send + Sync>),
+    /// A step of calibration or recognition failed.
+    #[cfg(feature = "vision")]
+    #[error(transparent)]
+    Vision(Box<dyn std::error::Error + Send + Sync>),
     /// The description of a robot is invalid.
     #[error(transparent)]
     Robot(#[from] RobotError),

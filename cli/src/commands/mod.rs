@@ -1,6 +1,8 @@
 //! The commands, one file each.
 
 mod argument_words;
+#[cfg(feature = "vision")]
+mod calibrate;
 mod camera;
 mod check;
 mod clean;
@@ -66,6 +68,8 @@ use crate::error::Result;
 #[derive(Debug, clap::Subcommand)]
 #[command(rename_all = "lower")]
 pub(crate) enum Command {
+    #[cfg(feature = "vision")]
+    Calibrate(Box<calibrate::Args>),
     Camera(camera::Args),
     Check(check::Args),
     Clean(clean::Args),
@@ -152,6 +156,8 @@ impl Command {
     /// Does it; gives the exit code.
     pub(crate) async fn run(self, prefixes: Prefixes, out: &mut dyn Write) -> Result<ExitCode> {
         match self {
+            #[cfg(feature = "vision")]
+            Self::Calibrate(args) => calibrate::run(*args, out).await,
             Self::Camera(args) => camera::run(args, out).await,
             Self::Check(args) => check::run(args, out).await,
             Self::Clean(args) => clean::run(args, out).await,
