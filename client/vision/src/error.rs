@@ -32,6 +32,16 @@ pub enum VisionError {
     /// A camera on the network could not be reached.
     #[error(transparent)]
     Client(#[from] yarp_client::Error),
+    /// An image shows nothing.
+    #[error(
+        "the image shows nothing (mean {mean:.0}, standard deviation {deviation:.1} of 255); check lens cover, light and exposure"
+    )]
+    NoContrast {
+        /// Mean of the grey values.
+        mean: f64,
+        /// Standard deviation of the grey values.
+        deviation: f64,
+    },
     /// An input does not have the expected form.
     #[error("{what}: expected {expected}, got {actual}")]
     Unsuitable {
@@ -51,7 +61,6 @@ impl VisionError {
     }
 
     /// Returns a closure that turns an error about a file into one of this crate.
-    #[allow(dead_code, reason = "used by image sources and the object database")]
     pub(crate) fn file<E>(step: &'static str, path: &std::path::Path) -> impl FnOnce(E) -> Self
     where
         E: Into<Box<dyn std::error::Error + Send + Sync>>,

@@ -4,6 +4,8 @@
 //! | --- | --- |
 //! | `intrinsics` | [`Intrinsics`]: focal length, principal point and lens distortion of a camera |
 //! | `mat` | conversion between our images and OpenCV's, used inside this crate only |
+//! | `recognition/` | [`Recogniser`]: SIFT, circles, polygons, in this order |
+//! | `shape` | [`Shape`], [`Detection`] |
 //! | `error` | [`VisionError`] |
 //!
 //! The image type is [`Image`] of `yarp-devices`; OpenCV's types stay inside this crate. Units are m, **radians** and
@@ -12,9 +14,15 @@
 mod error;
 mod intrinsics;
 mod mat;
+mod overlay;
+pub mod recognition;
+mod shape;
 
 pub use error::VisionError;
 pub use intrinsics::{CameraModel, Intrinsics};
+pub use overlay::write_overlay;
+pub use recognition::{ModelDatabase, Recogniser, RecogniserParameters};
+pub use shape::{Detection, Polygon, Shape};
 pub use yarp_devices::image::{Crop, Frame, Image, PixelFormat};
 pub use yarp_devices::kinematics::Pose;
 
