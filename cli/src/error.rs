@@ -42,6 +42,10 @@ pub(crate) enum Failure {
     #[cfg(all(unix, feature = "table"))]
     #[error(transparent)]
     Table(Box<dyn std::error::Error + Send + Sync>),
+    /// An image or a model was not read, or nothing can be recognised in it.
+    #[cfg(feature = "vision")]
+    #[error(transparent)]
+    Vision(Box<dyn std::error::Error + Send + Sync>),
     /// The description of a robot is invalid.
     #[error(transparent)]
     Robot(#[from] RobotError),

@@ -50,6 +50,8 @@ mod topic;
 mod trafficgen;
 mod up;
 mod version;
+#[cfg(feature = "vision")]
+mod vision;
 mod wait;
 mod wam_node;
 mod where_;
@@ -119,6 +121,8 @@ pub(crate) enum Command {
     Trafficgen(trafficgen::Args),
     Up(up::Args),
     Version(version::Args),
+    #[cfg(feature = "vision")]
+    Vision(vision::Args),
     Wait(wait::Args),
     #[command(name = "wam-node")]
     WamNode(wam_node::Args),
@@ -198,6 +202,8 @@ impl Command {
             Self::Trafficgen(args) => trafficgen::run(args, out).await,
             Self::Up(args) => up::run(args, out).await,
             Self::Version(args) => version::run(args, out),
+            #[cfg(feature = "vision")]
+            Self::Vision(args) => vision::run(args, out),
             Self::Wait(args) => wait::run(args, out).await,
             Self::WamNode(args) => wam_node::run(args, out).await,
             Self::Where(args) => where_::run(args, out).await,

@@ -5,19 +5,26 @@
 //! | `intrinsics` | [`Intrinsics`]: focal length, principal point and lens distortion of a camera |
 //! | `mat` | conversion between our images and OpenCV's, used inside this crate only |
 //! | `recognition/` | [`Recogniser`]: SIFT, circles, polygons, in this order |
+//! | `evaluation` | detections against ground truth: counts, ROC curve, equal-error point |
+//! | `image_source` | the latest image of a camera, a thread, a folder |
+//! | `back_projection` | pixels to points and directions in the arm's base frame |
 //! | `shape` | [`Shape`], [`Detection`] |
 //! | `error` | [`VisionError`] |
 //!
 //! The image type is [`Image`] of `yarp-devices`; OpenCV's types stay inside this crate. Units are m, **radians** and
 //! pixels; pixel centres have whole coordinates. Poses are in the base frame of the arm unless said otherwise.
 
+mod back_projection;
 mod error;
+pub mod evaluation;
+pub mod image_source;
 mod intrinsics;
 mod mat;
 mod overlay;
 pub mod recognition;
 mod shape;
 
+pub use back_projection::{Elevation, ObjectPose};
 pub use error::VisionError;
 pub use intrinsics::{CameraModel, Intrinsics};
 pub use overlay::write_overlay;

@@ -45,5 +45,5 @@ fn draw(path: &Path, image: &Image, detections: &[Detection]) -> Result<bool> {
         )
         .map_err(failed())?;
     }
-    imgcodecs::imwrite_def(&path.to_string_lossy(), &canvas).map_err(failed())
+    imgcodecs::imwrite_def(path, &canvas).map_err(failed())
 }

@@ -10,6 +10,7 @@ use opencv::features2d::{DescriptorMatcherTrait, Feature2DTrait, FlannBasedMatch
 use opencv::imgproc;
 use yarp_devices::image::image_file;
 
+use crate::image_source::image_paths;
 use crate::shape::polygon_area;
 use crate::{Detection, Result, Shape, VisionError, mat};
 
@@ -70,17 +71,7 @@ impl ModelDatabase {
     ///
     /// Errors: [`VisionError::File`], [`VisionError::Device`], [`VisionError::Unsuitable`] if no file has features.
     pub fn read(folder: &Path) -> Result<Self> {
-        let failed = || VisionError::file::<std::io::Error>("read models from", folder);
-        let entries = std::fs::read_dir(folder).map_err(failed())?;
-        let mut paths = Vec::new();
-        for entry in entries {
-            let path = entry.map_err(failed())?.path();
-            let extension = path.extension().and_then(|extension| extension.to_str());
-            if matches!(extension, Some("png" | "jpg" | "jpeg" | "ppm" | "pgm")) {
-                paths.push(path);
-            }
-        }
-        paths.sort();
+        let paths = image_paths(folder)?;
         let mut database = Self::default();
         for path in &paths {
             let name = path.file_stem().unwrap_or_default().to_string_lossy();
