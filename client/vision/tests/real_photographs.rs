@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use yarp_devices::image::image_file;
 use yarp_vision::recognition::{CircleParameters, PolygonParameters, SiftParameters};
 use yarp_vision::{
-    Detection, Image, ModelDatabase, PixelFormat, Polygon, Recogniser, RecogniserParameters, Shape,
+    Detection, Image, ModelDatabase, PixelFormat, Recogniser, RecogniserParameters, Shape,
     VisionError, write_overlay,
 };
 
@@ -65,15 +65,19 @@ fn circles_are_found_among_sweets() {
         .filter(|found| matches!(found.shape, Shape::Cylinder { .. }))
         .count();
     println!("smarties: {circles} circles");
-    assert!(circles >= 5, "{circles}");
+    assert!(circles >= 10, "{circles}");
 }
 
 #[test]
 fn polygons_are_found_in_the_pictures() {
     let parameters = RecogniserParameters {
+        // Drawn by hand, with round corners: less strict than for boxes.
         polygons: PolygonParameters {
             area: [500.0, 60_000.0],
             min_side: 18.0,
+            triangle_tolerance: 0.4,
+            min_fill: 0.85,
+            min_support: 0.6,
             ..PolygonParameters::default()
         },
         ..RecogniserParameters::default()
@@ -84,12 +88,10 @@ fn polygons_are_found_in_the_pictures() {
         let image = photograph(&name);
         let found = recogniser.detect(&image).unwrap();
         artefact(&name, &image, &found);
-        let rectangles = found
-            .iter()
-            .filter(|found| matches!(found.shape, Shape::Polygon(Polygon::Rectangle { .. })))
-            .count();
-        println!("{name}: {rectangles} rectangles of {} objects", found.len());
-        assert!(rectangles > 0, "{name}: {found:?}");
+        let is_polygon = |found: &&Detection| matches!(found.shape, Shape::Polygon(_));
+        let polygons = found.iter().filter(is_polygon).count();
+        println!("{name}: {polygons} polygons");
+        assert!(polygons > 0, "{name}: {found:?}");
     }
 }
 

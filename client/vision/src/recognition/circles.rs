@@ -41,7 +41,7 @@ impl Default for CircleParameters {
             edge_threshold: 60.0,
             votes: 18.0,
             gradient: 3.0,
-            min_support: 0.65,
+            min_support: 0.77,
         }
     }
 }
