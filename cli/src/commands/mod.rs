@@ -52,6 +52,8 @@ mod topic;
 mod trafficgen;
 mod up;
 mod version;
+#[cfg(feature = "vision")]
+mod vision;
 mod wait;
 mod wam;
 mod wam_node;
@@ -124,6 +126,8 @@ pub(crate) enum Command {
     Trafficgen(trafficgen::Args),
     Up(up::Args),
     Version(version::Args),
+    #[cfg(feature = "vision")]
+    Vision(vision::Args),
     Wait(wait::Args),
     Wam(wam::Args),
     #[command(name = "wam-node")]
@@ -206,6 +210,8 @@ impl Command {
             Self::Trafficgen(args) => trafficgen::run(args, out).await,
             Self::Up(args) => up::run(args, out).await,
             Self::Version(args) => version::run(args, out),
+            #[cfg(feature = "vision")]
+            Self::Vision(args) => vision::run(args, out),
             Self::Wait(args) => wait::run(args, out).await,
             Self::Wam(args) => wam::run(args, out).await,
             Self::WamNode(args) => wam_node::run(args, out).await,

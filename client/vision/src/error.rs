@@ -32,6 +32,43 @@ pub enum VisionError {
     /// A camera on the network could not be reached.
     #[error(transparent)]
     Client(#[from] yarp_client::Error),
+    /// A camera has delivered no image so far.
+    #[error("{source_name} has delivered no image so far; check that the camera runs")]
+    NoImageYet {
+        /// Name of the image source.
+        source_name: String,
+    },
+    /// A camera delivers no new images any more.
+    #[error(
+        "{source_name} has delivered no new image for {timeout:?}; check camera and network, then connect again"
+    )]
+    StreamStopped {
+        /// Name of the image source.
+        source_name: String,
+        /// Maximum time without a new image.
+        timeout: std::time::Duration,
+    },
+    /// A recorded sequence has no further images.
+    #[error("{folder}: no image after the {images} of this sequence", folder = folder.display())]
+    EndOfSequence {
+        /// Folder of the sequence.
+        folder: PathBuf,
+        /// Number of its images.
+        images: usize,
+    },
+    /// The system started no thread.
+    #[error("cannot start a thread for images: {0}")]
+    Thread(std::io::Error),
+    /// An image shows nothing.
+    #[error(
+        "the image shows nothing (mean {mean:.0}, standard deviation {deviation:.1} of 255); check lens cover, light and exposure"
+    )]
+    NoContrast {
+        /// Mean of the grey values.
+        mean: f64,
+        /// Standard deviation of the grey values.
+        deviation: f64,
+    },
     /// An input does not have the expected form.
     #[error("{what}: expected {expected}, got {actual}")]
     Unsuitable {
@@ -51,7 +88,6 @@ impl VisionError {
     }
 
     /// Returns a closure that turns an error about a file into one of this crate.
-    #[allow(dead_code, reason = "used by image sources and the object database")]
     pub(crate) fn file<E>(step: &'static str, path: &std::path::Path) -> impl FnOnce(E) -> Self
     where
         E: Into<Box<dyn std::error::Error + Send + Sync>>,

@@ -27,7 +27,6 @@ pub(crate) fn of_image(image: &Image) -> Result<Mat> {
 /// Copies an image into a grey matrix of OpenCV, with OpenCV's weights of the colours.
 ///
 /// Errors: [`VisionError::Device`], [`VisionError::OpenCv`].
-#[allow(dead_code, reason = "used by calibration and recognition")]
 pub(crate) fn grey_of_image(image: &Image) -> Result<Mat> {
     let mat = of_image(image)?;
     if mat.channels() == 1 {
