@@ -25,6 +25,7 @@ mod merge;
 mod name;
 mod namespace;
 mod ping;
+mod plan;
 mod plugin;
 mod priority_qos;
 mod priority_sched;
@@ -57,6 +58,8 @@ mod write;
 
 use std::io::Write;
 use std::process::ExitCode;
+
+pub(crate) use plan::PlanFailure;
 
 use crate::cli::Prefixes;
 use crate::error::Result;
@@ -93,6 +96,7 @@ pub(crate) enum Command {
     Name(name::Args),
     Namespace(namespace::Args),
     Ping(ping::Args),
+    Plan(plan::Args),
     Plugin(plugin::Args),
     #[command(name = "priority-qos", alias = "qos")]
     PriorityQos(priority_qos::Args),
@@ -174,6 +178,7 @@ impl Command {
             Self::Name(args) => name::run(args, out).await,
             Self::Namespace(args) => namespace::run(args, out),
             Self::Ping(args) => ping::run(args, out).await,
+            Self::Plan(args) => plan::run(args, out),
             Self::Plugin(args) => plugin::run(args, out),
             Self::PriorityQos(args) => priority_qos::run(args, out).await,
             Self::PrioritySched(args) => priority_sched::run(args, out).await,

@@ -5,12 +5,14 @@
 //! | `mod` | [`Physics`]: the world and one step of it |
 //! | `bodies` | shapes, masses and friction |
 //! | `contact` | forces between robot and world, joint torques and finger loads |
+//! | `path_check` | [`PathCheck`]: collisions of an arm along a path, for judging planners |
 //!
 //! The robot's parts move as their devices tell (kinematic bodies), so objects feel them as they are; what objects, table
 //! and baskets do to them comes back as torques and loads one step later. Contact and friction alone hold an object.
 
 mod bodies;
 mod contact;
+mod path_check;
 
 use std::time::Duration;
 
@@ -24,6 +26,7 @@ use crate::robot::{self, HandPosture, PARTS, RobotPosture};
 use crate::{Pose, Scene};
 
 pub use contact::{Contact, Other};
+pub use path_check::{PathCheck, Solid};
 
 /// Time of one step: the control period of the arm.
 pub const STEP: Duration = Duration::from_millis(2);

@@ -1,0 +1,344 @@
+//! Picking one object and placing it: the steps, their failures and what is done about them.
+//!
+//! | step | failure | recovery |
+//! | --- | --- | --- |
+//! | plan | no grasp fits, out of reach, no path | nothing has moved; the next grasp, then the next object |
+//! | pre-grasp, approach | the arm does not follow | it holds where it is, the error reports the joint |
+//! | grasp, verify | the fingers closed on nothing | open, back up; the object is detected again and tried once more |
+//! | lift, transport | the grip is empty | open above the table, report the loss; the object is detected again |
+//! | release | the hand does not open | the arm holds above the container, the object stays held |
+//! | any | stop, emergency stop, a device is gone | the arm holds, the hand keeps its grip |
+
+mod motion;
+mod plan;
+
+use yarp_devices::kinematics::Joints;
+use yarp_devices::wam::WamModel;
+use yarp_planning::PlanError;
+
+use crate::grasp::{Grasp, GraspOptions};
+use crate::item::Item;
+use crate::posture::{PostureError, PostureSolver};
+use crate::stop::{Stop, StopRequest};
+use crate::surroundings::{Container, Surroundings};
+use crate::workcell::{Workcell, WorkcellError};
+
+/// A step of picking and placing.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub enum Step {
+    /// Nothing has moved yet.
+    Plan,
+    /// To a place above the object.
+    PreGrasp,
+    /// Down to the object.
+    Approach,
+    /// Closing the fingers.
+    Grasp,
+    /// Up with the object.
+    Lift,
+    /// To the container.
+    Transport,
+    /// Opening the fingers.
+    Release,
+}
+
+impl std::fmt::Display for Step {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Plan => "plan",
+            Self::PreGrasp => "pre-grasp",
+            Self::Approach => "approach",
+            Self::Grasp => "grasp",
+            Self::Lift => "lift",
+            Self::Transport => "transport",
+            Self::Release => "release",
+        })
+    }
+}
+
+/// An error of picking and placing.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PickError {
+    /// No grasp fits the object's shape.
+    #[error("no grasp fits {item}: it is too wide, or too low for the fingers")]
+    NoGrasp {
+        /// Label of the object.
+        item: String,
+    },
+    /// No grasp can be reached without collision.
+    #[error("none of {count} grasps of {item} is reachable; the last one failed: {last}")]
+    Unreachable {
+        /// Label of the object.
+        item: String,
+        /// Number of grasps.
+        count: usize,
+        /// The last failure.
+        last: PlanFailure,
+    },
+    /// No place above the container can be reached.
+    #[error("{step}: {source}")]
+    Plan {
+        /// The step.
+        step: Step,
+        /// Why.
+        source: PlanFailure,
+    },
+    /// The fingers closed on nothing; they are open again, and the arm is back above.
+    #[error("the fingers closed on nothing at {item}")]
+    Missed {
+        /// Label of the object.
+        item: String,
+    },
+    /// The object fell out of the hand; the fingers are open again.
+    #[error("{item} was lost from the hand during {step}")]
+    Lost {
+        /// Label of the object.
+        item: String,
+        /// The step.
+        step: Step,
+    },
+    /// The arm does not follow; it holds where it is.
+    #[error("{step}: joint {joint} is {error:.3} rad away from its set point; something blocks the arm")]
+    Blocked {
+        /// The step.
+        step: Step,
+        /// Joint, counted from 0.
+        joint: usize,
+        /// Distance from the set point, rad.
+        error: f64,
+    },
+    /// A stop was requested: the arm holds, the hand keeps its grip.
+    #[error("stopped during {step}")]
+    Stopped {
+        /// The step.
+        step: Step,
+    },
+    /// A device failed; the arm was told to hold.
+    #[error("{step}: {source}")]
+    Workcell {
+        /// The step.
+        step: Step,
+        /// The failed call.
+        source: WorkcellError,
+    },
+}
+
+/// A failure of planning.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PlanFailure {
+    /// No posture.
+    #[error(transparent)]
+    Posture(#[from] PostureError),
+    /// No path.
+    #[error(transparent)]
+    Path(#[from] PlanError),
+    /// The arm cannot follow the straight line of the approach, or would collide on it.
+    #[error("no straight approach")]
+    NoLine,
+}
+
+/// Options of a [`Picker`].
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub struct PickerOptions {
+    /// Distances of fingers and palm.
+    pub grasp: GraspOptions,
+    /// Interval of set points, s of the robot; 20 ms by default.
+    pub interval: f64,
+    /// Maximum speed of elbow and wrist, m/s; 0.7 by default, below the fault of the safety module at 1.0.
+    pub max_speed: f64,
+    /// Maximum joint speed, rad/s; 1.2 by default.
+    pub joint_speed: f64,
+    /// Maximum joint acceleration, rad/s²; 3 by default.
+    pub joint_acceleration: f64,
+    /// Difference between set point and measured angle at which the arm counts as blocked, rad; 0.25 by default.
+    pub max_tracking_error: f64,
+    /// Seed of the planner.
+    pub seed: u64,
+}
+
+impl Default for PickerOptions {
+    fn default() -> Self {
+        Self {
+            grasp: GraspOptions::default(),
+            interval: 0.02,
+            max_speed: 0.7,
+            joint_speed: 1.2,
+            joint_acceleration: 3.0,
+            max_tracking_error: 0.25,
+            seed: 1,
+        }
+    }
+}
+
+/// Position of the fingers beyond which they hold nothing, counts.
+const EMPTY: f64 = 16_500.0;
+/// Time for which the fingers settle after closing and opening, s.
+const GRIP_TIME: f64 = 0.25;
+
+/// Picks and places objects with one arm and hand.
+#[derive(Debug)]
+pub struct Picker<W> {
+    cell: W,
+    model: WamModel<7>,
+    solver: PostureSolver,
+    surroundings: Surroundings,
+    options: PickerOptions,
+    stop: Stop,
+    /// Posture that the arm was sent to last, without correction.
+    at: Joints<7>,
+    /// Correction of the set point that brings the arm there, rad.
+    correction: Joints<7>,
+    /// Position of the spread, counts.
+    spread: i32,
+    plans: u64,
+}
+
+impl<W: Workcell> Picker<W> {
+    /// Returns a picker for an arm whose model includes the hand as a load.
+    ///
+    /// Errors: [`PickError::Workcell`] if arm or hand are not ready.
+    pub fn new(
+        mut cell: W,
+        model: WamModel<7>,
+        surroundings: Surroundings,
+        options: PickerOptions,
+        stop: Stop,
+    ) -> Result<Self, PickError> {
+        let step = Step::Plan;
+        let failed = |source| PickError::Workcell { step, source };
+        cell.prepare().map_err(failed)?;
+        let at = cell.joints().map_err(failed)?;
+        let spread = cell.fingers().map_err(failed)?[3] as i32;
+        let mut options = options;
+        options.grasp.surface = surroundings.surface;
+        Ok(Self {
+            solver: PostureSolver::new(&model),
+            cell,
+            model,
+            surroundings,
+            options,
+            stop,
+            at,
+            correction: Joints::<7>::zeros(),
+            spread,
+            plans: 0,
+        })
+    }
+
+    /// Returns arm and hand.
+    pub fn cell(&mut self) -> &mut W {
+        &mut self.cell
+    }
+
+    /// Returns the stop button.
+    pub fn stop(&self) -> &Stop {
+        &self.stop
+    }
+
+    /// Returns table and containers.
+    pub fn surroundings(&self) -> &Surroundings {
+        &self.surroundings
+    }
+
+    /// Picks `item` and drops it into `container`, at this distance from its middle, m.
+    ///
+    /// `others` are the other objects on the table. `first` skips grasps: 0 begins with the preferred one.
+    ///
+    /// Errors: [`PickError`].
+    pub fn pick_and_place(
+        &mut self,
+        item: &Item,
+        others: &[Item],
+        container: &Container,
+        offset: [f64; 2],
+        first: usize,
+    ) -> Result<(), PickError> {
+        let outcome = self.try_pick_and_place(item, others, container, offset, first);
+        if let Err(PickError::Workcell { .. } | PickError::Stopped { .. } | PickError::Blocked { .. }) =
+            &outcome
+        {
+            // The first error is the one to report.
+            let _ = self.cell.hold();
+        }
+        outcome
+    }
+
+    fn try_pick_and_place(
+        &mut self,
+        item: &Item,
+        others: &[Item],
+        container: &Container,
+        offset: [f64; 2],
+        first: usize,
+    ) -> Result<(), PickError> {
+        let plan = self.plan_pick(item, others, first)?;
+        self.shape_hand(&plan.grasp)?;
+        let approach = self.plan_transit(item, others, &plan)?;
+        self.follow(&approach, Step::PreGrasp)?;
+        self.follow(&plan.down, Step::Approach)?;
+        self.settle(Step::Approach)?;
+        self.hand(Step::Grasp, "GTC")?;
+        self.pause(GRIP_TIME, Step::Grasp)?;
+        if self.is_empty(Step::Grasp)? {
+            self.let_go(&plan.grasp, Step::Grasp)?;
+            self.follow(&plan.up, Step::Lift)?;
+            let item = item.label.clone();
+            return Err(PickError::Missed { item });
+        }
+        self.follow(&plan.up, Step::Lift)?;
+        self.check_held(item, &plan.grasp, Step::Lift)?;
+        let transport = self.plan_transport(item, others, &plan.grasp, container, offset)?;
+        self.follow(&transport, Step::Transport)?;
+        self.settle(Step::Transport)?;
+        self.check_held(item, &plan.grasp, Step::Transport)?;
+        self.let_go(&plan.grasp, Step::Release)
+    }
+
+    /// Brings spread and fingers into the shape of the grasp.
+    fn shape_hand(&mut self, grasp: &Grasp) -> Result<(), PickError> {
+        if (self.spread - grasp.spread).abs() > 20 {
+            self.hand(Step::Plan, &format!("SM {}", grasp.spread))?;
+            self.spread = grasp.spread;
+        }
+        self.hand(Step::Plan, &format!("GM {}", grasp.open))
+    }
+
+    fn let_go(&mut self, grasp: &Grasp, step: Step) -> Result<(), PickError> {
+        self.hand(step, &format!("GM {}", (grasp.open - 800).max(0)))?;
+        self.pause(GRIP_TIME, step)
+    }
+
+    /// Closes again: fingers that hold something do not move.
+    fn check_held(&mut self, item: &Item, grasp: &Grasp, step: Step) -> Result<(), PickError> {
+        self.hand(step, "GTC")?;
+        if !self.is_empty(step)? {
+            return Ok(());
+        }
+        self.let_go(grasp, step)?;
+        let item = item.label.clone();
+        Err(PickError::Lost { item, step })
+    }
+
+    /// Returns whether F3, or both F1 and F2, have closed as far as they go.
+    fn is_empty(&mut self, step: Step) -> Result<bool, PickError> {
+        let fingers = self.cell.fingers();
+        let [one, two, three, _] = fingers.map_err(|source| PickError::Workcell { step, source })?;
+        tracing::debug!(one, two, three, %step, "fingers");
+        Ok(three > EMPTY || (one > EMPTY && two > EMPTY))
+    }
+
+    fn hand(&mut self, step: Step, line: &str) -> Result<(), PickError> {
+        self.check_stop(step)?;
+        let sent = self.cell.command_hand(line);
+        sent.map_err(|source| PickError::Workcell { step, source })
+    }
+
+    fn check_stop(&self, step: Step) -> Result<(), PickError> {
+        match self.stop.request() {
+            StopRequest::Now => Err(PickError::Stopped { step }),
+            StopRequest::None | StopRequest::AfterObject => Ok(()),
+        }
+    }
+}
