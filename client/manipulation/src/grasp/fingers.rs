@@ -5,7 +5,7 @@ use yarp_devices::hand::gcl::Finger;
 use yarp_devices::hand::{FingerJoints, finger_coupling, finger_kinematics};
 
 /// Counts of the spread per degree.
-const SPREAD_COUNTS: f64 = 17.5;
+pub(super) const SPREAD_COUNTS: f64 = 17.5;
 /// Position of a closed finger, counts.
 pub(crate) const FINGER_STOP: i32 = 17_500;
 /// Radius of the outer link with its rubber cover, m.

@@ -7,8 +7,11 @@
 //! | shape | spread | fingers |
 //! | --- | --- | --- |
 //! | cuboid | 0 | F3 opposite F1 and F2, across the shorter side |
-//! | prism | 1050 counts (60 degrees) | one finger in the middle of each side |
-//! | cylinder | 1050 counts | three fingers at equal angles |
+//! | prism | 1050 counts (60 degrees) | one finger perpendicular to each side |
+//! | cylinder | 300 to 850 counts, by its radius | three fingers touch at equal angles |
+//!
+//! F1 and F2 turn about axes 25 mm beside the middle of the hand. With a spread, the middle of the object is therefore not in
+//! the middle of the hand, so that all fingers touch it at the same time.
 
 mod fingers;
 
@@ -21,10 +24,16 @@ use yarp_devices::kinematics::Pose;
 use crate::item::{Item, ItemShape};
 
 pub(crate) use fingers::finger_joints;
-use fingers::{FINGER_STOP, Reach, TIP_RADIUS, reach};
+use fingers::{FINGER_STOP, Reach, SPREAD_COUNTS, TIP_RADIUS, reach};
 
 /// Spread at which the three fingers close from directions 120 degrees apart, counts: 60 degrees.
 const ISOMETRIC: i32 = 1050;
+/// Angle between the place that F1 touches and the one opposite F3, when the fingers are equally far from each other, rad.
+const EQUAL_ANGLE: f64 = std::f64::consts::FRAC_PI_3;
+/// Motion of the fingers after the first contact, until all of them press, counts.
+const SQUEEZE: i32 = 350;
+/// Distance of the axes about which F1 and F2 spread from the middle of the hand, m.
+const PALM_HALF: f64 = 0.025;
 /// Number of directions that are tried around a cylinder.
 const DIRECTIONS: u32 = 12;
 /// Height of the palm's face above the frame of the hand, with the roundness of the palm, m.
@@ -36,7 +45,7 @@ const PALM_DEPTH: f64 = 0.078;
 pub struct GraspOptions {
     /// Height of the table's surface, m.
     pub surface: f64,
-    /// Distance of the fingertips from the table at their lowest point, m; 4 mm by default.
+    /// Distance of the fingertips from the table at their lowest point, m; 3 mm by default.
     pub table_clearance: f64,
     /// Distance of the palm from the top of the object, m; 12 mm by default.
     pub palm_clearance: f64,
@@ -48,7 +57,7 @@ impl Default for GraspOptions {
     fn default() -> Self {
         Self {
             surface: -0.05,
-            table_clearance: 0.004,
+            table_clearance: 0.003,
             palm_clearance: 0.012,
             opening: 0.018,
         }
@@ -78,50 +87,104 @@ impl Grasp {
 /// Returns the grasps of an object, the preferred ones first; none if it does not fit into the hand.
 pub fn grasps(item: &Item, options: &GraspOptions) -> Vec<Grasp> {
     let yaw = item.yaw();
-    // Directions of F3 seen from the object's middle, half widths under F3 and opposite, and the spread.
-    let mut wanted: Vec<(f64, f64, i32)> = Vec::new();
+    // Directions of F3 seen from the object's middle, and how the fingers meet the object.
+    let mut wanted: Vec<(f64, Meeting)> = Vec::new();
     match item.shape {
         ItemShape::Cuboid { size } => {
-            for direction in [yaw, yaw + PI] {
-                wanted.push((direction, size[0] / 2.0, 0));
-            }
-            for direction in [yaw + FRAC_PI_2, yaw - FRAC_PI_2] {
-                wanted.push((direction, size[1] / 2.0, 0));
+            for (turn, half) in [
+                (0.0, size[0] / 2.0),
+                (PI, size[0] / 2.0),
+                (FRAC_PI_2, size[1] / 2.0),
+                (-FRAC_PI_2, size[1] / 2.0),
+            ] {
+                wanted.push((yaw + turn, Meeting::opposed(half)));
             }
         }
         ItemShape::Prism { side, .. } => {
             // Each side is this far from the middle; the first one is at negative x.
             let apothem = side / (2.0 * 3.0_f64.sqrt());
             for side in 0..3 {
-                wanted.push((yaw + PI + TAU * f64::from(side) / 3.0, apothem, ISOMETRIC));
+                let direction = yaw + PI + TAU * f64::from(side) / 3.0;
+                wanted.push((direction, Meeting::of_triangle(apothem)));
             }
         }
         ItemShape::Cylinder { radius, .. } => {
             for step in 0..DIRECTIONS {
                 let direction = TAU * f64::from(step) / f64::from(DIRECTIONS);
-                wanted.push((direction, radius, ISOMETRIC));
+                wanted.push((direction, Meeting::of_circle(radius)));
             }
         }
     }
     wanted
         .into_iter()
-        .filter_map(|(direction, half, spread)| grasp(item, options, direction, half, spread))
+        .filter_map(|(direction, meeting)| grasp(item, options, direction, meeting))
         .collect()
 }
 
-/// Returns the grasp with F3 on this side of an object whose surface is `half` from its middle.
+/// How three fingers meet an object.
+#[derive(Clone, Copy, Debug)]
+struct Meeting {
+    /// Distance of the fingers' inner sides from their own axes in the middle of the hand, m.
+    inner: f64,
+    /// Place of the object's middle along the hand's y axis, m.
+    shift: f64,
+    /// Spread, counts.
+    spread: i32,
+}
+
+impl Meeting {
+    /// F3 opposite F1 and F2, which press on parallel sides.
+    fn opposed(half: f64) -> Self {
+        Self {
+            inner: half,
+            shift: 0.0,
+            spread: 0,
+        }
+    }
+
+    /// Each finger moves perpendicularly to a side of a triangle.
+    ///
+    /// The axis of F1 lies `PALM_HALF sin(60°)` farther out along its direction than that of F3. With the object's middle at
+    /// `c`, F3 touches at `c + apothem` and F1 at `apothem - PALM_HALF sin(60°) - c / 2`.
+    fn of_triangle(apothem: f64) -> Self {
+        let shift = -PALM_HALF * EQUAL_ANGLE.sin() / 1.5;
+        Self {
+            inner: apothem + shift,
+            shift,
+            spread: ISOMETRIC,
+        }
+    }
+
+    /// All fingers touch a circle at equal angles.
+    ///
+    /// With `D` the distance of a fingertip's middle from that of the circle, `ρ` from its finger's axis and `s` the spread:
+    /// `PALM_HALF + ρ sin(s) = D sin(60°)` and `ρ (1 + cos(s)) = 1.5 D`.
+    fn of_circle(radius: f64) -> Self {
+        let distance = radius + TIP_RADIUS;
+        let aside = (distance * EQUAL_ANGLE.sin() - PALM_HALF).max(0.0);
+        let spread = 2.0 * (aside / (1.5 * distance)).atan();
+        let tip = 1.5 * distance / (1.0 + spread.cos());
+        Self {
+            inner: tip - TIP_RADIUS,
+            shift: tip - distance,
+            spread: (spread.to_degrees() * SPREAD_COUNTS).round() as i32,
+        }
+    }
+}
+
+/// Returns the grasp with F3 on this side of an object.
 fn grasp(
     item: &Item,
     options: &GraspOptions,
     direction: f64,
-    half: f64,
-    spread: i32,
+    meeting: Meeting,
 ) -> Option<Grasp> {
-    let contact = counts_at(half)?;
-    let open = counts_at(half + options.opening).unwrap_or(0).min(contact);
+    let contact = counts_at(meeting.inner)?;
+    let open = counts_at(meeting.inner + options.opening);
+    let open = open.unwrap_or(0).min(contact);
     let surface = options.surface;
     // The tips go down while the fingers close; the palm stays above the object.
-    let lowest = reach(f64::from(contact)).depth + TIP_RADIUS;
+    let lowest = deepest(open, contact + SQUEEZE) + TIP_RADIUS;
     let by_tips = surface + options.table_clearance + lowest;
     let by_palm = item.top() + options.palm_clearance + PALM_DEPTH;
     let height = by_tips.max(by_palm);
@@ -134,16 +197,29 @@ fn grasp(
     let (sine, cosine) = direction.sin_cos();
     // Columns: x, y and z of the hand.
     let rotation = Matrix3::new(-sine, cosine, 0.0, cosine, sine, 0.0, 0.0, 0.0, -1.0);
+    let place = Vector3::new(
+        middle.x - meeting.shift * cosine,
+        middle.y - meeting.shift * sine,
+        height,
+    );
     let hand = Pose::from_parts(
-        Vector3::new(middle.x, middle.y, height).into(),
+        place.into(),
         Rotation3::from_matrix_unchecked(rotation),
     );
     Some(Grasp {
         hand,
-        spread,
+        spread: meeting.spread,
         open,
         contact,
     })
+}
+
+/// Returns the largest distance of a fingertip from the hand's frame along z while the fingers close, m.
+fn deepest(open: i32, contact: i32) -> f64 {
+    let steps = 20;
+    let counts = |step: i32| f64::from(open + (contact - open) * step / steps);
+    let depths = (0..=steps).map(|step| reach(counts(step)).depth);
+    depths.fold(0.0, f64::max)
 }
 
 /// Returns the position of the fingers at which their inner side is this far from the middle, counts.

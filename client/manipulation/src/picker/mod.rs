@@ -275,6 +275,7 @@ impl<W: Workcell> Picker<W> {
     ) -> Result<(), PickError> {
         let plan = self.plan_pick(item, others, first)?;
         self.shape_hand(&plan.grasp)?;
+        eprintln!("    grasp {:?} {:?}", plan.grasp.hand.translation.vector.as_slice(), (plan.grasp.spread, plan.grasp.open, plan.grasp.contact));
         let approach = self.plan_transit(item, others, &plan)?;
         self.follow(&approach, Step::PreGrasp)?;
         self.follow(&plan.down, Step::Approach)?;
@@ -325,6 +326,7 @@ impl<W: Workcell> Picker<W> {
     fn is_empty(&mut self, step: Step) -> Result<bool, PickError> {
         let fingers = self.cell.fingers();
         let [one, two, three, _] = fingers.map_err(|source| PickError::Workcell { step, source })?;
+        eprintln!("    {step}: {one:.0} {two:.0} {three:.0}");
         tracing::debug!(one, two, three, %step, "fingers");
         Ok(three > EMPTY || (one > EMPTY && two > EMPTY))
     }

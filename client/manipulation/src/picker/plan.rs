@@ -17,7 +17,7 @@ use crate::surroundings::Container;
 use crate::workcell::Workcell;
 
 /// Distance that the straight approach keeps from the table and other objects, m.
-const APPROACH_MARGIN: f64 = 0.001;
+const APPROACH_MARGIN: f64 = 0.0;
 /// Length of the straight approach, m, and lower ones where the arm does not reach so high.
 const LIFTS: [f64; 5] = [0.20, 0.15, 0.12, 0.09, 0.06];
 /// Length of a step of a straight line, m.
