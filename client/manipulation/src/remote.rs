@@ -99,10 +99,16 @@ impl Workcell for RemoteWorkcell {
         Ok(())
     }
 
-    fn command_hand(&mut self, line: &str) -> Result<(), WorkcellError> {
+    fn command_hand(&mut self, line: &str) -> Result<String, WorkcellError> {
         let sent = self.hand.send_command(line);
         self.due = Instant::now();
-        self.hand("command the hand", sent).map(drop)
+        match sent {
+            // Something blocked the motion.
+            Err(error) if yarp_client::ports::error_chain(&error).contains("position not reached") => {
+                Ok(String::new())
+            }
+            other => self.hand("command the hand", other),
+        }
     }
 
     fn fingers(&mut self) -> Result<[f64; 4], WorkcellError> {

@@ -31,8 +31,10 @@ pub trait Workcell {
     /// Lets this many seconds pass.
     fn wait(&mut self, seconds: f64) -> Result<(), WorkcellError>;
 
-    /// Sends the hand a command in its own language (`GTC`, `SM 1500`) and waits for its end.
-    fn command_hand(&mut self, line: &str) -> Result<(), WorkcellError>;
+    /// Sends the hand a command in its own language (`GO`, `SM 1500`), waits for its end and returns the reply.
+    ///
+    /// A motion that something blocked is no error: that is how a grasp ends.
+    fn command_hand(&mut self, line: &str) -> Result<String, WorkcellError>;
 
     /// Returns the positions of the motors of F1, F2, F3 and the spread, counts.
     fn fingers(&mut self) -> Result<[f64; 4], WorkcellError>;

@@ -7,7 +7,7 @@
 //! | shape | spread | fingers |
 //! | --- | --- | --- |
 //! | cuboid | 0 | F3 opposite F1 and F2, across the shorter side |
-//! | prism | 1050 counts (60 degrees) | one finger perpendicular to each side |
+//! | prism | 0 to 650 counts, by its side | one finger in the middle of each side |
 //! | cylinder | 300 to 850 counts, by its radius | three fingers touch at equal angles |
 //!
 //! F1 and F2 turn about axes 25 mm beside the middle of the hand. With a spread, the middle of the object is therefore not in
@@ -26,8 +26,6 @@ use crate::item::{Item, ItemShape};
 pub(crate) use fingers::finger_joints;
 use fingers::{FINGER_STOP, Reach, SPREAD_COUNTS, TIP_RADIUS, reach};
 
-/// Spread at which the three fingers close from directions 120 degrees apart, counts: 60 degrees.
-const ISOMETRIC: i32 = 1050;
 /// Angle between the place that F1 touches and the one opposite F3, when the fingers are equally far from each other, rad.
 const EQUAL_ANGLE: f64 = std::f64::consts::FRAC_PI_3;
 /// Motion of the fingers after the first contact, until all of them press, counts.
@@ -105,7 +103,7 @@ pub fn grasps(item: &Item, options: &GraspOptions) -> Vec<Grasp> {
             let apothem = side / (2.0 * 3.0_f64.sqrt());
             for side in 0..3 {
                 let direction = yaw + PI + TAU * f64::from(side) / 3.0;
-                wanted.push((direction, Meeting::of_triangle(apothem)));
+                wanted.push((direction, Meeting::of_circle(apothem)));
             }
         }
         ItemShape::Cylinder { radius, .. } => {
@@ -142,20 +140,7 @@ impl Meeting {
         }
     }
 
-    /// Each finger moves perpendicularly to a side of a triangle.
-    ///
-    /// The axis of F1 lies `PALM_HALF sin(60°)` farther out along its direction than that of F3. With the object's middle at
-    /// `c`, F3 touches at `c + apothem` and F1 at `apothem - PALM_HALF sin(60°) - c / 2`.
-    fn of_triangle(apothem: f64) -> Self {
-        let shift = -PALM_HALF * EQUAL_ANGLE.sin() / 1.5;
-        Self {
-            inner: apothem + shift,
-            shift,
-            spread: ISOMETRIC,
-        }
-    }
-
-    /// All fingers touch a circle at equal angles.
+    /// All fingers touch a circle at equal angles: a cylinder, or the circle inside a triangle.
     ///
     /// With `D` the distance of a fingertip's middle from that of the circle, `ρ` from its finger's axis and `s` the spread:
     /// `PALM_HALF + ρ sin(s) = D sin(60°)` and `ρ (1 + cos(s)) = 1.5 D`.

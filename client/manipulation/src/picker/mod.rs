@@ -172,8 +172,10 @@ impl Default for PickerOptions {
     }
 }
 
-/// Position of the fingers beyond which they hold nothing, counts.
-const EMPTY: f64 = 16_500.0;
+/// Motion of the fingers beyond the expected contact, counts: grip for 2 mm that the object may be elsewhere.
+///
+/// Fingers that close until they stall go on curling below a light object and turn it.
+const GRIP: i32 = 500;
 /// Time for which the fingers settle after closing and opening, s.
 const GRIP_TIME: f64 = 0.25;
 
@@ -280,7 +282,7 @@ impl<W: Workcell> Picker<W> {
         self.follow(&approach, Step::PreGrasp)?;
         self.follow(&plan.down, Step::Approach)?;
         self.settle(Step::Approach)?;
-        self.hand(Step::Grasp, "GTC")?;
+        self.hand(Step::Grasp, &format!("GM {}", plan.grasp.contact + GRIP))?;
         self.pause(GRIP_TIME, Step::Grasp)?;
         if self.is_empty(Step::Grasp)? {
             self.let_go(&plan.grasp, Step::Grasp)?;
@@ -289,21 +291,21 @@ impl<W: Workcell> Picker<W> {
             return Err(PickError::Missed { item });
         }
         self.follow(&plan.up, Step::Lift)?;
-        self.check_held(item, &plan.grasp, Step::Lift)?;
         let transport = self.plan_transport(item, others, &plan.grasp, container, offset)?;
         self.follow(&transport, Step::Transport)?;
         self.settle(Step::Transport)?;
-        self.check_held(item, &plan.grasp, Step::Transport)?;
         self.let_go(&plan.grasp, Step::Release)
     }
 
     /// Brings spread and fingers into the shape of the grasp.
     fn shape_hand(&mut self, grasp: &Grasp) -> Result<(), PickError> {
+        // Opening clears what the clutches reported.
+        self.hand(Step::Plan, "GO")?;
         if (self.spread - grasp.spread).abs() > 20 {
             self.hand(Step::Plan, &format!("SM {}", grasp.spread))?;
             self.spread = grasp.spread;
         }
-        self.hand(Step::Plan, &format!("GM {}", grasp.open))
+        self.hand(Step::Plan, &format!("GM {}", grasp.open)).map(drop)
     }
 
     fn let_go(&mut self, grasp: &Grasp, step: Step) -> Result<(), PickError> {
@@ -311,27 +313,23 @@ impl<W: Workcell> Picker<W> {
         self.pause(GRIP_TIME, step)
     }
 
-    /// Closes again: fingers that hold something do not move.
-    fn check_held(&mut self, item: &Item, grasp: &Grasp, step: Step) -> Result<(), PickError> {
-        self.hand(step, "GTC")?;
-        if !self.is_empty(step)? {
-            return Ok(());
-        }
-        self.let_go(grasp, step)?;
-        let item = item.label.clone();
-        Err(PickError::Lost { item, step })
-    }
-
-    /// Returns whether F3, or both F1 and F2, have closed as far as they go.
+    /// Returns whether the fingers closed without meeting anything: the clutch of F3, or those of F1 and F2, held.
     fn is_empty(&mut self, step: Step) -> Result<bool, PickError> {
-        let fingers = self.cell.fingers();
-        let [one, two, three, _] = fingers.map_err(|source| PickError::Workcell { step, source })?;
-        eprintln!("    {step}: {one:.0} {two:.0} {three:.0}");
-        tracing::debug!(one, two, three, %step, "fingers");
-        Ok(three > EMPTY || (one > EMPTY && two > EMPTY))
+        let reply = self.hand(step, "FGET BD")?;
+        let flags: Vec<bool> = reply
+            .split_whitespace()
+            .filter_map(|word| word.parse::<i32>().ok())
+            .map(|flag| flag != 0)
+            .collect();
+        eprintln!("    {step}: {flags:?}");
+        let [one, two, three, ..] = flags[..] else {
+            // A hand that does not tell is not trusted to hold anything.
+            return Ok(true);
+        };
+        Ok(!three || !(one || two))
     }
 
-    fn hand(&mut self, step: Step, line: &str) -> Result<(), PickError> {
+    fn hand(&mut self, step: Step, line: &str) -> Result<String, PickError> {
         self.check_stop(step)?;
         let sent = self.cell.command_hand(line);
         sent.map_err(|source| PickError::Workcell { step, source })

@@ -102,7 +102,7 @@ impl Workcell for SimulatedCell {
         Ok(())
     }
 
-    fn command_hand(&mut self, line: &str) -> Result<(), WorkcellError> {
+    fn command_hand(&mut self, line: &str) -> Result<String, WorkcellError> {
         self.fail()?;
         let mut table = self.0.borrow_mut();
         table.simulation.hand_mut().receive(line.as_bytes());
@@ -110,25 +110,13 @@ impl Workcell for SimulatedCell {
         let end = table.simulation.time() + Duration::from_secs(15);
         while table.simulation.hand().is_busy() && table.simulation.time() < end {
             table.step(0.002);
-            if std::env::var_os("TRACE").is_some() && line == "GTC" {
-                let t = table.simulation.time().as_millis();
-                if t % 40 == 0 {
-                    let object = &table.simulation.scene().objects[0];
-                    let hand = table.simulation.hand();
-                    let (r, p, y) = object.pose.rotation.euler_angles();
-                    eprintln!("{t} {:.4?} {:.2} {:.2} {:.2} {:.0?} {:?}", object.pose.translation.vector.as_slice(), r, p, y, hand.positions(), hand.clutches());
-                    for contact in table.simulation.physics().contacts() {
-                        eprintln!("      part {} on {:?} at {:.3?}: {:.1?} N", contact.part, contact.other, contact.point.coords.as_slice(), contact.force.as_slice());
-                    }
-                }
-            }
         }
         let said = table.simulation.hand_mut().take_output();
         let said = String::from_utf8_lossy(&said).into_owned();
         if said.contains("ERR") && !said.contains("ERR 16") {
             panic!("{line}: {said}");
         }
-        Ok(())
+        Ok(said)
     }
 
     fn fingers(&mut self) -> Result<[f64; 4], WorkcellError> {
