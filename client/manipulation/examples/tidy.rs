@@ -72,10 +72,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             }
         }
         println!(
-            "{run}: {placed} of {} placed, {} attempts, {} dropped, {} missed, {} contacts, {:.1} s per object, {:.1} x real time, fault {:?}, left {:?}, error {:?}",
+            "{run}: {placed} of {} placed, {} attempts, {} missed, {} contacts, {:.1} s per object, {:.1} x real time, fault {:?}, left {:?}, error {:?}",
             before.len(),
             report.attempts,
-            report.dropped,
             report.missed,
             table.touched,
             simulated / before.len() as f64,

@@ -48,8 +48,6 @@ pub struct TidyReport {
     pub attempts: usize,
     /// Attempts for each released object.
     pub attempts_of_released: Vec<usize>,
-    /// Objects that fell out of the hand.
-    pub dropped: usize,
     /// Grasps that closed on nothing.
     pub missed: usize,
     /// Objects that are left on the table, with the reason.
@@ -169,11 +167,10 @@ fn run<W: Workcell>(
                     report.stopped = true;
                     return Ok(());
                 }
-                Err(error @ (PickError::Missed { .. } | PickError::Lost { .. } | PickError::Plan { .. })) => {
+                Err(error @ (PickError::Missed { .. } | PickError::Plan { .. })) => {
                     tracing::info!(%error, "the attempt failed");
                     report.attempts += 1;
                     report.missed += usize::from(matches!(error, PickError::Missed { .. }));
-                    report.dropped += usize::from(matches!(error, PickError::Lost { .. }));
                     let entry = tried(&mut history, item);
                     entry.count += 1;
                     entry.why = error.to_string();

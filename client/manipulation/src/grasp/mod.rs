@@ -43,7 +43,7 @@ const PALM_DEPTH: f64 = 0.078;
 pub struct GraspOptions {
     /// Height of the table's surface, m.
     pub surface: f64,
-    /// Distance of the fingertips from the table at their lowest point, m; 3 mm by default.
+    /// Distance of the fingertips from the table at their lowest point, m; 2 mm by default.
     pub table_clearance: f64,
     /// Distance of the palm from the top of the object, m; 12 mm by default.
     pub palm_clearance: f64,
@@ -55,7 +55,7 @@ impl Default for GraspOptions {
     fn default() -> Self {
         Self {
             surface: -0.05,
-            table_clearance: 0.003,
+            table_clearance: 0.002,
             palm_clearance: 0.012,
             opening: 0.018,
         }
@@ -175,7 +175,7 @@ fn grasp(
     let height = by_tips.max(by_palm);
     // The tips must touch the object, not the air above it.
     let tip = height - reach(f64::from(contact)).depth;
-    if tip > item.top() - 0.003 {
+    if tip > item.top() {
         return None;
     }
     let middle = item.pose.translation.vector;

@@ -5,7 +5,7 @@
 //! | plan | no grasp fits, out of reach, no path | nothing has moved; the next grasp, then the next object |
 //! | pre-grasp, approach | the arm does not follow | it holds where it is, the error reports the joint |
 //! | grasp, verify | the fingers closed on nothing | open, back up; the object is detected again and tried once more |
-//! | lift, transport | the grip is empty | open above the table, report the loss; the object is detected again |
+//! | transport | no free path to the container | put the object back where it was |
 //! | release | the hand does not open | the arm holds above the container, the object stays held |
 //! | any | stop, emergency stop, a device is gone | the arm holds, the hand keeps its grip |
 
@@ -90,14 +90,6 @@ pub enum PickError {
         /// Label of the object.
         item: String,
     },
-    /// The object fell out of the hand; the fingers are open again.
-    #[error("{item} was lost from the hand during {step}")]
-    Lost {
-        /// Label of the object.
-        item: String,
-        /// The step.
-        step: Step,
-    },
     /// The arm does not follow; it holds where it is.
     #[error("{step}: joint {joint} is {error:.3} rad away from its set point; something blocks the arm")]
     Blocked {
@@ -148,9 +140,9 @@ pub struct PickerOptions {
     pub interval: f64,
     /// Maximum speed of elbow and wrist, m/s; 0.7 by default, below the fault of the safety module at 1.0.
     pub max_speed: f64,
-    /// Maximum joint speed, rad/s; 1.2 by default.
+    /// Maximum joint speed, rad/s; 1 by default.
     pub joint_speed: f64,
-    /// Maximum joint acceleration, rad/s²; 3 by default.
+    /// Maximum joint acceleration, rad/s²; 2 by default.
     pub joint_acceleration: f64,
     /// Difference between set point and measured angle at which the arm counts as blocked, rad; 0.25 by default.
     pub max_tracking_error: f64,
@@ -164,8 +156,8 @@ impl Default for PickerOptions {
             grasp: GraspOptions::default(),
             interval: 0.02,
             max_speed: 0.7,
-            joint_speed: 1.2,
-            joint_acceleration: 3.0,
+            joint_speed: 1.0,
+            joint_acceleration: 2.0,
             max_tracking_error: 0.25,
             seed: 1,
         }
@@ -277,7 +269,6 @@ impl<W: Workcell> Picker<W> {
     ) -> Result<(), PickError> {
         let plan = self.plan_pick(item, others, first)?;
         self.shape_hand(&plan.grasp)?;
-        eprintln!("    grasp {:?} {:?}", plan.grasp.hand.translation.vector.as_slice(), (plan.grasp.spread, plan.grasp.open, plan.grasp.contact));
         let approach = self.plan_transit(item, others, &plan)?;
         self.follow(&approach, Step::PreGrasp)?;
         self.follow(&plan.down, Step::Approach)?;
@@ -291,7 +282,16 @@ impl<W: Workcell> Picker<W> {
             return Err(PickError::Missed { item });
         }
         self.follow(&plan.up, Step::Lift)?;
-        let transport = self.plan_transport(item, others, &plan.grasp, container, offset)?;
+        let transport = match self.plan_transport(item, others, &plan.grasp, container, offset) {
+            Ok(transport) => transport,
+            Err(error) => {
+                self.follow(&plan.down, Step::Release)?;
+                self.settle(Step::Release)?;
+                self.let_go(&plan.grasp, Step::Release)?;
+                self.follow(&plan.up, Step::Release)?;
+                return Err(error);
+            }
+        };
         self.follow(&transport, Step::Transport)?;
         self.settle(Step::Transport)?;
         self.let_go(&plan.grasp, Step::Release)
@@ -321,7 +321,7 @@ impl<W: Workcell> Picker<W> {
             .filter_map(|word| word.parse::<i32>().ok())
             .map(|flag| flag != 0)
             .collect();
-        eprintln!("    {step}: {flags:?}");
+        tracing::debug!(?flags, %step, "clutches");
         let [one, two, three, ..] = flags[..] else {
             // A hand that does not tell is not trusted to hold anything.
             return Ok(true);

@@ -28,8 +28,8 @@ const RELEASE_HEIGHT: f64 = 0.02;
 const RELEASE_DIRECTIONS: u32 = 8;
 /// Number of postures per grasp for which a straight approach is tried.
 const POSTURES: usize = 4;
-/// Radius of the spheres that stand for a held object, m.
-const HELD_RADIUS: f64 = 0.02;
+/// Largest and smallest radius of the spheres that stand for a held object, m.
+const HELD_RADIUS: [f64; 2] = [0.02, 0.008];
 
 /// A plan of picking one object.
 #[derive(Debug)]
@@ -206,9 +206,10 @@ impl<W: Workcell> Picker<W> {
 fn held(item: &Item, grasp: &Grasp) -> Vec<LinkSphere> {
     let into_hand = grasp.hand.inverse() * item.pose;
     let (radius, height) = (item.shape.radius(), item.shape.height());
-    let ring = (radius - HELD_RADIUS).max(0.0);
-    let levels = (height / (2.0 * HELD_RADIUS)).ceil().max(1.0) as usize;
-    let around = ((TAU * ring / (2.0 * HELD_RADIUS)).ceil() as usize).max(1);
+    let size = (height / 2.0).clamp(HELD_RADIUS[1], HELD_RADIUS[0]);
+    let ring = (radius - size).max(0.0);
+    let levels = (height / (2.0 * size)).ceil().max(1.0) as usize;
+    let around = ((TAU * ring / (3.0 * size)).ceil() as usize).max(1);
     let mut spheres = Vec::new();
     for level in 0..levels {
         let z = height * ((level as f64 + 0.5) / levels as f64 - 0.5);
@@ -218,7 +219,7 @@ fn held(item: &Item, grasp: &Grasp) -> Vec<LinkSphere> {
             spheres.push(LinkSphere {
                 link: 7,
                 center,
-                radius: HELD_RADIUS,
+                radius: size,
             });
         }
     }

@@ -55,11 +55,11 @@ const PALM: [Capsule; 2] = [
 const FINGER: [Capsule; 3] = [
     Capsule(0, [0.005, 0.0, -0.012], [0.045, 0.0, 0.0], 0.0125),
     Capsule(1, [0.0, 0.0, 0.0], [0.070, 0.0, 0.0], 0.011),
-    Capsule(2, [0.0, 0.0, 0.0], [0.050, 0.0, 0.0], 0.010),
+    Capsule(2, [0.0, 0.0, 0.0], [0.050, 0.0, 0.0], 0.0095),
 ];
 
 /// Largest ratio of the distance between two spheres of a finger to its radius: thin links would have too many.
-const FINGER_SPACING: f64 = 1.3;
+const FINGER_SPACING: f64 = 0.9;
 
 /// Largest ratio of the distance between two spheres of a capsule to its radius; a covering sphere is
 /// `sqrt(1 + (ratio / 2)^2)` times as large as the capsule.

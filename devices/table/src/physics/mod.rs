@@ -41,7 +41,7 @@ const CONTACT: (f32, f32) = (45.0, 5.0);
 const CONTACT_WITH_TABLE: (f32, f32) = (60.0, 10.0);
 /// Share of a new force that counts at once. What holds an object feels its inertia one step late; without this low-pass
 /// a heavy object in a light wrist would swing up.
-const NEW: f64 = 0.3;
+const NEW: f64 = 0.08;
 /// Torque at an outer joint above which the finger gives way, Nm, how fast, counts per step, and how far: the elasticity of
 /// cables and of the rubber covers. No source gives it.
 const GIVES_ABOVE: f64 = 1.3;
