@@ -177,9 +177,9 @@ def main():
     mean = numpy.array(both).mean(axis=0) if both else [math.nan] * 4
     result = {
         "yarp": ours,
-        "ompl_solved": solved,
+        "ompl_solved": int(solved),
         "ompl_timeout_s": arguments.timeout,
-        "ends_in_collision": disagreements,
+        "ends_in_collision": int(disagreements),
         "both_solved": len(both),
         "yarp_mean_length_rad": float(mean[0]),
         "ompl_rrtconnect_mean_length_rad": float(mean[1]),
@@ -188,7 +188,7 @@ def main():
         "shorter_than_rrtconnect_share": float(numpy.mean([row[0] <= row[1] + 1e-9 for row in both])),
         "shorter_than_simplified_share": float(numpy.mean([row[0] <= row[2] + 1e-9 for row in both])),
     }
-    passed = bool(both) and disagreements == 0 and mean[0] < mean[1]
+    passed = bool(both and disagreements == 0 and mean[0] < mean[1])
     result["passed"] = passed
     print(json.dumps(result) if arguments.json else json.dumps(result, indent=2))
     return 0 if passed else 1

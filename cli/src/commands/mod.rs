@@ -160,7 +160,7 @@ impl Command {
             Self::Clock(args) => clock::run(args, out).await,
             Self::Conf(args) => conf::run(args, out),
             Self::Connect(args) => connect::run(args, out).await,
-            Self::Demo(args) => demo::run(args, out),
+            Self::Demo(args) => demo::run(args, out).await,
             Self::Detect(args) => detect::run(args, out).await,
             Self::Dev(args) => dev::run(args, out).await,
             Self::Disconnect(args) => disconnect::run(args, out).await,

@@ -46,8 +46,8 @@ pub struct TidyReport {
     pub released: usize,
     /// Attempts to pick an object.
     pub attempts: usize,
-    /// Attempts for each released object.
-    pub attempts_of_released: Vec<usize>,
+    /// Number of the object of each attempt, as the detector gave it, and whether it was released above its container.
+    pub log: Vec<(u32, bool)>,
     /// Grasps that closed on nothing.
     pub missed: usize,
     /// Objects that are left on the table, with the reason.
@@ -153,7 +153,7 @@ fn run<W: Workcell>(
                     released[class] += 1;
                     report.attempts += 1;
                     report.released += 1;
-                    report.attempts_of_released.push(before + 1);
+                    report.log.push((item.id, true));
                     progress = true;
                 }
                 // Nothing moved: perhaps another object is in the way.
@@ -164,12 +164,14 @@ fn run<W: Workcell>(
                 }
                 Err(PickError::Stopped { .. }) => {
                     report.attempts += 1;
+                    report.log.push((item.id, false));
                     report.stopped = true;
                     return Ok(());
                 }
                 Err(error @ (PickError::Missed { .. } | PickError::Plan { .. })) => {
                     tracing::info!(%error, "the attempt failed");
                     report.attempts += 1;
+                    report.log.push((item.id, false));
                     report.missed += usize::from(matches!(error, PickError::Missed { .. }));
                     let entry = tried(&mut history, item);
                     entry.count += 1;
@@ -178,6 +180,7 @@ fn run<W: Workcell>(
                 }
                 Err(error) => {
                     report.attempts += 1;
+                    report.log.push((item.id, false));
                     return Err(TidyError::Pick(error));
                 }
             }

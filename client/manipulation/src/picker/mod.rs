@@ -168,6 +168,9 @@ impl Default for PickerOptions {
 ///
 /// Fingers that close until they stall go on curling below a light object and turn it.
 const GRIP: i32 = 500;
+/// Position below which the outer links are steep at the contact and cannot curl below the object, and the grip then, counts.
+const STEEP_CONTACT: i32 = 6000;
+const STEEP_GRIP: i32 = 1500;
 /// Time for which the fingers settle after closing and opening, s.
 const GRIP_TIME: f64 = 0.25;
 
@@ -273,7 +276,11 @@ impl<W: Workcell> Picker<W> {
         self.follow(&approach, Step::PreGrasp)?;
         self.follow(&plan.down, Step::Approach)?;
         self.settle(Step::Approach)?;
-        self.hand(Step::Grasp, &format!("GM {}", plan.grasp.contact + GRIP))?;
+        let grip = match plan.grasp.contact < STEEP_CONTACT {
+            true => STEEP_GRIP,
+            false => GRIP,
+        };
+        self.hand(Step::Grasp, &format!("GM {}", plan.grasp.contact + grip))?;
         self.pause(GRIP_TIME, Step::Grasp)?;
         if self.is_empty(Step::Grasp)? {
             self.let_go(&plan.grasp, Step::Grasp)?;
@@ -282,6 +289,8 @@ impl<W: Workcell> Picker<W> {
             return Err(PickError::Missed { item });
         }
         self.follow(&plan.up, Step::Lift)?;
+        // The correction contains the weight from here on.
+        self.settle(Step::Lift)?;
         let transport = match self.plan_transport(item, others, &plan.grasp, container, offset) {
             Ok(transport) => transport,
             Err(error) => {
@@ -292,7 +301,7 @@ impl<W: Workcell> Picker<W> {
                 return Err(error);
             }
         };
-        self.follow(&transport, Step::Transport)?;
+        self.carry(&transport, Step::Transport)?;
         self.settle(Step::Transport)?;
         self.let_go(&plan.grasp, Step::Release)
     }

@@ -11,6 +11,8 @@ const CORRECTIONS: usize = 4;
 const CORRECTION_TIME: f64 = 0.12;
 /// Maximum correction of a joint, rad: more is no friction.
 const MAX_CORRECTION: f64 = 0.06;
+/// Maximum change of a correction, rad: a larger step would be a jerk.
+const MAX_CORRECTION_STEP: f64 = 0.015;
 /// Interval at which the speed of elbow and wrist is examined, s.
 const SPEED_INTERVAL: f64 = 0.02;
 
@@ -47,6 +49,15 @@ impl<W: Workcell> Picker<W> {
 
     /// Sends the arm along a motion, which begins where the last one ended.
     pub(super) fn follow(&mut self, motion: &Motion, step: Step) -> Result<(), PickError> {
+        self.follow_with(motion, step, true)
+    }
+
+    /// Sends the arm along a motion with the correction of its start: that for the weight of a held object.
+    pub(super) fn carry(&mut self, motion: &Motion, step: Step) -> Result<(), PickError> {
+        self.follow_with(motion, step, false)
+    }
+
+    fn follow_with(&mut self, motion: &Motion, step: Step, fades: bool) -> Result<(), PickError> {
         let interval = self.options.interval;
         let duration = motion.trajectory.duration() * motion.slower;
         let count = (duration / interval).ceil() as usize;
@@ -56,8 +67,10 @@ impl<W: Workcell> Picker<W> {
             let time = (index as f64 * interval).min(duration);
             let planned = motion.trajectory.joints_at(time / motion.slower);
             self.at = planned;
-            // What corrected the last posture fades out.
-            self.correction = correction * (1.0 - time / duration.max(interval));
+            if fades {
+                // What corrected the last posture does not suit the next.
+                self.correction = correction * (1.0 - time / duration.max(interval));
+            }
             self.command(step)?;
             self.call(step, |cell| cell.wait(interval))?;
             self.check_tracking(step)?;
@@ -70,7 +83,8 @@ impl<W: Workcell> Picker<W> {
         for _ in 0..CORRECTIONS {
             self.pause(CORRECTION_TIME, step)?;
             let measured = self.call(step, Workcell::joints)?;
-            let more = self.correction + (self.at - measured);
+            let step_of = |angle: f64| angle.clamp(-MAX_CORRECTION_STEP, MAX_CORRECTION_STEP);
+            let more = self.correction + (self.at - measured).map(step_of);
             self.correction = more.map(|angle| angle.clamp(-MAX_CORRECTION, MAX_CORRECTION));
             self.command(step)?;
         }

@@ -23,7 +23,7 @@ const LIFTS: [f64; 5] = [0.20, 0.15, 0.12, 0.09, 0.06];
 /// Length of a step of a straight line, m.
 const LINE_STEP: f64 = 0.02;
 /// Height of a held object's bottom above the rim of the container when it is released, m.
-const RELEASE_HEIGHT: f64 = 0.02;
+const RELEASE_HEIGHT: f64 = 0.03;
 /// Number of directions of the hand above a container.
 const RELEASE_DIRECTIONS: u32 = 8;
 /// Number of postures per grasp for which a straight approach is tried.

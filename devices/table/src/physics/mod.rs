@@ -47,6 +47,10 @@ const NEW: f64 = 0.08;
 const GIVES_ABOVE: f64 = 1.3;
 const GIVES: f64 = 15.0;
 const MOST_GIVEN: f64 = 400.0;
+/// Bound of the torques of objects on the joints in one step, before the low-pass, Nm: what lifts twice the heaviest carton
+/// far from the joint. The solver's forces between a squeezed object and bodies that only their devices move are noisy; the
+/// last joint is so light that single steps of them would shake it beyond the limits of its motor.
+const MOST_SOFT: [f64; 7] = [30.0, 30.0, 15.0, 15.0, 3.0, 3.0, 0.4];
 /// Bound of the torques on joints, Nm: above what the mechanics of the arm allow (110 Nm).
 const MOST: f64 = 120.0;
 
@@ -207,7 +211,10 @@ impl Physics {
     fn blend(&mut self, sharp: &contact::Sharp) {
         let before = self.reaction;
         // Table and baskets push as springs on what is stiff itself: there a delay would do harm.
-        self.soft += (sharp.soft - self.soft) * NEW;
+        let bounded = Joints::<7>::from_fn(|joint, _| {
+            sharp.soft[joint].clamp(-MOST_SOFT[joint], MOST_SOFT[joint])
+        });
+        self.soft += (bounded - self.soft) * NEW;
         self.reaction.torques = (self.soft + sharp.stiff).map(|torque| torque.clamp(-MOST, MOST));
         for finger in 0..3 {
             let (old, new) = (before.loads[finger], sharp.loads[finger]);
