@@ -2,10 +2,14 @@
 
 use std::io::Write;
 use std::process::ExitCode;
+#[cfg(all(unix, feature = "table"))]
+use std::time::Duration;
 
 use yarp_demos::{joint_synchronisation, repeatability};
 
 use crate::error::Result;
+#[cfg(all(unix, feature = "table"))]
+use crate::signals::Interrupt;
 
 /// repeat the thesis's experiments on the simulated arm
 ///
@@ -58,6 +62,10 @@ struct TidyArgs {
     remote: Option<String>,
 }
 
+/// Time after the first signal from which a third one aborts the process.
+#[cfg(all(unix, feature = "table"))]
+const ABORT_AFTER: Duration = Duration::from_secs(2);
+
 #[cfg(all(unix, feature = "table"))]
 async fn tidy(args: TidyArgs, out: &mut dyn Write) -> Result<ExitCode> {
     use yarp_demos::table::tidy::{self, TidyDemoOptions};
@@ -72,7 +80,9 @@ async fn tidy(args: TidyArgs, out: &mut dyn Write) -> Result<ExitCode> {
     }
     let stop = tidy::Stop::default();
     let button = stop.clone();
-    let mut interrupt = crate::signals::Interrupt::listen();
+    // The first finishes the current object, the second halts; only a third may abort.
+    let mut interrupt = Interrupt::listen_with(2, ABORT_AFTER);
+    let mut presses = 1;
     let mut running = tokio::task::spawn_blocking(move || {
         let mut text = Vec::new();
         let told = tidy::run(&options, &stop, args.json, &mut text);
@@ -81,7 +91,10 @@ async fn tidy(args: TidyArgs, out: &mut dyn Write) -> Result<ExitCode> {
     let (told, text) = loop {
         tokio::select! {
             ended = &mut running => break ended.expect("the demo does not panic"),
-            () = interrupt.interrupted() => button.press(),
+            () = interrupt.interrupted_times(presses) => {
+                button.press();
+                presses += 1;
+            }
         }
     };
     out.write_all(&text)?;

@@ -188,7 +188,9 @@ async fn serve(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     let (truth_network, truth_scene) = (network.clone(), table.shared_scene());
     let serving = move || yarp_demos::table::serve_truth(&truth_network, &truth_name, truth_scene);
     let truth = tokio::task::spawn_blocking(serving).await;
-    let truth = truth.expect("opening a port does not panic").map_err(failed)?;
+    let truth = truth
+        .expect("opening a port does not panic")
+        .map_err(failed)?;
     let told = tell(&args.prefix, count, out);
     if told.is_ok() {
         interrupt.interrupted().await;

@@ -13,7 +13,10 @@ use yarp_table::{Class, Placement, Random, Scene, SimulationOptions, arm_model};
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let number = |index: usize, default: u64| {
-        words.get(index).and_then(|word| word.parse().ok()).unwrap_or(default)
+        words
+            .get(index)
+            .and_then(|word| word.parse().ok())
+            .unwrap_or(default)
     };
     let (seed, runs, count) = (number(0, 1), number(1, 1), number(2, 1));
     let verbose = std::env::var_os("VERBOSE").is_some();

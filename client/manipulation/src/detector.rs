@@ -7,7 +7,9 @@ use crate::item::Item;
 #[non_exhaustive]
 pub enum DetectError {
     /// The source delivers nothing new.
-    #[error("the {detector} detector got nothing new from {peer} for {seconds:.1} s; check that it runs and is connected")]
+    #[error(
+        "the {detector} detector got nothing new from {peer} for {seconds:.1} s; check that it runs and is connected"
+    )]
     Stale {
         /// Name of the detector.
         detector: &'static str,
@@ -17,7 +19,9 @@ pub enum DetectError {
         seconds: f64,
     },
     /// The camera is not where it was when it was calibrated.
-    #[error("the camera has moved by {pixels:.1} pixels since its calibration; calibrate it again with `yarp calibrate`")]
+    #[error(
+        "the camera has moved by {pixels:.1} pixels since its calibration; calibrate it again with `yarp calibrate`"
+    )]
     CameraMoved {
         /// Displacement of the reference marks, pixels.
         pixels: f64,

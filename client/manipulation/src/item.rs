@@ -97,6 +97,10 @@ impl Item {
 
     /// Returns the object as an obstacle.
     pub fn obstacle(&self) -> Obstacle {
-        Obstacle::new(format!("{} {}", self.label, self.id), self.shape.obstacle(), self.pose)
+        Obstacle::new(
+            format!("{} {}", self.label, self.id),
+            self.shape.obstacle(),
+            self.pose,
+        )
     }
 }

@@ -137,7 +137,10 @@ impl PostureSolver {
         let mut last = *from;
         for step in 1..=steps {
             let part = step as f64 / steps as f64;
-            let place = begin.translation.vector.lerp(&target.translation.vector, part);
+            let place = begin
+                .translation
+                .vector
+                .lerp(&target.translation.vector, part);
             let pose = Pose::from_parts(place.into(), begin.rotation * turn.powf(part));
             let joints = self.local.solve(&pose, &last).ok()?.joints;
             if (joints - last).amax() > MAX_LINE_STEP {

@@ -66,7 +66,10 @@ impl RemoteWorkcell {
 impl Workcell for RemoteWorkcell {
     fn prepare(&mut self) -> Result<(), WorkcellError> {
         let modes = [Mode::PositionDirect; 7];
-        self.arm("set the mode", self.arm.set_control_modes(Axes::All, &modes))
+        self.arm(
+            "set the mode",
+            self.arm.set_control_modes(Axes::All, &modes),
+        )
     }
 
     fn joints(&mut self) -> Result<Joints<7>, WorkcellError> {
@@ -104,7 +107,9 @@ impl Workcell for RemoteWorkcell {
         self.due = Instant::now();
         match sent {
             // Something blocked the motion.
-            Err(error) if yarp_client::ports::error_chain(&error).contains("position not reached") => {
+            Err(error)
+                if yarp_client::ports::error_chain(&error).contains("position not reached") =>
+            {
                 Ok(String::new())
             }
             other => self.hand("command the hand", other),

@@ -23,7 +23,9 @@ impl Stop {
     pub fn press(&self) {
         let more = |presses: u8| Some(presses.saturating_add(1).min(2));
         // Never refused.
-        let _ = self.0.fetch_update(Ordering::AcqRel, Ordering::Acquire, more);
+        let _ = self
+            .0
+            .fetch_update(Ordering::AcqRel, Ordering::Acquire, more);
     }
 
     /// Halts at once.

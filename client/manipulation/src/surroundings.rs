@@ -49,7 +49,11 @@ impl Default for Surroundings {
             surface: -0.05,
             table_x: [0.20, 0.90],
             table_y: [-0.40, 0.40],
-            containers: [container(0.45, -0.56), container(0.45, 0.56), container(0.10, -0.60)],
+            containers: [
+                container(0.45, -0.56),
+                container(0.45, 0.56),
+                container(0.10, -0.60),
+            ],
         }
     }
 }
@@ -69,7 +73,11 @@ impl Surroundings {
             let [x, y, z] = container.bottom;
             let shape = Shape::cuboid([length + 2.0 * WALL, width + 2.0 * WALL, depth]);
             let pose = Pose::translation(x, y, z + depth / 2.0);
-            scene.add(Obstacle::new(format!("container {}", index + 1), shape, pose));
+            scene.add(Obstacle::new(
+                format!("container {}", index + 1),
+                shape,
+                pose,
+            ));
         }
         for item in items {
             scene.add(item.obstacle());

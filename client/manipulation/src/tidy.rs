@@ -70,7 +70,8 @@ struct Tried {
 
 fn tried<'a>(all: &'a mut Vec<Tried>, item: &Item) -> &'a mut Tried {
     let place = item.pose.translation.vector;
-    let near = |tried: &Tried| (place.x - tried.place[0]).hypot(place.y - tried.place[1]) < SAME_PLACE;
+    let near =
+        |tried: &Tried| (place.x - tried.place[0]).hypot(place.y - tried.place[1]) < SAME_PLACE;
     let index = all.iter().position(near).unwrap_or_else(|| {
         all.push(Tried {
             place: [place.x, place.y],
@@ -136,7 +137,11 @@ fn run<W: Workcell>(
                 report.left.push((item.label.clone(), why));
                 continue;
             }
-            let others: Vec<Item> = items.iter().filter(|other| other.id != item.id).cloned().collect();
+            let others: Vec<Item> = items
+                .iter()
+                .filter(|other| other.id != item.id)
+                .cloned()
+                .collect();
             let class = match item.class {
                 Class::Polygon => 0,
                 Class::Glass => 1,

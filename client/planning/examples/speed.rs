@@ -5,7 +5,9 @@ use std::time::Instant;
 use yarp_planning::{PlannerOptions, Problem};
 
 fn main() {
-    let mut words = std::env::args().skip(1).filter_map(|word| word.parse::<u64>().ok());
+    let mut words = std::env::args()
+        .skip(1)
+        .filter_map(|word| word.parse::<u64>().ok());
     let (seed, count) = (words.next().unwrap_or(1), words.next().unwrap_or(100));
     let (searches, shortcuts) = (words.next().unwrap_or(1), words.next().unwrap_or(60));
     let mut times = Vec::new();

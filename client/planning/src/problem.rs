@@ -20,7 +20,9 @@ const MAX_ENTRIES: usize = 10_000;
 #[non_exhaustive]
 pub enum ProblemError {
     /// The text is no JSON of this form.
-    #[error("the scene is not valid: {0}; expected {{\"start\": [7 angles in rad], \"goals\": [[7 angles in rad]], \"obstacles\": [...]}}")]
+    #[error(
+        "the scene is not valid: {0}; expected {{\"start\": [7 angles in rad], \"goals\": [[7 angles in rad]], \"obstacles\": [...]}}"
+    )]
     Json(#[from] serde_json::Error),
     /// A number is not finite, or a size is not positive.
     #[error("the {what} of {name} is {value}; expected {expected}")]
@@ -91,7 +93,9 @@ enum ShapeFile {
 }
 
 fn finite(what: &'static str, name: &str, values: &[f64]) -> Result<(), ProblemError> {
-    let wrong = values.iter().find(|value| value.is_nan() || value.abs() > 1e3);
+    let wrong = values
+        .iter()
+        .find(|value| value.is_nan() || value.abs() > 1e3);
     wrong.map_or(Ok(()), |&value| {
         Err(ProblemError::Value {
             what,
@@ -198,8 +202,18 @@ impl Problem {
             }),
         };
         let (goals, obstacles) = (file.goals.len(), file.obstacles.len());
-        count("goals", goals, "1 to 10000", (1..=MAX_ENTRIES).contains(&goals))?;
-        count("obstacles", obstacles, "at most 10000", obstacles <= MAX_ENTRIES)?;
+        count(
+            "goals",
+            goals,
+            "1 to 10000",
+            (1..=MAX_ENTRIES).contains(&goals),
+        )?;
+        count(
+            "obstacles",
+            obstacles,
+            "at most 10000",
+            obstacles <= MAX_ENTRIES,
+        )?;
         finite("joint angle", "the start", &file.start)?;
         let mut scene = Scene::default();
         for obstacle in &file.obstacles {
@@ -220,7 +234,12 @@ impl Problem {
         let file = ProblemFile {
             start: self.start.into(),
             goals: self.goals.iter().map(|goal| (*goal).into()).collect(),
-            obstacles: self.scene.obstacles().iter().map(ObstacleFile::of).collect(),
+            obstacles: self
+                .scene
+                .obstacles()
+                .iter()
+                .map(ObstacleFile::of)
+                .collect(),
         };
         serde_json::to_string(&file).expect("numbers and names have a JSON form")
     }
@@ -265,7 +284,11 @@ const SURFACE: f64 = -0.05;
 fn cluttered_table(random: &mut Random) -> Scene {
     let mut scene = Scene::default();
     let slab = Shape::cuboid([0.70, 1.0, 0.05]);
-    scene.add(Obstacle::new("table", slab, Pose::translation(0.60, 0.0, SURFACE - 0.025)));
+    scene.add(Obstacle::new(
+        "table",
+        slab,
+        Pose::translation(0.60, 0.0, SURFACE - 0.025),
+    ));
     let floor = Pose::translation(0.0, 0.0, -0.90);
     scene.add(Obstacle::new("floor", Shape::HalfSpace, floor));
     let count = 8 + (random.unit() * 9.0) as usize;
@@ -289,17 +312,29 @@ fn cluttered_table(random: &mut Random) -> Scene {
         scene.add(Obstacle::new(name, shape, Pose::from_parts(place, turn)));
     }
     let side = if random.unit() < 0.5 { -1.0 } else { 1.0 };
-    let wall = Pose::translation(random.between(0.1, 0.6), side * random.between(0.65, 0.9), 0.4);
+    let wall = Pose::translation(
+        random.between(0.1, 0.6),
+        side * random.between(0.65, 0.9),
+        0.4,
+    );
     scene.add(Obstacle::new("wall", Shape::cuboid([0.6, 0.05, 1.2]), wall));
     let post = Pose::translation(random.between(0.35, 0.8), random.between(-0.4, 0.4), 0.4);
-    scene.add(Obstacle::new("post", Shape::cylinder(random.between(0.02, 0.05), 0.9), post));
+    scene.add(Obstacle::new(
+        "post",
+        Shape::cylinder(random.between(0.02, 0.05), 0.9),
+        post,
+    ));
     for number in 0..(random.unit() * 4.0) as usize {
         let size = std::array::from_fn(|_| random.between(0.05, 0.25));
         let angle = random.between(-1.8, 1.8);
         let radius = random.between(0.35, 0.8);
         let height = random.between(0.3, 0.9);
         let place = Pose::translation(radius * angle.cos(), radius * angle.sin(), height);
-        scene.add(Obstacle::new(format!("shelf {number}"), Shape::cuboid(size), place));
+        scene.add(Obstacle::new(
+            format!("shelf {number}"),
+            Shape::cuboid(size),
+            place,
+        ));
     }
     scene
 }
@@ -322,7 +357,8 @@ fn free_posture(model: &CollisionModel, random: &mut Random) -> Option<Joints<7>
                 let down = EulerXyz::new(std::f64::consts::PI, 0.0, 0.0).rotation();
                 let yaw = Rotation3::from_axis_angle(&Vector3::z_axis(), random.between(-3.1, 3.1));
                 let target = Pose::from_parts(place, yaw * down);
-                let near = Joints::<7>::from([place.y.atan2(place.x), 0.6, 0.0, 2.0, 0.0, 0.5, 0.0]);
+                let near =
+                    Joints::<7>::from([place.y.atan2(place.x), 0.6, 0.0, 2.0, 0.0, 0.5, 0.0]);
                 match solver.solve(&target, &near) {
                     Ok(solution) => solution.joints,
                     Err(_) => continue,

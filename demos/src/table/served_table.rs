@@ -30,7 +30,9 @@ pub struct ServedTable {
 
 impl std::fmt::Debug for ServedTable {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("ServedTable").field("table", &self.table).finish_non_exhaustive()
+        f.debug_struct("ServedTable")
+            .field("table", &self.table)
+            .finish_non_exhaustive()
     }
 }
 
@@ -44,8 +46,14 @@ impl ServedTable {
         table: LiveTable,
         speed: f64,
     ) -> Result<Self, TableDemoError> {
-        let interval = STATE_INTERVAL.div_f64(speed.max(0.1)).max(MIN_STATE_INTERVAL);
-        let truth = serve_truth(network, &format!("{prefix}/truth/rpc:i"), table.shared_scene())?;
+        let interval = STATE_INTERVAL
+            .div_f64(speed.max(0.1))
+            .max(MIN_STATE_INTERVAL);
+        let truth = serve_truth(
+            network,
+            &format!("{prefix}/truth/rpc:i"),
+            table.shared_scene(),
+        )?;
         let (network, prefix) = (network.clone(), prefix.to_owned());
         let (wam, fingers, eye) = (table.arm(), table.hand(), table.camera());
         let opening = async move {

@@ -133,7 +133,10 @@ impl Judgement {
                 Class::Plate => 2,
                 _ => 0,
             };
-            let found = scene.baskets.iter().position(|basket| basket.contains(&place));
+            let found = scene
+                .baskets
+                .iter()
+                .position(|basket| basket.contains(&place));
             match found {
                 Some(basket) if basket == wanted => {
                     let attempts = report.log.iter().filter(|(id, _)| *id == object.id).count();
@@ -150,7 +153,9 @@ impl Judgement {
     /// Returns whether the run is above the targets of each object.
     fn passes(&self, report: &TidyReport) -> bool {
         let objects = self.objects as f64;
-        let dropped = report.released.saturating_sub(self.placed + self.misclassified) as f64;
+        let dropped = report
+            .released
+            .saturating_sub(self.placed + self.misclassified) as f64;
         self.within_two as f64 >= 0.99 * objects
             && dropped <= 0.005 * objects
             && self.lost == 0
@@ -164,7 +169,10 @@ fn tidy_here(
     options: &TidyDemoOptions,
     stop: &Stop,
 ) -> Result<(TidyReport, Judgement), TableDemoError> {
-    let scene = Scene::random(options.seed, &Placement::default().with_count(options.objects))?;
+    let scene = Scene::random(
+        options.seed,
+        &Placement::default().with_count(options.objects),
+    )?;
     let names = wait(Server::start(ServerOptions::default().at("127.0.0.1", 0)))?;
     let network = names.network();
     let mut live = LiveOptions::default();

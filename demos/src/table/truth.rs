@@ -108,7 +108,11 @@ impl RemoteTruth {
                 (Class::Polygon, ItemShape::Prism { side, height })
             }
             "glass" | "plate" => {
-                let class = if word == "glass" { Class::Glass } else { Class::Plate };
+                let class = if word == "glass" {
+                    Class::Glass
+                } else {
+                    Class::Plate
+                };
                 let (radius, height) = (size(0)?, size(1)?);
                 (class, ItemShape::Cylinder { radius, height })
             }
@@ -158,6 +162,9 @@ impl Detector for RemoteTruth {
             .take(MAX_OBJECTS)
             .cloned()
             .collect();
-        Ok(entries.iter().filter_map(|entry| self.item(entry)).collect())
+        Ok(entries
+            .iter()
+            .filter_map(|entry| self.item(entry))
+            .collect())
     }
 }

@@ -68,7 +68,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Result<ExitCode> {
         let path = results.plan(index, &problem);
         if let Some(file) = &mut export {
             let problem: Value = serde_json::from_str(&problem.to_json()).unwrap_or_default();
-            let (milliseconds, length) = (results.times[index as usize], path.map(|path| path.length()));
+            let (milliseconds, length) = (
+                results.times[index as usize],
+                path.map(|path| path.length()),
+            );
             let line = json!({"problem": problem, "length": length, "milliseconds": milliseconds});
             writeln!(file, "{line}").map_err(failed)?;
         }
@@ -136,7 +139,11 @@ impl Results {
                 self.solved, args.count, self.collisions, self.least_distance
             )?;
         }
-        Ok(if ok { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+        Ok(if ok {
+            ExitCode::SUCCESS
+        } else {
+            ExitCode::FAILURE
+        })
     }
 }
 
@@ -172,7 +179,9 @@ fn arm() -> Value {
         })
         .collect();
     // The frame of each link in that before it, while the joint is at 0; the joint turns about z before it.
-    let frames = model.chain().frames(&yarp_devices::kinematics::Joints::<7>::zeros());
+    let frames = model
+        .chain()
+        .frames(&yarp_devices::kinematics::Joints::<7>::zeros());
     let mut before = yarp_devices::kinematics::Pose::identity();
     let rows: Vec<Value> = frames
         .iter()

@@ -88,7 +88,9 @@ fn read(path: &Path) -> std::result::Result<Problem, PlanFailure> {
     };
     let mut text = String::new();
     let file = File::open(path).map_err(failed)?;
-    file.take(MAX_FILE + 1).read_to_string(&mut text).map_err(failed)?;
+    file.take(MAX_FILE + 1)
+        .read_to_string(&mut text)
+        .map_err(failed)?;
     if text.len() as u64 > MAX_FILE {
         let path = path.to_owned();
         return Err(PlanFailure::TooLarge { path });
@@ -108,12 +110,12 @@ fn solve(path: &Path, json: bool, out: &mut dyn Write) -> Result<ExitCode> {
     let start = Instant::now();
     let planned = planner.plan(&problem.start, &problem.goals);
     let seconds = start.elapsed().as_secs_f64();
-    let found = planned
-        .map_err(|error| error.to_string())
-        .and_then(|path| match planner.trajectory(&path) {
+    let found = planned.map_err(|error| error.to_string()).and_then(|path| {
+        match planner.trajectory(&path) {
             Ok(trajectory) => Ok((path, trajectory)),
             Err(error) => Err(error.to_string()),
-        });
+        }
+    });
     let (path, trajectory) = match found {
         Ok(found) => found,
         Err(why) => {

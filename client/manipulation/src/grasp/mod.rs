@@ -158,12 +158,7 @@ impl Meeting {
 }
 
 /// Returns the grasp with F3 on this side of an object.
-fn grasp(
-    item: &Item,
-    options: &GraspOptions,
-    direction: f64,
-    meeting: Meeting,
-) -> Option<Grasp> {
+fn grasp(item: &Item, options: &GraspOptions, direction: f64, meeting: Meeting) -> Option<Grasp> {
     let contact = counts_at(meeting.inner)?;
     let open = counts_at(meeting.inner + options.opening);
     let open = open.unwrap_or(0).min(contact);
@@ -187,10 +182,7 @@ fn grasp(
         middle.y - meeting.shift * sine,
         height,
     );
-    let hand = Pose::from_parts(
-        place.into(),
-        Rotation3::from_matrix_unchecked(rotation),
-    );
+    let hand = Pose::from_parts(place.into(), Rotation3::from_matrix_unchecked(rotation));
     Some(Grasp {
         hand,
         spread: meeting.spread,
@@ -246,7 +238,12 @@ mod tests {
 
     #[test]
     fn the_first_grasp_of_a_box_is_that_of_the_thesis() {
-        let cuboid = item(ItemShape::Cuboid { size: [0.05, 0.10, 0.08] }, 0.4);
+        let cuboid = item(
+            ItemShape::Cuboid {
+                size: [0.05, 0.10, 0.08],
+            },
+            0.4,
+        );
         let first = &grasps(&cuboid, &GraspOptions::default())[0];
         let expected = Matrix3::new(0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0);
         let relative = cuboid.pose.rotation.inverse() * first.hand.rotation;
@@ -258,11 +255,32 @@ mod tests {
     #[test]
     fn every_shape_of_the_table_has_grasps_and_a_wide_one_has_none() {
         let count = |shape| grasps(&item(shape, 0.2), &GraspOptions::default()).len();
-        assert_eq!(count(ItemShape::Cuboid { size: [0.04, 0.05, 0.03] }), 4);
-        assert_eq!(count(ItemShape::Prism { side: 0.06, height: 0.04 }), 3);
+        assert_eq!(
+            count(ItemShape::Cuboid {
+                size: [0.04, 0.05, 0.03]
+            }),
+            4
+        );
+        assert_eq!(
+            count(ItemShape::Prism {
+                side: 0.06,
+                height: 0.04
+            }),
+            3
+        );
         for (radius, height) in [(0.03, 0.08), (0.0425, 0.15), (0.1, 0.015), (0.09, 0.025)] {
-            assert_eq!(count(ItemShape::Cylinder { radius, height }), 12, "{radius}");
+            assert_eq!(
+                count(ItemShape::Cylinder { radius, height }),
+                12,
+                "{radius}"
+            );
         }
-        assert_eq!(count(ItemShape::Cylinder { radius: 0.2, height: 0.02 }), 0);
+        assert_eq!(
+            count(ItemShape::Cylinder {
+                radius: 0.2,
+                height: 0.02
+            }),
+            0
+        );
     }
 }

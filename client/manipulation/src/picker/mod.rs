@@ -91,7 +91,9 @@ pub enum PickError {
         item: String,
     },
     /// The arm does not follow; it holds where it is.
-    #[error("{step}: joint {joint} is {error:.3} rad away from its set point; something blocks the arm")]
+    #[error(
+        "{step}: joint {joint} is {error:.3} rad away from its set point; something blocks the arm"
+    )]
     Blocked {
         /// The step.
         step: Step,
@@ -171,6 +173,9 @@ const GRIP: i32 = 500;
 /// Position below which the outer links are steep at the contact and cannot curl below the object, and the grip then, counts.
 const STEEP_CONTACT: i32 = 6000;
 const STEEP_GRIP: i32 = 1500;
+/// Posture near home with the elbow a little open, and the distance within which the arm counts as at home, rad.
+const UNFOLDED: [f64; 7] = [0.0, -1.9, 0.0, 2.7, 0.0, 0.0, 0.0];
+const AT_HOME: f64 = 0.2;
 /// Time for which the fingers settle after closing and opening, s.
 const GRIP_TIME: f64 = 0.25;
 
@@ -206,7 +211,8 @@ impl<W: Workcell> Picker<W> {
         let step = Step::Plan;
         let failed = |source| PickError::Workcell { step, source };
         cell.prepare().map_err(failed)?;
-        let at = cell.joints().map_err(failed)?;
+        // Encoders read a little beyond a limit at which the arm rests.
+        let at = model.chain.clamp(&cell.joints().map_err(failed)?);
         let spread = cell.fingers().map_err(failed)?[3] as i32;
         let mut options = options;
         options.grasp.surface = surroundings.surface;
@@ -253,8 +259,9 @@ impl<W: Workcell> Picker<W> {
         first: usize,
     ) -> Result<(), PickError> {
         let outcome = self.try_pick_and_place(item, others, container, offset, first);
-        if let Err(PickError::Workcell { .. } | PickError::Stopped { .. } | PickError::Blocked { .. }) =
-            &outcome
+        if let Err(
+            PickError::Workcell { .. } | PickError::Stopped { .. } | PickError::Blocked { .. },
+        ) = &outcome
         {
             // The first error is the one to report.
             let _ = self.cell.hold();
@@ -270,6 +277,7 @@ impl<W: Workcell> Picker<W> {
         offset: [f64; 2],
         first: usize,
     ) -> Result<(), PickError> {
+        self.leave_home()?;
         let plan = self.plan_pick(item, others, first)?;
         self.shape_hand(&plan.grasp)?;
         let approach = self.plan_transit(item, others, &plan)?;
@@ -306,6 +314,18 @@ impl<W: Workcell> Picker<W> {
         self.let_go(&plan.grasp, Step::Release)
     }
 
+    /// Unfolds an arm at home, where forearm and upper arm are closer to each other than planned motions come.
+    fn leave_home(&mut self) -> Result<(), PickError> {
+        if (self.at - self.model.home).amax() > AT_HOME {
+            return Ok(());
+        }
+        let unfolded = Joints::<7>::from(UNFOLDED);
+        match self.timed(vec![self.at, unfolded]) {
+            Some(motion) => self.follow(&motion, Step::PreGrasp),
+            None => Ok(()),
+        }
+    }
+
     /// Brings spread and fingers into the shape of the grasp.
     fn shape_hand(&mut self, grasp: &Grasp) -> Result<(), PickError> {
         // Opening clears what the clutches reported.
@@ -314,7 +334,8 @@ impl<W: Workcell> Picker<W> {
             self.hand(Step::Plan, &format!("SM {}", grasp.spread))?;
             self.spread = grasp.spread;
         }
-        self.hand(Step::Plan, &format!("GM {}", grasp.open)).map(drop)
+        self.hand(Step::Plan, &format!("GM {}", grasp.open))
+            .map(drop)
     }
 
     fn let_go(&mut self, grasp: &Grasp, step: Step) -> Result<(), PickError> {

@@ -88,7 +88,10 @@ impl<W: Workcell> Picker<W> {
                 let mut up = vec![*posture];
                 up.extend(line);
                 let ends_free = up.last().is_some_and(|last| far.is_free(last));
-                let free = ends_free && up.windows(2).all(|pair| near.is_motion_free(&pair[0], &pair[1]));
+                let free = ends_free
+                    && up
+                        .windows(2)
+                        .all(|pair| near.is_motion_free(&pair[0], &pair[1]));
                 if !free {
                     continue;
                 }
@@ -179,7 +182,11 @@ impl<W: Workcell> Picker<W> {
         let mut options = PlannerOptions::default();
         options.limits = self.limits();
         self.plans += 1;
-        options.seed = self.options.seed.wrapping_mul(1_000_003).wrapping_add(self.plans);
+        options.seed = self
+            .options
+            .seed
+            .wrapping_mul(1_000_003)
+            .wrapping_add(self.plans);
         let mut planner =
             Planner::with_geometry(&self.model, geometry, scene).with_options(options);
         let path = planner.plan(&self.at, goals)?;
@@ -187,7 +194,7 @@ impl<W: Workcell> Picker<W> {
         Ok(self.motion(trajectory))
     }
 
-    fn timed(&self, postures: Vec<Joints<7>>) -> Option<Motion> {
+    pub(super) fn timed(&self, postures: Vec<Joints<7>>) -> Option<Motion> {
         let path = Path::through(postures)?;
         let trajectory = Trajectory::new(&path, &self.limits()).ok()?;
         Some(self.motion(trajectory))

@@ -1,6 +1,6 @@
 //! A table in lockstep: arm, hand and physics are stepped by the calls of the workcell.
 
-#![allow(dead_code)]
+#![allow(dead_code, unreachable_pub, reason = "each user needs a part of it")]
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -8,9 +8,7 @@ use std::time::Duration;
 
 use yarp_devices::kinematics::Joints;
 use yarp_devices::{Axes, DeviceError, Mode};
-use yarp_manipulation::{
-    Class, DetectError, Detector, Item, ItemShape, Workcell, WorkcellError,
-};
+use yarp_manipulation::{Class, DetectError, Detector, Item, ItemShape, Workcell, WorkcellError};
 use yarp_table::{Other, Random, Scene, Shape, TableSimulation};
 
 /// The table, and what happened on it.
@@ -59,7 +57,9 @@ impl SimulatedCell {
     fn fail(&self) -> Result<(), WorkcellError> {
         let mut table = self.0.borrow_mut();
         match &mut table.fails_after {
-            Some(0) => Err(failed("do anything")(DeviceError::NoDataYet { what: "state" })),
+            Some(0) => Err(failed("do anything")(DeviceError::NoDataYet {
+                what: "state",
+            })),
             Some(left) => {
                 *left -= 1;
                 Ok(())

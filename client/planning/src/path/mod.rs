@@ -26,7 +26,9 @@ impl Path {
     /// Returns the path through these postures, in rad, whose motions the caller has checked; `None` without a posture or
     /// with one that is not finite.
     pub fn through(postures: Vec<Joints<7>>) -> Option<Self> {
-        let finite = postures.iter().all(|joints| joints.iter().all(|angle| angle.is_finite()));
+        let finite = postures
+            .iter()
+            .all(|joints| joints.iter().all(|angle| angle.is_finite()));
         (finite && !postures.is_empty()).then(|| Self::new(postures))
     }
 

@@ -100,9 +100,13 @@ impl PathCheck {
 
     /// Returns the smallest distance along straight motions between postures, m; stops at the first collision with 0.
     pub fn distance_along(&self, postures: &[Joints<7>]) -> f64 {
-        let mut smallest = postures.first().map_or(f64::INFINITY, |first| self.distance(first));
+        let mut smallest = postures
+            .first()
+            .map_or(f64::INFINITY, |first| self.distance(first));
         for pair in postures.windows(2) {
-            let steps = ((pair[1] - pair[0]).abs().sum() / SAMPLE_STEP).ceil().max(1.0);
+            let steps = ((pair[1] - pair[0]).abs().sum() / SAMPLE_STEP)
+                .ceil()
+                .max(1.0);
             let mut step = 1.0;
             while step <= steps {
                 let here = self.distance(&pair[0].lerp(&pair[1], step / steps));
@@ -132,7 +136,10 @@ fn placed(solid: Solid, pose: &Pose) -> (SharedShape, rapier3d::math::Pose) {
                 std::f64::consts::FRAC_PI_2,
             );
             let pose = pose * upright;
-            (SharedShape::cylinder(half(height), radius as f32), to_engine(&pose))
+            (
+                SharedShape::cylinder(half(height), radius as f32),
+                to_engine(&pose),
+            )
         }
         Solid::Sphere { radius } => (SharedShape::ball(radius as f32), to_engine(pose)),
         Solid::HalfSpace => (SharedShape::halfspace(Vector::Z), to_engine(pose)),
@@ -153,12 +160,17 @@ mod tests {
 
     #[test]
     fn every_shape_in_the_way_is_found() {
-        let tool = arm_model().chain.forward(&Joints::<7>::from([0.0, 0.8, 0.0, 1.4, 0.0, 0.0, 0.0]));
+        let tool = arm_model()
+            .chain
+            .forward(&Joints::<7>::from([0.0, 0.8, 0.0, 1.4, 0.0, 0.0, 0.0]));
         let middle = Pose::from(tool.translation);
         let radius = 0.02;
         let solids = [
             Solid::Cuboid([0.04; 3]),
-            Solid::Cylinder { radius, height: 0.1 },
+            Solid::Cylinder {
+                radius,
+                height: 0.1,
+            },
             Solid::Sphere { radius },
             Solid::HalfSpace,
         ];
@@ -168,7 +180,10 @@ mod tests {
             assert!(away > 0.3, "{solid:?}: {away}");
         }
         // An upright pole beside the way, not a lying one.
-        let pole = Solid::Cylinder { radius, height: 1.0 };
+        let pole = Solid::Cylinder {
+            radius,
+            height: 1.0,
+        };
         let beside = Pose::translation(0.0, 0.0, 2.0);
         assert!(check(pole, beside) > 0.2);
     }
