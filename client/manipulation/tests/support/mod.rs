@@ -114,7 +114,10 @@ impl Workcell for SimulatedCell {
         let said = table.simulation.hand_mut().take_output();
         let said = String::from_utf8_lossy(&said).into_owned();
         if said.contains("ERR") && !said.contains("ERR 16") {
-            panic!("{line}: {said}");
+            let what = format!("{line}: {}", said.replace(['\r', '\n'], " "));
+            return Err(failed("command the hand")(DeviceError::NotSupported {
+                what,
+            }));
         }
         Ok(said)
     }
