@@ -129,8 +129,7 @@ fn run<W: Workcell>(
         });
         report.left.clear();
         let mut progress = false;
-        for index in 0..items.len() {
-            let item = &items[index];
+        for item in &items {
             let before = tried(&mut history, item).count;
             if before >= 2 * options.attempts || report.attempts >= budget {
                 let why = tried(&mut history, item).why.clone();
