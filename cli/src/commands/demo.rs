@@ -49,7 +49,7 @@ struct TidyArgs {
     #[arg(long)]
     json: bool,
     /// Speed of the table relative to a real robot, 0.1 to 20
-    #[arg(long, value_name = "FACTOR", default_value_t = 6.0)]
+    #[arg(long, value_name = "FACTOR", default_value_t = 2.0)]
     speed: f64,
     /// Source of the objects: `truth` asks the simulation, with noise
     #[arg(long, value_name = "NAME", default_value = "truth", value_parser = ["truth"])]

@@ -46,7 +46,7 @@ impl RemoteWorkcell {
         outcome.map_err(|source| WorkcellError {
             device: self.names[0].clone(),
             action,
-            source,
+            source: Box::new(source),
         })
     }
 
@@ -58,7 +58,7 @@ impl RemoteWorkcell {
         outcome.map_err(|source| WorkcellError {
             device: self.names[1].clone(),
             action,
-            source,
+            source: Box::new(source),
         })
     }
 }

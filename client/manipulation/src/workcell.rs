@@ -12,7 +12,7 @@ pub struct WorkcellError {
     /// The call, such as `command a posture`.
     pub action: &'static str,
     /// Why.
-    pub source: DeviceError,
+    pub source: Box<DeviceError>,
 }
 
 /// An arm with a hand: set points at a fixed interval, commands of the hand, and time.

@@ -41,7 +41,7 @@ impl Default for TidyDemoOptions {
         Self {
             objects: 8,
             seed: 1,
-            speed: 6.0,
+            speed: 2.0,
             noise: NOISE,
             remote: None,
         }

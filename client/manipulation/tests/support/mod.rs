@@ -49,7 +49,7 @@ fn failed(action: &'static str) -> impl FnOnce(DeviceError) -> WorkcellError {
     move |source| WorkcellError {
         device: "the simulated table".to_owned(),
         action,
-        source,
+        source: Box::new(source),
     }
 }
 
