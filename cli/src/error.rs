@@ -10,6 +10,8 @@ use yarp_ports::PortError;
 use yarp_ports::config::ConfigError;
 use yarp_wrappers::OpenError;
 
+use crate::commands::PlanFailure;
+
 /// Error of a command. Errors that stock has a text for are printed by the command itself.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -49,6 +51,9 @@ pub(crate) enum Failure {
     #[cfg(feature = "vision")]
     #[error(transparent)]
     Vision(Box<dyn std::error::Error + Send + Sync>),
+    /// A scene for a plan could not be read or written.
+    #[error(transparent)]
+    Plan(#[from] PlanFailure),
     /// The description of a robot is invalid.
     #[error(transparent)]
     Robot(#[from] RobotError),

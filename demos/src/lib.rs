@@ -5,6 +5,8 @@
 
 pub mod joint_synchronisation;
 pub mod repeatability;
+#[cfg(all(unix, feature = "table"))]
+pub mod table;
 
 use std::io;
 
@@ -24,6 +26,10 @@ pub enum DemoError {
     /// A line cannot be followed.
     #[error(transparent)]
     Line(#[from] StraightLineError<7>),
+    /// The demo on the table could not run.
+    #[cfg(all(unix, feature = "table"))]
+    #[error(transparent)]
+    Table(#[from] table::TableDemoError),
     /// A pose cannot be reached.
     #[error(transparent)]
     Pose(#[from] Unsolved<7>),

@@ -27,6 +27,7 @@ mod merge;
 mod name;
 mod namespace;
 mod ping;
+mod plan;
 mod plugin;
 mod priority_qos;
 mod priority_sched;
@@ -62,6 +63,8 @@ mod write;
 
 use std::io::Write;
 use std::process::ExitCode;
+
+pub(crate) use plan::PlanFailure;
 
 use crate::cli::Prefixes;
 use crate::error::Result;
@@ -100,6 +103,7 @@ pub(crate) enum Command {
     Name(name::Args),
     Namespace(namespace::Args),
     Ping(ping::Args),
+    Plan(plan::Args),
     Plugin(plugin::Args),
     #[command(name = "priority-qos", alias = "qos")]
     PriorityQos(priority_qos::Args),
@@ -168,7 +172,7 @@ impl Command {
             Self::Clock(args) => clock::run(args, out).await,
             Self::Conf(args) => conf::run(args, out),
             Self::Connect(args) => connect::run(args, out).await,
-            Self::Demo(args) => demo::run(args, out),
+            Self::Demo(args) => demo::run(args, out).await,
             Self::Detect(args) => detect::run(args, out).await,
             Self::Dev(args) => dev::run(args, out).await,
             Self::Disconnect(args) => disconnect::run(args, out).await,
@@ -186,6 +190,7 @@ impl Command {
             Self::Name(args) => name::run(args, out).await,
             Self::Namespace(args) => namespace::run(args, out),
             Self::Ping(args) => ping::run(args, out).await,
+            Self::Plan(args) => plan::run(args, out),
             Self::Plugin(args) => plugin::run(args, out),
             Self::PriorityQos(args) => priority_qos::run(args, out).await,
             Self::PrioritySched(args) => priority_sched::run(args, out).await,

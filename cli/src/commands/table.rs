@@ -183,6 +183,14 @@ async fn serve(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
         )
         .await?,
     };
+    // For judges and for `yarp demo tidy --remote`.
+    let truth_name = name("truth/rpc:i");
+    let (truth_network, truth_scene) = (network.clone(), table.shared_scene());
+    let serving = move || yarp_demos::table::serve_truth(&truth_network, &truth_name, truth_scene);
+    let truth = tokio::task::spawn_blocking(serving).await;
+    let truth = truth
+        .expect("opening a port does not panic")
+        .map_err(failed)?;
     let told = tell(&args.prefix, count, out);
     if told.is_ok() {
         crate::systemd_notify::notify_ready();
@@ -190,7 +198,7 @@ async fn serve(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     }
     served.close().await;
     // Joins its threads, which is no work for the executor.
-    let _ = tokio::task::spawn_blocking(move || drop(table)).await;
+    let _ = tokio::task::spawn_blocking(move || drop((truth, table))).await;
     told.map(|()| ExitCode::SUCCESS)
 }
 

@@ -17,8 +17,8 @@ use yarp_devices::{
     Intrinsics, RgbVisualParams, offers,
 };
 
-use crate::physics::{Physics, RobotState, STEP};
-use crate::robot::{HandPosture, RobotPosture};
+use crate::physics::{Contact, Other, Physics, RobotState, STEP};
+use crate::robot::{HandPosture, PALM, RobotPosture};
 use crate::simulation::arm_model;
 use crate::{Camera, DepthNoise, Effects, Lens, Pose, Renderer, Scene};
 
@@ -57,6 +57,15 @@ impl Default for LiveOptions {
     }
 }
 
+/// What happened on a table since it started: the truth, for judging what a client did.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TableStatistics {
+    /// Time that passed on the table.
+    pub simulated: Duration,
+    /// Times that the robot touched table or baskets, or arm or palm touched an object; each counts until it is over.
+    pub collisions: u64,
+}
+
 /// A table whose arm, hand and cameras are devices; dropping it ends their threads.
 #[derive(Debug)]
 pub struct LiveTable {
@@ -65,6 +74,7 @@ pub struct LiveTable {
     camera: Arc<TableCamera>,
     depth: Arc<TableCamera>,
     scene: Arc<Mutex<Scene>>,
+    statistics: Arc<Mutex<TableStatistics>>,
     // Last, so that the hand at this end of the line is gone before.
     _line: Arc<SimulatedHand>,
 }
@@ -94,7 +104,10 @@ impl LiveTable {
         hand.initialise()?;
         let physics = Physics::new(&scene);
         let scene = Arc::new(Mutex::new(scene));
+        let statistics = Arc::new(Mutex::new(TableStatistics::default()));
         let world = World {
+            statistics: Arc::clone(&statistics),
+            touching: false,
             physics,
             scene: Arc::clone(&scene),
             hand: Arc::clone(&line),
@@ -116,6 +129,7 @@ impl LiveTable {
             camera: Arc::new(camera),
             depth: Arc::new(depth),
             scene,
+            statistics,
             _line: line,
         })
     }
@@ -139,6 +153,16 @@ impl LiveTable {
     /// for no measurement.
     pub fn depth(&self) -> Arc<TableCamera> {
         Arc::clone(&self.depth)
+    }
+
+    /// Returns what happened so far.
+    pub fn statistics(&self) -> TableStatistics {
+        *lock(&self.statistics)
+    }
+
+    /// Returns the scene, shared, for code that outlives the borrow of the table.
+    pub fn shared_scene(&self) -> Arc<Mutex<Scene>> {
+        Arc::clone(&self.scene)
     }
 
     /// Returns the scene as it is now: the truth, for judging what a client did.
@@ -169,6 +193,23 @@ struct World {
     scene: Arc<Mutex<Scene>>,
     hand: Arc<SimulatedHand>,
     loads: [Load; 3],
+    statistics: Arc<Mutex<TableStatistics>>,
+    /// Whether the robot touched something in the last step.
+    touching: bool,
+}
+
+impl World {
+    fn count(&mut self) {
+        let touches = |contact: &Contact| match contact.other {
+            Other::Table | Other::Basket => true,
+            Other::Object(_) => contact.part <= PALM,
+        };
+        let touching = self.physics.contacts().iter().any(touches);
+        let mut statistics = lock(&self.statistics);
+        statistics.simulated += STEP;
+        statistics.collisions += u64::from(touching && !self.touching);
+        self.touching = touching;
+    }
 }
 
 fn start_arm(
@@ -184,6 +225,7 @@ fn start_arm(
         };
         let reaction = world.physics.step(&mut lock(&world.scene), &state);
         world.loads = reaction.loads;
+        world.count();
         Some(reaction.torques)
     })
 }
