@@ -26,6 +26,9 @@ pub(crate) enum Failure {
     /// The address given by `--listen`, `--connect` or `--ports` cannot be used.
     #[error("cannot set up the connections to the arm's PC")]
     LinkMode(#[source] io::Error),
+    /// The file with the configuration of the arm cannot be used.
+    #[error("cannot read the configuration of the arm")]
+    ArmFile(#[source] io::Error),
     /// The arm or the camera did not start.
     #[error(transparent)]
     Device(#[from] DeviceError),
@@ -42,7 +45,7 @@ pub(crate) enum Failure {
     #[cfg(all(unix, feature = "table"))]
     #[error(transparent)]
     Table(Box<dyn std::error::Error + Send + Sync>),
-    /// An image or a model was not read, or nothing can be recognised in it.
+    /// A step of calibration or recognition failed.
     #[cfg(feature = "vision")]
     #[error(transparent)]
     Vision(Box<dyn std::error::Error + Send + Sync>),

@@ -23,10 +23,9 @@ pub(crate) async fn open(
     name: String,
     options: PortOptions,
 ) -> Result<Port, OpenError> {
-    let taken = remote_admin::exists(network, &name).await;
-    match taken {
-        Ok(true) => return Err(OpenError::NameTaken { name }),
-        Ok(false) => {}
+    match remote_admin::owner(network, &name).await {
+        Ok(Some(owner)) => return Err(OpenError::NameTaken { name, owner }),
+        Ok(None) => {}
         Err(source) => return Err(OpenError::Port { name, source }),
     }
     Port::open(network, &name, options)

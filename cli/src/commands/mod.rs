@@ -1,6 +1,8 @@
 //! The commands, one file each.
 
 mod argument_words;
+#[cfg(feature = "vision")]
+mod calibrate;
 mod camera;
 mod check;
 mod clean;
@@ -53,6 +55,7 @@ mod version;
 #[cfg(feature = "vision")]
 mod vision;
 mod wait;
+mod wam;
 mod wam_node;
 mod where_;
 mod write;
@@ -67,6 +70,8 @@ use crate::error::Result;
 #[derive(Debug, clap::Subcommand)]
 #[command(rename_all = "lower")]
 pub(crate) enum Command {
+    #[cfg(feature = "vision")]
+    Calibrate(Box<calibrate::Args>),
     Camera(camera::Args),
     Check(check::Args),
     Clean(clean::Args),
@@ -124,6 +129,7 @@ pub(crate) enum Command {
     #[cfg(feature = "vision")]
     Vision(vision::Args),
     Wait(wait::Args),
+    Wam(wam::Args),
     #[command(name = "wam-node")]
     WamNode(wam_node::Args),
     Where(where_::Args),
@@ -154,6 +160,8 @@ impl Command {
     /// Does it; gives the exit code.
     pub(crate) async fn run(self, prefixes: Prefixes, out: &mut dyn Write) -> Result<ExitCode> {
         match self {
+            #[cfg(feature = "vision")]
+            Self::Calibrate(args) => calibrate::run(*args, out).await,
             Self::Camera(args) => camera::run(args, out).await,
             Self::Check(args) => check::run(args, out).await,
             Self::Clean(args) => clean::run(args, out).await,
@@ -205,6 +213,7 @@ impl Command {
             #[cfg(feature = "vision")]
             Self::Vision(args) => vision::run(args, out),
             Self::Wait(args) => wait::run(args, out).await,
+            Self::Wam(args) => wam::run(args, out).await,
             Self::WamNode(args) => wam_node::run(args, out).await,
             Self::Where(args) => where_::run(args, out).await,
             Self::Write(args) => write::run(args, prefixes, out).await,

@@ -185,6 +185,7 @@ async fn serve(args: Args, out: &mut dyn Write) -> Result<ExitCode> {
     };
     let told = tell(&args.prefix, count, out);
     if told.is_ok() {
+        crate::systemd_notify::notify_ready();
         interrupt.interrupted().await;
     }
     served.close().await;

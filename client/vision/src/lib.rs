@@ -2,6 +2,7 @@
 //!
 //! | module | content |
 //! | --- | --- |
+//! | [`calibration`] | intrinsic parameters, pose of a camera relative to an arm |
 //! | `intrinsics` | [`Intrinsics`]: focal length, principal point and lens distortion of a camera |
 //! | `mat` | conversion between our images and OpenCV's, used inside this crate only |
 //! | `recognition/` | [`Recogniser`]: SIFT, circles, polygons, in this order |
@@ -15,6 +16,7 @@
 //! pixels; pixel centres have whole coordinates. Poses are in the base frame of the arm unless said otherwise.
 
 mod back_projection;
+pub mod calibration;
 mod error;
 pub mod evaluation;
 pub mod image_source;

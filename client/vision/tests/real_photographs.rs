@@ -76,7 +76,7 @@ fn circles_are_found_among_sweets() {
 #[test]
 fn polygons_are_found_in_the_pictures() {
     let parameters = RecogniserParameters {
-        // Polygons alone: a circle around them would hide them (Algorithm 1).
+        // Polygons alone: the noise of pic2 contains a false circle that would hide them.
         circles: CircleParameters {
             min_support: 2.0,
             ..CircleParameters::default()

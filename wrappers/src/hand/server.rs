@@ -17,6 +17,7 @@ use super::messages::{Answer, Refused, Reply, Request, help};
 use super::port_of;
 use crate::OpenError;
 use crate::open_ports::{open, request_port};
+use crate::page_request::request_of;
 
 /// Timeout of the end of motions when the hand is stopped.
 const STOP_TIMEOUT: Duration = Duration::from_secs(30);
@@ -163,7 +164,7 @@ impl ServedHand {
 
     /// Executes a message and returns the reply.
     fn answer(self: &Arc<Self>, received: &Received) -> PortAnswer {
-        let message = received.bottle().unwrap_or_default();
+        let message = request_of(received);
         let from = Arc::clone(&received.from);
         let request = match Request::parse(&message) {
             Ok(Request::Help) => return PortAnswer::reply(help()),
