@@ -15,8 +15,8 @@
 //! The image type is [`Image`] of `yarp-devices`; OpenCV's types stay inside this crate. Units are m, **radians** and
 //! pixels; pixel centres have whole coordinates. Poses are in the base frame of the arm unless said otherwise.
 
-pub mod calibration;
 mod back_projection;
+pub mod calibration;
 mod error;
 pub mod evaluation;
 pub mod image_source;
